@@ -1,0 +1,74 @@
+# Each target does its own set-up: a virtual environment in .venv and the locked requirements, once; again when a lock changes.
+# Settings: PYTHON=/path/to/python3   VENV=.venv   ARGS="arguments for pytest"
+
+VENV ?= .venv
+PYTHON ?=
+ARGS ?=
+export PYTHON
+
+RUN := $(VENV)/bin/python -m
+SOURCES := src tests examples benchmarks
+LOCK := uv pip compile --quiet --generate-hashes --no-emit-index-url --universal --fork-strategy fewest --python-version 3.11
+DEMO := examples/two_robot_line.py:make
+
+.PHONY: help demo test check format-check lint types format lock clean moved
+.DELETE_ON_ERROR:
+
+help:
+	@echo "make demo     set up, then record, replay and judge $(DEMO); evidence in runs/demo"
+	@echo "make test     set up, then run the tests (ARGS='-k replay' hands arguments to pytest)"
+	@echo "make check    what must hold before a commit: format, lint, types, tests (docs drift and layers are among them)"
+	@echo "make format   reformat the sources, mend what ruff can mend"
+	@echo "make lock     compile requirements/*.txt again (needs uv; UPGRADE=--upgrade for newer versions)"
+	@echo "make clean    remove $(VENV), caches and build output; evidence in runs/ stays"
+
+# Replaces the evidence of an earlier demo: recording never writes into a folder that holds something.
+demo: $(VENV)/base.stamp
+	@rm -rf runs/demo
+	$(VENV)/bin/gamekeeper run $(DEMO) --out runs/demo
+
+test: $(VENV)/test.stamp
+	$(RUN) pytest $(ARGS)
+
+check: format-check lint types test
+
+format-check: $(VENV)/test.stamp
+	$(RUN) ruff format --check $(SOURCES)
+
+lint: $(VENV)/test.stamp
+	$(RUN) ruff check $(SOURCES)
+
+types: $(VENV)/test.stamp
+	$(RUN) mypy
+
+format: $(VENV)/test.stamp
+	$(RUN) ruff format $(SOURCES)
+	$(RUN) ruff check --fix $(SOURCES)
+
+lock:
+	@command -v uv >/dev/null || { echo "make lock needs uv: pip install uv" >&2; exit 1; }
+	$(LOCK) $(UPGRADE) pyproject.toml requirements/base.in -o requirements/base.txt
+	$(LOCK) $(UPGRADE) --all-extras pyproject.toml requirements/base.in requirements/test.in -o requirements/test.txt
+
+clean:
+	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	find src tests examples benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# An environment remembers the folder it was made for: a checkout that was copied or moved would run the old place's sources,
+# and one whose interpreter is gone runs nothing. Both are made anew.
+ifneq ($(shell $(VENV)/bin/python -c '' 2>/dev/null && cat $(VENV)/home.stamp 2>/dev/null),$(CURDIR))
+$(VENV)/home.stamp: moved
+endif
+
+$(VENV)/home.stamp:
+	@requirements/setup.sh make $(VENV)
+	@echo '$(CURDIR)' >$@
+
+$(VENV)/base.stamp: $(VENV)/home.stamp requirements/base.txt pyproject.toml
+	@requirements/setup.sh install $(VENV) requirements/base.txt
+	@touch $@
+
+# After base: it holds the tools that build what comes as source only.
+$(VENV)/test.stamp: $(VENV)/base.stamp requirements/test.txt
+	@requirements/setup.sh install $(VENV) requirements/test.txt
+	@touch $@

@@ -1,0 +1,30 @@
+"""What holds for every test: no window, no network, laws that try the same examples each time."""
+
+import os
+import sys
+
+from hypothesis import HealthCheck, settings
+
+# pygame reads these when it is first imported, so they stand before any environment can be.
+os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
+os.environ.setdefault("SDL_AUDIODRIVER", "dummy")
+os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+
+# No deadline: speed is measured in benchmarks/. `--hypothesis-profile=explore` looks further.
+settings.register_profile("same", derandomize=True, deadline=None)
+settings.register_profile(
+    "explore", max_examples=2_000, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile("same")
+
+
+def refuse_network(event: str, arguments: tuple[object, ...]) -> None:
+    """Raises where a test would connect to anything but this machine."""
+    if event != "socket.connect" or not isinstance(arguments[1], tuple):
+        return  # an address that is no tuple is a path on this machine
+    host = str(arguments[1][0])
+    if host not in {"localhost", "::1"} and not host.startswith("127."):
+        raise RuntimeError(f"a test connects to {host}; tests use no network")
+
+
+sys.addaudithook(refuse_network)

@@ -1,0 +1,96 @@
+"""The house stands as planned: imports go down, packages have their place, the pure are pure."""
+
+import ast
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from tests.surface.layers import LAYERS, impurities, misplaced_imports, upward_imports
+from tests.surface.sources import modules
+
+Rule = Callable[..., Iterator[str]]
+
+
+def violations(rule: Rule) -> list[str]:
+    """What a rule finds in the whole package."""
+    found: list[str] = []
+    for module, path in modules().items():
+        tree = ast.parse(path.read_text(encoding="utf-8"), filename=str(path))
+        found += rule(module, tree, is_package=path.name == "__init__.py")
+    return found
+
+
+@pytest.mark.parametrize("rule", [upward_imports, misplaced_imports, impurities])
+def test_package_keeps_the_rule(rule: Rule) -> None:
+    """No module of the package breaks this rule."""
+    assert violations(rule) == []
+
+
+def test_every_room_has_a_layer() -> None:
+    """A new room cannot stand outside the plan."""
+    rooms = {name.split(".")[1] for name in modules() if "." in name}
+    assert rooms - LAYERS.keys() - {"__main__"} == set()
+
+
+def test_every_folder_is_a_package() -> None:
+    """No folder of modules is a namespace package by accident."""
+    folders = {path.parent for path in modules().values()}
+    assert [f for f in sorted(folders) if not (f / "__init__.py").is_file()] == []
+
+
+@pytest.mark.parametrize(
+    ("rule", "module", "source"),
+    [
+        (upward_imports, "gamekeeper.core.trace", "from gamekeeper.game.door import Game"),
+        (upward_imports, "gamekeeper.core.trace", "from ..run import rollout"),
+        (
+            upward_imports,
+            "gamekeeper.record.bundle",
+            "def f():\n    import gamekeeper.vector.serial",
+        ),
+        (upward_imports, "gamekeeper.plugins", "from gamekeeper import core"),
+        (upward_imports, "gamekeeper.run.rollout", "from gamekeeper import make"),
+        (upward_imports, "gamekeeper.run.rollout", "import gamekeeper"),
+        (upward_imports, "gamekeeper.game.door", "from gamekeeper.helpers import x"),
+        (misplaced_imports, "gamekeeper.record.bundle", "from pettingzoo import AECEnv"),
+        (misplaced_imports, "gamekeeper.run.workers", "import ray"),
+        (misplaced_imports, "gamekeeper.audit.judge", "import pettingzoo.utils.env as env"),
+        (impurities, "gamekeeper.core.contract", "from pathlib import Path"),
+        (impurities, "gamekeeper.core.contract", "text = open('x').read()"),
+        (impurities, "gamekeeper.core.stats", "x = np.random.default_rng().normal()"),
+        (impurities, "gamekeeper.core.stats", "np.random.seed(7)"),
+        (impurities, "gamekeeper.report.text", "print('done')"),
+        (impurities, "gamekeeper.report.html", "import datetime\nnow = datetime.datetime.now()"),
+        (impurities, "gamekeeper.audit.checks.gk402", "import os\nhome = os.environ['HOME']"),
+        (impurities, "gamekeeper.audit.checks.gk402", "import time"),
+    ],
+)
+def test_rule_finds(rule: Rule, module: str, source: str) -> None:
+    """Each rule sees the violation that it is there for."""
+    assert len(list(rule(module, ast.parse(source)))) >= 1
+
+
+@pytest.mark.parametrize(
+    ("rule", "module", "source"),
+    [
+        (upward_imports, "gamekeeper.core.trace", "from gamekeeper.errors import EvidenceError"),
+        (upward_imports, "gamekeeper.core.trace", "from .canon import text"),
+        (upward_imports, "gamekeeper.record.bundle", "from gamekeeper import core"),
+        (upward_imports, "gamekeeper.cli.run", "from gamekeeper.record.bundle import Bundle"),
+        (misplaced_imports, "gamekeeper.audit.specimens.clean", "from pettingzoo import AECEnv"),
+        (impurities, "gamekeeper.core.seeds", "rng = np.random.Generator(np.random.PCG64(seed))"),
+        (impurities, "gamekeeper.core.canon", "from io import BytesIO\nfrom os import PathLike"),
+        (impurities, "gamekeeper.record.store", "import os, time\nopen('x')"),
+    ],
+)
+def test_rule_lets_pass(rule: Rule, module: str, source: str) -> None:
+    """No rule refuses what the plan allows."""
+    assert list(rule(module, ast.parse(source))) == []
+
+
+def test_package_imports_are_relative_to_themselves() -> None:
+    """One dot in a package's own `__init__` is the package, in its modules it is their folder."""
+    inside, outside = ast.parse("from .vector import x"), ast.parse("from ..vector import x")
+    assert list(upward_imports("gamekeeper.record", inside, is_package=True)) == []
+    assert list(upward_imports("gamekeeper.record.bundle", inside)) == []
+    assert len(list(upward_imports("gamekeeper.record.bundle", outside))) == 1
