@@ -1,0 +1,82 @@
+"""What extends Gamekeeper: built-ins by walking a package, third parties by entry points."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import pkgutil
+import sys
+import traceback
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import EntryPoint, entry_points
+from types import MappingProxyType
+
+
+@dataclass(frozen=True, slots=True)
+class BrokenPlugin:
+    """A third party's plug-in that is left out, and why; it stops nobody else."""
+
+    name: str
+    group: str
+    origin: str
+    """The distribution it comes from and the object it names: `farm-envs 1.2 (farm.opener)`."""
+    error: str
+    traceback: str = ""
+
+    def __str__(self) -> str:
+        """One line for a list or a warning."""
+        return f"{self.group}: {self.name} of {self.origin} is left out: {self.error}"
+
+
+@dataclass(frozen=True, slots=True)
+class Plugins:
+    """The plug-ins of one group: built-ins by name, then third parties' by name."""
+
+    found: Mapping[str, object]
+    broken: tuple[BrokenPlugin, ...] = ()
+
+
+def load(group: str, package: str) -> Plugins:
+    """Every module of a built-in package, and what entry points of a group name.
+
+    A built-in is a module, under the last part of its name; modules whose name starts with an
+    underscore are none. An entry point's object is whatever it names. What it prints goes to
+    stderr. A third party can't take the name of a built-in, nor one that another distribution has
+    taken already.
+
+    Args:
+        group: the group of entry points, such as `gamekeeper.openers`.
+        package: the package with the built-ins, such as `gamekeeper.game.openers`.
+
+    Raises:
+        ImportError: a built-in can't be imported; that is a fault of this installation, so it is
+            not hidden.
+    """
+    found: dict[str, object] = {}
+    broken: list[BrokenPlugin] = []
+    for info in sorted(pkgutil.iter_modules(importlib.import_module(package).__path__)):
+        if not info.name.startswith("_"):
+            found[info.name] = importlib.import_module(f"{package}.{info.name}")
+    for entry in sorted(entry_points(group=group), key=lambda entry: (entry.name, entry.value)):
+        if entry.name in found:
+            broken.append(_broken(entry, "its name is taken; names need their own prefix"))
+            continue
+        try:
+            with contextlib.redirect_stdout(sys.stderr):
+                found[entry.name] = entry.load()
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # also SystemExit: foreign code, run only to look at it
+            broken.append(_broken(entry, _said(error), "".join(traceback.format_exception(error))))
+    return Plugins(MappingProxyType(found), tuple(broken))
+
+
+def _broken(entry: EntryPoint, error: str, trace: str = "") -> BrokenPlugin:
+    owner = f"{entry.dist.name} {entry.dist.version}" if entry.dist else "an unknown distribution"
+    return BrokenPlugin(entry.name, entry.group, f"{owner} ({entry.value})", error, trace)
+
+
+def _said(error: BaseException) -> str:
+    # The text of a foreign exception may itself raise; traceback copes with that.
+    return "".join(traceback.format_exception_only(error)).strip()
