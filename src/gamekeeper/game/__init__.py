@@ -1,0 +1,1 @@
+"""The door to live environments, and what stands right behind it."""

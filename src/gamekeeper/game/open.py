@@ -1,0 +1,179 @@
+"""From what a user names to a live environment, and whether evidence may name it."""
+
+from __future__ import annotations
+
+import json
+import weakref
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Final
+
+from gamekeeper import plugins
+from gamekeeper.core.canon import from_json, is_exact
+from gamekeeper.errors import SpecError
+from gamekeeper.game.construct import build, foreign
+from gamekeeper.game.identity import identity_of, spec_of
+from gamekeeper.game.opened import APIS, Env, NotHereError, Opened, Opener, Source, api_of, convert
+
+GROUP: Final = "gamekeeper.openers"
+_PACKAGE: Final = "gamekeeper.game.openers"
+_USUAL_ORDER: Final = 50
+
+
+def open_env(spec: object, /, *, api: str | None = None, **kwargs: Any) -> Opened:
+    """A live environment from an id, a module, a file, a factory or an object.
+
+    `butterfly/pistonball-v6`, `mpe2.simple_spread_v3:parallel_env`, `path/to/file.py:factory`,
+    `warehouse` (one of ours), a callable, an AECEnv or a ParallelEnv. `parallel:` or `aec:` in
+    front of a text asks for an API as `api` does; an environment that has only the other one is
+    converted. What foreign code prints goes to stderr. Without `:factory` a module's
+    `parallel_env`, `env` or `make` is taken, else the only environment class defined in it.
+
+    Args:
+        spec: what to open.
+        api: `aec` or `parallel`; None for what the environment is made for, parallel where it is
+            for both.
+        **kwargs: handed to the factory, a copy for each instance.
+
+    Raises:
+        SpecError: nothing can be opened under that name; says what was looked for and why each look
+            failed.
+    """
+    asked, bare = _split(spec, api)
+    source = _locate(bare, asked, shown=spec)
+    if source.is_single and kwargs:
+        raise SpecError(
+            f"{source.spec} exists already and takes no arguments",
+            where="keyword arguments",
+            seen=", ".join(kwargs),
+            mend="hand over its factory or class instead",
+        )
+    built = build(source, kwargs)
+    native = source.default_api or api_of(built)
+    env = _converted(built, asked, source)
+    used = api_of(env) or ""
+    prefix = "" if used == native or source.kind in ("object", "factory") else f"{used}:"
+    return Opened(
+        env=env,
+        api=used,
+        spec=f"{prefix}{source.spec}",
+        identity=identity_of(source, env, kwargs),
+        make=None if source.is_single else _maker(source, used, kwargs, first=built),
+    )
+
+
+def reopen(identity: Mapping[str, Any]) -> Opened:
+    """The environment that evidence names, opened anew with its arguments; ask `distrust` first.
+
+    Raises:
+        SpecError: it was an object or a factory in memory, an argument can't be rebuilt from its
+            text, or it can't be opened here.
+    """
+    text = json.dumps(identity.get("kwargs", {}))
+    kwargs = from_json(text)
+    if not (is_exact(text) and isinstance(kwargs, dict)):
+        raise SpecError(
+            "an argument of the environment was an object that no text can build again",
+            where="kwargs",
+            seen=text[:200],
+            mend="open the environment yourself and hand it over",
+        )
+    return open_env(spec_of(identity), **kwargs)
+
+
+def distrust(identity: Mapping[str, Any]) -> str | None:
+    """Why evidence from elsewhere may not have its environment opened unasked; None where it may.
+
+    Nothing of the environment runs to find out, but for the import of a module that an installed
+    distribution with PettingZoo among its requirements has brought.
+    """
+    try:
+        _, spec = _split(spec_of(identity), None)
+    except SpecError as error:
+        return error.what
+    asked = [(name, opener) for name, opener in _openers() if opener.matches(spec)]
+    for name, opener in asked:
+        ask: Callable[[object], str | None] | None = getattr(opener, "distrust", None)
+        reason = ask(spec) if ask is not None else f"the opener '{name}' vouches for nothing"
+        if reason is not None:
+            return reason
+    return None if asked else f"no opener reads {spec!r}"
+
+
+def _split(spec: object, api: str | None) -> tuple[str | None, object]:
+    if api is not None and api not in APIS:
+        raise SpecError(
+            "there is no such API", where="api", expected="aec or parallel", seen=repr(api)
+        )
+    if not isinstance(spec, str):
+        return api, spec
+    prefix, colon, rest = spec.strip().partition(":")
+    if not colon or prefix not in APIS:
+        return api, spec.strip()
+    if api not in (None, prefix):
+        raise SpecError(
+            "two APIs are asked for", where=spec, expected="one", seen=f"{prefix} and api={api!r}"
+        )
+    return prefix, rest.strip()
+
+
+def _openers() -> list[tuple[str, Opener]]:
+    found = plugins.load(GROUP, _PACKAGE).found
+    fitting = [(name, part) for name, part in found.items() if isinstance(part, Opener)]
+    return sorted(fitting, key=lambda named: getattr(named[1], "ORDER", _USUAL_ORDER))
+
+
+def _locate(spec: object, api: str | None, *, shown: object) -> Source:
+    openers = _openers()
+    misses: list[NotHereError] = []
+    for _, opener in openers:
+        if opener.matches(spec):
+            try:
+                return opener.locate(spec, api)
+            except NotHereError as absent:
+                misses.append(absent)
+    if len(misses) == 1:
+        (miss,) = misses
+        raise SpecError(
+            miss.what, where=miss.where, expected=miss.expected, seen=miss.seen, mend=miss.mend
+        )
+    raise SpecError(
+        f"no environment can be found as {shown!r}",
+        expected=_forms(opener for _, opener in openers),
+        seen=_looks(misses) or f"a {type(spec).__qualname__} of another form",
+        mend="name it in one of these forms",
+    )
+
+
+def _forms(openers: Iterable[Opener]) -> str:
+    broken = plugins.load(GROUP, _PACKAGE).broken
+    left_out = "".join(f"\n    ({plugin})" for plugin in broken)
+    return " · ".join(opener.SYNTAX for opener in openers) + left_out
+
+
+def _looks(misses: Iterable[NotHereError]) -> str:
+    return "".join(f"\n    {miss.what}: {miss.seen}" for miss in misses)
+
+
+def _converted(env: Env, api: str | None, source: Source) -> Env:
+    if api is None or api == api_of(env):
+        return env
+    with foreign(f"converting {source.spec} to {api}", where=source.spec):
+        return convert(env, api)
+
+
+def _maker(source: Source, api: str, kwargs: Mapping[str, Any], *, first: Env) -> Callable[[], Env]:
+    earlier = weakref.ref(first)
+
+    def make() -> Env:
+        env = build(source, kwargs)
+        if env is earlier():
+            raise SpecError(
+                f"{source.spec} hands out the same environment again",
+                where=source.spec,
+                expected="a new instance at every call",
+                seen="the object of the first call",
+                mend="build the environment inside the factory",
+            )
+        return _converted(env, api, source)
+
+    return make

@@ -1,0 +1,35 @@
+"""`warehouse`: one of our own environments, in its newest version unless one is named."""
+
+from __future__ import annotations
+
+import re
+from typing import Final
+
+from gamekeeper.game.opened import Source
+from gamekeeper.game.openers import _registry
+
+SYNTAX: Final = "warehouse"
+ORDER: Final = 40
+
+_FORM: Final = re.compile(r"\w+(-v\d+)?")
+
+
+def matches(spec: object) -> bool:
+    """Whether it is a single word, with a version or without."""
+    return isinstance(spec, str) and bool(_FORM.fullmatch(spec))
+
+
+def locate(spec: str, api: str | None) -> Source:
+    """The factory registered as `gamekeeper/<name>`, or else under the name alone."""
+    _registry.with_ours()
+    name = _registry.canonical(spec)
+    for env_id in (f"{_registry.OURS}/{name}", name):
+        known = _registry.newest(env_id)
+        if known is not None:
+            return _registry.source_of(known, api)
+    raise _registry.unknown(f"{_registry.OURS}/{name}")
+
+
+def distrust(spec: str) -> str | None:
+    """Never: only code that runs already can put an id into the registries."""
+    return None
