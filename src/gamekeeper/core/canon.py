@@ -40,7 +40,7 @@ from gamekeeper.core.canon_array import array_text, number_text, scalar_text
 from gamekeeper.core.canon_read import Opaque, from_json
 from gamekeeper.core.canon_text import base64, clean, encode, escaped, string, tagged
 
-__all__ = ["Opaque", "drop", "from_json", "is_exact", "to_json", "type_name"]
+__all__ = ["Opaque", "drop", "from_json", "is_exact", "shown", "to_json", "type_name"]
 
 _DEPTH: Final = 64  # containers within containers
 _CONTAINERS: Final = 1_000_000  # in one value: small values that share their parts can be exponentially long
@@ -93,6 +93,16 @@ def type_name(value: object) -> str:
     except Exception:  # a metaclass may do anything
         return "object"
     return clean(name if module == "builtins" else f"{module}.{name}")
+
+
+def shown(value: object) -> str:
+    """The repr of a value without the addresses in it, at most 200 characters."""
+    try:
+        text = repr(value)
+    except Exception:  # foreign code
+        text = "<repr raises>"
+    text = _ADDRESS.sub("at 0x?", clean(text[: 20 * _REPR]))
+    return text if len(text) <= _REPR else text[: _REPR - 1] + "…"
 
 
 class _Walk:
@@ -159,8 +169,8 @@ def _opaque(value: Opaque) -> str:
     return f'{{"$":"object","repr":{string(value.repr)},"type":{string(value.type)}}}'
 
 
-def _object(value: object, shown: str) -> str:
-    return _opaque(Opaque(type_name(value), shown))
+def _object(value: object, words: str) -> str:
+    return _opaque(Opaque(type_name(value), words))
 
 
 _LEAVES: Final[dict[type, Callable[[Any], str]]] = {
@@ -286,10 +296,4 @@ def _content(value: object) -> object:
 
 
 def _shown(value: object) -> str:
-    """The text of a value by its repr alone, without addresses, at most 200 characters."""
-    try:
-        shown = repr(value)
-    except Exception:
-        shown = "<repr raises>"
-    shown = _ADDRESS.sub("at 0x?", clean(shown[: 20 * _REPR]))
-    return _object(value, shown if len(shown) <= _REPR else shown[: _REPR - 1] + "…")
+    return _object(value, shown(value))
