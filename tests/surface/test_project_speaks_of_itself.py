@@ -8,7 +8,7 @@ from tests.surface.sources import ROOT, kept_files
 
 # A letter stands in brackets in each pattern, so that the pattern doesn't find itself.
 FORBIDDEN = {
-    "a machine's path": r"(?<![\w.~])/(?:[w]ork|[f]arm|[r]oot|[h]ome/\w+|[o]pt/\w+)(?!\w)",
+    "a machine's path": r"(?<![\w.~])/(?:[w]ork|[f]arm|[r]oot|[h]ome/(?!me\b)\w+|[o]pt/\w+)(?!\w)",
     "a temporary path": r"(?<![\w.~])/[t]mp/",
     "a package index": r"[p]ypi\.org|python[h]osted|[a]naconda\.org|registry\.[n]pm|[d]ebian\.org",
     "an address of packages": r"https?://\S+/(?:[s]imple|[p]ackages|[p]ool)/",

@@ -1,0 +1,65 @@
+"""The names that users import: a list kept by hand, each name there, explained, told of."""
+
+import inspect
+import subprocess
+import sys
+
+import pytest
+
+import gamekeeper
+from tests.surface.sources import ROOT, kept_files
+
+# A name is added here on purpose, and never taken away without a fragment in changelog.d/.
+PUBLIC = [
+    "Contract",
+    "TickEnv",
+    "TurnEnv",
+    "diff",
+    "draft_contract",
+    "load",
+    "make",
+    "record",
+    "replay",
+    "rollout",
+]
+TEXTS = [path for path in kept_files() if path.suffix == ".md" and "decisions" not in path.parts]
+
+
+def test_public_names_are_these() -> None:
+    """`gamekeeper.__all__` is the list above, no more and no less, sorted."""
+    assert list(gamekeeper.__all__) == PUBLIC
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_public_name_is_there_and_explained(name: str) -> None:
+    """Each name loads, shows in `dir`, and its docstring claims something."""
+    thing = getattr(gamekeeper, name)
+    assert name in dir(gamekeeper)
+    assert inspect.getdoc(thing)
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_public_name_stands_in_the_docs(name: str) -> None:
+    """Each name is written somewhere as users type it: `gk.name`."""
+    assert any(f"gk.{name}" in path.read_text(encoding="utf-8") for path in TEXTS)
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_public_name_loads_alone(name: str) -> None:
+    """Each name loads first in a fresh interpreter: none leans on what another one imported."""
+    code = f"from gamekeeper import {name}; print({name}.__name__)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT / "src", capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_unknown_name_is_refused() -> None:
+    """A name that isn't there raises AttributeError, as of any module."""
+    with pytest.raises(AttributeError, match="no_such_name"):
+        _ = gamekeeper.no_such_name
+
+
+def test_version_is_that_of_the_package() -> None:
+    """`gamekeeper.__version__` is what pyproject.toml says."""
+    assert f'version = "{gamekeeper.__version__}"' in (ROOT / "pyproject.toml").read_text("utf-8")
