@@ -1,0 +1,1 @@
+"""Rollouts, reruns with one change, and the processes they run in."""
