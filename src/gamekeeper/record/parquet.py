@@ -1,0 +1,186 @@
+"""A bundle's Parquet files: written in bounded memory, encoded for what the columns hold."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Final
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from gamekeeper.record.folder import open_plain, reading, sync_file, system_error
+from gamekeeper.record.schema import EXTENSION, check_schema, plain_batch
+
+GROUP_ROWS: Final = 1 << 17
+GROUP_BYTES: Final = 32 << 20
+HASH_BYTES: Final = 1 << 20
+LEVEL: Final = 3  # zstd; rolled off the step path, and 1 makes files 3 % larger
+
+
+class TableWriter:
+    """Writes one stream's Parquet file row group by row group, hashing it as it grows.
+
+    Args:
+        path: the file, replaced if it exists.
+        schema: of every batch, or of a superset of its columns.
+    """
+
+    __slots__ = ("_bytes", "_digest", "_hashed", "_rows", "_waiting", "_writer", "path", "schema")
+
+    def __init__(self, path: Path, schema: pa.Schema) -> None:
+        self.path, self.schema = path, schema
+        self._waiting: list[pa.RecordBatch] = []
+        self._rows = self._bytes = self._hashed = 0
+        self._digest = hashlib.blake2b(digest_size=32)
+        try:
+            path.unlink(missing_ok=True)
+            self._writer = pq.ParquetWriter(path, schema, **encodings(schema))
+        except OSError as error:
+            raise system_error(f"starting {path.name}", path, error) from error
+
+    def add(self, batch: pa.RecordBatch) -> None:
+        """The batch's rows come next; a row group is written when enough are waiting.
+
+        Raises:
+            BundleError: the disk refuses.
+        """
+        batch = plain_batch(batch, self.schema)
+        for start in range(0, batch.num_rows, GROUP_ROWS):
+            part = batch.slice(start, GROUP_ROWS)
+            self._waiting.append(part)
+            self._rows += part.num_rows
+            self._bytes += part.nbytes
+            if self._rows >= GROUP_ROWS or self._bytes >= GROUP_BYTES:
+                self._flush()
+
+    def finish(self) -> tuple[int, str]:
+        """The file is whole and on the disk; its size in bytes and its digest.
+
+        Raises:
+            BundleError: the disk refuses.
+        """
+        self._flush()
+        try:
+            self._writer.close()
+            self._hash()
+            sync_file(self.path)
+        except OSError as error:
+            raise system_error(f"writing {self.path.name}", self.path, error) from error
+        return self._hashed, self._digest.hexdigest()
+
+    def discard(self) -> None:
+        """The file is gone."""
+        with suppress(OSError, pa.ArrowException):  # no footer fits on a full disk, and none must
+            self._writer.close()
+        self._waiting.clear()
+        self.path.unlink(missing_ok=True)
+
+    def _flush(self) -> None:
+        if not self._waiting:
+            return
+        table = pa.Table.from_batches(self._waiting, schema=self.schema)
+        self._waiting, self._rows, self._bytes = [], 0, 0
+        try:
+            self._writer.write_table(table, row_group_size=max(1, table.num_rows))
+            self._hash()
+        except OSError as error:
+            raise system_error(f"writing {self.path.name}", self.path, error) from error
+
+    def _hash(self) -> None:
+        # What was just written is read back from the page cache, so that closing a long run needn't
+        # hash the whole file.
+        with open_plain(self.path) as file:
+            file.seek(self._hashed)
+            while data := file.read(HASH_BYTES):
+                self._digest.update(data)
+                self._hashed += len(data)
+
+
+def write_table(
+    folder: Path, stream: str, schema: pa.Schema, batches: Iterable[pa.RecordBatch]
+) -> tuple[Path, int, str]:
+    """The draft of a stream's Parquet file that holds these batches, its size and its digest.
+
+    Raises:
+        BundleError: the disk refuses.
+    """
+    writer = TableWriter(folder / f"{stream}.parquet.tmp", schema)
+    try:
+        for batch in batches:
+            writer.add(batch)
+        size, digest = writer.finish()
+    except BaseException:
+        writer.discard()
+        raise
+    return writer.path, size, digest
+
+
+def encodings(schema: pa.Schema) -> dict[str, Any]:
+    """The options of a Parquet writer that suit the columns.
+
+    Floats, also inside lists, are split by byte (their exponents then compress); integers and text
+    get dictionaries (few agents, few actions); other bytes stay plain.
+    """
+    sink = pa.BufferOutputStream()
+    pq.write_table(schema.empty_table(), sink)
+    leaves = pq.read_metadata(pa.BufferReader(sink.getvalue())).schema
+    split, dictionary = {}, []
+    for i in range(len(leaves)):
+        leaf = leaves.column(i)
+        is_half = leaf.logical_type.type == "FLOAT16"
+        if leaf.physical_type in ("FLOAT", "DOUBLE") or is_half:
+            split[leaf.path] = "BYTE_STREAM_SPLIT"
+        elif leaf.physical_type in ("INT32", "INT64") or leaf.logical_type.type == "STRING":
+            dictionary.append(leaf.path)
+    return {
+        "compression": "zstd",
+        "compression_level": LEVEL,
+        "use_dictionary": dictionary,
+        "column_encoding": split or None,
+        "write_page_checksum": True,
+    }
+
+
+class TableReader:
+    """A Parquet file of a bundle, opened with suspicion.
+
+    Raises:
+        BundleError: the file is missing, damaged, or holds columns that a bundle doesn't.
+    """
+
+    __slots__ = ("_file", "path", "schema")
+
+    def __init__(self, path: Path, stream: str) -> None:
+        self.path = path
+        open_plain(path).close()
+        with reading(path):
+            source = pa.OSFile(str(path))
+            metadata = pq.read_metadata(source)
+            stored = (metadata.metadata or {}).get(b"ARROW:schema", b"")
+            if EXTENSION in base64.b64decode(stored):
+                raise ValueError("an Arrow extension type, which a bundle doesn't hold")
+            self._file = pq.ParquetFile(
+                source, metadata=metadata, page_checksum_verification=True, pre_buffer=False
+            )
+            self.schema = self._file.schema_arrow
+            check_schema(self.schema, stream, where=str(path))
+
+    def read(self) -> pa.Table:
+        """The whole table."""
+        with reading(self.path):
+            table = self._file.read()
+            table.validate(full=True)
+            return table
+
+    def batches(self) -> Iterator[pa.RecordBatch]:
+        """The table in batches of bounded rows."""
+        groups = self._file.num_row_groups
+        for i in range(groups):
+            with reading(self.path):
+                table = self._file.read_row_group(i)
+                table.validate(full=True)
+            yield from table.to_batches()

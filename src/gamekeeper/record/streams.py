@@ -1,0 +1,158 @@
+"""The files of an open bundle's streams, and which of their rows belong to whole turns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from gamekeeper.errors import BundleError
+from gamekeeper.record.folder import inside, reading
+from gamekeeper.record.parquet import TableReader
+from gamekeeper.record.schema import Keys, key_arrays, plain_batch, plain_schema, unify
+from gamekeeper.record.segments import SEGMENT, Cut, SegmentReader
+from gamekeeper.record.whole import Whole, whole_turns
+
+
+class StreamFiles:
+    """The files of one stream in an open bundle: its Parquet file if it has one, else segments.
+
+    `schema` and `cuts` are known once `batches` has run to its end.
+    """
+
+    __slots__ = ("cuts", "folder", "salvage", "schema", "stream")
+
+    def __init__(self, folder: Path, stream: str, *, salvage: bool) -> None:
+        self.folder, self.stream, self.salvage = folder, stream, salvage
+        self.schema: pa.Schema | None = None
+        self.cuts: list[Cut] = []
+
+    def batches(self) -> Iterator[pa.RecordBatch]:
+        """Every whole batch, in the order of writing."""
+        self.schema, self.cuts = None, []
+        table = inside(self.folder, f"{self.stream}.parquet")
+        if table.exists():
+            whole = TableReader(table, self.stream)
+            self._widen(whole.schema)
+            yield from whole.batches()
+            return
+        paths = self.segments()
+        for i, path in enumerate(paths):
+            reader = SegmentReader(path, self.stream, salvage=self.salvage)
+            for batch in reader:
+                self._widen(batch.schema)
+                yield batch
+            if reader.schema is not None:
+                self._widen(reader.schema)
+            rest = len(paths) - 1 - i
+            if reader.cut:
+                self.cuts.append(reader.cut)
+            if rest and not reader.ended:
+                why = f"not ended regularly, so {rest} later segments of {self.stream} don't count"
+                self.cuts.append(Cut(path.name, path.stat().st_size, why))
+                return
+
+    def exists(self) -> bool:
+        """True where the stream has a file, even one that was cut before its first batch."""
+        return bool(inside(self.folder, f"{self.stream}.parquet").exists() or self.segments())
+
+    def segments(self) -> list[Path]:
+        """The segments in order, from the first without a gap."""
+        found: dict[int, Path] = {}
+        with reading(self.folder):
+            for path in self.folder.iterdir():
+                match = SEGMENT.fullmatch(path.name)
+                if match and match[1] == self.stream:
+                    found[int(match[2])] = inside(self.folder, path.name)
+        paths = []
+        for number in range(len(found)):
+            if number not in found:
+                self._missing(number)
+                break
+            paths.append(found[number])
+        return paths
+
+    def table(self) -> pa.Table | None:
+        """All batches in one table, None where the stream has no file with a schema."""
+        batches = list(self.batches())
+        if self.schema is None:
+            return None
+        schema = plain_schema(self.schema)
+        return pa.Table.from_batches([plain_batch(batch, schema) for batch in batches], schema)
+
+    def _widen(self, schema: pa.Schema) -> None:
+        if self.schema is None:
+            self.schema = schema
+        elif not schema.equals(self.schema, check_metadata=True):
+            self.schema = unify(self.schema, schema, where=str(self.folder / self.stream))
+
+    def _missing(self, number: int) -> None:
+        name = f"{self.stream}-{number:04d}.arrows"
+        if not self.salvage:
+            raise BundleError(
+                f"{name} is missing",
+                where=str(self.folder / name),
+                mend="restore the file from a copy; `gamekeeper recover` keeps the turns before it",
+            )
+        self.cuts.append(Cut(name, 0, "the segment is missing"))
+
+
+def whole_of(streams: dict[str, Iterable[pa.RecordBatch]]) -> Whole:
+    """The whole turns of a run.
+
+    Args:
+        streams: by name, the batches of each stream that exists.
+    """
+    keys = {name: _keys(name, batches) for name, batches in streams.items()}
+    nothing = np.zeros(0, np.int64)
+    episode, turn, acted = keys.get("steps", (nothing, nothing, nothing))
+    begun = keys["episodes"][0] if "episodes" in keys else nothing
+    states, timings = (keys[name][:2] if name in keys else None for name in ("states", "timings"))
+    return whole_turns(begun, (episode, turn, acted.astype(bool)), states, timings)
+
+
+def keep(whole: Whole, stream: str, batch: pa.RecordBatch | pa.Table) -> pa.Array:
+    """[rows] which rows of a stream belong to whole turns."""
+    kept = {"steps": whole.steps, "states": whole.states, "timings": whole.timings}[stream]
+    return pa.array(kept(*key_arrays(batch, stream, where=stream)))
+
+
+def merge(table: pa.Table, whole: Whole | None = None) -> pa.Table:
+    """One row an episode, sorted: of each column the last value that isn't null.
+
+    Args:
+        table: the rows of the stream in the order of writing.
+        whole: whole turns; a row that tells an end which they don't reach is left out.
+    """
+    table = table.combine_chunks()
+    episode, _ = key_arrays(table, "episodes", where="episodes")
+    ids, first, place = np.unique(episode, return_index=True, return_inverse=True)
+    counts = np.ones(len(episode), bool)
+    if whole is not None and "turns" in table.column_names:
+        turns = table["turns"].fill_null(0).to_numpy()
+        at, _ = whole.place(episode)
+        counts = (turns <= whole.turns[at]) | (np.arange(len(episode)) == first[place])
+    columns = []
+    for column in table.columns:
+        last = np.full(len(ids), -1, np.int64)
+        rows = np.flatnonzero(np.asarray(pc.is_valid(column)) & counts)
+        np.maximum.at(last, place[rows], rows)
+        columns.append(column.take(pa.array(last, mask=last < 0)))
+    return pa.table(columns, schema=table.schema)
+
+
+def _keys(stream: str, batches: Iterable[pa.RecordBatch]) -> tuple[Keys, Keys, Keys]:
+    """[rows] episode, turn, and whether the agent acted (0 where the stream has no orders)."""
+    parts = []
+    for batch in batches:
+        episode, turn = key_arrays(batch, stream, where=stream)
+        acted = np.zeros_like(episode)
+        if "order" in batch.schema.names:
+            acted = np.asarray(pc.is_valid(batch.column("order"))).astype(np.int64)
+        parts.append((episode, turn, acted))
+    parts.append((np.zeros(0, np.int64),) * 3)
+    episode, turn, acted = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return episode, turn, acted
