@@ -7,7 +7,7 @@ ARGS ?=
 export PYTHON
 
 RUN := $(VENV)/bin/python -m
-SOURCES := src tests examples benchmarks
+SOURCES := $(wildcard src tests examples benchmarks)
 LOCK := uv pip compile --quiet --generate-hashes --no-emit-index-url --universal --fork-strategy fewest --python-version 3.11
 DEMO := examples/two_robot_line.py:make
 
@@ -52,7 +52,7 @@ lock:
 
 clean:
 	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis
-	find src tests examples benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
+	find $(SOURCES) -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # An environment remembers the folder it was made for: a checkout that was copied or moved would run the old place's sources,
 # and one whose interpreter is gone runs nothing. Both are made anew.

@@ -22,8 +22,14 @@ def kept_files() -> tuple[Path, ...]:
     if listing.returncode == 0:
         names = listing.stdout.decode().split("\0")
         return tuple(path for name in names if name and (path := ROOT / name).is_file())
-    hidden = (path for path in ROOT.rglob("*") if path.is_file())
-    return tuple(p for p in hidden if not any(x.startswith(".venv") for x in p.parts))
+    there = (path for path in ROOT.rglob("*") if path.is_file())
+    return tuple(path for path in there if not is_made(path.relative_to(ROOT)))
+
+
+def is_made(path: Path) -> bool:
+    """Whether a tool made a path: it stands in a hidden folder, in build output or in evidence."""
+    made = {"build", "dist", "runs", "__pycache__"}
+    return any(x in made or (x.startswith(".") and x != ".ci") for x in path.parts[:-1])
 
 
 @cache
