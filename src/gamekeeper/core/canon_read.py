@@ -1,4 +1,4 @@
-"""Canonical JSON back into values: no code is run, nothing is imported by a name from the text."""
+"""Canonical JSON back into values: no code is run, and no name from a text is imported."""
 
 from __future__ import annotations
 
@@ -7,42 +7,31 @@ import math
 import re
 from base64 import b64decode
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 from gymnasium.spaces import GraphInstance
 
 from gamekeeper.core.canon_array import SCALARS, number, read_array, read_record, read_scalar
+from gamekeeper.core.canon_object import Opaque
+from gamekeeper.core.canon_write import to_json
 from gamekeeper.errors import EvidenceError
 
-_NESTING: Final = 512  # brackets; `to_json` writes at most 64 containers of at most four brackets
+_NESTING: Final = 512  # brackets; `to_json` nests 64 containers of at most four
 _TOKEN: Final = re.compile(r'"(?:[^"\\]|\\.)*"|[\[\]{}]', re.DOTALL)
 
-
-@dataclass(frozen=True, slots=True)
-class Opaque:
-    """A value that only its own code can build: the name of its type, and its repr or its content.
-
-    Args:
-        type: "module.Class".
-        repr: without addresses, at most 200 characters; "" where the content stands.
-        content: canonical JSON of what it held (fields, elements, the plain part of a subclass of a builtin).
-    """
-
-    type: str
-    repr: str = ""
-    content: str | None = None
+Fields = dict[str, Any]
 
 
 def from_json(text: str) -> object:
     """The value that a canonical text was written from.
 
-    Builtins and numpy come back equal and of the same types (`np.bool_`, `np.int64`, `np.float64`, `np.str_` as bool,
-    int, float, str; byte order little-endian); everything else as an `Opaque`.
+    Builtins and numpy come back equal and of the same types (`np.bool_`, `np.int64`, `np.float64`
+    and `np.str_` as bool, int, float and str), all else as an `Opaque`.
 
     Raises:
-        EvidenceError: the text isn't JSON, is nested too deeply, or has an object that `to_json` doesn't write.
+        EvidenceError: the text isn't JSON, is nested too deeply, or has an object that `to_json`
+            doesn't write.
     """
     try:
         if text.count("[") + text.count("{") > _NESTING and _nesting(text) > _NESTING:
@@ -50,15 +39,13 @@ def from_json(text: str) -> object:
         return _DECODER.decode(text)
     except EvidenceError:
         raise
-    except (
-        ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError, RecursionError, MemoryError
-    ) as error:  # fmt: skip
-        shown = text if isinstance(text, str) else repr(text)
+    except (ArithmeticError, AttributeError, LookupError, MemoryError, RecursionError, TypeError,
+            ValueError) as error:  # fmt: skip
         raise EvidenceError(
             "a value's JSON can't be read",
             expected="canonical JSON as gamekeeper writes it",
-            seen=f"{shown[:80]!r}: {type(error).__name__}: {error}",
-            mend="the text was cut or changed; take it from the recording again",
+            seen=f"{str(text)[:80]!r}: {type(error).__name__}: {error}",
+            mend="the text was cut or changed: take it from the recording again",
         ) from error
 
 
@@ -75,7 +62,7 @@ def _nesting(text: str) -> int:
     return deepest
 
 
-def _read(fields: dict[str, Any]) -> object:
+def _read(fields: Fields) -> object:
     """The value of one JSON object; what is within it has been read already."""
     if "$" not in fields:
         return fields
@@ -85,52 +72,55 @@ def _read(fields: dict[str, Any]) -> object:
     return _KINDS[kind](fields)
 
 
-def _opaque(fields: dict[str, Any]) -> Opaque:
-    from gamekeeper.core.canon import to_json  # the two directions need each other here only
-
-    name, shown = fields["type"], fields.get("repr", "")
-    if not isinstance(name, str) or not isinstance(shown, str):
+def _opaque(fields: Fields) -> Opaque:
+    name, words = fields["type"], fields.get("repr", "")
+    if not isinstance(name, str) or not isinstance(words, str):
         raise TypeError("type and repr are text")
-    return Opaque(name, shown, to_json(fields["v"]) if "v" in fields else None)
+    return Opaque(name, words, to_json(fields["v"]) if "v" in fields else None)
 
 
-def _scalar(fields: dict[str, Any]) -> np.generic:
+def _scalar(fields: Fields) -> object:
     array = fields["v"]
     if not isinstance(array, np.ndarray) or array.shape != ():
-        raise ValueError("a scalar is an array of no dimensions")
-    scalar: np.generic = array[()]
-    return scalar
+        raise TypeError("a scalar is an array of no dimensions")
+    return array[()]
 
 
-def _bytes(fields: dict[str, Any]) -> bytes:
+def _bytes(fields: Fields) -> bytes:
     return b64decode(fields["v"], validate=True)
 
 
-_KINDS: Final[dict[str, Callable[[dict[str, Any]], object]]] = {
-    "nan": lambda fields: math.nan,
-    "inf": lambda fields: math.inf,
-    "-inf": lambda fields: -math.inf,
-    "int": lambda fields: int(fields["v"], 16),
-    "str": lambda fields: _bytes(fields).decode("utf-8", "surrogatepass"),
-    "tuple": lambda fields: tuple(fields["v"]),
-    "set": lambda fields: set(fields["v"]),
-    "frozenset": lambda fields: frozenset(fields["v"]),
-    "dict": lambda fields: dict(fields["v"]),
-    "bytes": _bytes,
-    "bytearray": lambda fields: bytearray(_bytes(fields)),
-    "bytes_": lambda fields: np.bytes_(_bytes(fields)),
-    "complex": lambda fields: complex(number(fields["v"][0]), number(fields["v"][1])),
-    "range": lambda fields: range(*fields["v"]),
-    "scalar": _scalar,
-    "ndarray": lambda fields: read_array(fields["dtype"], fields["shape"], fields["v"]),
-    "record": lambda fields: read_record(fields["shape"], fields["v"]),
-    "GraphInstance": lambda fields: GraphInstance(*fields["v"]),
-    "object": _opaque,
-}
+def _items(fields: Fields) -> list[Any]:
+    items = fields["v"]
+    if type(items) is not list:
+        raise TypeError("elements stand in a list")
+    return items
 
 
 def _refuse(word: str) -> object:
     raise ValueError(f"{word} isn't JSON")
 
+
+_KINDS: Final[dict[str, Callable[[Fields], object]]] = {
+    "nan": lambda fields: math.nan,
+    "inf": lambda fields: math.inf,
+    "-inf": lambda fields: -math.inf,
+    "int": lambda fields: int(fields["v"], 16),
+    "str": lambda fields: _bytes(fields).decode("utf-8", "surrogatepass"),
+    "tuple": lambda fields: tuple(_items(fields)),
+    "set": lambda fields: set(_items(fields)),
+    "frozenset": lambda fields: frozenset(_items(fields)),
+    "dict": lambda fields: dict(_items(fields)),
+    "bytes": _bytes,
+    "bytearray": lambda fields: bytearray(_bytes(fields)),
+    "bytes_": lambda fields: np.bytes_(_bytes(fields)),
+    "complex": lambda fields: complex(*map(number, _items(fields))),
+    "range": lambda fields: range(*_items(fields)),
+    "scalar": _scalar,
+    "ndarray": lambda fields: read_array(fields["dtype"], fields["shape"], fields["v"]),
+    "record": lambda fields: read_record(fields["shape"], _items(fields)),
+    "GraphInstance": lambda fields: GraphInstance(*_items(fields)),
+    "object": _opaque,
+}
 
 _DECODER: Final = json.JSONDecoder(object_hook=_read, parse_constant=_refuse)

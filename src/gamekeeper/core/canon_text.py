@@ -1,11 +1,12 @@
-"""JSON text of plain values, as UTF-8 can carry it."""
+"""JSON text of plain values, such that UTF-8 can carry it."""
 
 from __future__ import annotations
 
 import json.encoder
+import math
 import re
 from base64 import b64encode
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 _SURROGATE: Final = re.compile("[\ud800-\udfff]")
@@ -13,7 +14,7 @@ _PAIR: Final = re.compile("[\ud800-\udbff][\udc00-\udfff]")
 
 
 def _encoder() -> Callable[[object], str]:
-    """One encoder for all calls: `JSONEncoder.encode` makes a new one each time, which costs as much again."""
+    """One encoder for all calls; `JSONEncoder.encode` makes a new one each time."""
     plain = json.encoder.JSONEncoder(
         ensure_ascii=False,
         allow_nan=False,
@@ -24,17 +25,31 @@ def _encoder() -> Callable[[object], str]:
     make = getattr(json.encoder, "c_make_encoder", None)
     if make is None:  # not CPython
         return plain.encode
-    string: Any = json.encoder.encode_basestring
-    encode = make(None, plain.default, string, None, ":", ",", True, False, False)
-    return lambda value: "".join(encode(value, 0))
+    write_string: Any = json.encoder.encode_basestring
+    write = make(None, plain.default, write_string, None, ":", ",", True, False, False)
+    return lambda value: "".join(write(value, 0))
 
 
 encode: Final = _encoder()
-"""JSON of plain values in one order of keys; ValueError where a float isn't finite or an int too long."""
+"""JSON of plain values, keys sorted; ValueError where a float isn't finite or an int too long."""
+
+
+def number_text(numbers: Sequence[object]) -> str:
+    """A list of numbers as JSON, with "nan", "inf" and "-inf" for what JSON doesn't know."""
+    try:
+        return encode(numbers)
+    except ValueError:
+        return encode([_word(number) for number in numbers])
+
+
+def _word(number: object) -> object:
+    if isinstance(number, float) and not math.isfinite(number):
+        return "nan" if math.isnan(number) else "inf" if number > 0 else "-inf"
+    return number
 
 
 def escaped(text: str) -> str | None:
-    """A JSON text that UTF-8 can carry; None where two surrogates would melt into one character on reading."""
+    """A JSON text without surrogates; None where two of them would be read as one character."""
     if text.isascii():
         return text
     if _PAIR.search(text):
@@ -43,7 +58,7 @@ def escaped(text: str) -> str | None:
 
 
 def string(value: str) -> str:
-    """The JSON of a text; an object with its bytes where two surrogates would melt into one character."""
+    """The JSON of a text; an object with its bytes where `escaped` has no answer."""
     text = escaped(json.encoder.encode_basestring(value))
     if text is None:
         return tagged("str", base64(value.encode("utf-8", "surrogatepass")))
@@ -61,5 +76,5 @@ def base64(value: bytes | bytearray) -> str:
 
 
 def tagged(kind: str, text: str) -> str:
-    """An object of a kind with its value, of which the JSON is given."""
+    """An object of a kind, with the JSON of its value."""
     return f'{{"$":"{kind}","v":{text}}}'

@@ -1,9 +1,9 @@
-"""Gymnasium spaces as plain JSON, and back: exact bounds, no pickle, no import by name.
+"""Gymnasium spaces as plain JSON: exact bounds, no pickle, keys sorted, so that it can be hashed.
 
-A space is `{"kind": "Box", ...}` with the arguments that build it again. Bounds that are the same everywhere stand once;
-infinite ones are "inf" and "-inf". A subclass of a known space is written as that space, with its own "class" beside it,
-and comes back as the known one. A class that we don't know is `{"kind": "unknown", "class": ..., "repr": ...}` and comes
-back as an `UnknownSpace`.
+A space is `{"kind": "Box", ...}` with what builds it again. Bounds that are the same everywhere
+stand once, infinite ones are "inf" and "-inf". A subclass of a known space is written as that space
+with its own "class" beside it, and comes back as the known one. A class that we don't know is
+`{"kind": "unknown", "class": ..., "repr": ...}` and comes back as an `UnknownSpace`.
 """
 
 from __future__ import annotations
@@ -32,16 +32,16 @@ from gymnasium.spaces import (
 from gamekeeper.core.canon import shown, to_json, type_name
 from gamekeeper.core.space_read import UnknownSpace, space_from_json
 
+__all__ = ["UnknownSpace", "space_from_json", "space_to_json"]
+
 Array = npt.NDArray[Any]
 Json = dict[str, Any]
-
-__all__ = ["UnknownSpace", "space_from_json", "space_to_json"]
 
 _LISTED: Final = 256  # elements
 
 
 def space_to_json(space: Space[Any]) -> Json:
-    """The space as plain JSON with sorted keys; equal for equal spaces whose keys come in one order."""
+    """The space as plain JSON, equal for equal spaces whose Dict keys stand in one order."""
     if isinstance(space, UnknownSpace):
         return {"class": space.class_name, "kind": "unknown", "repr": space.shown}
     for cls, describe in _WRITERS.items():
@@ -60,7 +60,7 @@ def _box(space: Box) -> Json:
         "low": _values(space.low),
         "high": _values(space.high),
     }
-    # An int Box with an infinite bound has the dtype's own limit for it, and remembers that it is none.
+    # A Box of ints holds its dtype's limit where it was given an infinite bound, and a flag for it.
     if not np.array_equal(space.bounded_below, space.low > -np.inf):
         described["bounded_below"] = _values(space.bounded_below)
     if not np.array_equal(space.bounded_above, space.high < np.inf):
@@ -78,7 +78,7 @@ def _multi_discrete(space: MultiDiscrete[Any]) -> Json:
 
 
 def _text(space: Text) -> Json:
-    characters = list(space.character_list)  # in the order in which they are drawn
+    characters = space.character_list  # in the order in which a sample draws them
     text = "".join(characters)
     charset = text if text.isascii() else [ord(character) for character in characters]
     return {"min": space.min_length, "max": space.max_length, "charset": charset}
@@ -91,19 +91,32 @@ def _dict(space: Dict) -> Json:
             for key, inner in space.spaces.items()
         ]
     }
-    if not getattr(space, "sort_keys", True):
+    if not getattr(space, "sort_keys", True):  # new in Gymnasium 1.3
         described["sort_keys"] = False
     return described
 
 
+def _inner(space: Any) -> Json:
+    return {"spaces": [space_to_json(inner) for inner in space.spaces]}
+
+
+def _graph(space: Graph) -> Json:
+    edge = space.edge_space
+    return {
+        "node": space_to_json(space.node_space),
+        "edge": None if edge is None else space_to_json(edge),
+    }
+
+
 def _values(array: Array) -> Any:
-    """One value where all are the same; a flat list up to 256 elements; base64 of little-endian C bytes beyond."""
+    """One value where all are the same, else a flat list; base64 beyond 256 elements."""
     flat = np.ascontiguousarray(array).reshape(-1)
     if flat.size and flat.tobytes() == flat[:1].tobytes() * flat.size:
         return _value(flat[0])
-    if flat.size <= _LISTED or flat.dtype.itemsize > 8:
+    if flat.size <= _LISTED or flat.dtype.itemsize > 8:  # the bytes of long doubles have holes
         return [_value(item) for item in flat]
-    return {"base64": b64encode(flat.astype(flat.dtype.newbyteorder("<")).tobytes()).decode()}
+    little = flat.astype(flat.dtype.newbyteorder("<"))
+    return {"base64": b64encode(little.tobytes()).decode()}
 
 
 def _value(item: Any) -> Any:
@@ -118,19 +131,16 @@ def _value(item: Any) -> Any:
 _WRITERS: Final[dict[type[Space[Any]], Callable[[Any], Json]]] = {
     Box: _box,
     Discrete: lambda space: {
-        "dtype": space.dtype.str,
+        "dtype": np.dtype(space.dtype).str,
         "n": int(space.n),
         "start": int(space.start),
     },
     MultiDiscrete: _multi_discrete,
-    MultiBinary: lambda space: {"n": space.n if isinstance(space.n, int) else list(space.n)},
+    MultiBinary: lambda space: {"n": space.n if type(space.n) is int else list(space.n)},
     Text: _text,
     Dict: _dict,
-    Tuple: lambda space: {"spaces": [space_to_json(inner) for inner in space.spaces]},
-    OneOf: lambda space: {"spaces": [space_to_json(inner) for inner in space.spaces]},
+    Tuple: _inner,
+    OneOf: _inner,
     Sequence: lambda space: {"space": space_to_json(space.feature_space), "stack": space.stack},
-    Graph: lambda space: {
-        "node": space_to_json(space.node_space),
-        "edge": None if space.edge_space is None else space_to_json(space.edge_space),
-    },
+    Graph: _graph,
 }

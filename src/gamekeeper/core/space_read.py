@@ -1,4 +1,4 @@
-"""Spaces out of their JSON, which `space_json` describes; sizes are bounded before anything is allocated."""
+"""Spaces out of the JSON that `space_json` writes; sizes are bounded before they are allocated."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _WORDS: Final = {"inf": math.inf, "-inf": -math.inf}
 
 
 class UnknownSpace(Space[Any]):
-    """Stands for a space whose class only its own code knows; equal to another of the same class and repr.
+    """Stands for a space whose class only its own code knows; equal where class and repr are.
 
     Args:
         class_name: "module.Class".
@@ -69,15 +69,14 @@ def space_from_json(described: Json) -> Space[Any]:
     """The space that this JSON describes.
 
     Raises:
-        EvidenceError: it describes none, or one whose arrays would have more than 2**28 elements in all.
+        EvidenceError: it describes none, or one whose arrays have more than 2**28 elements in all.
     """
     try:
         return _Reader().space(described)
     except EvidenceError:
         raise
-    except (
-        AssertionError, ValueError, TypeError, KeyError, IndexError, AttributeError, ArithmeticError, MemoryError
-    ) as error:  # fmt: skip
+    except (ArithmeticError, AssertionError, AttributeError, LookupError, MemoryError, TypeError,
+            ValueError) as error:  # fmt: skip
         raise EvidenceError(
             "a space's JSON can't be read",
             expected="a space as gamekeeper writes it",
@@ -87,7 +86,7 @@ def space_from_json(described: Json) -> Space[Any]:
 
 
 class _Reader:
-    """Builds one space, and counts how deep it is and what its arrays hold."""
+    """Builds one space, and counts how deep it is and how much its arrays hold."""
 
     __slots__ = ("depth", "elements")
 
@@ -163,7 +162,7 @@ def _box(reader: _Reader, described: Json) -> Box:
     high = reader.array(described["high"], dtype, shape)
     # Box asks whether its bounds are infinite, which numpy doesn't answer for bools.
     given = np.dtype(np.uint8) if dtype.kind == "b" else dtype
-    box = Box(low.astype(given), high.astype(given), shape, dtype)  # type: ignore[arg-type]
+    box = Box(low.astype(given), high.astype(given), shape, dtype)
     for name in ("bounded_below", "bounded_above"):
         if name in described:
             setattr(box, name, reader.array(described[name], np.dtype(np.bool_), shape))
@@ -174,7 +173,7 @@ def _multi_discrete(reader: _Reader, described: Json) -> MultiDiscrete[Any]:
     dtype, shape = _dtype(described), _shape(described)
     nvec = reader.array(described["nvec"], dtype, shape)
     start = reader.array(described["start"], dtype, shape)
-    return MultiDiscrete(nvec, dtype, start=start)  # type: ignore[arg-type]
+    return MultiDiscrete(nvec, dtype, start=start)
 
 
 def _multi_binary(reader: _Reader, described: Json) -> MultiBinary:
@@ -193,11 +192,20 @@ def _text(reader: _Reader, described: Json) -> Text:
 
 
 def _dict(reader: _Reader, described: Json) -> Dict:
-    pairs = [
+    pairs: list[tuple[Any, Space[Any]]] = [
         (key if isinstance(key, str) else from_json(key["json"]), reader.space(inner))
         for key, inner in described["spaces"]
     ]
-    return Dict(pairs, sort_keys=described.get("sort_keys", True))  # type: ignore[arg-type]
+    options: dict[str, Any] = {} if described.get("sort_keys", True) else {"sort_keys": False}
+    return Dict(pairs, **options)  # a list of pairs keeps its order either way
+
+
+def _discrete(reader: _Reader, described: Json) -> Discrete[Any]:
+    dtype = _dtype(described)
+    n, start = _whole(described["n"]), _whole(described["start"])
+    if dtype == np.int64:  # Gymnasium 1.1 knows no other
+        return Discrete(n, start=start)
+    return Discrete(n, start=start, dtype=dtype)
 
 
 def _graph(reader: _Reader, described: Json) -> Graph:
@@ -207,9 +215,7 @@ def _graph(reader: _Reader, described: Json) -> Graph:
 
 _KINDS: Final[dict[str, Callable[[_Reader, Json], Space[Any]]]] = {
     "Box": _box,
-    "Discrete": lambda reader, described: Discrete(
-        _whole(described["n"]), start=_whole(described["start"]), dtype=_dtype(described).str
-    ),
+    "Discrete": _discrete,
     "MultiDiscrete": _multi_discrete,
     "MultiBinary": _multi_binary,
     "Text": _text,

@@ -1,6 +1,7 @@
-"""Values of spaces without a fixed shape, as canonical JSON: their structure and dtypes, and the way back.
+"""Values of spaces without a fixed shape as canonical JSON, and back.
 
-As everywhere, bounds aren't looked at. A space class that we don't know is asked by its own `contains`.
+Structure, dtypes and shapes must be exact, bounds aren't looked at. A space class that we don't
+know is asked by its own `contains`.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from gymnasium.spaces import (
 
 from gamekeeper.core.canon import from_json, is_exact, to_json
 from gamekeeper.core.space_leaf import Slot, slot
+from gamekeeper.errors import EvidenceError
 
 Holds = Callable[[Any], bool]
 Count = Callable[[Any], int | None]
@@ -35,7 +37,7 @@ DICTS: Final = frozenset({dict, OrderedDict})
 
 
 def json_slot(space: Space[Any]) -> Slot:
-    """The slot of any space as canonical JSON; only values that can be built again from their text are packed."""
+    """The slot of any space as canonical JSON; packs only what can be built again from its text."""
     is_value, as_declared = holds(space), restore(space)
 
     def pack(value: Any) -> str | None:
@@ -44,7 +46,20 @@ def json_slot(space: Space[Any]) -> Slot:
         text = to_json(value)
         return text if is_exact(text) else None
 
-    return Slot("json", "", (), pack, lambda payload: as_declared(from_json(payload)))
+    def unpack(payload: Any) -> object:
+        try:
+            return as_declared(from_json(payload))
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+            if isinstance(error, EvidenceError):
+                raise
+            raise EvidenceError(
+                "a recorded value isn't of its space",
+                expected=f"{space!r:.200}",
+                seen=f"{payload!r:.80}",
+                mend="the recording was changed, or it is read with other spaces than its own",
+            ) from error
+
+    return Slot("json", "", (), pack, unpack)
 
 
 def holds(space: Space[Any]) -> Holds:
@@ -83,9 +98,7 @@ def _asked(space: Space[Any]) -> Holds:
 
 
 def _holds_array(dtype: np.dtype[Any], shape: tuple[int, ...]) -> Holds:
-    return lambda value: (
-        type(value) is np.ndarray and value.dtype == dtype and value.shape == shape
-    )
+    return lambda value: type(value) is np.ndarray and value.dtype == dtype and value.shape == shape
 
 
 def _holds_dict(fields: dict[Any, Holds]) -> Holds:
@@ -132,9 +145,9 @@ def _holds_graph(space: Graph) -> Holds:
 
 
 def _count(space: Space[Any]) -> Count:
-    """How many values of the space are stacked in a value, as `batch_space` stacks them; None where it is no stack."""
+    """How many values of the space a value stacks as `batch_space` does; None where it doesn't."""
     if isinstance(space, Box | Discrete | MultiBinary | MultiDiscrete):
-        dtype, shape = space.dtype, tuple(space.shape)
+        dtype, shape = space.dtype, tuple(space.shape or ())
         return lambda value: (
             len(value)
             if type(value) is np.ndarray
@@ -188,9 +201,7 @@ def restore(space: Space[Any]) -> Restore:
 
 
 def _restore_tuple(items: list[Restore]) -> Restore:
-    return lambda value: tuple(
-        item(part) for item, part in zip(items, value, strict=True)
-    )
+    return lambda value: tuple(item(part) for item, part in zip(items, value, strict=True))
 
 
 def _restore_stack(space: Space[Any]) -> Restore:
