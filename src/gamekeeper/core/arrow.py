@@ -1,0 +1,195 @@
+"""Blocks as Arrow record batches, and back: what the files of a bundle hold."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+
+from gamekeeper.core.block import Block, Cells, Raw, Text
+from gamekeeper.core.layout import Column
+from gamekeeper.core.space import Leaf
+
+NUMBERS: Final = {"order": ("<i2", pa.int16()), "received": ("<f8", pa.float64()), "reward": ("<f8", pa.float64())}
+FLAGS: Final = ("terminated", "truncated")
+TEXTS: Final = ("info", "raised", "odd")
+TERM: Final = "reward."
+
+
+def steps_batch(block: Block, *, digests: Any | None = None) -> pa.RecordBatch:
+    """The rows of `block` as a record batch.
+
+    Args:
+        digests: [rows, 16]; where given, they stand in place of the observations (level "digest").
+    """
+    fields: dict[pa.Field, pa.Array] = {}
+
+    def put(name: str, array: pa.Array) -> None:
+        fields[pa.field(name, array.type)] = array
+
+    put("episode", pa.array(block.episode))
+    put("turn", pa.array(block.turn))
+    put("agent", pa.array(block.agent, pa.string()))
+    put("order", _number(block.order, "order"))
+    for name, (column, cells) in block.values.items():
+        if digests is None or not name.startswith("obs"):
+            field, array = cells_field(column, cells)
+            fields[field] = array
+    put("mask", pa.array(block.mask, pa.binary()))
+    put("received", _number(block.received, "received"))
+    put("terminated", _flag(block.terminated))
+    put("truncated", _flag(block.truncated))
+    put("info", pa.array(block.info, pa.string()))
+    put("reward", _number(block.reward, "reward"))
+    for term, raw in block.terms.items():
+        put(TERM + term, _number(raw, "reward"))
+    put("live", pa.array(block.live))
+    put("raised", pa.array(block.raised, pa.string()))
+    put("odd", pa.array(block.odd, pa.string()))
+    if digests is not None:
+        put("digest", _binary(np.ascontiguousarray(digests)))
+    return pa.RecordBatch.from_arrays(list(fields.values()), schema=pa.schema(list(fields)))
+
+
+def cells_field(column: Column, cells: Cells) -> tuple[pa.Field, pa.Array]:
+    """One value column as an Arrow field, its leaf in the metadata, and array."""
+    array = _cells(column, cells)
+    return pa.field(column.name, array.type, metadata=_metadata(column)), array
+
+
+def blocks_of(table: pa.Table, *, rows: int = 65_536) -> Iterator[Block]:
+    """The rows of a `steps` table as blocks of at most `rows` rows, in their order."""
+    for start in range(0, table.num_rows, rows):
+        yield block_of_table(table.slice(start, rows))
+
+
+def block_of_table(table: pa.Table) -> Block:
+    """A `steps` table as one block."""
+    table = table.combine_chunks()
+    values = {}
+    terms = {}
+    for field in table.schema:
+        if field.metadata and b"leaf" in field.metadata:
+            column = _column(field)
+            values[field.name] = (column, cells_of(column, table[field.name]))
+        elif field.name.startswith(TERM):
+            terms[field.name[len(TERM) :]] = _raw_number(table[field.name], "<f8")
+    numbers = {name: _raw_number(table[name], dtype) for name, (dtype, _) in NUMBERS.items()}
+    flags = {name: _raw_number(table[name].cast(pa.uint8()), "|u1") for name in FLAGS}
+    texts = {name: table[name].to_pylist() for name in TEXTS}
+    return Block(
+        episode=table["episode"].to_numpy(),
+        turn=table["turn"].to_numpy(),
+        agent=table["agent"].to_pylist(),
+        values=values,
+        mask=table["mask"].to_pylist(),
+        live=table["live"].to_numpy(zero_copy_only=False).astype(np.bool_),
+        terms=terms,
+        **numbers,
+        **flags,
+        **texts,
+    )
+
+
+def value_columns(schema: pa.Schema, kind: str) -> list[Column]:
+    """The columns of `schema` that hold leaves of `kind` ("obs" or "action")."""
+    found = [_column(field) for field in schema if field.metadata and b"leaf" in field.metadata]
+    return [column for column in found if column.tag == kind or column.tag.startswith(f"{kind}.")]
+
+
+def cells_of(column: Column, array: pa.ChunkedArray) -> Cells:
+    """One value column as raw elements or texts."""
+    kind = column.leaf.kind
+    if kind in ("text", "json"):
+        return Text(array.to_pylist())
+    if kind == "int":
+        return _raw_number(array, "<i8")
+    whole = _whole(array)
+    valid = ~np.asarray(whole.is_null())
+    size = _size(column.leaf)
+    if not size:
+        return Raw(np.zeros((len(whole), 0), np.uint8), valid)
+    if kind == "bytes":
+        parts = [part if part is not None and len(part) == size else bytes(size) for part in whole.to_pylist()]
+        return Raw(np.frombuffer(b"".join(parts), np.uint8).reshape(len(parts), size), valid)
+    values = whole.values if not whole.offset else whole.values[whole.offset * whole.type.list_size :]
+    flat = np.asarray(values.fill_null(0) if values.null_count else values)[: len(whole) * whole.type.list_size]
+    raw = np.ascontiguousarray(flat, np.dtype(column.leaf.dtype)).view(np.uint8).reshape(len(whole), size)
+    return Raw(raw, valid)
+
+
+def _column(field: pa.Field) -> Column:
+    leaf = json.loads(field.metadata[b"leaf"])
+    return Column(
+        field.name,
+        field.metadata[b"tag"].decode(),
+        Leaf(leaf["path"], leaf["kind"], leaf["dtype"], tuple(leaf["shape"])),
+    )
+
+
+def _metadata(column: Column) -> dict[str, str]:
+    leaf = column.leaf
+    text = {"path": leaf.path, "kind": leaf.kind, "dtype": leaf.dtype, "shape": list(leaf.shape)}
+    return {"tag": column.tag, "leaf": json.dumps(text), "shape": json.dumps(list(leaf.shape))}
+
+
+def _cells(column: Column, cells: Cells) -> pa.Array:
+    if isinstance(cells, Text):
+        return pa.array(cells.values, pa.string())
+    if column.leaf.kind == "int":
+        return pa.array(cells.values.view(np.int64)[:, 0], mask=~cells.valid)
+    if column.leaf.kind == "bytes" or not cells.values.shape[1]:
+        return _binary(cells.values, cells.valid)
+    flat = np.ascontiguousarray(cells.values).view(column.leaf.dtype).reshape(-1)
+    mask = None if cells.valid.all() else pa.array(~cells.valid)
+    length = flat.size // max(len(cells.values), 1) or _length(column.leaf)
+    return pa.FixedSizeListArray.from_arrays(pa.array(flat), length, mask=mask)
+
+
+def _binary(values: Any, valid: Any | None = None) -> pa.Array:
+    """Rows of bytes [rows, size] as a binary array, without a copy of the bytes."""
+    values = np.ascontiguousarray(values)
+    count, size = values.shape
+    offsets = pa.py_buffer((np.arange(count + 1) * size).astype(np.int32))
+    bits = None
+    if valid is not None and not valid.all():
+        bits = pa.py_buffer(np.packbits(valid, bitorder="little"))
+    return pa.Array.from_buffers(pa.binary(), count, [bits, offsets, pa.py_buffer(values)])
+
+
+def _number(raw: Raw, name: str) -> pa.Array:
+    dtype, kind = NUMBERS[name]
+    return pa.array(raw.values.view(dtype)[:, 0], kind, mask=None if raw.valid.all() else ~raw.valid)
+
+
+def _flag(raw: Raw) -> pa.Array:
+    return pa.array(raw.values[:, 0].astype(np.bool_), mask=None if raw.valid.all() else ~raw.valid)
+
+
+def _raw_number(array: pa.ChunkedArray, dtype: str) -> Raw:
+    whole = _whole(array)
+    valid = ~np.asarray(whole.is_null())
+    filled = np.asarray(whole.fill_null(0) if whole.null_count else whole)
+    values = np.ascontiguousarray(filled, np.dtype(dtype))
+    return Raw(values.view(np.uint8).reshape(len(values), values.itemsize), valid)
+
+
+def _whole(array: pa.ChunkedArray) -> pa.Array:
+    chunks = array.chunks
+    if len(chunks) == 1:
+        return chunks[0]
+    return pa.concat_arrays(chunks) if chunks else pa.array([], array.type)
+
+
+def _length(leaf: Leaf) -> int:
+    count = 1
+    for length in leaf.shape:
+        count *= length
+    return count
+
+
+def _size(leaf: Leaf) -> int:
+    return _length(leaf) * np.dtype(leaf.dtype).itemsize

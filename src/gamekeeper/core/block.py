@@ -1,0 +1,252 @@
+"""A block: a stretch of rows as columns in memory, between tape, digest and Arrow.
+
+Every value column is raw bytes, one fixed-size element a row, so that rows are hashed and written
+without looking at single values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gamekeeper.core.layout import LARGE_BYTES, Column, Layout
+from gamekeeper.core.tape import DONE, GIVEN, TURN, Place, Reel
+
+Bytes2: TypeAlias = NDArray[np.uint8]
+Texts: TypeAlias = list[str | None]
+# copies an observation that was put aside (by its place) into one row of bytes
+Opener: TypeAlias = Callable[[int, "NDArray[np.uint8]"], None]
+LAST: Final = np.iinfo(np.int16).max  # sorts those who did not act behind those who did
+
+
+@dataclass(frozen=True, slots=True)
+class Raw:
+    """One column of fixed-size elements: `values` [rows, bytes], `valid` [rows]."""
+
+    values: Bytes2
+    valid: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Text:
+    """One column of texts; None where there is none."""
+
+    values: Texts
+
+
+Cells: TypeAlias = "Raw | Text"
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Rows in the order turn, order, agent. Every column has `len(episode)` elements."""
+
+    episode: NDArray[np.int32]
+    turn: NDArray[np.int32]
+    agent: list[str]
+    order: Raw
+    values: dict[str, tuple[Column, Cells]]  # obs and action columns by name
+    mask: list[bytes | None]
+    received: Raw
+    terminated: Raw
+    truncated: Raw
+    info: Texts
+    reward: Raw
+    terms: dict[str, Raw]
+    live: NDArray[np.bool_]
+    raised: Texts
+    odd: Texts
+
+    def __len__(self) -> int:
+        return len(self.agent)
+
+
+def block_of(reel: Reel, layout: Layout, *, open_large: Opener) -> Block:
+    """The rows of `reel` as columns.
+
+    Args:
+        open_large: writes the C bytes of an observation that was put aside, by its place, into a row.
+    """
+    given, done, turns = reel.given, reel.done, reel.turns
+    seats: list[Any] = given[0::GIVEN]
+    counts = turns[2::TURN]
+    episode = np.repeat(np.array(turns[0::TURN], np.int32), counts)  # type: ignore[call-overload]
+    turn = np.repeat(np.array(turns[1::TURN], np.int32), counts)  # type: ignore[call-overload]
+    order = _numbers(done[0::DONE], np.int16)
+    index = np.array(seats, np.intp)
+    names = [layout.order[seat].name for seat in seats]
+    rows = _sorting(turn, episode, order, names)
+    pick = _picker(rows)
+    odd = [_joined(a, b) for a, b in zip(given[8::GIVEN], done[5::DONE], strict=True)]
+    values = _sides(layout, index, given[1::GIVEN], "obs", open_large)
+    values |= _sides(layout, index, done[1::DONE], "action", open_large)
+    return Block(
+        episode=episode[rows],
+        turn=turn[rows],
+        agent=pick(names),
+        order=_take(order, rows),
+        values={name: (column, _take(cells, rows)) for name, (column, cells) in values.items()},
+        mask=pick(given[2::GIVEN]),
+        received=_take(_numbers(given[3::GIVEN], np.float64), rows),
+        terminated=_take(_numbers(given[4::GIVEN], np.uint8), rows),
+        truncated=_take(_numbers(given[5::GIVEN], np.uint8), rows),
+        info=pick(given[6::GIVEN]),
+        reward=_take(_numbers(done[2::DONE], np.float64), rows),
+        terms=_terms(layout, done[3::DONE], rows),
+        live=np.array(given[7::GIVEN], np.bool_)[rows],
+        raised=pick(done[4::DONE]),
+        odd=pick(odd),
+    )
+
+
+def state_cells(layout: Layout, payloads: list[Any]) -> list[tuple[Column, Cells]]:
+    """Payloads of `state()`, turn by turn, as columns."""
+    columns = layout.state.columns if layout.state is not None else ()
+    parts = [payloads] if len(columns) == 1 else [[None if p is None else p[k] for p in payloads] for k in range(len(columns))]
+    return [(column, _column(column, part, _unopened)) for column, part in zip(columns, parts, strict=True)]
+
+
+def _unopened(place: int, out: NDArray[np.uint8]) -> None:
+    raise AssertionError("a state is never put aside")
+
+
+def _sorting(
+    turn: NDArray[np.int32], episode: NDArray[np.int32], order: Raw, names: list[str]
+) -> NDArray[np.intp] | slice:
+    """The rows by turn, order, agent; a slice of all where they stand so already."""
+    place = np.where(order.valid, order.values.view(np.int16)[:, 0], LAST)
+    same = (turn[1:] == turn[:-1]) & (episode[1:] == episode[:-1])
+    ranks = {name: rank for rank, name in enumerate(sorted(set(names)))}
+    rank = np.array([ranks[name] for name in names], np.int32)
+    earlier = (place[1:] < place[:-1]) | ((place[1:] == place[:-1]) & (rank[1:] < rank[:-1]))
+    if not (same & earlier).any():
+        return slice(None)
+    start = np.cumsum(np.concatenate(([True], ~same))) if len(turn) else turn
+    return np.lexsort((rank, place, start))
+
+
+def _picker(rows: NDArray[np.intp] | slice) -> Callable[[Sequence[Any]], list[Any]]:
+    if isinstance(rows, slice):
+        return list
+    places = rows.tolist()
+    return lambda items: [items[place] for place in places]
+
+
+def _take(cells: Any, rows: NDArray[np.intp] | slice) -> Any:
+    if isinstance(rows, slice):
+        return cells
+    if isinstance(cells, Text):
+        return Text([cells.values[row] for row in rows.tolist()])
+    return Raw(cells.values[rows], cells.valid[rows])
+
+
+def _numbers(items: Sequence[Any], dtype: type[Any]) -> Raw:
+    """Numbers with None for null as raw elements of `dtype`."""
+    if items.count(None):
+        valid = np.fromiter((item is not None for item in items), np.bool_, len(items))
+        items = [0 if item is None else item for item in items]
+    else:
+        valid = np.ones(len(items), np.bool_)
+    array = np.array(items, dtype)
+    return Raw(array.view(np.uint8).reshape(len(items), array.itemsize), valid)
+
+
+def _terms(layout: Layout, paid: Sequence[Any], rows: Any) -> dict[str, Raw]:
+    if not layout.terms:
+        return {}
+    return {
+        term: _take(_numbers([None if p is None else p[k] for p in paid], np.float64), rows)
+        for k, term in enumerate(layout.terms)
+    }
+
+
+def _joined(given: Any, done: Any) -> str | None:
+    """The odd parts of a row, each `"field":{...}` texts in the order of their fields, as one JSON object."""
+    if given is None and done is None:
+        return None
+    return "{" + ",".join(sorted((*(given or ()), *(done or ())))) + "}"
+
+
+def _sides(
+    layout: Layout, index: NDArray[np.intp], payloads: list[Any], kind: str, open_large: Opener
+) -> dict[str, tuple[Column, Cells]]:
+    """Payloads of one kind, row by row, as columns; a row is null in the columns that aren't its agent's."""
+    sides = [seat.observation if kind == "obs" else seat.action for seat in layout.order]
+    column_rows: dict[str, tuple[Column, list[tuple[Any, list[Any]]]]] = {}
+    # a layout hands equal columns out as one tuple, so identity tells groups apart
+    distinct = {id(side.columns): side.columns for side in sides if side is not None}
+    for columns in distinct.values():
+        if len(distinct) == 1:
+            rows, mine = None, payloads
+        else:
+            members = np.array([s is not None and s.columns is columns for s in sides], np.bool_)
+            rows = np.flatnonzero(members[index])
+            mine = [payloads[row] for row in rows.tolist()]
+        for place, column in enumerate(columns):
+            parts = mine if len(columns) == 1 else [None if p is None else p[place] for p in mine]
+            column_rows.setdefault(column.name, (column, []))[1].append((rows, parts))
+    return {
+        name: (column, _cells(column, parts, len(payloads), open_large))
+        for name, (column, parts) in column_rows.items()
+    }
+
+
+def _cells(column: Column, parts: list[tuple[Any, list[Any]]], count: int, open_large: Opener) -> Cells:
+    if len(parts) == 1 and parts[0][0] is None:
+        return _column(column, parts[0][1], open_large)
+    if column.leaf.kind in ("text", "json"):
+        texts: Texts = [None] * count
+        for rows, payloads in parts:
+            for row, payload in zip(rows.tolist(), payloads, strict=True):
+                texts[row] = payload
+        return Text(texts)
+    size = element_bytes(column)
+    values, valid = np.zeros((count, size), np.uint8), np.zeros(count, np.bool_)
+    for rows, payloads in parts:
+        raw = _column(column, payloads, open_large)
+        assert isinstance(raw, Raw)  # for the type checker: text and json are done above
+        values[rows], valid[rows] = raw.values, raw.valid
+    return Raw(values, valid)
+
+
+def _column(column: Column, payloads: list[Any], open_large: Opener) -> Cells:
+    kind = column.leaf.kind
+    if kind in ("text", "json"):
+        return Text(payloads)
+    if kind == "int":
+        return _numbers(payloads, np.int64)
+    size = element_bytes(column)
+    missing = payloads.count(None)
+    valid = np.ones(len(payloads), np.bool_)
+    if missing:
+        valid = np.fromiter((p is not None for p in payloads), np.bool_, len(payloads))
+    if size >= LARGE_BYTES:
+        return Raw(_large(payloads, size, open_large), valid)
+    if missing:
+        blank = bytes(size)
+        payloads = [blank if p is None else p for p in payloads]
+    return Raw(np.frombuffer(b"".join(payloads), np.uint8).reshape(len(payloads), size), valid)
+
+
+def _large(payloads: list[Any], size: int, open_large: Opener) -> Bytes2:
+    values = np.zeros((len(payloads), size), np.uint8)
+    for row, payload in zip(values, payloads, strict=True):
+        if payload.__class__ is Place:
+            open_large(payload, row)
+        elif payload is not None:
+            row[:] = np.frombuffer(payload, np.uint8)
+    return values
+
+
+def element_bytes(column: Column) -> int:
+    """The size of one element of a fixed-size column, in bytes."""
+    if column.leaf.kind == "int":
+        return 8
+    count = 1
+    for length in column.leaf.shape:
+        count *= length
+    return count * np.dtype(column.leaf.dtype).itemsize

@@ -1,0 +1,190 @@
+"""Digests of rows, episodes and runs: what was recorded, as one number that another reader can get too.
+
+A row's canonical bytes are: the digest of its layout (the fields that are present, each with its
+tag, little-endian dtype and shape, as canonical JSON), then the fields' C bytes in that order. Texts,
+masks' contents and agents' names stand in it by their blake2b-128, an observation of `LARGE_BYTES`
+or more by its blake3. NaN is one NaN, -0.0 is kept.
+
+Source: RFC 7693 (BLAKE2); O'Connor et al. 2020 (BLAKE3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from hashlib import blake2b
+from typing import Any, Final
+
+import numpy as np
+from blake3 import blake3
+from numpy.typing import NDArray
+
+from gamekeeper.core.block import Block, Bytes2, Cells, Raw, Text
+from gamekeeper.core.canon import to_json
+from gamekeeper.core.layout import LARGE_BYTES
+
+SIZE: Final = 16  # bytes of a row's digest
+_ALL: Final = slice(None)
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One field of a row's canonical bytes: `values` [rows, bytes], where `valid` [rows]."""
+
+    tag: str
+    dtype: str
+    shape: tuple[int, ...]
+    values: Bytes2
+    valid: NDArray[np.bool_] | None = None
+
+
+def row_digests(block: Block) -> Bytes2:
+    """The digest of every row of `block`, [rows, 16]."""
+    return digest_fields(list(_fields(block)), len(block))
+
+
+def digest_fields(fields: list[Field], count: int) -> Bytes2:
+    """The digest of each of `count` rows made of `fields`, [rows, 16]; absent fields leave no bytes."""
+    out = np.empty((count, SIZE), np.uint8)
+    sometimes = [f for f in fields if f.valid is not None and not f.valid.all()]
+    if not sometimes or not count:
+        out[_ALL] = _hash_rows(fields, _ALL, count)
+        return out
+    code = np.packbits(np.stack([f.valid for f in sometimes if f.valid is not None]), axis=0)
+    _, first, pattern = np.unique(code, axis=1, return_index=True, return_inverse=True)
+    for number, row in enumerate(first.tolist()):
+        rows = np.flatnonzero(pattern.reshape(-1) == number)
+        present = [f for f in fields if f.valid is None or f.valid[row]]
+        out[rows] = _hash_rows(present, rows, len(rows))
+    return out
+
+
+def _hash_rows(fields: list[Field], rows: Any, count: int) -> Bytes2:
+    layout = to_json([[f.tag, f.dtype, list(f.shape)] for f in fields])
+    head = np.frombuffer(blake2b(layout.encode(), digest_size=SIZE).digest(), np.uint8)
+    table = np.concatenate(
+        [np.broadcast_to(head, (count, SIZE)), *(f.values[rows] for f in fields)], axis=1
+    )
+    size, raw, h = table.shape[1], table.tobytes(), blake2b
+    digests = [h(raw[at : at + size], digest_size=SIZE).digest() for at in range(0, size * count, size)]
+    return np.frombuffer(b"".join(digests), np.uint8).reshape(count, SIZE)
+
+
+def _fields(block: Block) -> Iterator[Field]:
+    count = len(block)
+    yield Field("turn", "<i4", (), block.turn.view(np.uint8).reshape(count, 4))
+    yield Field("agent", "text", (), _names(block.agent))
+    yield Field("order", "<i2", (), block.order.values, block.order.valid)
+    for column, cells in sorted(block.values.values(), key=lambda each: each[0].tag):
+        leaf = column.leaf
+        yield cells_digest_field(column.tag, leaf.dtype, leaf.shape, cells)
+    yield from _masks(block.mask)
+    yield Field("received", "<f8", (), _one_nan(block.received.values, "<f8"), block.received.valid)
+    yield Field("terminated", "|b1", (), block.terminated.values, block.terminated.valid)
+    yield Field("truncated", "|b1", (), block.truncated.values, block.truncated.valid)
+    yield Field("reward", "<f8", (), _one_nan(block.reward.values, "<f8"), block.reward.valid)
+    for term, raw in sorted(block.terms.items()):
+        yield Field(f"reward.{term}", "<f8", (), _one_nan(raw.values, "<f8"), raw.valid)
+    yield Field("live", "|b1", (), block.live.view(np.uint8).reshape(count, 1))
+    yield cells_digest_field("raised", "", (), Text(block.raised))
+    yield cells_digest_field("odd", "", (), Text(block.odd))
+
+
+def cells_digest_field(tag: str, dtype: str, shape: tuple[int, ...], cells: Cells) -> Field:
+    """One value column as a field of the rows' canonical bytes."""
+    if isinstance(cells, Text):
+        return Field(tag, "text", (), *_texts(cells.values))
+    values = cells.values
+    if values.shape[1] >= LARGE_BYTES:
+        return Field(tag, f"blake3 {dtype}", shape, _large(cells), cells.valid)
+    return Field(tag, dtype, shape, _one_nan(values, dtype), cells.valid)
+
+
+def _large(cells: Raw) -> Bytes2:
+    digests = [blake3(row).digest() if ok else bytes(32) for row, ok in zip(cells.values, cells.valid, strict=True)]
+    return np.frombuffer(b"".join(digests), np.uint8).reshape(len(digests), 32)
+
+
+def _one_nan(values: Bytes2, dtype: str) -> Bytes2:
+    """`values` with every NaN as the one that numpy makes; the same array where there is none."""
+    if not dtype.startswith("<f") or not values.size:
+        return values
+    floats = np.ascontiguousarray(values).view(dtype)
+    missing = np.isnan(floats)
+    if not missing.any():
+        return values
+    floats = floats.copy()
+    floats[missing] = np.nan
+    return floats.view(np.uint8).reshape(values.shape)
+
+
+def _names(names: list[str]) -> Bytes2:
+    known = {name: blake2b(name.encode(errors="surrogatepass"), digest_size=SIZE).digest() for name in set(names)}
+    return np.frombuffer(b"".join([known[name] for name in names]), np.uint8).reshape(-1, SIZE)
+
+
+def _texts(texts: list[str | None]) -> tuple[Bytes2, NDArray[np.bool_]]:
+    count = len(texts)
+    if texts.count(None) == count:
+        return np.zeros((count, SIZE), np.uint8), np.zeros(count, np.bool_)
+    valid = np.fromiter((text is not None for text in texts), np.bool_, count)
+    return _names([text or "" for text in texts]), valid
+
+
+def _masks(masks: list[bytes | None]) -> Iterator[Field]:
+    """A field for each length of mask, so that the layout tells it."""
+    count = len(masks)
+    if masks.count(None) == count:
+        return
+    lengths = np.fromiter((-1 if mask is None else len(mask) for mask in masks), np.int64, count)
+    for length in sorted(set(lengths.tolist()) - {-1}):
+        valid = lengths == length
+        blank = bytes(length)
+        values = b"".join([mask if mask is not None and len(mask) == length else blank for mask in masks])
+        yield Field("mask", "|u1", (length,), np.frombuffer(values, np.uint8).reshape(count, length), valid)
+
+
+@dataclass(slots=True)
+class EpisodeDigest:
+    """The running digest of one episode: its header, its rows, its states, and apart its infos."""
+
+    header: str
+    _rows: Any = field(default_factory=lambda: blake2b(digest_size=32))
+    _states: Any = field(default_factory=lambda: blake2b(digest_size=32))
+    _infos: Any = field(default_factory=lambda: blake2b(digest_size=32))
+
+    def add_rows(self, digests: Bytes2) -> None:
+        """Takes the digests of rows that follow those taken before, [rows, 16]."""
+        self._rows.update(np.ascontiguousarray(digests))
+
+    def add_states(self, digests: Bytes2) -> None:
+        """Takes the digests of states that follow those taken before, [turns, 16]."""
+        self._states.update(np.ascontiguousarray(digests))
+
+    def add_info(self, turn: int, agent: str, info: str) -> None:
+        """Takes one info, canonical JSON, its volatile fields left out."""
+        self._infos.update(f"{turn}\0{agent}\0{info}\n".encode(errors="surrogatepass"))
+
+    @property
+    def fingerprint(self) -> str:
+        """Covers header, rows and states; 64 hexadecimal digits."""
+        parts = self.header.encode(), self._rows.digest(), self._states.digest()
+        return blake2b(b"\0".join(parts), digest_size=32).hexdigest()
+
+    @property
+    def info_fingerprint(self) -> str:
+        """Covers the infos; 64 hexadecimal digits."""
+        return str(self._infos.hexdigest())
+
+
+def episode_header(*, seed: int | None, options: str | None) -> str:
+    """What an episode's reset was told, as canonical JSON; `options` is canonical JSON already."""
+    return to_json({"options": options, "seed": seed})
+
+
+def run_fingerprint(environment: Mapping[str, object], spaces: Mapping[str, object], episodes: Iterable[str]) -> str:
+    """The digest of a run: environment, spaces, its episodes in order; 64 hexadecimal digits."""
+    whole = blake2b(to_json({"environment": environment, "spaces": spaces}).encode(), digest_size=32)
+    for fingerprint in episodes:
+        whole.update(bytes.fromhex(fingerprint))
+    return whole.hexdigest()

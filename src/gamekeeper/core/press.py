@@ -1,0 +1,165 @@
+"""The press: reels off a tape become record batches, and running digests of episodes."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+
+from gamekeeper.core.arrow import cells_field, steps_batch
+from gamekeeper.core.block import Block, Cells, Opener, Text, block_of, state_cells
+from gamekeeper.core.canon import drop, from_json, to_json
+from gamekeeper.core.digest import EpisodeDigest, Field, cells_digest_field, digest_fields, episode_header, row_digests
+from gamekeeper.core.layout import Column, Layout
+from gamekeeper.core.tape import TURN, EpisodeEnd, EpisodeStart, Reel
+
+LEVELS: Final = ("full", "digest")
+EPISODES: Final = pa.schema(
+    [
+        ("episode", pa.int32()),
+        ("task", pa.string()),
+        ("seed", pa.int64()),
+        ("since", pa.int32()),
+        ("options", pa.string()),
+        ("policies", pa.string()),
+        ("turns", pa.int32()),
+        ("end", pa.string()),
+        ("error", pa.string()),
+        ("endings", pa.string()),
+        ("action_types", pa.string()),
+        ("fingerprint", pa.string()),
+        ("info_fingerprint", pa.string()),
+    ]
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Pressed:
+    """Record batches of one reel, in the order in which they are to be written; None where empty."""
+
+    starts: pa.RecordBatch | None
+    steps: pa.RecordBatch | None
+    states: pa.RecordBatch | None
+    timings: pa.RecordBatch | None
+    ends: pa.RecordBatch | None
+
+    def in_order(self) -> Iterator[tuple[str, pa.RecordBatch]]:
+        """The streams and batches there are, so that no row is written before what it hangs on."""
+        streams = ("episodes", self.starts), ("steps", self.steps), ("states", self.states)
+        for name, batch in (*streams, ("timings", self.timings), ("episodes", self.ends)):
+            if batch is not None:
+                yield name, batch
+
+
+@dataclass(slots=True)
+class Press:
+    """Turns reels into record batches, one after the other.
+
+    `level` "digest" writes the digests of rows in place of their observations. `volatile` names the
+    info fields that stay out of the info fingerprint.
+    """
+
+    layout: Layout
+    open_large: Opener
+    level: str = "full"
+    volatile: Collection[str] = ()
+    _open: dict[int, EpisodeDigest] = field(default_factory=dict)
+
+    def press(self, reel: Reel) -> Pressed:
+        """The batches of `reel`."""
+        for start in reel.starts:
+            header = episode_header(seed=start.seed, options=start.options)
+            self._open[start.episode] = EpisodeDigest(header)
+        steps = states = timings = None
+        if reel.given:
+            block = block_of(reel, self.layout, open_large=self.open_large)
+            digests = row_digests(block)
+            self._take_rows(block, digests)
+            steps = steps_batch(block, digests=digests if self.level == "digest" else None)
+        if reel.turns:
+            timings = _timings(reel)
+            states = self._states(reel)
+        return Pressed(_starts(reel.starts), steps, states, timings, self._ends(reel.ends))
+
+    def _take_rows(self, block: Block, digests: Any) -> None:
+        bounds = np.flatnonzero(np.diff(block.episode)) + 1
+        for first, last in zip([0, *bounds.tolist()], [*bounds.tolist(), len(block)], strict=True):
+            self._open[int(block.episode[first])].add_rows(digests[first:last])
+        if block.info.count(None) == len(block.info):
+            return
+        add_infos(self._open, block, self.volatile)
+
+    def _states(self, reel: Reel) -> pa.RecordBatch | None:
+        payloads, odd = reel.turns[4::TURN], reel.turns[5::TURN]
+        if payloads.count(None) == len(payloads) and odd.count(None) == len(odd):
+            return None
+        episode = np.array(reel.turns[0::TURN], np.int32)
+        turn = np.array(reel.turns[1::TURN], np.int32)
+        cells = state_cells(self.layout, payloads)
+        digests = state_digests(turn, cells, odd)
+        for number in sorted(set(episode.tolist())):
+            self._open[number].add_states(digests[episode == number])
+        fields = [cells_field(column, values) for column, values in cells]
+        arrays = [pa.array(episode), pa.array(turn), *(array for _, array in fields), pa.array(odd, pa.string())]
+        schema = [("episode", pa.int32()), ("turn", pa.int32()), *(f for f, _ in fields), ("odd", pa.string())]
+        return pa.RecordBatch.from_arrays(arrays, schema=pa.schema([pa.field(*f) if isinstance(f, tuple) else f for f in schema]))
+
+    def _ends(self, ends: list[EpisodeEnd]) -> pa.RecordBatch | None:
+        rows = []
+        for end in ends:
+            digest = self._open.pop(end.episode)
+            rows.append(
+                {
+                    "episode": end.episode,
+                    "turns": end.turns,
+                    "end": end.end,
+                    "error": end.error,
+                    "endings": end.endings,
+                    "action_types": end.action_types,
+                    "fingerprint": digest.fingerprint,
+                    "info_fingerprint": digest.info_fingerprint,
+                }
+            )
+        return pa.RecordBatch.from_pylist(rows, schema=EPISODES) if rows else None
+
+
+def add_infos(episodes: dict[int, EpisodeDigest], block: Block, volatile: Collection[str]) -> None:
+    """Adds the infos of `block` to the info digests of their episodes."""
+    numbers, turns = block.episode.tolist(), block.turn.tolist()
+    for row, info in enumerate(block.info):
+        if info is not None:
+            text = _without(info, volatile) if volatile else info
+            episodes[numbers[row]].add_info(turns[row], block.agent[row], text)
+
+
+def state_digests(turn: Any, cells: list[tuple[Column, Cells]], odd: list[Any]) -> Any:
+    """The digest of the state at every turn, [turns, 16]."""
+    fields = [Field("turn", "<i4", (), turn.view(np.uint8).reshape(len(turn), 4))]
+    fields += [cells_digest_field(column.tag, column.leaf.dtype, column.leaf.shape, values) for column, values in cells]
+    fields.append(cells_digest_field("odd", "", (), Text(odd)))
+    return digest_fields(fields, len(turn))
+
+
+def _without(info: str, volatile: Collection[str]) -> str:
+    value = from_json(info)
+    return to_json(drop(value, volatile)) if isinstance(value, dict) else info
+
+
+def _starts(starts: list[EpisodeStart]) -> pa.RecordBatch | None:
+    names = ("episode", "task", "seed", "since", "options", "policies")
+    rows = [{name: getattr(start, name) for name in names} for start in starts]
+    return pa.RecordBatch.from_pylist(rows, schema=EPISODES) if rows else None
+
+
+def _timings(reel: Reel) -> pa.RecordBatch | None:
+    wall_ns = reel.turns[3::TURN]
+    crossed = [place for place, wall in enumerate(wall_ns) if wall is not None]
+    if not crossed:
+        return None
+    columns = reel.turns[0::TURN], reel.turns[1::TURN], wall_ns
+    kinds = pa.int32(), pa.int32(), pa.int64()
+    arrays = [pa.array([c[place] for place in crossed], kind) for c, kind in zip(columns, kinds, strict=True)]
+    return pa.RecordBatch.from_arrays(arrays, ["episode", "turn", "wall_ns"])

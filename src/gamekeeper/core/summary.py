@@ -1,0 +1,205 @@
+"""What a run comes to, agent by agent: never one averaged number."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+if TYPE_CHECKING:
+    from gamekeeper.core.evidence import Evidence
+
+
+@dataclass(frozen=True, slots=True)
+class AgentSummary:
+    """One agent over all episodes of a run.
+
+    Attributes:
+        return_mean: mean over its episodes of the sum of its rewards.
+        length_mean: mean over its episodes of the number of its actions.
+        share: its part of the team's return; None where signs mix or the sum is 0.
+        idle: part of its actions that are the declared noop; None where none is declared.
+        endings: how often it ended for each reason.
+    """
+
+    return_mean: float
+    length_mean: float
+    share: float | None
+    idle: float | None
+    endings: Mapping[str, int]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "return_mean": self.return_mean,
+            "length_mean": self.length_mean,
+            "share": self.share,
+            "idle": self.idle,
+            "endings": dict(self.endings),
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """Episodes, turns, actions and seconds of a run, and each agent's part."""
+
+    episodes: int
+    turns: int
+    agent_steps: int
+    seconds: float
+    agents: Mapping[str, AgentSummary]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data, as the `record` document has it."""
+        return {
+            "episodes": self.episodes,
+            "turns": self.turns,
+            "agent_steps": self.agent_steps,
+            "seconds": self.seconds,
+            "agents": {name: agent.to_json() for name, agent in self.agents.items()},
+        }
+
+    def rows(self) -> list[list[str]]:
+        """A heading and a row for each agent, as texts."""
+        head = ["agent", "return", "length", "share", "idle", "endings"]
+        return [head, *([name, *_texts(agent)] for name, agent in self.agents.items())]
+
+    def __str__(self) -> str:
+        rows = self.rows()
+        widths = [max(len(row[place]) for row in rows) for place in range(len(rows[0]))]
+        return "\n".join(
+            "  ".join(
+                text.ljust(width) if place in (0, 5) else text.rjust(width)
+                for place, (text, width) in enumerate(zip(row, widths, strict=True))
+            ).rstrip()
+            for row in rows
+        )
+
+    def to_html(self) -> str:
+        """A table for notebooks."""
+        head, *rows = self.rows()
+        heading = "".join(f"<th>{escape(text)}</th>" for text in head)
+        body = "".join(
+            "<tr>" + "".join(f"<td>{escape(text)}</td>" for text in row) + "</tr>" for row in rows
+        )
+        return f"<table><thead><tr>{heading}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def summarise(evidence: Evidence) -> Summary:
+    """The summary of a run."""
+    names = _agents(evidence)
+    returns = _by_agent(evidence.steps, "reward", "sum")
+    acted = evidence.steps.filter(pc.is_valid(evidence.steps["order"]))
+    ended = pc.or_(pc.fill_null(acted["terminated"], False), pc.fill_null(acted["truncated"], False))
+    acted = acted.filter(pc.invert(ended))
+    counts = _by_agent(acted, "order", "count")
+    shares = _shares({name: returns.get(name, (0.0, 1))[0] for name in names})
+    idle = _idle(evidence, acted)
+    endings = _endings(evidence)
+    agents = {}
+    for name in names:
+        total, episodes = returns.get(name, (0.0, 1))
+        agents[name] = AgentSummary(
+            return_mean=total / max(episodes, 1),
+            length_mean=counts.get(name, (0, 1))[0] / max(episodes, 1),
+            share=shares[name],
+            idle=idle.get(name),
+            endings=endings.get(name, {}),
+        )
+    turns = evidence.episodes["turns"]
+    nanoseconds = 0 if evidence.timings is None else pc.sum(evidence.timings["wall_ns"]).as_py() or 0
+    return Summary(
+        episodes=evidence.episodes.num_rows,
+        turns=pc.sum(turns).as_py() or 0,
+        agent_steps=acted.num_rows,
+        seconds=nanoseconds / 1e9,
+        agents=agents,
+    )
+
+
+def _agents(evidence: Evidence) -> list[str]:
+    """The agents that have rows, in the order in which the run seated them."""
+    present = set(pc.unique(evidence.steps["agent"]).to_pylist())
+    return [name for name in evidence.manifest.get("agents", []) if name in present]
+
+
+def _by_agent(table: pa.Table, column: str, how: str) -> dict[str, tuple[Any, int]]:
+    """An aggregate of `column` by agent, and in how many episodes the agent stands."""
+    grouped = table.select(["agent", "episode", column]).group_by("agent")
+    result = grouped.aggregate([(column, how), ("episode", "count_distinct")]).to_pydict()
+    parts = result[f"{column}_{how}"], result["episode_count_distinct"]
+    return {
+        agent: (value or 0, episodes)
+        for agent, value, episodes in zip(result["agent"], *parts, strict=True)
+    }
+
+
+def _shares(returns: Mapping[str, float]) -> dict[str, float | None]:
+    total = sum(returns.values())
+    same_sign = all(value >= 0 for value in returns.values()) or all(value <= 0 for value in returns.values())
+    if not same_sign or not total or not np.isfinite(total):
+        return dict.fromkeys(returns)
+    return {name: value / total for name, value in returns.items()}
+
+
+def _idle(evidence: Evidence, acted: pa.Table) -> dict[str, float]:
+    """The part of noops, for agents whose role declares one and whose actions are whole numbers."""
+    idle: dict[str, float] = {}
+    if "action" not in acted.schema.names and not any(n.startswith("action@") for n in acted.schema.names):
+        return idle
+    for name in pc.unique(acted["agent"]).to_pylist():
+        noop = evidence.contract.noop_of(name)
+        column = _action_column(acted, name)
+        if isinstance(noop, int) and column is not None:
+            rows = acted.filter(pc.equal(acted["agent"], name))
+            idle[name] = pc.sum(pc.equal(rows[column], noop)).as_py() / rows.num_rows if rows.num_rows else 0.0
+    return idle
+
+
+def _action_column(acted: pa.Table, agent: str) -> str | None:
+    """The column that holds the whole-number actions of `agent`."""
+    rows = acted.filter(pc.equal(acted["agent"], agent))
+    for name in acted.schema.names:
+        if name.split("@")[0] == "action" and pa.types.is_integer(acted.schema.field(name).type):
+            if rows[name].null_count < rows.num_rows:
+                return name
+    return None
+
+
+def _endings(evidence: Evidence) -> dict[str, dict[str, int]]:
+    """How the episodes of each agent ended: its reason, else its flag, else how the episode did."""
+    steps = evidence.steps.select(["episode", "agent", "terminated", "truncated"])
+    flags = steps.group_by(["episode", "agent"]).aggregate([("terminated", "max"), ("truncated", "max")])
+    reasons = {
+        row["episode"]: (json.loads(row["endings"]) if row["endings"] else {}, row["end"] or "cut")
+        for row in evidence.episodes.select(["episode", "endings", "end"]).to_pylist()
+    }
+    found: dict[str, Counter[str]] = {}
+    for row in flags.to_pylist():
+        named, end = reasons.get(row["episode"], ({}, "cut"))
+        reason = named.get(row["agent"]) or _flag(row) or ("left" if end == "ended" else end)
+        found.setdefault(row["agent"], Counter())[reason] += 1
+    return {agent: dict(sorted(counter.items())) for agent, counter in found.items()}
+
+
+def _flag(row: Mapping[str, Any]) -> str | None:
+    if row["terminated_max"]:
+        return "terminated"
+    return "truncated" if row["truncated_max"] else None
+
+
+def _texts(agent: AgentSummary) -> list[str]:
+    return [
+        f"{agent.return_mean:.3f}",
+        f"{agent.length_mean:.1f}",
+        "-" if agent.share is None else f"{agent.share:.0%}",
+        "-" if agent.idle is None else f"{agent.idle:.0%}",
+        ", ".join(f"{reason} {count}" for reason, count in agent.endings.items()),
+    ]

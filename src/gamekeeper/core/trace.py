@@ -1,0 +1,312 @@
+"""Traces: one episode as columns, and turns as read-only views of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import groupby
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from gamekeeper.core.arrow import TERM, block_of_table, cells_of, value_columns
+from gamekeeper.core.block import Cells, Raw
+from gamekeeper.core.canon import from_json
+from gamekeeper.core.digest import SIZE, row_digests
+from gamekeeper.core.layout import Column
+from gamekeeper.core.space import Codec
+
+AgentName = str
+MASK = "action_mask"
+
+
+@dataclass(frozen=True, slots=True)
+class Spaces:
+    """The codecs of one agent, from the spaces that its evidence names."""
+
+    observation: Codec | None
+    action: Codec | None
+
+
+@dataclass(frozen=True)
+class Turn:
+    """One turn of a trace: what agents were given, what they did, what that crossing paid them.
+
+    Every mapping is by agent and holds only those that have such a value at this turn. `order` names
+    those who acted, in their order; `live` those in the roster at the turn's start; `ended` those
+    whose flags say terminated or truncated at the turn's start.
+    """
+
+    index: int
+    agents: tuple[AgentName, ...]
+    order: tuple[AgentName, ...]
+    live: frozenset[AgentName]
+    ended: frozenset[AgentName]
+    received: Mapping[AgentName, float]
+    terminated: Mapping[AgentName, bool]
+    truncated: Mapping[AgentName, bool]
+    rewards: Mapping[AgentName, float]
+    raised: Mapping[AgentName, str]
+    _trace: Trace
+    _rows: range
+
+    @cached_property
+    def observations(self) -> Mapping[AgentName, Any]:
+        """What each agent observed, with the dtype and shape of its space; what didn't conform, as it was."""
+        return self._trace._values(self._rows, "obs")
+
+    @cached_property
+    def actions(self) -> Mapping[AgentName, Any]:
+        """What each agent did."""
+        return self._trace._values(self._rows, "action")
+
+    @cached_property
+    def infos(self) -> Mapping[AgentName, Any]:
+        """The info that each agent was given; an empty dictionary where it was empty."""
+        return self._trace._infos(self._rows)
+
+    @cached_property
+    def masks(self) -> Mapping[AgentName, Any]:
+        """The action mask that each agent was given, wherever it stood."""
+        return self._trace._masks(self)
+
+    @cached_property
+    def terms(self) -> Mapping[AgentName, Mapping[str, float]]:
+        """What the crossing paid each agent, by reward term."""
+        return self._trace._terms(self._rows)
+
+    @property
+    def odd(self) -> Mapping[AgentName, Mapping[str, Any]]:
+        """What didn't conform, by agent and field: its type's name and the value as it was."""
+        return self._trace._odd(self._rows)
+
+    @cached_property
+    def digests(self) -> tuple[bytes, ...]:
+        """The digest of each row, as stored or computed from the row."""
+        digests = self._trace._cached("digests", lambda: digests_of(self._trace.steps))
+        return tuple(digests[row].tobytes() for row in self._rows)
+
+    @property
+    def state(self) -> Any:
+        """The environment's `state()` at the turn's start; None where it has none."""
+        return self._trace.state(self.index)
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One episode: its header and its columns.
+
+    Attributes:
+        episode: its number in the run.
+        header: seed, since, options, policies, turns, end, error, endings, fingerprint.
+        steps: the rows of the `steps` table, in the order turn, order, agent.
+        states: the rows of the `states` table, or None.
+        spaces: the codecs of each agent.
+        state_codec: the codec of `state()`, where it was recorded.
+        base: the run and episode of which this trace is a twin, if it is one.
+        change: the one thing done differently in a twin.
+    """
+
+    episode: int
+    header: Mapping[str, Any]
+    steps: pa.Table
+    states: pa.Table | None
+    spaces: Mapping[AgentName, Spaces]
+    state_codec: Codec | None = None
+    base: str | None = None
+    change: Mapping[str, Any] | None = None
+    _cache: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
+
+    @property
+    def seed(self) -> int | None:
+        """The seed of its reset; None where it ran on from the last seeded one."""
+        return self.header.get("seed")
+
+    @property
+    def options(self) -> Any:
+        """The options of its reset."""
+        text = self.header.get("options")
+        return None if text is None else from_json(text)
+
+    @property
+    def endings(self) -> Mapping[AgentName, str]:
+        """Reasons of endings by agent, where the environment's rules name them."""
+        text = self.header.get("endings")
+        return {} if text is None else json.loads(text)
+
+    @cached_property
+    def action_types(self) -> Mapping[AgentName, str]:
+        """Of what type each agent's whole-number actions were: `int`, `numpy.int64`."""
+        text = self.header.get("action_types")
+        return {} if text is None else json.loads(text)
+
+    def at(self, turn: Turn | int, agent: AgentName | None = None, field: str = "") -> str:
+        """A place in this trace, as findings and errors name it."""
+        number = turn.index if isinstance(turn, Turn) else turn
+        key = f"{field}[{agent!r}]" if agent is not None else field
+        return ", ".join(part for part in (f"episode {self.episode}", f"turn {number}", key) if part)
+
+    def __len__(self) -> int:
+        turns = self._list("turn")
+        return turns[-1] + 1 if turns else 0
+
+    @property
+    def turns(self) -> Iterator[Turn]:
+        """The turns in their order; the last one may hold closing rows only, given but not acted on."""
+        numbers = self._list("turn")
+        for number, group in groupby(range(len(numbers)), key=numbers.__getitem__):
+            rows = list(group)
+            yield self._turn(number, range(rows[0], rows[-1] + 1))
+
+    def _turn(self, number: int, rows: range) -> Turn:
+        names = self._list("agent")
+        order, live = self._list("order"), self._list("live")
+        flags = {name: self._pick(rows, name) for name in ("terminated", "truncated")}
+        acted = sorted((order[row], names[row]) for row in rows if order[row] is not None)
+        ended = {agent for each in flags.values() for agent, flag in each.items() if flag}
+        return Turn(
+            index=number,
+            agents=tuple(names[row] for row in rows),
+            order=tuple(name for _, name in acted),
+            live=frozenset(names[row] for row in rows if live[row]),
+            ended=frozenset(ended),
+            received=self._pick(rows, "received"),
+            rewards=self._pick(rows, "reward"),
+            raised=self._pick(rows, "raised"),
+            _trace=self,
+            _rows=rows,
+            **flags,
+        )
+
+    def state(self, turn: int) -> Any:
+        """The environment's `state()` at the start of `turn`; None where there is none."""
+        if self.states is None:
+            return None
+        rows = self._cached("state rows", lambda: _index(self.states["turn"].to_pylist()))  # type: ignore[index]
+        row = rows.get(turn)
+        if row is None:
+            return None
+        cells = self._cached("state cells", lambda: _cells(self.states, "state"))
+        return _value(self.state_codec, cells, row)
+
+    # -- columns, decoded once and only when somebody looks
+
+    def _cached(self, name: str, make: Any) -> Any:
+        if name not in self._cache:
+            self._cache[name] = make()
+        return self._cache[name]
+
+    def _list(self, name: str) -> list[Any]:
+        return self._cached(name, lambda: self.steps[name].to_pylist())  # type: ignore[no-any-return]
+
+    def _pick(self, rows: range, name: str) -> Mapping[AgentName, Any]:
+        names, values = self._list("agent"), self._list(name)
+        return MappingProxyType({names[row]: values[row] for row in rows if values[row] is not None})
+
+    def _values(self, rows: range, kind: str) -> Mapping[AgentName, Any]:
+        cells = self._cached(f"cells {kind}", lambda: _cells(self.steps, kind))
+        names, odd = self._list("agent"), self._odd(rows)
+        found = {}
+        for row in rows:
+            name = names[row]
+            spaces = self.spaces.get(name)
+            codec = None if spaces is None else (spaces.observation if kind == "obs" else spaces.action)
+            value = _value(codec, cells, row)
+            if value is not None:
+                found[name] = value
+            elif kind in odd.get(name, {}) and "value" in odd[name][kind]:
+                found[name] = odd[name][kind]["value"]
+        return MappingProxyType(found)
+
+    def _infos(self, rows: range) -> Mapping[AgentName, Any]:
+        names, infos, masks = self._list("agent"), self._list("info"), self._list("mask")
+        received, odd = self._list("received"), self._odd(rows)
+        found = {}
+        for row in rows:
+            name = names[row]
+            if infos[row] is not None:
+                info = from_json(infos[row])
+                if masks[row] is not None and isinstance(info, dict):
+                    info[MASK] = _mask(info[MASK], masks[row])
+                found[name] = info
+            elif "info" in odd.get(name, {}):
+                found[name] = odd[name]["info"].get("value")
+            elif received[row] is not None:
+                found[name] = {}
+        return MappingProxyType(found)
+
+    def _masks(self, turn: Turn) -> Mapping[AgentName, Any]:
+        found = {}
+        for name in turn.agents:
+            for place in (turn.observations.get(name), turn.infos.get(name)):
+                if isinstance(place, dict) and MASK in place:
+                    found.setdefault(name, place[MASK])
+        return MappingProxyType(found)
+
+    def _terms(self, rows: range) -> Mapping[AgentName, Mapping[str, float]]:
+        terms = [name for name in self.steps.schema.names if name.startswith(TERM)]
+        found: dict[str, dict[str, float]] = {}
+        for name in terms:
+            for agent, value in self._pick(rows, name).items():
+                found.setdefault(agent, {})[name[len(TERM) :]] = value
+        return MappingProxyType(found)
+
+    def _odd(self, rows: range) -> Mapping[AgentName, Mapping[str, Any]]:
+        names, odd = self._list("agent"), self._list("odd")
+        return {names[row]: _odd(odd[row]) for row in rows if odd[row] is not None}
+
+
+def digests_of(steps: pa.Table) -> Any:
+    """The digest of every row of a `steps` table, [rows, 16], as stored or computed from the row."""
+    if "digest" in steps.schema.names:
+        return np.frombuffer(b"".join(steps["digest"].to_pylist()), np.uint8).reshape(-1, SIZE)
+    return row_digests(block_of_table(steps))
+
+
+def _cells(table: pa.Table, kind: str) -> list[tuple[Column, Cells]]:
+    return [(column, cells_of(column, table[column.name])) for column in value_columns(table.schema, kind)]
+
+
+def _value(codec: Codec | None, cells: list[tuple[Column, Cells]], row: int) -> Any:
+    """One value from the columns that hold the leaves of `codec`, or None where they are null."""
+    if codec is None:
+        return None
+    payloads = []
+    for leaf in codec.leaves:
+        found = (_payload(column, each, row) for column, each in cells if column.leaf == leaf)
+        payload = next(found, None)
+        if payload is None:
+            return None
+        payloads.append(payload)
+    return codec.unpack(tuple(payloads))
+
+
+def _payload(column: Column, cells: Cells, row: int) -> Any:
+    if not isinstance(cells, Raw):
+        return cells.values[row]
+    if not cells.valid[row]:
+        return None
+    payload = cells.values[row].tobytes()
+    return int.from_bytes(payload, "little", signed=True) if column.leaf.kind == "int" else payload
+
+
+def _mask(text: str, payload: bytes) -> Any:
+    dtype, _, shape = text.partition(" ")
+    return np.frombuffer(payload, dtype).reshape([int(n) for n in shape.split("x") if n]).copy()
+
+
+def _odd(text: str) -> dict[str, Any]:
+    """The odd fields of a row; each has the name of its type, and its value but for what was missing."""
+    fields = json.loads(text)
+    return {
+        name: {key: from_json(json.dumps(part)) if key == "value" else part for key, part in entry.items()}
+        for name, entry in fields.items()
+    }
+
+
+def _index(items: list[Any]) -> dict[Any, int]:
+    return {item: place for place, item in enumerate(items)}

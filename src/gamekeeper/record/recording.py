@@ -1,0 +1,155 @@
+"""Recording: an environment of the user's, or rollouts of ours, into a bundle or into memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from os import PathLike
+from typing import Any, Final
+
+from gamekeeper.core.contract import Contract
+from gamekeeper.core.evidence import Evidence
+from gamekeeper.errors import EnvError, GamekeeperError
+from gamekeeper.game.contract_file import contract_of
+from gamekeeper.game.faces import AECFace, ParallelFace, face_of, game_of
+from gamekeeper.game.open import Opened, open_env
+from gamekeeper.game.policy import assign, policies_json
+from gamekeeper.record.bundle import load
+from gamekeeper.record.recorder import Recorder
+from gamekeeper.run.memory import MemorySink
+from gamekeeper.run.play import play
+
+MOST_TURNS: Final = (
+    100_000  # of an episode, unless told; some environments never end under some play
+)
+
+
+def record(
+    env: Any,
+    path: str | PathLike[str],
+    *,
+    level: str = "full",
+    contract: Contract | str | PathLike[str] | None = None,
+    frames: bool = False,
+    state: bool = True,
+) -> ParallelFace | AECFace:
+    """The same environment, recorded: whoever steps it can't tell.
+
+    Every reset starts an episode; one that is reset or closed in the middle is kept as *cut*. `close`
+    seals the bundle, and so does the end of the process.
+
+    Args:
+        env: a ParallelEnv or AECEnv.
+        path: a folder that doesn't exist yet, or is empty.
+        level: "full", or "digest": digests of rows in place of observations, the same fingerprint.
+        contract: declares reward terms, noops and volatile infos; a path is read.
+        frames: also render() once a turn, into `frames/`.
+        state: also state() once a turn, where the environment has it and it draws no randomness.
+    Raises:
+        BundleError: the folder can't be written, or something is in it.
+    """
+    opened = open_env(env)
+    declared = contract_of(contract)
+    recorder = Recorder(
+        path, environment=opened.identity, contract=declared, level=level, **_declared(declared)
+    )
+    game = game_of(opened.env, sink=recorder, frames=frames, state=state)
+    return face_of(game, on_close=recorder.close)
+
+
+def rollout(
+    spec: object,
+    *,
+    policies: Any = "random",
+    episodes: int = 20,
+    seed: int = 0,
+    out: str | PathLike[str] | None = None,
+    level: str = "full",
+    contract: Contract | str | PathLike[str] | None = None,
+    options: Mapping[str, Any] | None = None,
+    most_turns: int | None = None,
+    frames: bool = False,
+    env_kwargs: Mapping[str, Any] | None = None,
+    after_turn: Callable[[], None] | None = None,
+) -> Evidence:
+    """Plays episodes with policies and returns them as evidence.
+
+    Episode k is reset with `episode_seed(seed, k)`, whatever else is played.
+
+    Args:
+        spec: where the environment comes from; an object is closed at the end.
+        policies: one for all (`random`, `first-legal`, `noop`, `module:callable`, a callable), or a
+            dictionary by agent or role.
+        episodes: how many.
+        seed: of the run.
+        out: the folder of a bundle; None keeps the evidence in memory.
+        most_turns: longer episodes are cut; None: 100,000.
+        after_turn: called after every turn.
+    Raises:
+        EnvError: the environment raised; what was recorded until then is sealed as *failed*.
+        BundleError: the bundle can't be written.
+        PolicyError: a policy can't be found, or gave no action.
+    """
+    opened = open_env(spec, **dict(env_kwargs or {}))
+    declared = contract_of(contract, beside=opened)
+    sink = _sink(opened, out, level=level, contract=declared, run_seed=seed)
+    game = game_of(opened.env, sink=sink, frames=frames)
+    cast = _cast(policies, opened.env, declared)
+    game.policies = policies_json(cast)
+    try:
+        play(
+            game, cast, range(episodes), seed=seed, options=options,
+            most_turns=most_turns or MOST_TURNS, after_turn=after_turn,
+        )  # fmt: skip
+    except GamekeeperError:
+        raise
+    except Exception as error:
+        raise _broken(error, game) from error
+    finally:
+        game.close()
+        if isinstance(sink, Recorder):
+            sink.close()
+    if isinstance(sink, Recorder):
+        return load(sink.path)
+    return sink.evidence(opened.identity, contract=declared, run_seed=seed)
+
+
+def _sink(
+    opened: Opened,
+    out: str | PathLike[str] | None,
+    *,
+    level: str,
+    contract: Contract | None,
+    run_seed: int,
+) -> Recorder | MemorySink:
+    if out is None:
+        return MemorySink(**_declared(contract))
+    return Recorder(
+        out, environment=opened.identity, contract=contract, level=level, run_seed=run_seed,
+        **_declared(contract),
+    )  # fmt: skip
+
+
+def _declared(contract: Contract | None) -> dict[str, Any]:
+    if contract is None:
+        return {}
+    return {"terms": tuple(contract.rewards), "volatile": contract.volatile_infos()}
+
+
+def _cast(policies: Any, env: Any, contract: Contract | None) -> Any:
+    declared = contract or Contract()
+    return assign(
+        policies,
+        possible_agents=list(env.possible_agents),
+        roles=declared.role_of,
+        action_space=env.action_space,
+        noop=declared.noop_of,
+        mask_at=declared.mask_of,
+    )
+
+
+def _broken(error: Exception, game: Any) -> EnvError:
+    return EnvError(
+        f"the environment raised {type(error).__name__}: {error}",
+        where=f"episode {game.episode}, turn {game.turn}",
+        mend="the traceback stands above and in the bundle; the rows up to there were kept",
+    )

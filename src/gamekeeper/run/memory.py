@@ -1,0 +1,87 @@
+"""A sink that keeps evidence in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import pyarrow as pa
+
+from gamekeeper.core.contract import Contract
+from gamekeeper.core.evidence import Evidence, manifest_of
+from gamekeeper.core.layout import Layout
+from gamekeeper.core.merge import merged_episodes, table_of
+from gamekeeper.core.press import Press, Pressed
+from gamekeeper.core.tape import TURN, Tape, take
+from gamekeeper.game.ring import Rings
+
+MOST_TURNS: Final = 4096  # on the tape before they become columns
+
+
+@dataclass(slots=True)
+class MemorySink:
+    """Keeps what a game puts on the tape as columns in memory; `evidence` closes the books.
+
+    There is no second thread, so large observations are copied at once.
+    """
+
+    terms: tuple[str, ...] = ()
+    volatile: Collection[str] = ()
+    tape: Tape = field(default_factory=Tape)
+    layout: Layout = field(init=False)
+    rings: Rings | None = None
+    frames: dict[tuple[int, int], Any] = field(default_factory=dict)
+    _press: Press = field(init=False)
+    _batches: dict[str, list[pa.RecordBatch]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.layout = Layout(self.terms)
+        self._press = Press(self.layout, _never, volatile=self.volatile)
+
+    def keep_up(self) -> None:
+        """Turns a long tape into columns."""
+        if len(self.tape.turns) >= MOST_TURNS * TURN:
+            self._drain()
+
+    def frame(self, episode: int, turn: int, frame: Any) -> None:
+        """Keeps a frame as it is."""
+        self.frames[episode, turn] = frame
+
+    def evidence(
+        self,
+        environment: Mapping[str, Any],
+        *,
+        contract: Contract | None = None,
+        run_seed: int | None = None,
+    ) -> Evidence:
+        """The evidence of all episodes that have ended; what was kept is handed over, not copied."""
+        self._drain()
+        batches, self._batches = self._batches, {}
+        episodes = merged_episodes(batches.get("episodes", []))
+        return Evidence(
+            manifest=manifest_of(
+                environment=environment,
+                layout=self.layout,
+                contract=contract,
+                level="full",
+                run_seed=run_seed,
+                episodes=episodes,
+            ),
+            episodes=episodes,
+            steps=table_of(batches.get("steps", [])),
+            states=table_of(batches["states"]) if "states" in batches else None,
+            timings=table_of(batches["timings"]) if "timings" in batches else None,
+        )
+
+    def _drain(self) -> None:
+        while (reel := take(self.tape, most=MOST_TURNS)) is not None:
+            self._keep(self._press.press(reel))
+
+    def _keep(self, pressed: Pressed) -> None:
+        for stream, batch in pressed.in_order():
+            self._batches.setdefault(stream, []).append(batch)
+
+
+def _never(place: int, out: Any) -> None:
+    raise AssertionError("nothing is put aside in memory")
