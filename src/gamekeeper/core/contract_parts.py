@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
+from numbers import Integral, Real
 from typing import Final, TypeAlias
 
 from gamekeeper.core.failure import Failure
@@ -26,7 +27,7 @@ NONE: Final = "none"
 """As a noop or a mask: declared that there is none, which is more than not declared."""
 ONE_OR_MANY: Final = ("agents", "earner", "payee")
 """Fields that hold one name or a list of names."""
-RESERVED: Final = ("all", "agent", "earner", "team")
+RESERVED: Final = ("all", "earner", "team")
 """Words that stand for agents beside the roles, so no role is called so."""
 
 
@@ -186,11 +187,13 @@ def frozen(value: object) -> Plain:
         TypeError: something in it is neither text, number, truth value, list nor table, or a
             number isn't finite or needs more than 64 bits.
     """
-    if isinstance(value, str | bool):
+    if isinstance(value, bool):
         return value
-    if isinstance(value, int) and -(2**63) <= value < 2**63:
+    if isinstance(value, str):
+        return str(value)
+    if isinstance(value, Integral) and -(2**63) <= int(value) < 2**63:
         return int(value)
-    if isinstance(value, float) and math.isfinite(value):
+    if isinstance(value, Real) and not isinstance(value, Integral) and math.isfinite(value):
         return float(value)
     if isinstance(value, list | tuple):
         return tuple(frozen(item) for item in value)

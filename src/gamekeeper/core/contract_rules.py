@@ -70,10 +70,12 @@ def _check_roles(roles: Mapping[str, Role], at: Place) -> None:
         for pattern in patterns(name, role):
             for other, taken in seen:
                 if other != name and overlap(pattern, taken):
-                    raise (at / name / "agents").error(
+                    # The line of the one that says which agents it holds, where one says nothing.
+                    wrong = name if role.agents or not roles[other].agents else other
+                    raise (at / wrong / "agents").error(
                         f"roles {other!r} and {name!r} can both hold an agent",
-                        expected=f"no name that {taken!r} of roles.{other} covers too",
-                        seen=pattern,
+                        expected="patterns that no name fits both of",
+                        seen=f"{taken} and {pattern}",
                         mend="make one pattern narrower, or list its agents by name",
                     )
             seen.append((name, pattern))

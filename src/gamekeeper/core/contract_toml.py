@@ -93,12 +93,10 @@ class _Writer:
     def section(self, name: str, table: object) -> list[str]:
         """The blocks of a section: its own lines, a block for each table in it, what is open."""
         rows = table if isinstance(table, Mapping) else {}
-        inner = [key for key, row in rows.items() if isinstance(row, Mapping)]
-        inner = inner if name in TABLES else []
-        own = [*KEYS[name]] if name not in TABLES else []
-        own += [key for key in rows if key not in inner and key not in own]
-        asked = [path[1] for path in self.asked if path[0] == name and len(path) == 2]
-        own += [key for key in asked if key not in (*own, *inner)]
+        inner = [key for key in rows if name in TABLES and isinstance(rows[key], Mapping)]
+        asked = [path[1] for path in self.asked if path[0] == name and len(path) > 1]
+        known = KEYS[name] if name not in TABLES else ()
+        own = [key for key in dict.fromkeys((*known, *rows, *asked)) if key not in inner]
         blocks = [self.block((name,), own, rows)]
         blocks += [self.block((name, key), KEYS[name], rows[key], always=True) for key in inner]
         return [*blocks, "\n".join(self.comment((name,)))]
@@ -116,8 +114,8 @@ class _Writer:
         for key in keys:
             if key in row:
                 lines.append(f"{key_text(key)} = {value_text(row[key])}")
-            else:
-                lines += self.comment((*path, key))
+            inside = [each for each in self.asked if each[: len(path) + 1] == (*path, key)]
+            lines += [line for each in inside for line in self.comment(each)]
         if path and (lines or always):
             lines.insert(0, f"[{'.'.join(key_text(key) for key in path)}]")
         return "\n".join(lines)
@@ -128,7 +126,8 @@ class _Writer:
         if question is None:
             return []
         answer = question.lines or (f"{key_text(path[-1])} = {question.answer}",)
-        return [f"# {line}" for line in (question.ask, *answer)]
+        ask = f"{question.ask} ({question.hint})" if question.hint else question.ask
+        return [f"# {line}" for line in (ask, *answer)]
 
 
 def key_text(key: str) -> str:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from difflib import get_close_matches
+from reprlib import Repr
 from typing import Final
 
 from gamekeeper.errors import ContractError
@@ -39,8 +40,13 @@ def nearest(word: object, known: Iterable[str]) -> str | None:
 
 
 def shown(value: object) -> str:
-    """The value as text for an error, cut where it is long."""
-    text = str(value).lower() if isinstance(value, bool) else repr(value)
+    """The value as text for an error, cut where it is long, wide or deep."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    short = Repr()
+    short.maxlevel, short.maxlist, short.maxdict = 4, 12, 12
+    short.maxstring = short.maxlong = short.maxother = 2 * SEEN_CHARS
+    text = short.repr(value)
     return text if len(text) <= SEEN_CHARS else text[: SEEN_CHARS - 1] + "…"
 
 

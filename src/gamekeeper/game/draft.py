@@ -1,0 +1,161 @@
+"""Drafts of contracts: what can be seen of an environment without stepping it, and no more."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, Final, TypeAlias
+
+from gymnasium import spaces
+from pettingzoo import AECEnv, ParallelEnv
+
+from gamekeeper.core.agent_spec import AgentSpec, Space, agent_spec
+from gamekeeper.core.contract import Contract, Question, Role
+from gamekeeper.core.contract_parts import RESERVED
+from gamekeeper.core.pattern import exact, matches
+from gamekeeper.core.questions import open_questions
+from gamekeeper.errors import ContractError
+
+__all__ = ["agent_specs", "draft_contract", "draft_questions", "open_questions"]
+
+Env: TypeAlias = AECEnv[Any, Any, Any] | ParallelEnv[Any, Any, Any]
+Kind: TypeAlias = tuple[Space | None, Space | None]
+"""Observation and action space of an agent; None where the environment doesn't tell."""
+
+NUMBERED: Final = re.compile(r"(?:(.*?[^\d_-])([_-]?))?\d+", re.DOTALL)
+"""`picker_0`, `picker-0` and `picker0` are a `picker`; `0` is an `agent`."""
+MASK_KEY: Final = "action_mask"
+"""Where PettingZoo's own environments put the mask into a Dict observation."""
+
+
+def draft_contract(env: Env) -> Contract:
+    """The contract as far as the environment shows it before its first step.
+
+    Seen are name, API, the roster's roles (agents that are numbered alike and have equal spaces),
+    and masks that stand in an observation space. All else stays undeclared: `open_questions`
+    asks for it.
+
+    Args:
+        env: is neither reset nor stepped.
+
+    Raises:
+        ContractError: it is no PettingZoo environment.
+    """
+    name = _metadata(env).get("name")
+    return Contract(
+        name=name if isinstance(name, str) and name.strip() else None,
+        api=_api(env),
+        roles=_roles({str(agent): _kind(env, agent) for agent in _roster(env)}),
+    )
+
+
+def agent_specs(env: Env, contract: Contract) -> tuple[AgentSpec, ...]:
+    """The lines of the agents in the roster, checked against their spaces.
+
+    Raises:
+        ContractError: a declaration doesn't fit the agent's spaces.
+    """
+    kinds = [(agent, _kind(env, agent)) for agent in _roster(env)]
+    return tuple(
+        agent_spec(contract, agent, observation_space=seen, action_space=done)
+        for agent, (seen, done) in kinds
+    )
+
+
+def draft_questions(env: Env, contract: Contract) -> tuple[Question, ...]:
+    """What the contract leaves open, asked with what the environment shows of itself.
+
+    Raises:
+        ContractError: a declaration doesn't fit the agents' spaces.
+    """
+    says = _metadata(env).get("is_parallelizable")
+    return open_questions(
+        contract,
+        agent_specs(env, contract),
+        parallelizable=says if isinstance(says, bool) else None,
+    )
+
+
+def _metadata(env: object) -> Mapping[str, object]:
+    metadata = getattr(env, "metadata", None)
+    return metadata if isinstance(metadata, Mapping) else {}
+
+
+def _api(env: object) -> str:
+    if isinstance(env, ParallelEnv):
+        return "parallel"
+    if isinstance(env, AECEnv):
+        return "aec"
+    raise ContractError(
+        "only a PettingZoo environment has a game form to draft",
+        expected="an AECEnv or a ParallelEnv",
+        seen=f"{type(env).__module__}.{type(env).__qualname__}",
+        mend="hand over the environment that its factory returns",
+    )
+
+
+def _roster(env: Env) -> list[Any]:
+    """The possible agents; none where they are only known after reset."""
+    return list(getattr(env, "possible_agents", ()) or ())
+
+
+def _kind(env: Env, agent: object) -> Kind:
+    return _space(env.observation_space, agent), _space(env.action_space, agent)
+
+
+def _space(ask: Callable[[Any], object], agent: object) -> Space | None:
+    """The space, or None where the environment can't tell before reset."""
+    try:
+        space = ask(agent)
+    except Exception:
+        # Foreign code may raise anything here. What it doesn't tell stays undeclared; the audit,
+        # not the draft, says that it should have told.
+        return None
+    return space if isinstance(space, spaces.Space) else None
+
+
+def _roles(kinds: Mapping[str, Kind]) -> dict[str, Role]:
+    """Roles of agents that are called alike and have equal spaces."""
+    groups: dict[str, list[list[str]]] = {}
+    for agent in kinds:
+        found = NUMBERED.fullmatch(agent)
+        alike = groups.setdefault((found.group(1) or "agent") if found else agent, [])
+        for group in alike:
+            if kinds[group[0]] == kinds[agent]:
+                group.append(agent)
+                break
+        else:
+            alike.append([agent])
+    names = _names(groups)
+    return {
+        name: Role(agents=_patterns(group, kinds), mask=_mask(kinds[group[0]][0]))
+        for name, group in names.items()
+    }
+
+
+def _names(groups: Mapping[str, list[list[str]]]) -> dict[str, list[str]]:
+    """A name for each group: its stem, or the name of its first agent where a stem has several."""
+    named: dict[str, list[str]] = {}
+    for stem, alike in groups.items():
+        for group in alike:
+            name = stem if len(alike) == 1 else group[0]
+            while name in named or name in RESERVED:
+                name += "s"
+            named[name] = group
+    return named
+
+
+def _patterns(group: list[str], roster: Iterable[str]) -> tuple[str, ...]:
+    """One pattern for numbered agents where it covers no other; else their names."""
+    found = NUMBERED.fullmatch(group[0])
+    if found is not None:
+        stem, line = exact(found.group(1) or ""), found.group(2)
+        for pattern in (f"{stem}{line}*",) * bool(line) + (f"{stem}{line or ''}[0-9]*",):
+            if {agent for agent in roster if matches(pattern, agent)} == set(group):
+                return (pattern,)
+    return tuple(exact(agent) for agent in group)
+
+
+def _mask(space: Space | None) -> str | None:
+    seen = isinstance(space, spaces.Dict) and MASK_KEY in space.spaces
+    return f"observation.{MASK_KEY}" if seen else None
