@@ -6,7 +6,7 @@ import functools
 import inspect
 import json
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable, Mapping
 from hashlib import blake2b
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -42,7 +42,10 @@ def identity_of(source: Source, env: Env, kwargs: Mapping[str, Any]) -> dict[str
         "api": api_of(env),
         "kwargs": json.loads(to_json(dict(kwargs))),
         "versions": _versions(source, env),
-        "source_digest": _source_digest(source, env),
+        "source_digest": source_digest(
+            (source.accepts or source.factory, *_class_of(env).__mro__),
+            files=(source.facts["path"],) if "path" in source.facts else (),
+        ),
         **source.facts,
     }
 
@@ -88,22 +91,25 @@ def _versions(source: Source, env: Env) -> dict[str, str]:
     return dict(sorted(versions.items()))
 
 
-def _source_digest(source: Source, env: Env) -> str | None:
-    kind = _class_of(env)
-    files = {path} if (path := source.facts.get("path")) else set()
-    factory: Any = source.accepts or source.factory
-    while isinstance(factory, functools.partial):
-        factory = factory.func
-    parts: tuple[Any, ...] = (factory, *kind.__mro__)
+def source_digest(parts: Iterable[object], *, files: Iterable[str] = ()) -> str | None:
+    """The blake2b of the files that define some callables, and of more files; None without any.
+
+    Where the files lie doesn't count. Of an instance its class counts, of a partial what it calls.
+    """
+    found = set(files)
     for part in parts:
-        module = getattr(part, "__module__", None) or ""
-        if module and not f"{module}.".startswith(_NOT_ITS_OWN):
-            files |= _file_of(part)
-    digests = sorted(d for file in files if (d := _digest(file)) is not None)
+        found |= _file_of(part)
+    digests = sorted(digest for file in found if (digest := _digest(file)) is not None)
     return blake2b(b"".join(digests), digest_size=16).hexdigest() if digests else None
 
 
-def _file_of(part: Callable[..., object]) -> set[str]:
+def _file_of(part: Any) -> set[str]:
+    while isinstance(part, functools.partial):
+        part = part.func
+    if not (inspect.isclass(part) or inspect.isroutine(part)):
+        part = type(part)
+    if f"{getattr(part, '__module__', None)}.".startswith(_NOT_ITS_OWN):
+        return set()
     try:
         found = inspect.getsourcefile(inspect.unwrap(part))
     except (TypeError, OSError):  # builtins and classes typed at a prompt have no file

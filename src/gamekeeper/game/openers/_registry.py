@@ -13,8 +13,8 @@ import pettingzoo
 from gamekeeper import plugins
 from gamekeeper.errors import SpecError
 from gamekeeper.game.construct import nearest
+from gamekeeper.game.load import load_module
 from gamekeeper.game.opened import NotHereError, Source
-from gamekeeper.game.openers.module import load_module
 
 OURS: Final = "gamekeeper"
 """The namespace of our own environments, and the package whose modules register them."""

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable
 from typing import Final
 
+from gamekeeper.game.load import FILE_MODULE
 from gamekeeper.game.opened import Source, api_of
 
 SYNTAX: Final = "a factory callable"
@@ -37,7 +38,7 @@ def _is_importable(spec: object, entry_point: str) -> bool:
     # A script's own functions aren't: importing the script again would run it again, rollouts and
     # all.
     module, _, name = entry_point.partition(":")
-    if module == "__main__" or module.startswith("_gamekeeper_file_"):
+    if module == "__main__" or module.startswith(FILE_MODULE):
         return False
     value: object = sys.modules.get(module)
     for part in name.split("."):

@@ -1,0 +1,237 @@
+"""The cast of a game: which policy plays which agent, and with which random stream."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from gymnasium.spaces import Discrete, Space
+from numpy.random import Generator
+
+from gamekeeper.core.seeds import policy_rng
+from gamekeeper.errors import ActionError, GamekeeperError, PolicyError
+from gamekeeper.game.construct import foreign_traceback, nearest, said_by
+from gamekeeper.game.policy import EVERYONE, Choice, Chosen, Policy, Scheme, resolve
+from gamekeeper.game.seat import Player, Seat, SeatedPolicy, Start
+
+Choices: TypeAlias = "Choice | Mapping[str, Choice] | None"
+"""One policy for everybody, or policies by agent, by role, or under `*` for all others."""
+
+DEFAULT: Final = "random"
+"""Who plays an agent that no choice covers."""
+
+
+def assign(
+    policies: Choices,
+    *,
+    possible_agents: Iterable[Any],
+    action_space: Callable[[Any], Space[Any]],
+    roles: Callable[[Any], str | None] | None = None,
+    role_names: Collection[str] = (),
+    noop: Callable[[Any], Any] | None = None,
+    mask_at: Callable[[Any], str | None] | None = None,
+    schemes: Mapping[str, Scheme] | None = None,
+) -> Cast:
+    """A cast for an environment, settled from a user's choices.
+
+    An agent's own choice goes before its role's, that before `*`; nobody's choice is `random`.
+
+    Args:
+        policies: what the user chose.
+        possible_agents: as the environment names them; none where it can't say before it runs.
+        action_space: an agent's action space; asked once, when the agent is first seen.
+        roles: an agent's role, None where it has none.
+        role_names: further roles that nobody of `possible_agents` has, such as those of late
+            joiners.
+        noop: an agent's declared noop, None where none is declared.
+        mask_at: where an agent's mask stands by its contract, None where the contract doesn't say.
+        schemes: further forms of policies, by the word before their colon.
+
+    Raises:
+        PolicyError: a policy can't be found, a choice is for nobody in the game, or `noop` is to
+            play an agent without a declared noop.
+    """
+    given = (
+        policies
+        if isinstance(policies, Mapping)
+        else {EVERYONE: DEFAULT if policies is None else policies}
+    )
+    chosen = {str(whom): resolve(choice, schemes=schemes) for whom, choice in given.items()}
+    chosen.setdefault(EVERYONE, resolve(DEFAULT))
+    role_of = roles or (lambda agent: None)
+    noop_of = noop or (lambda agent: None)
+    agents = list(possible_agents)
+    if agents:
+        known = {str(agent) for agent in agents} | {role for a in agents if (role := role_of(a))}
+        _check_known(chosen, known | set(role_names))
+    cast = Cast(
+        chosen,
+        action_space=action_space,
+        roles=role_of,
+        noop=noop_of,
+        mask_at=mask_at or (lambda agent: None),
+    )
+    for agent in agents:
+        check = getattr(cast.chosen_for(agent).policy, "check", None)
+        if callable(check):
+            check(agent, role_of(agent), noop_of(agent))
+    return cast
+
+
+def _check_known(chosen: Mapping[str, Chosen], known: Collection[str]) -> None:
+    for whom, choice in chosen.items():
+        if whom != EVERYONE and whom not in known:
+            raise PolicyError(
+                f"a policy is chosen for {whom!r}, which is no agent and no role here"
+                f"{nearest(whom, known)}",
+                where="policies",
+                expected=", ".join(sorted(known)),
+                seen=f"{whom}={choice.name}",
+            )
+
+
+class Cast:
+    """Players for every agent of a game, also for those that join late.
+
+    Who sits where is settled when an agent is first seen, its random stream when it first acts in
+    an episode; neither depends on the order in which agents come.
+    """
+
+    __slots__ = (
+        "_action_space",
+        "_chosen",
+        "_episode",
+        "_mask_at",
+        "_noop",
+        "_playing",
+        "_roles",
+        "_run_seed",
+        "_starts",
+    )
+
+    def __init__(
+        self,
+        chosen: Mapping[str, Chosen],
+        *,
+        action_space: Callable[[Any], Space[Any]],
+        roles: Callable[[Any], str | None],
+        noop: Callable[[Any], Any],
+        mask_at: Callable[[Any], str | None],
+    ) -> None:
+        self._chosen = dict(chosen)
+        self._action_space, self._roles = action_space, roles
+        self._noop, self._mask_at = noop, mask_at
+        self._starts: dict[Any, Start] = {}
+        self._playing: dict[Any, Player] = {}
+        self._run_seed = self._episode = 0
+
+    def begin(self, run_seed: int, episode: int) -> None:
+        """An episode begins: streams are new, and policies that have a `reset` get it called.
+
+        Raises:
+            PolicyError: a policy's `reset` raised.
+        """
+        self._run_seed, self._episode = run_seed, episode
+        self._playing = {}
+        for whom, chosen in self._chosen.items():
+            reset = getattr(chosen.policy, "reset", None)
+            if callable(reset):
+                # A stream of its own: what the policy does with the seed must not repeat an
+                # agent's.
+                seed = int(policy_rng(run_seed, episode, f"reset of {whom}").integers(1 << 31))
+                try:
+                    reset(seed=seed)
+                except Exception as error:
+                    raise _raised(chosen, whom, error) from error
+
+    def act(self, agent: Any, observation: Any, info: Any) -> Any:
+        """The action of a live agent.
+
+        Raises:
+            PolicyError: its policy raised or returned None, or the mask doesn't fit its action
+                space.
+            ActionError: its policy chose outside a Discrete space.
+        """
+        player = self._playing.get(agent)
+        if player is None:
+            player = self._playing[agent] = self._enter(agent)
+        return player(observation, info)
+
+    def chosen_for(self, agent: Any) -> Chosen:
+        """The policy that plays an agent."""
+        for whom in (str(agent), self._roles(agent)):
+            if whom is not None and whom in self._chosen:
+                return self._chosen[whom]
+        return self._chosen[EVERYONE]
+
+    def described(self, agents: Iterable[Any]) -> dict[str, dict[str, str | None]]:
+        """Names and versions of the policies by agent, as evidence keeps them."""
+        found = {str(agent): self.chosen_for(agent) for agent in agents}
+        return {a: {"policy": c.name, "version": c.version} for a, c in found.items()}
+
+    def _enter(self, agent: Any) -> Player:
+        start = self._starts.get(agent)
+        if start is None:
+            start = self._starts[agent] = self._seat(agent)
+        return start(policy_rng(self._run_seed, self._episode, agent))
+
+    def _seat(self, agent: Any) -> Start:
+        chosen = self.chosen_for(agent)
+        seat = Seat(
+            agent,
+            self._action_space(agent),
+            role=self._roles(agent),
+            noop=self._noop(agent),
+            mask=self._mask_at(agent),
+        )
+        if isinstance(chosen.policy, SeatedPolicy):
+            return chosen.policy.seat(seat)
+        return _foreign_seat(seat, chosen, chosen.policy)
+
+
+def _foreign_seat(seat: Seat, chosen: Chosen, policy: Policy) -> Start:
+    agent, space = seat.agent, seat.space
+    first = int(space.start) if isinstance(space, Discrete) else None
+    end = first + int(space.n) if isinstance(space, Discrete) and first is not None else 0
+
+    def start(rng: Generator) -> Player:
+        def play(observation: Any, info: Any) -> Any:
+            try:
+                action = policy(observation, agent, info, rng)
+            except (Exception, SystemExit) as error:
+                raise _raised(chosen, agent, error) from error
+            if action is None:
+                raise _returned(PolicyError, chosen, seat, action)
+            if first is not None:
+                is_number = type(action) is int or isinstance(action, np.integer)
+                if not (first <= action < end if is_number else space.contains(action)):
+                    raise _returned(ActionError, chosen, seat, action)
+            return action
+
+        return play
+
+    return start
+
+
+def _returned(
+    kind: type[GamekeeperError], chosen: Chosen, seat: Seat, action: Any
+) -> GamekeeperError:
+    return kind(
+        f"the policy {chosen.name} returned {action!r:.80} for {seat.agent!r}, which is alive"
+        if action is None
+        else f"the policy {chosen.name} chose {action!r:.80} for {seat.agent!r}",
+        where=str(seat.agent),
+        expected=f"an action of {seat.space}",
+        seen=f"{action!r:.80}",
+        mend="return an action of the agent's space at every call",
+    )
+
+
+def _raised(chosen: Chosen, whom: Any, error: BaseException) -> PolicyError:
+    return PolicyError(
+        f"the policy {chosen.name} raised for {whom!r}: {said_by(error)}",
+        where=str(whom),
+        seen=f"\n{foreign_traceback(error)}",
+        mend="mend the policy, or give the agent another one",
+    )

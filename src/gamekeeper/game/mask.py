@@ -1,0 +1,136 @@
+"""Which actions an agent may choose from now: where its mask stands, and what of it counts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from gamekeeper.errors import PolicyError
+
+Reader: TypeAlias = Callable[[object, object], object]
+"""From an observation and an info to the mask in them, or None."""
+
+_KEY: Final = "action_mask"
+_SIDES: Final = {"observation": 0, "obs": 0, "info": 1, "infos": 1}
+
+
+def reader(place: str | None) -> Reader:
+    """What finds a mask: at the contract's place, else under `action_mask` in observation or info.
+
+    A place that holds nothing this time is no mask: all actions are legal.
+
+    Args:
+        place: `observation.KEY` or `infos.KEY`, with further keys after more dots; None where the
+            contract says nothing.
+
+    Raises:
+        PolicyError: the place is of another form.
+    """
+    if place is None:
+        return _usual
+    side, *keys = place.split(".")
+    if side not in _SIDES or not keys:
+        raise PolicyError(
+            "a mask can't stand there",
+            where="mask",
+            expected="observation.KEY or infos.KEY",
+            seen=repr(place),
+        )
+    return _at(_SIDES[side], tuple(keys))
+
+
+def _usual(observation: object, info: object) -> object:
+    if isinstance(observation, Mapping):
+        mask = observation.get(_KEY)
+        if mask is not None:
+            return mask
+    return info.get(_KEY) if isinstance(info, Mapping) else None
+
+
+def _at(side: int, keys: tuple[str, ...]) -> Reader:
+    def read(observation: object, info: object) -> object:
+        value = info if side else observation
+        for key in keys:
+            if not isinstance(value, Mapping):
+                return None
+            value = value.get(key)
+        return value
+
+    return read
+
+
+def legal_flags(mask: object, size: int) -> NDArray[np.bool_]:
+    """The mask of a Discrete space as [size] booleans; what isn't zero is legal.
+
+    Raises:
+        PolicyError: it isn't one number for each action.
+    """
+    try:
+        flags = np.asarray(mask).astype(bool)
+    except (TypeError, ValueError) as error:
+        raise _unfit(size, f"{type(mask).__qualname__}: {error}") from None
+    if flags.shape != (size,):
+        raise _unfit(size, f"shape {flags.shape}")
+    return flags
+
+
+def for_sample(space: spaces.Space[Any], mask: object) -> Any:
+    """The mask in the form that Gymnasium's `sample(mask=...)` takes, None where all is legal.
+
+    Booleans and other numbers become int8; a part without any legal action counts as unmasked, as
+    there would be nothing to choose; a flat mask of a MultiDiscrete is cut into its parts. For
+    MultiBinary Gymnasium's own meaning holds: 0 and 1 are given, 2 is free.
+
+    Raises:
+        PolicyError: the mask doesn't have the structure of the space.
+    """
+    if mask is None or isinstance(
+        space, spaces.Box
+    ):  # continuous actions have no list of legal ones
+        return None
+    if isinstance(space, spaces.Discrete):
+        flags = legal_flags(mask, int(space.n))
+        return flags.astype(np.int8) if flags.any() else None
+    if isinstance(space, spaces.MultiDiscrete):
+        return _multi(space.nvec, mask)
+    if isinstance(space, spaces.MultiBinary):
+        return np.asarray(mask).astype(np.int8)
+    if isinstance(space, spaces.Dict):
+        if not isinstance(mask, Mapping):
+            raise _unfit(f"a mask for each of {list(space)}", type(mask).__qualname__)
+        return {key: for_sample(part, mask.get(key)) for key, part in space.items()}
+    if isinstance(space, spaces.Tuple | spaces.OneOf):
+        parts = space.spaces
+        if not isinstance(mask, tuple | list) or len(mask) != len(parts):
+            raise _unfit(f"a tuple of {len(parts)} masks", type(mask).__qualname__)
+        return tuple(for_sample(part, one) for part, one in zip(parts, mask, strict=True))
+    return mask  # Text, Sequence, Graph and foreign spaces have forms of their own
+
+
+def _multi(nvec: NDArray[Any], mask: object) -> Any:
+    if nvec.ndim == 0:
+        flags = legal_flags(mask, int(nvec))
+        return (flags if flags.any() else ~flags).astype(np.int8)
+    if _is_flat(mask, nvec):
+        mask = np.split(np.asarray(mask), np.cumsum(nvec)[:-1])
+    if not isinstance(mask, tuple | list | np.ndarray) or len(mask) != len(nvec):
+        raise _unfit(f"a tuple of {len(nvec)} masks", type(mask).__qualname__)
+    return tuple(_multi(part, one) for part, one in zip(nvec, mask, strict=True))
+
+
+def _is_flat(mask: object, nvec: NDArray[Any]) -> bool:
+    is_array = isinstance(mask, np.ndarray) and mask.dtype != object
+    return is_array and nvec.ndim == 1 and np.shape(mask) == (int(nvec.sum()),)
+
+
+def _unfit(expected: object, seen: str) -> PolicyError:
+    return PolicyError(
+        "the action mask doesn't fit the action space",
+        expected=f"{expected} numbers" if isinstance(expected, int) else str(expected),
+        seen=seen,
+        mend="say where the mask stands: roles.<role>.mask in the contract",
+    )

@@ -1,0 +1,1 @@
+"""One file for each policy that Gamekeeper brings, under the name that users type."""
