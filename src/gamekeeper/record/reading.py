@@ -12,10 +12,10 @@ import pyarrow as pa
 from gamekeeper.errors import BundleError
 from gamekeeper.record.folder import digest_file, inside
 from gamekeeper.record.manifest import MANIFEST, Seal, load_manifest, seal_of
-from gamekeeper.record.parquet import TableReader
 from gamekeeper.record.schema import STREAMS, keys_of
 from gamekeeper.record.segments import Cut
 from gamekeeper.record.streams import StreamFiles, keep, merge, whole_of
+from gamekeeper.record.table_reader import TableReader
 
 
 @dataclass(frozen=True, slots=True)

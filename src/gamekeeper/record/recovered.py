@@ -14,11 +14,11 @@ from gamekeeper.errors import BundleError
 from gamekeeper.record.claim import lock_folder
 from gamekeeper.record.folder import system_error
 from gamekeeper.record.manifest import FORMAT_VERSION, load_manifest
-from gamekeeper.record.parquet import write_table
 from gamekeeper.record.schema import STREAMS, plain_batch, plain_schema
 from gamekeeper.record.seal import commit
 from gamekeeper.record.segments import Cut
 from gamekeeper.record.streams import StreamFiles, keep, merge, whole_of
+from gamekeeper.record.table_writer import write_table
 from gamekeeper.record.whole import Whole
 
 

@@ -14,9 +14,9 @@ from typing import Final
 import pyarrow as pa
 
 from gamekeeper.errors import BundleError, GamekeeperError
-from gamekeeper.record.parquet import TableWriter
 from gamekeeper.record.schema import plain_schema, unify
-from gamekeeper.record.segments import SegmentReader
+from gamekeeper.record.segment_reader import SegmentReader
+from gamekeeper.record.table_writer import TableWriter
 
 RESTARTS: Final = 3  # drafts thrown away for a wider schema before the rest waits for the close
 
@@ -91,6 +91,7 @@ class Roller:
         self._queue: queue.SimpleQueue[tuple[str, Path, pa.Schema] | None] = queue.SimpleQueue()
         self._thread: threading.Thread | None = None
         self._failure: GamekeeperError | None = None
+        self._is_discarded = False
 
     def put(self, stream: str, segment: Path, schema: pa.Schema) -> None:
         """Hands over a finished segment."""
@@ -108,29 +109,33 @@ class Roller:
         if self._failure is not None:
             raise self._failure
 
+    def add(self, stream: str, segment: Path, schema: pa.Schema) -> None:
+        """Takes a segment that `finish` rolls, once the thread has stopped.
+
+        (A thread can't be started any more when the interpreter is about to end.)
+        """
+        self._drafts[stream].add(segment, schema)
+
     def finish(self) -> dict[str, tuple[Path, int, str]]:
         """Every stream's finished file with its size and digest.
 
         Raises:
             BundleError: rolling failed.
         """
-        self._stop()
+        self.stop()
         self.check()
         finished = {name: draft.finish() for name, draft in self._drafts.items()}
         return {name: file for name, file in finished.items() if file is not None}
 
     def discard(self) -> None:
         """The thread has ended and the drafts are gone."""
-        self._stop()
+        self._is_discarded = True
+        self.stop()
         for draft in self._drafts.values():
             draft.discard()
 
-    def add(self, stream: str, segment: Path, schema: pa.Schema) -> None:
-        """Takes a last segment without rolling it yet; `finish` does."""
-        self._stop()
-        self._drafts[stream].add(segment, schema)
-
-    def _stop(self) -> None:
+    def stop(self) -> None:
+        """The thread has rolled what it was given, and ended."""
         if self._thread is not None:
             self._queue.put(None)
             self._thread.join()
@@ -138,7 +143,7 @@ class Roller:
 
     def _run(self) -> None:
         while (item := self._queue.get()) is not None:
-            if self._failure is not None:
+            if self._failure is not None or self._is_discarded:
                 continue
             stream, segment, schema = item
             try:

@@ -9,10 +9,12 @@ import numpy.typing as npt
 import pyarrow as pa
 
 from gamekeeper.errors import BundleError
+from gamekeeper.record.limits import row_bytes
 
 STREAMS: Final = ("episodes", "steps", "states", "timings")
 Keys = npt.NDArray[np.int64]
 DEPTH: Final = 32  # nested types
+LIST_BYTES: Final = 1 << 24  # a row of a fixed-size list; what is longer stands as bytes
 COLUMNS: Final = 1 << 16
 EXTENSION: Final = (
     b"ARROW:extension:"  # in a schema's bytes: a type that some package may have registered
@@ -115,6 +117,8 @@ def _is_plain(field: pa.Field, depth: int) -> bool:
         return False
     if t.is_struct(kind):
         return all(_is_plain(kind.field(i), depth - 1) for i in range(kind.num_fields))
+    if t.is_fixed_size_list(kind) and row_bytes(kind) > LIST_BYTES:
+        return False
     if t.is_list(kind) or t.is_large_list(kind) or t.is_fixed_size_list(kind):
         return _is_plain(kind.value_field, depth - 1)
     return bool(

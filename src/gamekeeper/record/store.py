@@ -19,7 +19,6 @@ from gamekeeper.record.claim import claim
 from gamekeeper.record.folder import NEW_FLAGS, inside, system_error, write_all
 from gamekeeper.record.manifest import FORMAT_VERSION, STATUSES, render
 from gamekeeper.record.notes import add_note, annotate, read_notes
-from gamekeeper.record.parquet import write_table
 from gamekeeper.record.reading import Bundle, read
 from gamekeeper.record.recovered import seal_recovered
 from gamekeeper.record.roller import Roller
@@ -32,8 +31,9 @@ from gamekeeper.record.schema import (
     unify,
 )
 from gamekeeper.record.seal import FRAMES, commit
-from gamekeeper.record.segments import SegmentWriter
+from gamekeeper.record.segment_writer import SegmentWriter
 from gamekeeper.record.streams import StreamFiles, merge
+from gamekeeper.record.table_writer import write_table
 
 __all__ = ["FORMAT_VERSION", "Bundle", "Store", "annotate", "read", "read_notes", "seal_recovered"]
 
@@ -100,12 +100,11 @@ class Store:
         if not batch.num_rows:
             return
         last = self._check_keys(stream, batch)
-        batch = plain_batch(batch, plain_schema(batch.schema))
-        writer = self._writer(stream, batch.schema)
-        writer.write(batch)
+        writer = self._writer(stream, plain_schema(batch.schema))
+        writer.write(plain_batch(batch, writer.schema))
         self._last[stream] = last
         if writer.size >= self._segment_bytes:
-            self._finish_segment(stream)
+            self._roll(stream)
 
     def add_note(self, record: dict[str, Any]) -> None:
         """Adds a line to the annotations; see `annotate`."""
@@ -166,11 +165,16 @@ class Store:
         """Closes the files and leaves them as they are: open, readable, recoverable."""
         if self._is_open:
             self._roller.discard()
+            for stream in STREAMS:
+                (self.path / f"{stream}.parquet.tmp").unlink(missing_ok=True)
             self._close()
 
     def _seal(self, manifest: dict[str, Any]) -> None:
-        for stream in STREAMS:
-            self._finish_segment(stream)
+        self._roller.stop()
+        for stream, writer in self._writers.items():
+            writer.finish()
+            if stream in ROLLED:
+                self._roller.add(stream, writer.path, writer.schema)
         files = self._roller.finish()
         table = StreamFiles(self.path, "episodes", salvage=False).table()
         if table is not None:
@@ -198,27 +202,26 @@ class Store:
         return int(episode[-1]), int(turn[-1])
 
     def _writer(self, stream: str, schema: pa.Schema) -> SegmentWriter:
+        """The open segment if it has these columns, else a new one that has them and all before."""
         writer = self._writers.get(stream)
+        known = self._schemas.get(stream)
+        if known is None:
+            known = schema
+        elif not schema.equals(known, check_metadata=True):
+            known = unify(known, schema, where=f"{self.path}, {stream}")
         if writer is not None:
-            if schema.equals(writer.schema, check_metadata=True):
+            if known.equals(writer.schema, check_metadata=True):
                 return writer
-            known = self._schemas[stream]
-            self._schemas[stream] = unify(known, schema, where=f"{self.path}, {stream}")
-            self._finish_segment(stream)
-        elif stream in self._schemas:
-            known = self._schemas[stream]
-            self._schemas[stream] = unify(known, schema, where=f"{self.path}, {stream}")
-        else:
-            self._schemas[stream] = schema
-        writer = SegmentWriter(self._segment(stream, self._counts[stream]), schema)
+            self._roll(stream)
+        self._schemas[stream] = known
+        writer = SegmentWriter(self._segment(stream, self._counts[stream]), known)
         self._counts[stream] += 1
         self._writers[stream] = writer
         return writer
 
-    def _finish_segment(self, stream: str) -> None:
-        writer = self._writers.pop(stream, None)
-        if writer is None:
-            return
+    def _roll(self, stream: str) -> None:
+        """The open segment is finished and handed to the roller."""
+        writer = self._writers.pop(stream)
         writer.finish()
         if stream in ROLLED:
             self._roller.put(stream, writer.path, writer.schema)

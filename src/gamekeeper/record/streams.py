@@ -11,9 +11,11 @@ import pyarrow.compute as pc
 
 from gamekeeper.errors import BundleError
 from gamekeeper.record.folder import inside, reading
-from gamekeeper.record.parquet import TableReader
+from gamekeeper.record.limits import check_growth, row_bytes
 from gamekeeper.record.schema import Keys, key_arrays, plain_batch, plain_schema, unify
-from gamekeeper.record.segments import SEGMENT, Cut, SegmentReader
+from gamekeeper.record.segment_reader import SegmentReader
+from gamekeeper.record.segments import SEGMENT, Cut
+from gamekeeper.record.table_reader import TableReader
 from gamekeeper.record.whole import Whole, whole_turns
 
 
@@ -81,7 +83,11 @@ class StreamFiles:
         if self.schema is None:
             return None
         schema = plain_schema(self.schema)
-        return pa.Table.from_batches([plain_batch(batch, schema) for batch in batches], schema)
+        with reading(self.folder / self.stream):
+            rows = sum(batch.num_rows for batch in batches)
+            size = sum(batch.nbytes for batch in batches)
+            check_growth(rows * sum(row_bytes(field.type) for field in schema), size)
+            return pa.Table.from_batches([plain_batch(batch, schema) for batch in batches], schema)
 
     def _widen(self, schema: pa.Schema) -> None:
         if self.schema is None:

@@ -3,16 +3,18 @@
 The rule. Streams are written one after another, so a kill leaves each of them cut at another place.
 An episode counts from the moment its first row in `episodes` is there. Turn t of it is whole if
 
-1. `timings` has a row for each turn 0..t (there is exactly one for a finished turn),
-2. `states`, where that stream exists, has a row for each turn 0..t, and
-3. `steps` has a row of turn t or of a later turn of the episode (a turn's rows are never split
-   across batches, and a turn without any row carries nothing).
+1. `timings`, where that stream exists, has a row for each turn 0..t (one for a finished turn),
+2. `states`, where that stream exists, has a row of turn t or a later one of the episode, or has
+   rows of later episodes and none of this (its state couldn't be asked for), and
+3. `steps` has a row of turn t or a later one of the episode (a turn's rows are never split across
+   batches, and a turn without any row carries nothing).
 
-Where there are no timings at all, 2 and 3 decide. With n whole turns, rows of turns below n are
-kept; of turn n, the state is kept, and the rows in `steps` if none of them acted (`order` is null):
-they are the closing rows, what was given after the last turn. Rows of a turn n that someone acted
-in belong to a turn that never finished. What a last row in `episodes` says about an episode's end
-counts only if the episode has as many whole turns as that row says.
+With n whole turns, rows of turns below n are kept. Of turn n, the state is kept, and so are the
+rows in `steps` if none of them acted (`order` is null): they are the closing rows, what was given
+after the last turn. Rows of a turn n in which someone acted belong to a turn that never finished.
+(Without timings there is nothing to tell these by, and the last turn seen counts as whole.) A row
+in `episodes` that tells an episode's end counts only if the episode has as many whole turns as it
+says.
 """
 
 from __future__ import annotations
@@ -100,9 +102,12 @@ def whole_turns(
     episodes = np.concatenate([np.array([-1]), np.unique(begun)]).astype(np.int64)
     none = Whole(episodes, np.zeros_like(episodes), np.zeros(len(episodes), bool), False)
     turns = none.extent(steps[0], steps[1])
-    for keys in (states, timings):
-        if keys is not None:
-            turns = np.minimum(turns, none.unbroken(*keys))
+    if states is not None:
+        reach = none.extent(*states)
+        was_passed = (reach == 0) & (episodes < states[0].max(initial=-1))
+        turns = np.where(was_passed, turns, np.minimum(turns, reach))
+    if timings is not None:
+        turns = np.minimum(turns, none.unbroken(*timings))
     place, is_begun = none.place(steps[0])
     acted = np.zeros(len(episodes), bool)
     acted[place[is_begun & steps[2] & (steps[1] == turns[place])]] = True

@@ -1,10 +1,9 @@
-"""A bundle's Parquet files: written in bounded memory, encoded for what the columns hold."""
+"""Writes a bundle's Parquet files in bounded memory, encoded for what their columns hold."""
 
 from __future__ import annotations
 
-import base64
 import hashlib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
@@ -12,13 +11,15 @@ from typing import Any, Final
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from gamekeeper.record.folder import open_plain, reading, sync_file, system_error
-from gamekeeper.record.schema import EXTENSION, check_schema, plain_batch
+from gamekeeper.record.folder import open_plain, sync_file, system_error
+from gamekeeper.record.schema import plain_batch
 
 GROUP_ROWS: Final = 1 << 17
 GROUP_BYTES: Final = 32 << 20
 HASH_BYTES: Final = 1 << 20
-LEVEL: Final = 3  # zstd; rolled off the step path, and 1 makes files 3 % larger
+LEVEL: Final = 3  # zstd; 1 wasn't faster, 6 three times slower for 4 % less
+# Whole numbers that mostly rise by one: differences take next to nothing.
+COUNTERS: Final = ("episode", "turn", "order", "wall_ns")
 
 
 class TableWriter:
@@ -122,65 +123,27 @@ def write_table(
 def encodings(schema: pa.Schema) -> dict[str, Any]:
     """The options of a Parquet writer that suit the columns.
 
-    Floats, also inside lists, are split by byte (their exponents then compress); integers and text
-    get dictionaries (few agents, few actions); other bytes stay plain.
+    Floats, also inside lists, are split by byte (their exponents then compress), counters stand as
+    differences, other integers and text get dictionaries (few agents, few actions), bytes stay
+    plain.
     """
     sink = pa.BufferOutputStream()
     pq.write_table(schema.empty_table(), sink)
     leaves = pq.read_metadata(pa.BufferReader(sink.getvalue())).schema
-    split, dictionary = {}, []
+    chosen, dictionary = {}, []
     for i in range(len(leaves)):
         leaf = leaves.column(i)
         is_half = leaf.logical_type.type == "FLOAT16"
-        if leaf.physical_type in ("FLOAT", "DOUBLE") or is_half:
-            split[leaf.path] = "BYTE_STREAM_SPLIT"
+        if leaf.path in COUNTERS and leaf.physical_type in ("INT32", "INT64"):
+            chosen[leaf.path] = "DELTA_BINARY_PACKED"
+        elif leaf.physical_type in ("FLOAT", "DOUBLE") or is_half:
+            chosen[leaf.path] = "BYTE_STREAM_SPLIT"
         elif leaf.physical_type in ("INT32", "INT64") or leaf.logical_type.type == "STRING":
             dictionary.append(leaf.path)
     return {
         "compression": "zstd",
         "compression_level": LEVEL,
         "use_dictionary": dictionary,
-        "column_encoding": split or None,
+        "column_encoding": chosen,
         "write_page_checksum": True,
     }
-
-
-class TableReader:
-    """A Parquet file of a bundle, opened with suspicion.
-
-    Raises:
-        BundleError: the file is missing, damaged, or holds columns that a bundle doesn't.
-    """
-
-    __slots__ = ("_file", "path", "schema")
-
-    def __init__(self, path: Path, stream: str) -> None:
-        self.path = path
-        open_plain(path).close()
-        with reading(path):
-            source = pa.OSFile(str(path))
-            metadata = pq.read_metadata(source)
-            stored = (metadata.metadata or {}).get(b"ARROW:schema", b"")
-            if EXTENSION in base64.b64decode(stored):
-                raise ValueError("an Arrow extension type, which a bundle doesn't hold")
-            self._file = pq.ParquetFile(
-                source, metadata=metadata, page_checksum_verification=True, pre_buffer=False
-            )
-            self.schema = self._file.schema_arrow
-            check_schema(self.schema, stream, where=str(path))
-
-    def read(self) -> pa.Table:
-        """The whole table."""
-        with reading(self.path):
-            table = self._file.read()
-            table.validate(full=True)
-            return table
-
-    def batches(self) -> Iterator[pa.RecordBatch]:
-        """The table in batches of bounded rows."""
-        groups = self._file.num_row_groups
-        for i in range(groups):
-            with reading(self.path):
-                table = self._file.read_row_group(i)
-                table.validate(full=True)
-            yield from table.to_batches()
