@@ -169,12 +169,13 @@ def test_workers_run_in_threads_beside_each_other() -> None:
     assert values == {0: 1, 1: 2, 2: 3, 3: 4}
 
 
+@pytest.mark.parametrize("name", ["hold", "hold_watched_by_a_thread"])
 def test_workers_die_with_a_parent_that_is_killed(
-    fifo: Path, script: Callable[..., subprocess.Popen[str]]
+    name: str, fifo: Path, script: Callable[..., subprocess.Popen[str]]
 ) -> None:
     """Kill -9 of the parent leaves no task running."""
     reader = os.open(fifo, os.O_RDONLY | os.O_NONBLOCK)
-    with script("hold", {"fifo": str(fifo)}) as parent:
+    with script(name, {"fifo": str(fifo)}) as parent:
         assert parent.stdout is not None
         assert json.loads(parent.stdout.readline()) == {"ready": True}
         parent.kill()

@@ -182,6 +182,17 @@ def hold(report: Any, *, fifo: str) -> None:
         threading.Event().wait()
 
 
+def hold_watched_by_a_thread(report: Any, *, fifo: str) -> None:
+    """Holds a fifo, its process bound to its parent as where the kernel doesn't do it."""
+    from gamekeeper.run import worker_main
+
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(worker_main.PR_SET_PDEATHSIG, 0)
+    sys.platform = "elsewhere"
+    worker_main.die_with(os.getppid(), report._fd)
+    hold(report, fifo=fifo)
+
+
 def leave_a_child(report: Any, *, fifo: str) -> str:
     """Leaves a program behind that holds a fifo open."""
     code = "import sys, threading; held = open(sys.argv[1], 'w'); print(flush=True); "

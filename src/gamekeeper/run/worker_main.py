@@ -161,7 +161,9 @@ def perform(order: Mapping[str, Any], channel: Channel) -> bytes:
     process, memory_bytes = os.getpid(), order["memory_bytes"]
     lift = limit_memory(memory_bytes)
     try:
-        value = find(order["task"])(channel, **order["arguments"])
+        function = find(order["task"])
+        channel.send("alive", None)
+        value = function(channel, **order["arguments"])
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # too late to interrupt: the answer is there
         message = _answer(order["task"], value)
     except BaseException as error:  # SystemExit and KeyboardInterrupt of foreign code are data too

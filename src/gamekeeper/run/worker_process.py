@@ -43,8 +43,8 @@ class WorkerProcess:
     """
 
     __slots__ = (
-        "_channel", "_cut", "_messages", "_process", "_selector", "_stacks", "_stacks_fd",
-        "_unsent",
+        "_channel", "_cut", "_is_swept", "_messages", "_process", "_selector", "_stacks",
+        "_stacks_fd", "_unsent",
     )  # fmt: skip
 
     def __init__(self, order: Mapping[str, object], environment: Mapping[str, str]) -> None:
@@ -54,6 +54,7 @@ class WorkerProcess:
             GamekeeperError: no process can be started.
             TypeError, ValueError: JSON can't carry the order.
         """
+        self._is_swept = False
         self._unsent = memoryview(json.dumps(order).encode() + b"\n")
         self._messages: list[tuple[str, Any]] = []
         self._cut = bytearray()
@@ -187,6 +188,8 @@ class WorkerProcess:
         """The process has ended; it isn't reaped by this, so its id and group are still ours."""
         if self._process.returncode is not None:
             return True
+        if not hasattr(os, "waitid"):  # macOS before Python 3.13: reaped by the look, then
+            return self._process.poll() is not None
         how = os.WEXITED | os.WNOHANG | os.WNOWAIT
         try:
             return os.waitid(os.P_PID, self._process.pid, how) is not None
@@ -210,7 +213,8 @@ class WorkerProcess:
         if not self.has_ended():
             os.kill(self._process.pid, signal.SIGKILL)
             self._await_end(DEATH_S)
-        if self._process.returncode is None:
+        if not self._is_swept:
+            self._is_swept = True
             self._signal_group(signal.SIGTERM)  # before reaping: nobody else can have the id yet
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(1.0)

@@ -12,7 +12,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Final, Literal, Protocol, TypeAlias
@@ -21,7 +21,7 @@ from gamekeeper.errors import GamekeeperError
 from gamekeeper.run.stacks import place
 from gamekeeper.run.worker_process import WorkerProcess
 
-JSON: TypeAlias = "bool | int | float | str | list[JSON] | dict[str, JSON] | None"
+JSON: TypeAlias = "bool | int | float | str | Sequence[JSON] | Mapping[str, JSON] | None"
 Status: TypeAlias = Literal["done", "raised", "died", "hung", "interrupted"]
 
 TICK_S: Final = 0.1
@@ -81,14 +81,15 @@ def run_task(
     """Runs a task in a fresh process and returns how it ended, whatever it does.
 
     The process gets this one's `sys.path`, its standard input is empty, what it prints goes to
-    standard error. It dies with this process and takes what it has spawned with it. Ctrl-C
-    interrupts the task, which gets `GRACE_S` to return; a second one kills it.
+    standard error. It dies with this process, also when that is killed; what the task has spawned
+    is ended after it. Ctrl-C interrupts the task, which gets `GRACE_S` to return; a second one
+    kills it.
 
     Args:
         task: "module:function"; the function may have dots.
         arguments: handed over by keyword.
-        silence_s: longest time without a sign of life (a report, or the import of the task's
-            module), in seconds; None: for ever.
+        silence_s: longest time without a sign of life (a report, the start of the process, the
+            end of the import of the task's module), in seconds; None: for ever.
         limit_s: longest time in all, in seconds.
         memory_bytes: bound of the process's memory, the interpreter included, shared memory not;
             on Linux of its data, elsewhere of its address space, as far as the system obeys.
