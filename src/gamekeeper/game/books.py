@@ -1,0 +1,361 @@
+"""The books of an AEC environment, kept once: rewards, the dying, the roster, the order of turns.
+
+`Books` makes PettingZoo's promises and plays no game: `TurnEnv` puts an author's rules on top, a
+converter a Parallel environment. A turn costs the same for 2 agents as for 2,048, because
+
+- a crossing zeroes and adds up only what `pay` touched. The sum is added once, after the rules, and
+  not inside `pay`: (c + a) + b and c + (a + b) differ in their last digits, and PettingZoo means
+  the second;
+- who comes next is looked up, and those who wait for their last turn stand in a list of their own;
+- what is read at every turn lies in slots. An instance dictionary that anybody ever looked at
+  (pickle, deepcopy, a snapshot) makes each access twice as dear; slots don't notice.
+
+Private names have two underscores: subclasses are strangers' code, and a clash would be silent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from gymnasium.spaces import Space
+from pettingzoo import AECEnv
+
+from gamekeeper.errors import ActionError, OrderError
+from gamekeeper.game.circle import Circle
+from gamekeeper.game.legality import judge, learn_ranges, refused
+from gamekeeper.game.verbs import (
+    HORIZON,
+    AgentId,
+    Touched,
+    Verbs,
+    after_end,
+    before_reset,
+    check_first_state,
+    check_roster,
+)
+
+
+class Books(Verbs, AECEnv[Any, Any, Any]):
+    """An AEC environment whose books are kept and whose rules are missing.
+
+    A subclass calls `_open` and `_begin` when an episode begins and writes `act`; it may write
+    `next_agent`, `_judge`, `_play`, `_view` and `_show`. Public attributes are PettingZoo's own, as
+    ordinary dictionaries and lists, and `terms`, `endings`, `touched`, `turns`. They are written
+    through the verbs only: what is put into `rewards` or `terminations` by hand isn't noticed.
+    """
+
+    __slots__ = (
+        "__acted",
+        "__after",
+        "__chooses",
+        "__circle",
+        "__crossed",
+        "__ended",
+        "__limit",
+        "__paid",
+        "__possible",
+        "__ranges",
+        "__shows",
+        "__spaces",
+        "__stirred",
+        "__then",
+        "__tick",
+        "__waiting",
+        "_cumulative_rewards",
+        "agent_selection",
+        "agents",
+        "endings",
+        "infos",
+        "rewards",
+        "terminations",
+        "terms",
+        "touched",
+        "truncations",
+        "turns",
+    )
+
+    infos: dict[Any, dict[str, Any]]
+    turns: int
+    __spaces: dict[Any, Space[Any]]
+    __ranges: dict[Any, range]
+    __waiting: list[Any]  # who has ended and is still in the roster, the next to leave at the end
+    __acted: dict[Any, int]  # in which tick each agent had its last turn; kept under a limit only
+    __then: Any  # whose turn it is once those who wait have left
+
+    _trusts_ranges = True  # False where a number in its range may still be refused (masks)
+
+    # -- what a subclass writes
+
+    def act(self, agent: Any, action: Any) -> None:
+        """Plays one turn by the rules of the task."""
+        raise NotImplementedError(f"{type(self).__name__} has no act(agent, action)")
+
+    def next_agent(self, agent: Any) -> Any:
+        """Who acts after `agent`, asked as its turn ends; as it stands here, the roster's next."""
+        return self.__after[agent]
+
+    def _judge(self, agent: Any, action: Any) -> tuple[bool, Any]:
+        """Whether an action may be played, and in which form; asked where the range doesn't tell.
+
+        Raises:
+            ActionError: it may not, and no rule says what then.
+        """
+        space = self.action_space(agent)
+        if not judge(space, action)[0]:
+            raise refused(agent, action, space)
+        return True, action
+
+    def _play(self, agent: Any, action: Any) -> None:
+        """What happens in place of `act` where `_judge` said no."""
+        raise NotImplementedError
+
+    def _view(self, agent: Any) -> Any:
+        """The observation that `last` hands out."""
+        return self.observe(agent)
+
+    def _show(self, agents: Iterable[Any]) -> None:
+        """Gets ready what these agents are shown next, where `_open` was told so.
+
+        Called with everybody as an episode begins, and with the agent in turn as each turn does.
+        """
+
+    # -- episodes
+
+    def _open(
+        self, agents: Iterable[AgentId], *, horizon: int | None = None, shows: bool = False
+    ) -> None:
+        """Opens the books of a new episode.
+
+        Args:
+            agents: the roster to begin with, in order.
+            horizon: ticks after which everybody is truncated. A tick is over once the turn comes to
+                an agent that already had one in it; in a fixed order: once round.
+            shows: whether `_show` is called.
+        Raises:
+            ContractError: there are no agents, or one stands there twice or isn't a possible agent.
+        """
+        roster = list(agents)
+        self.__possible = frozenset(self.possible_agents)
+        check_roster(roster, self.__possible)
+        self.__circle = Circle(roster)
+        self.__after = self.__circle.after
+        self.rewards = dict.fromkeys(roster, 0.0)
+        self._cumulative_rewards = dict.fromkeys(roster, 0.0)
+        self.terminations = dict.fromkeys(roster, False)
+        self.truncations = dict.fromkeys(roster, False)
+        self.infos = {agent: {} for agent in roster}
+        self.terms, self.endings, self.touched = {}, {}, Touched()
+        self.__paid, self.__ended = self.touched.paid, self.touched.ended
+        self.__waiting, self.__then, self.__stirred = [], None, False
+        self.__limit, self.__tick, self.__acted = horizon, 0, {}
+        self.__shows = shows
+        self.__chooses = type(self).next_agent is not Books.next_agent
+        self.turns = 0
+        self.agents, self.agent_selection = roster, roster[0]
+        self.__crossed = True
+
+    def _begin(self, first: AgentId) -> None:
+        """Hands the first turn over, once the first state is there.
+
+        Raises:
+            ContractError: somebody was paid or ended already, or the first isn't in the roster.
+        """
+        check_first_state(self.touched)
+        if first not in self.rewards:
+            raise self._absent(first, "given the first turn")
+        self.__settle_down()
+        self._learn_spaces(self.agents)
+        self.agent_selection = first
+        if self.__shows:
+            self._show(self.agents)
+
+    def _learn_spaces(self, agents: Iterable[AgentId]) -> None:
+        """Reads the action spaces of agents that come into the roster."""
+        try:
+            spaces, ranges = self.__spaces, self.__ranges
+        except AttributeError:
+            spaces, ranges = self.__spaces, self.__ranges = {}, {}
+        learn_ranges(agents, self.action_space, spaces, ranges, trusted=self._trusts_ranges)
+
+    # -- PettingZoo's side
+
+    def step(self, action: Any) -> None:
+        """Plays one turn of the agent in turn, or its last one, in which only None can be done.
+
+        An action that is refused leaves everything as it was.
+
+        Raises:
+            OrderError: there was no reset, or everybody has left.
+            ActionError: the action isn't one that the agent may take now.
+        """
+        try:
+            agent = self.agent_selection
+        except AttributeError:
+            raise before_reset("step") from None
+        if self.__waiting:
+            self.__bury(agent, action)
+            return
+        plays = True
+        if type(action) is not int or action not in self.__ranges[agent]:
+            plays, action = self._judge(agent, action)
+        paid = self.__paid
+        if paid:
+            rewards = self.rewards
+            for name in paid:
+                rewards[name] = 0.0
+            paid.clear()
+            self.terms.clear()
+        if self.__stirred:
+            self.__settle_down()
+        self._cumulative_rewards[agent] = 0.0
+        self.turns += 1
+        if plays:
+            self.act(agent, action)
+        else:
+            self._play(agent, action)
+        if paid:
+            rewards, cumulative = self.rewards, self._cumulative_rewards
+            for name in paid:
+                cumulative[name] += rewards[name]
+        then = self.__chosen(agent) if self.__chooses else self.__after[agent]
+        if self.__ended or self.__limit is not None:
+            then = self.__pass_on(agent, then)
+        self.agent_selection = then
+        self.__crossed = True
+        if self.__shows:
+            self._show((then,))
+
+    def last(self, observe: bool = True) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+        """What the agent in turn is given: observation, reward since its last turn, flags, info.
+
+        Raises:
+            OrderError: there was no reset, or everybody has left.
+        """
+        try:
+            agent = self.agent_selection
+        except AttributeError:
+            raise before_reset("last") from None
+        if not self.agents:
+            raise after_end("last")
+        return (
+            self._view(agent) if observe else None,
+            self._cumulative_rewards[agent],
+            self.terminations[agent],
+            self.truncations[agent],
+            self.infos[agent],
+        )
+
+    def agent_iter(self, max_iter: int = 2**63) -> Iterator[Any]:
+        """The agents in the order of their turns, for a loop that steps once each time round.
+
+        Raises:
+            OrderError: there was no reset; or the loop went round without a step.
+        """
+        if not hasattr(self, "agents"):
+            raise before_reset("agent_iter")
+        self.__crossed = True
+        return self.__turns_to_come(max_iter)
+
+    def __turns_to_come(self, left: int) -> Iterator[Any]:
+        """Yields the agent in turn until nobody is left."""
+        while left > 0 and self.agents:
+            if not self.__crossed:
+                raise OrderError(
+                    "a loop over agent_iter() went round without a step",
+                    where="agent_iter",
+                    expected="step() or reset() once in each round",
+                    seen="neither",
+                )
+            self.__crossed = False
+            left -= 1
+            yield self.agent_selection
+
+    # -- between turns
+
+    def __chosen(self, agent: AgentId) -> Any:
+        """Who comes next by the author's rule, which isn't asked where nobody is left to choose."""
+        if len(self.__ended) == len(self.agents):
+            return agent
+        then = self.next_agent(agent)
+        if then not in self.rewards:
+            raise self._absent(then, "given a turn by next_agent")
+        return then
+
+    def __pass_on(self, agent: AgentId, then: AgentId) -> Any:
+        """Who really comes next: the dying first, in roster order, then the next who lives."""
+        endings, ended = self.endings, self.__ended
+        if len(ended) < len(self.agents):
+            while then in endings:
+                then = self.__after[then]
+        if self.__limit is not None:
+            acted = self.__acted
+            acted[agent] = self.__tick
+            if acted.get(then) == self.__tick:
+                self.__tick += 1
+                if self.__tick == self.__limit:
+                    for name in self.agents:
+                        if name not in endings:
+                            self.truncate(name, HORIZON)
+        if not ended:
+            return then
+        self.__then = then
+        self.__waiting = sorted(ended, key=self.__circle.place.__getitem__, reverse=True)
+        self.__stirred = True
+        return self.__waiting[-1]
+
+    def __bury(self, agent: AgentId, action: Any) -> None:
+        """The last turn of one that has ended: it leaves the roster, and nobody is paid."""
+        if not self.agents:
+            raise after_end("step")
+        if action is not None:
+            raise ActionError(
+                f"agent {agent!r} acted after it had ended",
+                where="step",
+                expected="None",
+                seen=repr(action)[:300],
+                mend="step(None) where last() says terminated or truncated",
+            )
+        for name in self.__paid:
+            self.rewards[name] = 0.0
+        self.__paid.clear()
+        self.terms.clear()
+        self.__settle_down()
+        del self.rewards[agent], self._cumulative_rewards[agent], self.infos[agent]
+        del self.terminations[agent], self.truncations[agent]
+        del self.agents[self.__circle.remove(agent)]
+        self.touched.left.append(agent)
+        self.__stirred = True
+        waiting = self.__waiting
+        waiting.pop()
+        if waiting:
+            self.agent_selection = waiting[-1]
+        elif self.agents:
+            self.agent_selection = self.__then
+        else:
+            waiting.append(agent)  # the door stays shut until the next reset
+        self.__crossed = True
+        if self.__shows and self.agents:
+            self._show((self.agent_selection,))
+
+    def __settle_down(self) -> None:
+        """Forgets whom the last crossing moved."""
+        touched = self.touched
+        touched.ended.clear()
+        touched.joined.clear()
+        touched.left.clear()
+        self.__stirred = False
+
+    def _enter(self, agent: AgentId) -> None:
+        """Opens the books of an agent that joins, at the end of the roster."""
+        self._learn_spaces((agent,))
+        self.__circle.append(agent, self.agents[-1])
+        self.agents.append(agent)
+        self.rewards[agent] = self._cumulative_rewards[agent] = 0.0
+        self.terminations[agent] = self.truncations[agent] = False
+        self.infos[agent] = {}
+        self.__stirred = True
+
+    def _possible(self) -> frozenset[Any]:
+        """Who may ever appear in this episode."""
+        return self.__possible
