@@ -160,7 +160,10 @@ def _built(space: Space, value: Plain) -> object:
 
 def _array(space: Space, value: Plain) -> np.ndarray[Any, Any]:
     """The numbers as an array of the space's dtype; only floats may lose digits."""
-    given = np.array(plain(value))
+    try:
+        given = np.array(plain(value))
+    except ValueError:
+        raise ValueError(f"{shown(plain(value))} has no shape that fits {space}") from None
     dtype = np.dtype(space.dtype)
     if given.dtype.kind not in "bif" or given.dtype.kind == "b" != dtype.kind:
         raise ValueError(f"{shown(plain(value))} are no numbers")

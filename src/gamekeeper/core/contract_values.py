@@ -21,6 +21,11 @@ MAX_DEPTH: Final = 16
 """Levels of lists and tables in a noop or an ideal value."""
 
 
+def can_be_told(name: str) -> bool:
+    """The text isn't blank, and any file can hold it."""
+    return bool(name.strip()) and not any("\ud800" <= char <= "\udfff" for char in name)
+
+
 def text(value: object, at: Place) -> str:
     """The value as text that any file can hold.
 
@@ -34,7 +39,7 @@ def text(value: object, at: Place) -> str:
             seen=value,
             mend="put it in quotes",
         )
-    if not value.strip() or any("\ud800" <= char <= "\udfff" for char in value):
+    if not can_be_told(value):
         raise at.error(
             f"'{at.text}' says nothing that can be read",
             expected="text of at least one letter",

@@ -81,7 +81,7 @@ class _Reader:
     """Reads a condition by recursive descent; each method reads one level of binding."""
 
     def __init__(self, text: str) -> None:
-        self.text, self.at, self.depth = text, 0, 0
+        self.text, self.at, self.start, self.depth = text, 0, 0, 0
         self.names: set[str] = set()
         self.kind, self.token = "", ""
         if len(text) > LONGEST:
@@ -90,7 +90,7 @@ class _Reader:
 
     def error(self, expected: str, seen: str) -> ContractError:
         return ContractError(
-            f"the failure condition can't be read at character {self.at + 1}",
+            f"the failure condition can't be read at character {self.start + 1}",
             where=self.text[:80],
             expected=expected,
             seen=seen,
@@ -100,15 +100,16 @@ class _Reader:
     def next(self) -> str:
         """Moves on to the next token and gives back the one it stood on."""
         last = self.token
-        rest = self.text[self.at :]
-        found = TOKEN.match(rest)
+        found = TOKEN.match(self.text, self.at)
         if found is None or found.lastgroup is None:
-            if rest.strip():
-                raise self.error("a name, a number or a sign", repr(rest.strip()[0]))
+            rest = self.text[self.at :].lstrip()
+            self.start = len(self.text) - len(rest)
+            if rest:
+                raise self.error("a name, a number or a sign", repr(rest[0]))
             self.kind, self.token = "end", ""
         else:
             self.kind, self.token = found.lastgroup, found.group(found.lastgroup)
-            self.at += found.end()
+            self.start, self.at = found.start(found.lastgroup), found.end()
         return last
 
     def read(self) -> Node:
@@ -176,8 +177,10 @@ class _Reader:
             self.deeper()
             opened = self.next() == "("
             inner = self.either() if opened else self.atom()
-            if opened and self.next() != ")":
-                raise self.error("')'", repr(self.token))
+            if opened and self.token != ")":
+                raise self.error("')'", repr(self.token or "the end"))
+            if opened:
+                self.next()
             self.depth -= 1
             return inner if opened else lambda values: -inner(values)  # type: ignore[operator]
         if self.kind not in ("number", "name", "text") or self.token in ("and", "or", "not"):

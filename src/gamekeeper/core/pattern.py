@@ -10,7 +10,7 @@ Ranges = tuple[tuple[int, int], ...]
 """Code points, as closed intervals; the empty tuple is a character that nothing is."""
 
 EVERY: Final[Ranges] = ((0, 0x10FFFF),)
-TOKEN: Final = re.compile(r"\*|\?|\[(!?)(\]?[^\]]*)\]|.", re.DOTALL)
+TOKEN: Final = re.compile(r"\*|\?|\[(!?+)(\]?+[^\]]*)\]|.", re.DOTALL)
 """A star, any one character, a set, or a character that stands for itself."""
 
 
@@ -51,13 +51,16 @@ def overlap(one: str, other: str) -> bool:
 def _steps(
     left: list[Ranges | None], right: list[Ranges | None], i: int, j: int
 ) -> list[tuple[int, int]]:
-    """The states that follow (i, j); a star, None, may cover nothing or one character more."""
+    """The states that follow (i, j); a star, None, may cover nothing or one character more.
+
+    The end of a pattern is like a set without members: no character leads on from it.
+    """
     a = left[i] if i < len(left) else ()
     b = right[j] if j < len(right) else ()
     if a is None:
-        return [(i + 1, j), *([(i, j + 1)] if j < len(right) else [])]
+        return [(i + 1, j), *([(i, j + 1)] if b != () else [])]
     if b is None:
-        return [(i, j + 1), *([(i + 1, j)] if i < len(left) else [])]
+        return [(i, j + 1), *([(i + 1, j)] if a != () else [])]
     meet = any(low <= high2 and low2 <= high for low, high in a for low2, high2 in b)
     return [(i + 1, j + 1)] if meet else []
 

@@ -12,6 +12,7 @@ from pettingzoo import AECEnv, ParallelEnv
 from gamekeeper.core.agent_spec import AgentSpec, Space, agent_spec
 from gamekeeper.core.contract import Contract, Question, Role
 from gamekeeper.core.contract_parts import RESERVED
+from gamekeeper.core.contract_values import can_be_told
 from gamekeeper.core.pattern import exact, matches
 from gamekeeper.core.questions import open_questions
 from gamekeeper.errors import ContractError
@@ -22,8 +23,10 @@ Env: TypeAlias = AECEnv[Any, Any, Any] | ParallelEnv[Any, Any, Any]
 Kind: TypeAlias = tuple[Space | None, Space | None]
 """Observation and action space of an agent; None where the environment doesn't tell."""
 
-NUMBERED: Final = re.compile(r"(?:(.*?[^\d_-])([_-]?))?\d+", re.DOTALL)
-"""`picker_0`, `picker-0` and `picker0` are a `picker`; `0` is an `agent`."""
+NUMBERED: Final = re.compile(
+    r"(?:(?P<stem>.*?[^\d_-])(?P<line>[_-]?)|(?P<stem2>.+)(?P<line2>[_-]))?\d+", re.DOTALL
+)
+"""`picker_0`, `picker-0` and `picker0` are a `picker`, `red_1_0` is a `red_1`, `0` an `agent`."""
 MASK_KEY: Final = "action_mask"
 """Where PettingZoo's own environments put the mask into a Dict observation."""
 
@@ -43,7 +46,7 @@ def draft_contract(env: Env) -> Contract:
     """
     name = _metadata(env).get("name")
     return Contract(
-        name=name if isinstance(name, str) and name.strip() else None,
+        name=name if isinstance(name, str) and can_be_told(name) else None,
         api=_api(env),
         roles=_roles({str(agent): _kind(env, agent) for agent in _roster(env)}),
     )
@@ -114,22 +117,29 @@ def _space(ask: Callable[[Any], object], agent: object) -> Space | None:
     return space if isinstance(space, spaces.Space) else None
 
 
+def _stem(agent: str) -> tuple[str, str] | None:
+    """What stands before an agent's number, and the line between them; None without a number."""
+    found = NUMBERED.fullmatch(agent)
+    if found is None:
+        return None
+    return found["stem"] or found["stem2"] or "", found["line"] or found["line2"] or ""
+
+
 def _roles(kinds: Mapping[str, Kind]) -> dict[str, Role]:
     """Roles of agents that are called alike and have equal spaces."""
     groups: dict[str, list[list[str]]] = {}
-    for agent in kinds:
-        found = NUMBERED.fullmatch(agent)
-        alike = groups.setdefault((found.group(1) or "agent") if found else agent, [])
+    for agent in filter(can_be_told, kinds):
+        stem, _ = _stem(agent) or (agent, "")
+        alike = groups.setdefault(stem or "agent", [])
         for group in alike:
             if kinds[group[0]] == kinds[agent]:
                 group.append(agent)
                 break
         else:
             alike.append([agent])
-    names = _names(groups)
     return {
         name: Role(agents=_patterns(group, kinds), mask=_mask(kinds[group[0]][0]))
-        for name, group in names.items()
+        for name, group in _names(groups).items()
     }
 
 
@@ -147,10 +157,10 @@ def _names(groups: Mapping[str, list[list[str]]]) -> dict[str, list[str]]:
 
 def _patterns(group: list[str], roster: Iterable[str]) -> tuple[str, ...]:
     """One pattern for numbered agents where it covers no other; else their names."""
-    found = NUMBERED.fullmatch(group[0])
-    if found is not None:
-        stem, line = exact(found.group(1) or ""), found.group(2)
-        for pattern in (f"{stem}{line}*",) * bool(line) + (f"{stem}{line or ''}[0-9]*",):
+    stem, line = _stem(group[0]) or (None, "")
+    if stem is not None:
+        start = exact(stem) + line
+        for pattern in (f"{start}*", f"{start}[0-9]*") if line else (f"{start}[0-9]*",):
             if {agent for agent in roster if matches(pattern, agent)} == set(group):
                 return (pattern,)
     return tuple(exact(agent) for agent in group)
