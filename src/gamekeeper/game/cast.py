@@ -58,7 +58,8 @@ def assign(
         else {EVERYONE: DEFAULT if policies is None else policies}
     )
     chosen = {str(whom): resolve(choice, schemes=schemes) for whom, choice in given.items()}
-    chosen.setdefault(EVERYONE, resolve(DEFAULT))
+    if EVERYONE not in chosen:
+        chosen[EVERYONE] = resolve(DEFAULT)
     role_of = roles or (lambda agent: None)
     noop_of = noop or (lambda agent: None)
     agents = list(possible_agents)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import copy
 import difflib
+import functools
 import importlib
 import inspect
 import sys
@@ -166,6 +167,8 @@ def _innermost_signature(error: TypeError) -> str:
 
 
 def _called(target: Callable[..., object]) -> str:
+    while isinstance(target, functools.partial):
+        target = target.func
     return str(getattr(target, "__qualname__", type(target).__qualname__))
 
 

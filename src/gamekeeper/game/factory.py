@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from types import ModuleType
@@ -51,7 +52,7 @@ def find_factory(module: ModuleType, name: str | None, api: str | None, *, where
     for usual in FACTORY_NAMES[api]:
         value = _get(module, usual, where)
         # A submodule called env, or an instance made to try things out, is no factory.
-        if callable(value) and api_of(value) is None:
+        if callable(value) and api_of(value) is None and not _is_imported(value, usual, module):
             return Found(usual, value)
     return _only_class(module, api, where)
 
@@ -106,6 +107,13 @@ def _only_class(module: ModuleType, api: str | None, where: str) -> Found:
     )
 
 
+def _is_imported(value: object, name: str, module: ModuleType) -> bool:
+    """Whether another package offers this under this very name: `from gymnasium import make`."""
+    home = (getattr(value, "__module__", None) or "").partition(".")[0]
+    is_own = home == module.__name__.partition(".")[0]
+    return not is_own and getattr(sys.modules.get(home), name, None) is value
+
+
 def _env_classes(module: ModuleType) -> dict[str, type]:
     # A package may define its class in a part of itself and only name it again at the top.
     own = (module.__name__, module.__name__ + ".")
@@ -120,13 +128,13 @@ def _env_classes(module: ModuleType) -> dict[str, type]:
 
 
 def _builders(module: ModuleType) -> list[str]:
-    return [
-        name
+    public = {
+        name: value
         for name, value in sorted(vars(module).items())
-        if not name.startswith("_")
-        and (inspect.isfunction(value) or inspect.isclass(value))
-        and getattr(value, "__module__", None) == module.__name__
-    ]
+        if not name.startswith("_") and (inspect.isfunction(value) or inspect.isclass(value))
+    }
+    own = [name for name, value in public.items() if value.__module__ == module.__name__]
+    return own or list(public)
 
 
 def _get(holder: object, name: str, where: str) -> object:

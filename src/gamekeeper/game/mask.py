@@ -33,7 +33,7 @@ def reader(place: str | None) -> Reader:
     if place is None:
         return _usual
     side, *keys = place.split(".")
-    if side not in _SIDES or not keys:
+    if side not in _SIDES or not keys or not all(keys):
         raise PolicyError(
             "a mask can't stand there",
             where="mask",
@@ -98,6 +98,8 @@ def for_sample(space: spaces.Space[Any], mask: object) -> Any:
     if isinstance(space, spaces.MultiDiscrete):
         return _multi(space.nvec, mask)
     if isinstance(space, spaces.MultiBinary):
+        if np.shape(np.asarray(mask)) != space.shape:
+            raise _unfit(f"shape {space.shape}", f"shape {np.shape(np.asarray(mask))}")
         return np.asarray(mask).astype(np.int8)
     if isinstance(space, spaces.Dict):
         if not isinstance(mask, Mapping):
@@ -123,8 +125,9 @@ def _multi(nvec: NDArray[Any], mask: object) -> Any:
 
 
 def _is_flat(mask: object, nvec: NDArray[Any]) -> bool:
-    is_array = isinstance(mask, np.ndarray) and mask.dtype != object
-    return is_array and nvec.ndim == 1 and np.shape(mask) == (int(nvec.sum()),)
+    if not isinstance(mask, np.ndarray) or mask.dtype == object:
+        return False
+    return nvec.ndim == 1 and mask.shape == (int(nvec.sum()),)
 
 
 def _unfit(expected: object, seen: str) -> PolicyError:

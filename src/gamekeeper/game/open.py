@@ -14,6 +14,8 @@ from gamekeeper.game.construct import build, foreign
 from gamekeeper.game.identity import identity_of, spec_of
 from gamekeeper.game.opened import APIS, Env, NotHereError, Opened, Opener, Source, api_of, convert
 
+__all__ = ["GROUP", "Opened", "distrust", "open_env", "reopen"]
+
 GROUP: Final = "gamekeeper.openers"
 _PACKAGE: Final = "gamekeeper.game.openers"
 _USUAL_ORDER: Final = 50
@@ -56,7 +58,7 @@ def open_env(spec: object, /, *, api: str | None = None, **kwargs: Any) -> Opene
         env=env,
         api=used,
         spec=f"{prefix}{source.spec}",
-        identity=identity_of(source, env, kwargs),
+        identity=_identified(source, env, kwargs),
         make=None if source.is_single else _maker(source, used, kwargs, first=built),
     )
 
@@ -68,7 +70,7 @@ def reopen(identity: Mapping[str, Any]) -> Opened:
         SpecError: it was an object or a factory in memory, an argument can't be rebuilt from its
             text, or it can't be opened here.
     """
-    text = json.dumps(identity.get("kwargs", {}))
+    text = json.dumps(identity.get("kwargs", {}), separators=(",", ":"))  # as canonical text is
     kwargs = from_json(text)
     if not (is_exact(text) and isinstance(kwargs, dict)):
         raise SpecError(
@@ -159,6 +161,11 @@ def _converted(env: Env, api: str | None, source: Source) -> Env:
         return env
     with foreign(f"converting {source.spec} to {api}", where=source.spec):
         return convert(env, api)
+
+
+def _identified(source: Source, env: Env, kwargs: Mapping[str, Any]) -> dict[str, Any]:
+    with foreign(f"looking at {source.spec}", where=source.spec):  # metadata may be a property
+        return identity_of(source, env, kwargs)
 
 
 def _maker(source: Source, api: str, kwargs: Mapping[str, Any], *, first: Env) -> Callable[[], Env]:

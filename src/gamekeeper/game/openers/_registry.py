@@ -6,6 +6,7 @@ import functools
 import importlib
 import importlib.util
 import re
+from collections.abc import Iterable
 from typing import Final
 
 import pettingzoo
@@ -15,6 +16,7 @@ from gamekeeper.errors import SpecError
 from gamekeeper.game.construct import nearest
 from gamekeeper.game.load import load_module
 from gamekeeper.game.opened import NotHereError, Source
+from gamekeeper.plugins import BrokenPlugin
 
 OURS: Final = "gamekeeper"
 """The namespace of our own environments, and the package whose modules register them."""
@@ -22,10 +24,11 @@ OURS: Final = "gamekeeper"
 _VERSION: Final = re.compile(r"[-_]v(\d+)$")
 
 
-def with_ours() -> None:
-    """Our own environments and those of third parties stand in the registries."""
-    if importlib.util.find_spec(f"{OURS}.envs") is not None:
-        plugins.load(f"{OURS}.envs", f"{OURS}.envs")
+def with_ours() -> tuple[BrokenPlugin, ...]:
+    """Our environments and those of third parties stand in the registries, but for broken ones."""
+    if importlib.util.find_spec(f"{OURS}.envs") is None:
+        return ()
+    return plugins.load(f"{OURS}.envs", f"{OURS}.envs").broken
 
 
 def canonical(env_id: str) -> str:
@@ -83,7 +86,7 @@ def source_of(env_id: str, api: str | None) -> Source:
     )
 
 
-def unknown(env_id: str) -> NotHereError:
+def unknown(env_id: str, broken: Iterable[BrokenPlugin] = ()) -> NotHereError:
     """The error for an id that no registry has, with what comes near it."""
     name = _VERSION.sub("", env_id)
     other_versions = sorted(known for known in ids() if _VERSION.sub("", known) == name)
@@ -95,6 +98,7 @@ def unknown(env_id: str) -> NotHereError:
         if other_versions
         else f"nothing there{close}{moved}"
     )
+    seen += "".join(f"; {plugin}" for plugin in broken)
     return NotHereError(
         f"no environment is registered as {env_id}",
         where=env_id,

@@ -21,10 +21,10 @@ def matches(spec: object) -> bool:
 
 def locate(spec: str, api: str | None) -> Source:
     """The factory registered under the id; without a version, under its highest."""
-    _registry.with_ours()
+    broken = _registry.with_ours()
     env_id = _registry.newest(_registry.canonical(spec))
     if env_id is None:
-        raise _registry.unknown(_registry.canonical(spec))
+        raise _registry.unknown(_registry.canonical(spec), broken)
     return _registry.source_of(env_id, api)
 
 

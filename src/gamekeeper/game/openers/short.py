@@ -21,13 +21,13 @@ def matches(spec: object) -> bool:
 
 def locate(spec: str, api: str | None) -> Source:
     """The factory registered as `gamekeeper/<name>`, or else under the name alone."""
-    _registry.with_ours()
+    broken = _registry.with_ours()
     name = _registry.canonical(spec)
     for env_id in (f"{_registry.OURS}/{name}", name):
         known = _registry.newest(env_id)
         if known is not None:
             return _registry.source_of(known, api)
-    raise _registry.unknown(f"{_registry.OURS}/{name}")
+    raise _registry.unknown(f"{_registry.OURS}/{name}", broken)
 
 
 def distrust(spec: str) -> str | None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
-from gymnasium.spaces import Space
+from gymnasium.spaces import Dict, Space, Tuple
 
 from gamekeeper.errors import PolicyError
 from gamekeeper.game.seat import Seat, Start
@@ -62,7 +63,11 @@ def _key(role: str | None) -> str:
 
 
 def _typed(space: Space[Any], noop: Any) -> Any:
-    # A contract knows numbers and lists; the environment gets what its space would give.
+    """The action in the space's types, from the numbers, texts and lists of a contract."""
+    if isinstance(space, Tuple) and isinstance(noop, list | tuple):
+        return tuple(map(_typed, space.spaces, noop)) if len(noop) == len(space) else None
+    if isinstance(space, Dict) and isinstance(noop, Mapping):
+        return {key: _typed(space[key], one) for key, one in noop.items() if key in space.spaces}
     try:
         return space.from_jsonable([noop])[0]
     except Exception:

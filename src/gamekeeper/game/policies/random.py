@@ -77,15 +77,20 @@ def _key(mask: object) -> bytes | None:
 
 
 def _bounded_box(space: Box) -> Start:
-    low = space.low.astype(np.float64)
-    span = space.high.astype(np.float64) - low
+    low, high = space.low.astype(np.float64), space.high.astype(np.float64)
     shape, dtype = space.shape, space.dtype
+    with np.errstate(over="ignore"):
+        span = high - low
+    is_finite = bool(np.isfinite(span).all())
 
     def start(rng: Generator) -> Player:
         uniform = rng.random
 
         def play(observation: object, info: object) -> Any:
-            return np.asarray(low + span * uniform(shape), dtype)
+            drawn = uniform(shape)
+            if is_finite:
+                return np.asarray(low + span * drawn, dtype)
+            return np.asarray(np.clip(low * (1 - drawn) + high * drawn, low, high), dtype)
 
         return play
 
