@@ -12,6 +12,10 @@ def same(a: Any, b: Any) -> bool:
         return False
     if isinstance(a, np.ndarray):
         return a.dtype == b.dtype and a.shape == b.shape and same(a.tolist(), b.tolist())
+    if isinstance(a, np.longdouble):
+        return same(str(a), str(b))
+    if isinstance(a, np.clongdouble):
+        return same(a.real, b.real) and same(a.imag, b.imag)
     if isinstance(a, np.generic):
         return a.dtype == b.dtype and same(a.item(), b.item())
     if isinstance(a, dict):

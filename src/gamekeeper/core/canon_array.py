@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+import warnings
 from base64 import b64decode, b64encode
 from collections.abc import Callable, Sequence
 from functools import lru_cache
@@ -191,7 +192,7 @@ def _fill(array: Array, values: list[Any]) -> None:
     """Puts the listed values into an array of one dimension."""
     kind, is_long = array.dtype.kind, array.dtype.itemsize > _WIDEST.get(array.dtype.kind, 1 << 30)
     if kind in "fc":
-        numbers = list(map(np.longdouble, values)) if is_long else list(map(number, values))
+        numbers = list(map(_long if is_long else number, values))
         if kind == "f":
             array[:] = numbers
         else:
@@ -206,6 +207,17 @@ def _fill(array: Array, values: list[Any]) -> None:
         if not all(type(value) is expected for value in values):
             raise TypeError(f"not all of {values!r:.80} are {expected.__name__}")
         (array.view(np.int64) if kind in "mM" else array)[:] = values
+
+
+def _long(text: Any) -> np.longdouble:
+    if type(text) is not str:
+        raise TypeError(f"{text!r} is no long double")
+    with warnings.catch_warnings():  # numpy warns of an overflow in text and of nothing else
+        warnings.simplefilter("ignore")
+        value = np.longdouble(text)
+    if np.isinf(value) and "inf" not in text:
+        raise OverflowError(f"{text} is too long")
+    return value
 
 
 def _shape(shape: Sequence[int]) -> tuple[int, ...]:

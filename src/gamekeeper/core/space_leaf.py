@@ -76,7 +76,7 @@ def _pack_array(dtype: np.dtype[Any], shape: tuple[int, ...]) -> Pack:
         return None
 
     def pack_scalar(value: Any) -> bytes | None:
-        return value.tobytes() if value.__class__ is scalar_type else pack(value)
+        return _little(value) if value.__class__ is scalar_type else pack(value)
 
     return pack if shape else pack_scalar
 
@@ -85,13 +85,14 @@ def _pack_swapped(dtype: np.dtype[Any], shape: tuple[int, ...]) -> Pack:
     """As declared in an order of bytes that isn't little-endian."""
     pack_as_is = _pack_array(dtype, shape)
 
-    def pack(value: Any) -> bytes | None:
-        if pack_as_is(value) is None:
-            return None
-        swapped: bytes = value.byteswap().tobytes()
-        return swapped
+    return lambda value: None if pack_as_is(value) is None else _little(value)
 
-    return pack
+
+def _little(value: Any) -> bytes:
+    """The C bytes of an array or of a scalar of numpy, which is always in the machine's order."""
+    little = value.dtype.newbyteorder("<")
+    data: bytes = (value if value.dtype == little else value.byteswap()).tobytes()
+    return data
 
 
 def _unpack_array(dtype: np.dtype[Any], little: np.dtype[Any], shape: tuple[int, ...]) -> Unpack:

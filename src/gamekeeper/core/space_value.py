@@ -179,9 +179,11 @@ def _agreed(counts: list[int | None]) -> int | None:
 
 
 def restore(space: Space[Any]) -> Restore:
-    """Gives plain ints of canonical JSON back the dtype that the space declares."""
+    """Gives what canonical JSON holds as plain numbers the dtypes that the space declares."""
     if isinstance(space, Discrete):
         return space.dtype.type
+    if isinstance(space, Box | MultiBinary | MultiDiscrete):
+        return _restore_array(space.dtype)
     if isinstance(space, Dict):
         fields = {key: restore(inner) for key, inner in space.spaces.items()}
         return lambda value: {key: fields[key](item) for key, item in value.items()}
@@ -200,13 +202,22 @@ def restore(space: Space[Any]) -> Restore:
     return _same
 
 
+def _restore_array(dtype: np.dtype[Any]) -> Restore:
+    def as_declared(value: Any) -> Any:
+        if type(value) is np.ndarray:
+            return value.astype(dtype, copy=False)  # canonical JSON knows one order of bytes only
+        return dtype.type(value) if type(value) in (bool, int, float) else value
+
+    return as_declared
+
+
 def _restore_tuple(items: list[Restore]) -> Restore:
     return lambda value: tuple(item(part) for item, part in zip(items, value, strict=True))
 
 
 def _restore_stack(space: Space[Any]) -> Restore:
     if isinstance(space, Box | Discrete | MultiBinary | MultiDiscrete):
-        return _same
+        return _restore_array(space.dtype)
     if isinstance(space, Dict):
         fields = {key: _restore_stack(inner) for key, inner in space.spaces.items()}
         return lambda value: {key: fields[key](item) for key, item in value.items()}
