@@ -30,6 +30,7 @@ from gamekeeper.core.contract_parts import (
     RESERVED,
 )
 from gamekeeper.core.contract_read import DTYPES
+from gamekeeper.core.questions import open_questions
 from gamekeeper.errors import ContractError
 
 WAREHOUSE = """\
@@ -213,6 +214,7 @@ def test_contract_round_trips_through_toml_and_json(data):
         assert hash(again) == hash(contract)
         assert repr(again.to_json()) == repr(contract.to_json())
     assert contract.to_toml().encode("utf-8")
+    assert Contract.parse(contract.to_toml(open_questions(contract))) == contract
 
 
 @given(contracts())

@@ -142,6 +142,10 @@ class Contract:
     def __str__(self) -> str:
         return self.to_toml()
 
+    def __deepcopy__(self, memo: object) -> Contract:
+        # It never changes, so copies of an environment share it.
+        return self
+
     def declared(self, *path: str) -> bool:
         """Something is declared at the path: `declared("roles", "picker", "noop")`."""
         here: object = self.to_json()

@@ -100,7 +100,8 @@ class Ending:
 
     Args:
         kind: `termination` (a rule of the task) or `truncation` (a limit from outside).
-        owner: whom it ends: the one `agent` it befalls, `all`, or all agents of a role.
+        owner: whom it ends: the one `agent` it befalls (whatever roles there are), `all`, or all
+            agents of a role.
     """
 
     kind: str

@@ -11,7 +11,7 @@ from typing import Final
 import tomli_w
 
 from gamekeeper.core.contract_parts import RewardTerm, Role, Schedule, Seeds
-from gamekeeper.core.places import BARE, Places
+from gamekeeper.core.places import BARE, Places, one_line
 from gamekeeper.core.question import Question
 from gamekeeper.core.toml_lines import key_lines
 from gamekeeper.errors import ContractError
@@ -127,7 +127,7 @@ class _Writer:
             return []
         answer = question.lines or (f"{key_text(path[-1])} = {question.answer}",)
         ask = f"{question.ask} ({question.hint})" if question.hint else question.ask
-        return [f"# {line}" for line in (ask, *answer)]
+        return [f"# {line}" for line in (one_line(ask), *answer)]
 
 
 def key_text(key: str) -> str:

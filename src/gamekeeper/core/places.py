@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -26,9 +27,15 @@ def path_text(path: Path) -> str:
         if isinstance(key, int):
             text += f"[{key}]"
         else:
-            name = key if BARE.fullmatch(key) else '"' + key.replace('"', '\\"') + '"'
+            name = key if BARE.fullmatch(key) else json.dumps(key, ensure_ascii=False)
             text += f".{name}" if text else name
     return text
+
+
+def one_line(text: str) -> str:
+    """The text on one line with every control character made visible, so no terminal obeys it."""
+    line = " ".join(text.split())
+    return "".join(char if char.isprintable() else f"\\u{ord(char):04x}" for char in line)
 
 
 def nearest(word: object, known: Iterable[str]) -> str | None:

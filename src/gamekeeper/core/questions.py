@@ -18,6 +18,7 @@ from gamekeeper.core.contract_parts import (
     ORDERS,
     is_single,
 )
+from gamekeeper.core.contract_toml import key_text, value_text
 from gamekeeper.core.question import Question
 
 TRUTH: Final = "true | false"
@@ -52,7 +53,7 @@ def open_questions(
 
 
 def _words(options: Iterable[str]) -> str:
-    return " | ".join(f'"{option}"' for option in options)
+    return " | ".join(map(value_text, options))
 
 
 def _about_task(contract: Contract, parallelizable: bool | None) -> Iterator[Question]:
@@ -72,7 +73,7 @@ def _about_task(contract: Contract, parallelizable: bool | None) -> Iterator[Que
 def _about_schedule(contract: Contract) -> Iterator[Question]:
     schedule, roles = contract.schedule, list(contract.roles)
     if schedule.stages is None:
-        known = ", ".join(f'"{role}"' for role in roles) or '"ROLE"'
+        known = ", ".join(map(value_text, roles))
         yield Question(
             ("schedule", "stages"),
             "which roles act together, and which groups of roles after one another?",
@@ -155,7 +156,7 @@ def _about_pay(contract: Contract) -> Iterator[Question]:
     for name, ending in contract.endings.items():
         if ending.owner is None:
             known = _words(("agent", "all", *contract.roles))
-            row = (f'{name} = {{ kind = "{ending.kind}", owner = … }}',)
+            row = (f'{key_text(name)} = {{ kind = "{ending.kind}", owner = … }}',)
             path = ("endings", name, "owner")
             yield Question(path, f"whom does '{name}' end?", known, hint=known, lines=row)
     if contract.seeds.deterministic is None:

@@ -1,4 +1,8 @@
-"""Contracts as files: core reads text only, so the file is opened here."""
+"""Contracts as files: core reads text only, so the file is opened here.
+
+Importing this module gives `Contract.load` its reader; the public `gamekeeper.Contract` comes from
+here. It loads no numpy.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +13,8 @@ from typing import Final
 
 from gamekeeper.core.contract import Contract
 from gamekeeper.errors import ContractError
+
+__all__ = ["Contract", "load_contract"]
 
 LARGEST_BYTES: Final = 1 << 20
 """A contract that people write is a few kilobytes; more is some other file."""
@@ -72,5 +78,5 @@ def _mend(path: Path) -> str:
     return f"open one of {', '.join(names[:5])}" if names else "write one: gamekeeper contract ENV"
 
 
-# The public spelling is Contract.load, but core opens no files; this module gives it its reader.
+# Set once, to the one function there is: core declares the name and stays without files.
 Contract.load = staticmethod(load_contract)

@@ -9,8 +9,9 @@ from typing import Final
 
 from gamekeeper.core.agent_spec import AgentSpec
 from gamekeeper.core.contract import Contract, Question
+from gamekeeper.core.places import one_line
 from gamekeeper.core.questions import open_questions
-from gamekeeper.report.card_rows import Section, card_sections, clean
+from gamekeeper.report.card_rows import Section, card_sections
 from gamekeeper.report.space_text import space_text
 
 NARROWEST: Final = 40
@@ -39,7 +40,7 @@ def card_text(
     wide = max(width, NARROWEST)
     lines = [*_wrapped(_title(contract), wide, "", "  ")]
     if contract.why:
-        lines += _wrapped(clean(contract.why), wide, "  ", "  ")
+        lines += _wrapped(one_line(contract.why), wide, "  ", "  ")
     for section in card_sections(contract, specs):
         lines += ["", section.title, *_columns(section, wide)]
     asked = _asked(contract, specs, questions)
@@ -47,7 +48,7 @@ def card_text(
         lines += ["", f"Not declared, so not judged ({len(asked)})"]
         for question in asked:
             text = f"{question.ask} -> {question.key} = {question.answer}"
-            lines += _wrapped(clean(text), wide, "  ", "      ")
+            lines += _wrapped(one_line(text), wide, "  ", "      ")
     return "\n".join(lines) + "\n"
 
 
@@ -121,7 +122,7 @@ def _asked(
 
 def _title(contract: Contract) -> str:
     api = {"parallel": "Parallel", "aec": "AEC"}.get(contract.api or "", "API not declared")
-    return clean(f"{contract.name or 'an environment without a name'} ({api})")
+    return one_line(f"{contract.name or 'an environment without a name'} ({api})")
 
 
 def _columns(section: Section, width: int) -> Iterator[str]:
@@ -154,7 +155,7 @@ def _wrapped(text: str, width: int, first: str, rest: str) -> list[str]:
 
 def _escaped(text: str) -> str:
     """The text with nothing left that Markdown or HTML would read as markup."""
-    marked = clean(text).replace("\\", "\\\\").replace("&", "&amp;").replace("<", "&lt;")
+    marked = one_line(text).replace("\\", "\\\\").replace("&", "&amp;").replace("<", "&lt;")
     for sign in "`*_[]|#":
         marked = marked.replace(sign, f"\\{sign}")
     return marked
@@ -165,7 +166,7 @@ def _cell(text: str) -> str:
 
 
 def _item(question: Question) -> str:
-    answer = clean(f"{question.key} = {question.answer}").replace("`", "'")
+    answer = one_line(f"{question.key} = {question.answer}").replace("`", "'")
     return f"- {_escaped(question.ask)} `{answer}`"
 
 

@@ -11,6 +11,7 @@ from gamekeeper.core.agent_spec import AgentSpec
 from gamekeeper.core.contract import Contract, Ending, InfoField, Knob, RewardTerm, Role
 from gamekeeper.core.contract_parts import NONE, patterns, plain
 from gamekeeper.core.contract_toml import value_text
+from gamekeeper.core.places import one_line
 from gamekeeper.report.space_text import space_text
 
 Row = tuple[str, ...]
@@ -78,13 +79,7 @@ def card_sections(contract: Contract, agents: tuple[AgentSpec, ...]) -> tuple[Se
 
 def _cleaned(rows: Iterable[Row]) -> Iterator[Row]:
     for row in rows:
-        yield tuple(clean(cell) for cell in row)
-
-
-def clean(text: str) -> str:
-    """The text on one line with every control character made visible, so no terminal obeys it."""
-    one = " ".join(text.split())
-    return "".join(char if char.isprintable() else f"\\u{ord(char):04x}" for char in one)
+        yield tuple(one_line(cell) for cell in row)
 
 
 def _agents(agents: tuple[AgentSpec, ...]) -> Iterator[Row]:
