@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
@@ -44,11 +45,14 @@ def lock_folder(folder: Path) -> int:
     """A descriptor that holds the folder's lock until it is closed or the process ends.
 
     Raises:
-        BundleError: another process holds it.
+        BundleError: another process holds it, or there is no such folder.
     """
     if os.name == "nt":
         return -1
-    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        descriptor = os.open(folder, os.O_RDONLY | getattr(os, "O_DIRECTORY", 0))
+    except OSError as error:
+        raise system_error("locking the folder", folder, error) from error
     if take_lock(descriptor, wait=False):
         return descriptor
     os.close(descriptor)
@@ -89,10 +93,8 @@ def _refuse_taken(folder: Path, *, but: tuple[str, ...]) -> None:
 
 
 def _remove_empty(folder: Path) -> None:
-    try:
+    with suppress(OSError, ValueError):  # something lies there after all, or it was never made
         folder.rmdir()
-    except OSError:
-        return  # something lies there after all, or it was never made
 
 
 def _no_folder(folder: Path, error: OSError | ValueError) -> BundleError:

@@ -20,6 +20,7 @@ from gamekeeper.record.folder import (
     NO_FOLLOW,
     inside,
     read_bounded,
+    reading,
     system_error,
     take_lock,
     write_all,
@@ -43,7 +44,8 @@ def annotate(path: str | PathLike[str], record: dict[str, Any]) -> None:
         BundleError: there is no bundle, the last line is damaged, or the disk refuses.
     """
     folder = Path(path)
-    load_manifest(folder)
+    with reading(folder):
+        load_manifest(folder)
     add_note(folder, record)
 
 
@@ -74,7 +76,9 @@ def read_notes(path: str | PathLike[str]) -> tuple[dict[str, Any], ...]:
         BundleError: a line is damaged, or the chain is broken.
     """
     notes = []
-    for number, note, why in chain(Path(path)):
+    with reading(Path(path)):
+        lines = list(chain(Path(path)))
+    for number, note, why in lines:
         if note is None or why:
             raise BundleError(
                 f"line {number} of {NOTES} {why}",

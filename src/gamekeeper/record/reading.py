@@ -10,8 +10,8 @@ from typing import Any
 import pyarrow as pa
 
 from gamekeeper.errors import BundleError
-from gamekeeper.record.folder import digest_file, inside
-from gamekeeper.record.manifest import MANIFEST, Seal, load_manifest, seal_of
+from gamekeeper.record.folder import digest_file, inside, reading
+from gamekeeper.record.manifest import MANIFEST, Seal, load_manifest, manifest_digest, seal_of
 from gamekeeper.record.schema import STREAMS, keys_of
 from gamekeeper.record.segments import Cut
 from gamekeeper.record.streams import StreamFiles, keep, merge, whole_of
@@ -54,22 +54,34 @@ def read(path: str | PathLike[str], *, check: bool = True, salvage: bool = False
         BundleError: there is no bundle, it is damaged, or written in a newer format.
     """
     folder = Path(path)
-    manifest = load_manifest(folder)
-    try:
-        return _read(folder, manifest, check=check, salvage=salvage)
-    except BundleError:
-        again = load_manifest(folder)
-        if again == manifest:
-            raise
-        # The recorder sealed it in between, and what was being read has been replaced.
-        return _read(folder, again, check=check, salvage=salvage)
+    with reading(folder):
+        manifest = load_manifest(folder)
+        while True:
+            seal = seal_of(manifest, folder / MANIFEST)
+            try:
+                if seal is not None:
+                    return _read_sealed(folder, manifest, seal, check=check)
+                bundle = _read_open(folder, manifest, salvage=salvage)
+            except BundleError:
+                again = load_manifest(folder)
+                if again == manifest:
+                    raise
+            else:
+                again = load_manifest(folder)
+                if again == manifest:
+                    return bundle
+            # The recorder sealed it meanwhile: the segments that were being read may be gone.
+            manifest = again
 
 
-def _read(folder: Path, manifest: dict[str, Any], *, check: bool, salvage: bool) -> Bundle:
-    seal = seal_of(manifest, folder / MANIFEST)
-    if seal is not None:
-        tables = {name: _sealed_table(folder, name, seal, check=check) for name in STREAMS}
-        return _bundle(folder, manifest, tables, is_sealed=True)
+def _read_sealed(folder: Path, manifest: dict[str, Any], seal: Seal, *, check: bool) -> Bundle:
+    if check and manifest_digest(manifest) != seal.manifest:
+        raise _changed(folder / MANIFEST, "the manifest that was sealed", "another")
+    tables = {name: _sealed_table(folder, name, seal, check=check) for name in STREAMS}
+    return _bundle(folder, manifest, tables, is_sealed=True)
+
+
+def _read_open(folder: Path, manifest: dict[str, Any], *, salvage: bool) -> Bundle:
     streams = {name: StreamFiles(folder, name, salvage=salvage) for name in STREAMS}
     tables = {name: streams[name].table() for name in STREAMS}
     whole = whole_of(
@@ -90,17 +102,27 @@ def _read(folder: Path, manifest: dict[str, Any], *, check: bool, salvage: bool)
 
 def _sealed_table(folder: Path, stream: str, seal: Seal, *, check: bool) -> pa.Table | None:
     name = f"{stream}.parquet"
-    if name not in seal.files:
-        return None
     path = inside(folder, name)
-    if check and digest_file(path) != seal.files[name]:
-        raise BundleError(
-            f"{name} was changed after it was sealed",
-            where=str(path),
-            expected=f"{seal.files[name][0]} bytes with digest {seal.files[name][1][:16]}...",
-            mend="restore the file from a copy; `gamekeeper verify` lists all damage",
-        )
+    if name not in seal.files:
+        if check and path.exists():
+            raise _changed(path, "sealed files alone", "a file that the seal doesn't name")
+        return None
+    if check:
+        size, digest = digest_file(path)
+        if (size, digest) != seal.files[name]:
+            expected = f"{seal.files[name][0]} bytes, digest {seal.files[name][1][:16]}..."
+            raise _changed(path, expected, f"{size} bytes, digest {digest[:16]}...")
     return TableReader(path, stream).read()
+
+
+def _changed(path: Path, expected: str, seen: str) -> BundleError:
+    return BundleError(
+        f"{path.name} was changed after it was sealed",
+        where=str(path),
+        expected=expected,
+        seen=seen,
+        mend="restore it from a copy; `gamekeeper verify` lists all damage",
+    )
 
 
 def _bundle(

@@ -12,7 +12,7 @@ import pyarrow as pa
 
 from gamekeeper.errors import BundleError
 from gamekeeper.record.claim import lock_folder
-from gamekeeper.record.folder import system_error
+from gamekeeper.record.folder import reading, system_error
 from gamekeeper.record.manifest import FORMAT_VERSION, load_manifest
 from gamekeeper.record.schema import STREAMS, plain_batch, plain_schema
 from gamekeeper.record.seal import commit
@@ -39,6 +39,8 @@ def seal_recovered(
         BundleError: it is sealed already or still being recorded, or the disk refuses.
     """
     folder = Path(path)
+    with reading(folder):
+        load_manifest(folder)  # says what is there, where that is no bundle
     lock = lock_folder(folder)
     try:
         if load_manifest(folder)["status"] != "open":

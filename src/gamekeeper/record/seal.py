@@ -12,7 +12,14 @@ from pathlib import Path
 from typing import Any
 
 from gamekeeper.errors import BundleError
-from gamekeeper.record.folder import digest_file, inside, read_bounded, replace, sync_folder
+from gamekeeper.record.folder import (
+    digest_file,
+    inside,
+    read_bounded,
+    reading,
+    replace,
+    sync_folder,
+)
 from gamekeeper.record.manifest import (
     MANIFEST,
     MANIFEST_BYTES,
@@ -80,6 +87,11 @@ def check_seal(path: str | PathLike[str]) -> tuple[Damage, ...]:
         BundleError: there is no sealed bundle here, or its manifest is too damaged to hold a seal.
     """
     folder = Path(path)
+    with reading(folder):
+        return tuple(_damages(folder))
+
+
+def _damages(folder: Path) -> list[Damage]:
     data = read_bounded(inside(folder, MANIFEST), MANIFEST_BYTES)
     manifest = parse_manifest(data, folder / MANIFEST)
     seal = seal_of(manifest, folder / MANIFEST)
@@ -99,7 +111,7 @@ def check_seal(path: str | PathLike[str]) -> tuple[Damage, ...]:
     streams = [f"{stream}.parquet" for stream in STREAMS]
     lying = [name for name in streams if (folder / name).exists()] + frame_names(folder)
     found += [Damage(name, "extra", "never sealed") for name in lying if name not in seal.files]
-    return tuple(found)
+    return found
 
 
 def verify_notes(path: str | PathLike[str]) -> tuple[Damage, ...]:
@@ -108,7 +120,9 @@ def verify_notes(path: str | PathLike[str]) -> tuple[Damage, ...]:
     Raises:
         BundleError: the annotations are no plain file.
     """
-    broken = [f"line {number} {why}" for number, _, why in chain(Path(path)) if why]
+    folder = Path(path)
+    with reading(folder):
+        broken = [f"line {number} {why}" for number, _, why in chain(folder) if why]
     return tuple(Damage(NOTES, "changed", why) for why in broken)
 
 

@@ -6,13 +6,13 @@ import base64
 import os
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from gamekeeper.record.folder import open_plain, reading
+from gamekeeper.record.footer import BYTE_ARRAY, Chunk, read_footer
 from gamekeeper.record.limits import OFFSET_BYTES, SMALL_BYTES, check_growth, row_bytes
 from gamekeeper.record.schema import EXTENSION, check_schema, plain_batch, plain_schema
 
@@ -24,12 +24,13 @@ class TableReader:
         BundleError: the file is missing, damaged, or holds columns that a bundle doesn't.
     """
 
-    __slots__ = ("_file", "_grown", "_size", "path", "schema")
+    __slots__ = ("_file", "_groups", "_grown", "_size", "path", "schema")
 
     def __init__(self, path: Path, stream: str) -> None:
         self.path, self._grown = path, 0
-        with open_plain(path) as file:
+        with open_plain(path) as file, reading(path):
             self._size = os.fstat(file.fileno()).st_size
+            self._groups = read_footer(file, self._size)
         with reading(path):
             source = pa.OSFile(str(path))
             metadata = pq.read_metadata(source)
@@ -38,11 +39,13 @@ class TableReader:
             stored = (metadata.metadata or {}).get(b"ARROW:schema", b"")
             if EXTENSION in base64.b64decode(stored):
                 raise ValueError("an Arrow extension type, which a bundle doesn't hold")
+            if metadata.num_row_groups != len(self._groups):
+                raise ValueError("a footer that is read in two ways")
             self._file = pq.ParquetFile(
                 source,
                 metadata=metadata,
                 page_checksum_verification=True,
-                read_dictionary=_suspects(metadata),
+                read_dictionary=_suspects(self._groups),
             )
             self.schema = plain_schema(self._file.schema_arrow)
             check_schema(self.schema, stream, where=str(path))
@@ -61,17 +64,16 @@ class TableReader:
         Raises:
             BundleError: the file is damaged.
         """
-        for number in range(self._file.num_row_groups):
+        for number in range(len(self._groups)):
             with reading(self.path):
                 batches = self._group(number)
             yield from batches
 
     def _group(self, number: int) -> list[pa.RecordBatch]:
-        group = self._file.metadata.row_group(number)
-        rows = group.num_rows * sum(row_bytes(field.type) for field in self.schema)
-        chunks = [group.column(i) for i in range(group.num_columns)]
-        values = OFFSET_BYTES * sum(chunk.num_values for chunk in chunks)
-        self._grow(rows + values + sum(chunk.total_uncompressed_size for chunk in chunks))
+        rows, chunks = self._groups[number]
+        size = rows * sum(row_bytes(field.type) for field in self.schema)
+        size += sum(OFFSET_BYTES * chunk.values + chunk.size_bytes for chunk in chunks)
+        self._grow(size)
         batches = self._file.read_row_group(number).to_batches()
         for batch in batches:
             for column in batch.columns:
@@ -88,17 +90,18 @@ class TableReader:
         check_growth(self._grown, self._size)
 
 
-def _suspects(metadata: Any) -> list[str]:
+def _suspects(groups: list[tuple[int, list[Chunk]]]) -> list[str]:
     """The columns whose dictionaries could stand for more than any file may ask for.
 
     They are read as dictionaries, so that their true size is known before they are written out.
     """
-    found = set()
-    for number in range(metadata.num_row_groups):
-        group = metadata.row_group(number)
-        for i in range(group.num_columns):
-            chunk = group.column(i)
-            is_large = chunk.num_values * chunk.total_uncompressed_size > SMALL_BYTES
-            if chunk.physical_type == "BYTE_ARRAY" and chunk.has_dictionary_page and is_large:
-                found.add(chunk.path_in_schema)
-    return sorted(found)
+    return sorted(
+        {
+            chunk.path
+            for _, chunks in groups
+            for chunk in chunks
+            if chunk.kind == BYTE_ARRAY
+            and chunk.has_dictionary
+            and chunk.values * chunk.size_bytes > SMALL_BYTES
+        }
+    )
