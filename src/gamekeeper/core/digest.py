@@ -161,9 +161,9 @@ class EpisodeDigest:
         """Takes the digests of states that follow those taken before, [turns, 16]."""
         self._states.update(np.ascontiguousarray(digests))
 
-    def add_info(self, turn: int, agent: str, info: str) -> None:
-        """Takes one info, canonical JSON, its volatile fields left out."""
-        self._infos.update(f"{turn}\0{agent}\0{info}\n".encode(errors="surrogatepass"))
+    def add_infos(self, lines: Iterable[str]) -> None:
+        """Takes infos, a line for each: turn, agent, canonical JSON without volatile fields."""
+        self._infos.update("".join(lines).encode(errors="surrogatepass"))
 
     @property
     def fingerprint(self) -> str:

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from gamekeeper.core.arrow import cells_of, value_columns
 from gamekeeper.core.block import Raw
 from gamekeeper.core.canon import drop, from_json, to_json
 from gamekeeper.core.trace import Trace, Turn, digests_of
+
+
+# of an episode whose recorder was killed nothing is known after its last whole turn
+ENDS_OPEN: Final = ("torn", "failed")
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +91,7 @@ def compare(
             equal; None: bit for bit.
         volatile: info fields that are left out.
     """
+    replayed = _as_far_as(recorded, replayed)
     largest = 0.0
     for place in _different_turns(recorded, replayed, volatile):
         found, size = _first(recorded, replayed, place, tolerance, volatile)
@@ -95,6 +101,20 @@ def compare(
         if tolerance is None:
             raise AssertionError(f"digests differ at turn {place} but no field does")
     return Comparison(None, is_exact=largest == 0.0 and _same_digests(recorded, replayed), largest=largest)
+
+
+def _as_far_as(recorded: Trace, replayed: Trace) -> Trace:
+    """`replayed` without what came after the end of a recording that was torn off."""
+    turns = recorded.header.get("turns")
+    last = recorded.steps["turn"][-1].as_py() if recorded.steps.num_rows else -1
+    if recorded.header.get("end") not in ENDS_OPEN or turns is None or last >= turns:
+        return replayed
+    steps = replayed.steps.filter(pc.less(replayed.steps["turn"], turns))
+    states = replayed.states
+    if states is not None and recorded.states is not None:
+        kept = recorded.states["turn"][-1].as_py() if recorded.states.num_rows else -1
+        states = states.filter(pc.less_equal(states["turn"], kept))
+    return replace(replayed, steps=steps, states=states, _cache={})
 
 
 def _same_digests(left: Trace, right: Trace) -> bool:

@@ -8,18 +8,35 @@ from functools import cached_property
 from pathlib import PurePath
 from typing import Any, Final
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from gamekeeper.core.canon import from_json
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.digest import run_fingerprint
 from gamekeeper.core.layout import Layout, spaces_json
 from gamekeeper.core.space import Codec, UnknownSpace, space_from_json, space_to_json
+from gamekeeper.core.press import EPISODES
 from gamekeeper.core.summary import Summary, summarise
+from gamekeeper.core.tables import Tables
 from gamekeeper.core.trace import Spaces, Trace
 
+_NO_STEPS: Final = pa.schema(
+    [
+        ("episode", pa.int32()),
+        ("turn", pa.int32()),
+        ("agent", pa.string()),
+        ("order", pa.int16()),
+        ("mask", pa.binary()),
+        ("received", pa.float64()),
+        ("terminated", pa.bool_()),
+        ("truncated", pa.bool_()),
+        ("info", pa.string()),
+        ("reward", pa.float64()),
+        ("live", pa.bool_()),
+        ("raised", pa.string()),
+        ("odd", pa.string()),
+    ]
+)
 IDENTITY: Final = ("api", "kwargs", "name")  # what of an environment's identity the fingerprint covers
 
 
@@ -29,21 +46,37 @@ class Evidence:
 
     Attributes:
         manifest: environment, contract, spaces, seeds, status, fingerprints.
-        episodes: one row for each episode.
-        steps: one row for each agent's decision.
-        states: `state()` by turn, or None.
-        timings: wall time by turn, or None.
+        tables: the streams; a trace reads only its own rows.
         facts: what probes saw that is no turn.
         path: the folder of the bundle; None for evidence in memory.
     """
 
     manifest: Mapping[str, Any]
-    episodes: pa.Table
-    steps: pa.Table
-    states: pa.Table | None = None
-    timings: pa.Table | None = None
+    tables: Tables
     facts: tuple[Any, ...] = ()
     path: PurePath | None = None
+
+    @cached_property
+    def episodes(self) -> pa.Table:
+        """One row for each episode."""
+        table = self.tables.table("episodes")
+        return EPISODES.empty_table() if table is None else table
+
+    @cached_property
+    def steps(self) -> pa.Table:
+        """One row for each agent's decision, all of them in memory."""
+        table = self.tables.table("steps")
+        return _NO_STEPS.empty_table() if table is None else table
+
+    @property
+    def states(self) -> pa.Table | None:
+        """`state()` by turn, or None."""
+        return self.tables.table("states")
+
+    @property
+    def timings(self) -> pa.Table | None:
+        """The wall time of each crossing, or None."""
+        return self.tables.table("timings")
 
     @property
     def fingerprint(self) -> str:
@@ -67,17 +100,8 @@ class Evidence:
     @property
     def traces(self) -> Iterator[Trace]:
         """The episodes as traces, in their order."""
-        state_codec = _codec(self.manifest.get("state_space"))
         for header in self.episodes.to_pylist():
-            number = header["episode"]
-            yield Trace(
-                episode=number,
-                header=header,
-                steps=episode_rows(self.steps, number),
-                states=None if self.states is None else episode_rows(self.states, number),
-                spaces=self.spaces,
-                state_codec=state_codec,
-            )
+            yield self.trace_of(header)
 
     def trace(self, episode: int) -> Trace:
         """The trace of one episode.
@@ -85,10 +109,23 @@ class Evidence:
         Raises:
             KeyError: there is no such episode.
         """
-        for trace in self.traces:
-            if trace.episode == episode:
-                return trace
+        for header in self.episodes.to_pylist():
+            if header["episode"] == episode:
+                return self.trace_of(header)
         raise KeyError(episode)
+
+    def trace_of(self, header: Mapping[str, Any]) -> Trace:
+        """The trace of the episode that has this row in `episodes`."""
+        number = header["episode"]
+        steps = self.tables.episode("steps", number)
+        return Trace(
+            episode=number,
+            header=header,
+            steps=_NO_STEPS.empty_table() if steps is None else steps,
+            states=self.tables.episode("states", number),
+            spaces=self.spaces,
+            state_codec=_codec(self.manifest.get("state_space")),
+        )
 
     @cached_property
     def summary(self) -> Summary:
@@ -106,13 +143,6 @@ class Evidence:
 
     def _repr_html_(self) -> str:
         return self.summary.to_html()
-
-
-def episode_rows(table: pa.Table, episode: int) -> pa.Table:
-    """The rows of one episode of a table that is sorted by episode."""
-    numbers = table["episode"].to_numpy()
-    first, last = np.searchsorted(numbers, [episode, episode + 1])
-    return table.slice(int(first), int(last - first))
 
 
 def manifest_of(
@@ -159,8 +189,3 @@ def _codec(described: Mapping[str, Any] | None) -> Codec | None:
         return None
     space = space_from_json(dict(described))
     return None if isinstance(space, UnknownSpace) else Codec(space)
-
-
-def parsed(text: str | None) -> Any:
-    """A canonical JSON text from a column, or None."""
-    return None if text is None else from_json(text)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
+from itertools import groupby
 from typing import Any, Final
 
 import numpy as np
@@ -128,11 +129,12 @@ class Press:
 
 def add_infos(episodes: dict[int, EpisodeDigest], block: Block, volatile: Collection[str]) -> None:
     """Adds the infos of `block` to the info digests of their episodes."""
-    numbers, turns = block.episode.tolist(), block.turn.tolist()
-    for row, info in enumerate(block.info):
-        if info is not None:
-            text = _without(info, volatile) if volatile else info
-            episodes[numbers[row]].add_info(turns[row], block.agent[row], text)
+    rows = [row for row, info in enumerate(block.info) if info is not None]
+    numbers, turns, agents, infos = block.episode.tolist(), block.turn.tolist(), block.agent, block.info
+    for episode, group in groupby(rows, key=numbers.__getitem__):
+        episodes[episode].add_infos(
+            f"{turns[row]}\0{agents[row]}\0{_without(infos[row], volatile)}\n" for row in group
+        )
 
 
 def state_digests(turn: Any, cells: list[tuple[Column, Cells]], odd: list[Any]) -> Any:
@@ -143,7 +145,9 @@ def state_digests(turn: Any, cells: list[tuple[Column, Cells]], odd: list[Any]) 
     return digest_fields(fields, len(turn))
 
 
-def _without(info: str, volatile: Collection[str]) -> str:
+def _without(info: Any, volatile: Collection[str]) -> str:
+    if not volatile:
+        return str(info)
     value = from_json(info)
     return to_json(drop(value, volatile)) if isinstance(value, dict) else info
 

@@ -94,15 +94,17 @@ class Summary:
 
 def summarise(evidence: Evidence) -> Summary:
     """The summary of a run."""
-    names = _agents(evidence)
-    returns = _by_agent(evidence.steps, "reward", "sum")
-    acted = evidence.steps.filter(pc.is_valid(evidence.steps["order"]))
+    steps = evidence.tables.table("steps", without=("obs",))
+    steps = evidence.steps if steps is None else steps
+    names = _agents(evidence, steps)
+    returns = _by_agent(steps, "reward", "sum")
+    acted = steps.filter(pc.is_valid(steps["order"]))
     ended = pc.or_(pc.fill_null(acted["terminated"], False), pc.fill_null(acted["truncated"], False))
     acted = acted.filter(pc.invert(ended))
     counts = _by_agent(acted, "order", "count")
     shares = _shares({name: returns.get(name, (0.0, 1))[0] for name in names})
     idle = _idle(evidence, acted)
-    endings = _endings(evidence)
+    endings = _endings(evidence, steps)
     agents = {}
     for name in names:
         total, episodes = returns.get(name, (0.0, 1))
@@ -114,7 +116,8 @@ def summarise(evidence: Evidence) -> Summary:
             endings=endings.get(name, {}),
         )
     turns = evidence.episodes["turns"]
-    nanoseconds = 0 if evidence.timings is None else pc.sum(evidence.timings["wall_ns"]).as_py() or 0
+    timings = evidence.timings
+    nanoseconds = 0 if timings is None else pc.sum(timings["wall_ns"]).as_py() or 0
     return Summary(
         episodes=evidence.episodes.num_rows,
         turns=pc.sum(turns).as_py() or 0,
@@ -124,9 +127,9 @@ def summarise(evidence: Evidence) -> Summary:
     )
 
 
-def _agents(evidence: Evidence) -> list[str]:
+def _agents(evidence: Evidence, steps: pa.Table) -> list[str]:
     """The agents that have rows, in the order in which the run seated them."""
-    present = set(pc.unique(evidence.steps["agent"]).to_pylist())
+    present = set(pc.unique(steps["agent"]).to_pylist())
     return [name for name in evidence.manifest.get("agents", []) if name in present]
 
 
@@ -173,9 +176,9 @@ def _action_column(acted: pa.Table, agent: str) -> str | None:
     return None
 
 
-def _endings(evidence: Evidence) -> dict[str, dict[str, int]]:
+def _endings(evidence: Evidence, steps: pa.Table) -> dict[str, dict[str, int]]:
     """How the episodes of each agent ended: its reason, else its flag, else how the episode did."""
-    steps = evidence.steps.select(["episode", "agent", "terminated", "truncated"])
+    steps = steps.select(["episode", "agent", "terminated", "truncated"])
     flags = steps.group_by(["episode", "agent"]).aggregate([("terminated", "max"), ("truncated", "max")])
     reasons = {
         row["episode"]: (json.loads(row["endings"]) if row["endings"] else {}, row["end"] or "cut")

@@ -182,7 +182,7 @@ class AECGame(Game):
             entry, reward = (*(entry or ()), odd("reward", reward)), None
         self._tape.done.extend((0, payload, reward, self._terms_of(agent), None, entry))
         news = [other for other in self._news if other != agent] if self._news else []
-        paid = _paid_others(rewards, agent) if any(rewards.values()) else []
+        paid = _paid_others(rewards, agent) if _pays_others(rewards, reward) else []
         rows = 1 + self._other_rows(news, paid) if news or paid else 1
         self._news = []
         self._commit(rows, wall_ns)
@@ -281,6 +281,20 @@ def _of(book: Any, agent: AgentId) -> Any:
         return book[agent]
     except (KeyError, TypeError):
         return MISSING
+
+
+def _pays_others(rewards: Mapping[AgentId, Any], reward: Any) -> bool:
+    """Whether `rewards` may pay anybody but the agent whose own reward is `reward`.
+
+    Counting one of the zeros that are in it finds the others by identity, at 1 ns each, where `any` asks
+    every number for its truth.
+    """
+    values = list(rewards.values())
+    zero = values[0] if values and values[0].__class__ in REALS and not values[0] else 0
+    try:
+        return len(values) - values.count(zero) != (1 if reward else 0)
+    except ValueError:  # a reward that is an array has no truth
+        return True
 
 
 def _paid_others(rewards: Mapping[AgentId, Any], agent: AgentId) -> list[AgentId]:

@@ -77,6 +77,7 @@ class Game:
         self._state: Callable[[], Any] | None = None
         self._state_entry: tuple[Any, str | None] = (None, None)
         self._pack_state: Pack | None = None
+        self._known: dict[int, Codec] = {}
         self._desk: dict[AgentId, tuple[int, Pack, Pack]] = {}
         self._paid_terms: Callable[[AgentId], Any] | None = None
         if sink is not None:
@@ -105,7 +106,12 @@ class Game:
             space = space_of(agent)
         except Exception:  # an agent that nobody declared has no space: its values are kept as odd
             return None
-        return Codec(space) if isinstance(space, Space) else None
+        if not isinstance(space, Space):
+            return None
+        known = self._known.get(id(space))
+        if known is None:  # the codec keeps its space alive, so the id stays its own
+            known = self._known[id(space)] = Codec(space)
+        return known
 
     # -- episodes
 

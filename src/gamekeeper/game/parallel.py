@@ -12,9 +12,9 @@ from gamekeeper.game.door import (
     BOOLS,
     GIVEN_NOTHING,
     MISSING,
-    REALS,
     AgentId,
     Game,
+    Pack,
     info_of,
     odd,
     reward_of,
@@ -31,6 +31,8 @@ class ParallelGame(Game):
         """Takes hold of a PettingZoo ParallelEnv; `settings` as in `Game`."""
         super().__init__(env, **settings)
         self._who: list[AgentId] = []  # the agents of the rows that wait for an action
+        self._givers: list[tuple[int, Pack]] = []  # seat and observation packer of each of them
+        self._doers: list[Pack] = []  # action packer of each of them
         self._ended = False
         self.observations: Mapping[AgentId, Any] = {}
         self.infos: Mapping[AgentId, Any] = {}
@@ -78,12 +80,16 @@ class ParallelGame(Game):
             raise
         wall_ns = perf_counter_ns() - start
         self._failure = None
-        parts = out if out.__class__ is tuple and len(out) == 5 else ({},) * 5
+        if out.__class__ is tuple and len(out) == 5:
+            parts = out
+            self.observations, self.infos = out[0], out[4]
+        else:
+            parts = ({},) * 5
         self._pay(moves, parts[1])
         self._commit(len(self._who), wall_ns)
         self._crossed()
         self._give(*parts)
-        return self._after(out)
+        return out
 
     def _after(self, out: Any) -> Any:
         if out.__class__ is tuple and len(out) == 5:
@@ -101,71 +107,90 @@ class ParallelGame(Game):
     def _give(self, observations: Any, rewards: Any, terms: Any, truncs: Any, infos: Any) -> None:
         """Begins the rows of the next turn with what each agent was given."""
         agents = getattr(self.env, "agents", [])
-        first = rewards is None
-        who = self._who_was_given(agents, (observations, infos) if first else (observations, rewards, terms, truncs, infos))
-        live = len(agents)
-        desk, extend = self._desk, self._tape.given.extend
-        over = True
-        reward: Any = 0.0
-        terminated: Any = False
-        truncated: Any = False
-        for place, agent in enumerate(who):
-            index, pack, _ = desk.get(agent) or self._sit(agent)
-            try:
+        if rewards is None:
+            self._give_all(agents, observations, dict.fromkeys(agents, 0.0), None, None, infos)
+            return
+        count = len(agents)
+        if agents != self._who:
+            self._take_seats(list(agents))
+        if not len(observations) == len(rewards) == len(terms) == len(truncs) == len(infos) == count:
+            self._give_all(agents, observations, rewards, terms, truncs, infos)
+            return
+        given = self._tape.given
+        before = len(given)
+        extend, text, mask = given.extend, None, None
+        try:
+            for agent, (index, pack) in zip(self._who, self._givers, strict=True):
                 payload = pack(observations[agent])
-                info = infos[agent]
-                if not first:
-                    reward, terminated, truncated = rewards[agent], terms[agent], truncs[agent]
-            except (KeyError, TypeError, IndexError):
-                payload = None
-            if (
-                payload is None
-                or reward.__class__ not in REALS
-                or terminated.__class__ not in BOOLS
-                or truncated.__class__ not in BOOLS
-                or (info.__class__ is not dict)
-                or (reward.__class__ is not float and reward_of(reward) is None)
-            ):
-                ended = self._give_odd(agent, place < live, observations, rewards, terms, truncs, infos)
-            elif info:
-                text, mask = info_of(info, [])
-                extend((index, payload, mask, reward, terminated, truncated, text, place < live, None))
-                ended = terminated or truncated
+                reward, info = rewards[agent], infos[agent]
+                if (
+                    terms[agent] is not False
+                    or truncs[agent] is not False
+                    or reward.__class__ is not float
+                    or info.__class__ is not dict
+                    or payload is None
+                ):
+                    break
+                if info:
+                    text, mask = info_of(info, [])
+                else:
+                    text = mask = None
+                extend((index, payload, mask, reward, False, False, text, True, None))
             else:
-                extend((index, payload, None, reward, terminated, truncated, None, place < live, None))
-                ended = terminated or truncated
+                self._ended = not count
+                if not count:
+                    self.end_episode()
+                return
+        except KeyError:
+            pass
+        self._take_back(before)
+        self._give_all(agents, observations, rewards, terms, truncs, infos)
+
+    def _give_all(
+        self, agents: list[AgentId], observations: Any, rewards: Any, terms: Any, truncs: Any, infos: Any
+    ) -> None:
+        """The same with every look that the usual case does without."""
+        who = dict.fromkeys(agents)
+        for part in (observations, rewards, terms, truncs, infos):
+            if isinstance(part, Mapping):
+                who.update(dict.fromkeys(part))
+        live = len(agents)
+        self._take_seats(list(who))
+        over = True
+        for place, agent in enumerate(who):
+            ended = self._give_row(agent, place < live, observations, rewards, terms, truncs, infos)
             over = over and (ended or place >= live)
-        self._who, self._ended = who, over
+        self._ended = over
         if not live:
             self.end_episode()
 
-    def _who_was_given(self, agents: list[AgentId], parts: tuple[Any, ...]) -> list[AgentId]:
-        """The live agents, then those that are in one of the dictionaries only."""
-        count = len(agents)
-        if all(part.__class__ is dict and len(part) == count for part in parts):
-            first = parts[0]
-            if all(agent in first for agent in agents):
-                keys = first.keys()
-                if all(part.keys() == keys for part in parts[1:]):
-                    return list(agents)
-        who = dict.fromkeys(agents)
-        for part in parts:
-            if isinstance(part, Mapping):
-                who.update(dict.fromkeys(part))
-        return list(who)
+    def _take_seats(self, who: list[AgentId]) -> None:
+        """The rows of the turn that comes are those of `who`."""
+        desks = [self._desk.get(agent) or self._sit(agent) for agent in who]
+        self._who = who
+        self._givers = [(index, pack) for index, pack, _ in desks]
+        self._doers = [pack for _, _, pack in desks]
 
-    def _give_odd(
+    def _take_back(self, length: int) -> None:
+        """Rows of a turn that began otherwise than usual are written again."""
+        given = self._tape.given
+        for payload in given[length + 1 :: GIVEN]:
+            if payload.__class__ is Place:
+                self.sink.rings.release(payload)  # type: ignore[union-attr]  # who puts aside has rings
+        del given[length:]
+
+    def _give_row(
         self, agent: AgentId, live: bool, observations: Any, rewards: Any, terms: Any, truncs: Any, infos: Any
     ) -> bool:
-        """A row of which something isn't as declared: that goes to `odd`, its column stays null."""
+        """One row; what isn't as declared goes to `odd`, its column stays null. Whether the agent ended."""
         index, pack, _ = self._desk[agent]
-        first = rewards is None
+        first = terms is None
         fields: list[str] = []
         observation = _get(observations, agent)
         payload = None if observation is MISSING else pack(observation)
         if payload is None:
             fields.append(odd("obs", observation))
-        received = 0.0 if first else _get(rewards, agent)
+        received = _get(rewards, agent)
         terminated, truncated = (False, False) if first else (_get(terms, agent), _get(truncs, agent))
         if reward_of(received) is None:
             fields.append(odd("received", received))
@@ -188,17 +213,14 @@ class ParallelGame(Game):
 
         Who acts without having been given anything gets a row too.
         """
-        who, desk = self._who, self._desk
         if not isinstance(actions, Mapping):
-            who, actions = list(who), {}
-        if list(actions) != who:
+            actions = {}
+        if list(actions) != self._who:
             return self._moves_out_of_order(actions)
-        moves = []
-        for order, agent in enumerate(who):
-            action = actions[agent]
-            payload = desk[agent][2](action)
-            entry = None if payload is not None else (odd("action", action),)
-            moves.append((order, payload, entry))
+        moves: list[Any] = []
+        for order, (pack, action) in enumerate(zip(self._doers, actions.values(), strict=True)):
+            payload = pack(action)
+            moves.append((order, payload, None if payload is not None else (odd("action", action),)))
         return moves
 
     def _moves_out_of_order(
@@ -222,7 +244,7 @@ class ParallelGame(Game):
         index, _, _ = self._desk.get(agent) or self._sit(agent)
         live = agent in getattr(self.env, "agents", ())
         self._tape.given.extend((index, *GIVEN_NOTHING, live, None))
-        self._who.append(agent)
+        self._take_seats([*self._who, agent])
 
     def _pay(self, moves: list[Any], rewards: Any) -> None:
         """Completes the rows of this turn with actions and what the crossing paid."""
@@ -230,14 +252,13 @@ class ParallelGame(Game):
             rewards = rewards if isinstance(rewards, Mapping) else {}
         if len(rewards) > len(moves):
             self._pay_strangers(moves, rewards)
-        extend = self._tape.done.extend
-        paid_terms = self._paid_terms
+        extend, paid_terms, terms = self._tape.done.extend, self._paid_terms, None
         for agent, (order, payload, entry) in zip(self._who, moves, strict=True):
             reward = rewards.get(agent)
             if reward.__class__ is not float and reward is not None and reward_of(reward) is None:
-                entry = (*(entry or ()), odd("reward", reward))
-                reward = None
-            terms = None if paid_terms is None else paid_terms(agent)
+                entry, reward = (*(entry or ()), odd("reward", reward)), None
+            if paid_terms is not None:
+                terms = paid_terms(agent)
             extend((order, payload, reward, terms, None, entry))
 
     def _pay_strangers(self, moves: list[Any], rewards: Mapping[AgentId, Any]) -> None:
@@ -267,7 +288,7 @@ class ParallelGame(Game):
             self._tape.done.extend((None, None, None, None, None, None))
         self._commit(len(self._who), None)
         over = self._ended and bool(self._who)
-        self._who = []
+        self._take_seats([])
         self._finish("ended" if over or not getattr(self.env, "agents", ()) else "cut")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from os import PathLike
 
 from gamekeeper.core.evidence import Evidence
+from gamekeeper.core.tables import MemoryTables
 from gamekeeper.record.reading import read
 
 
@@ -15,11 +16,6 @@ def load(path: str | PathLike[str]) -> Evidence:
         BundleError: there is no bundle, it is damaged, or of a newer format.
     """
     bundle = read(path)
-    return Evidence(
-        manifest=bundle.manifest,
-        episodes=bundle.episodes,
-        steps=bundle.steps,
-        states=bundle.states,
-        timings=bundle.timings,
-        path=bundle.path,
-    )
+    tables = {name: getattr(bundle, name) for name in ("episodes", "steps", "states", "timings")}
+    kept = {name: table for name, table in tables.items() if table is not None}
+    return Evidence(bundle.manifest, MemoryTables(kept), path=bundle.path)

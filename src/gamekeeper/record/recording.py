@@ -7,12 +7,14 @@ from os import PathLike
 from typing import Any, Final
 
 from gamekeeper.core.contract import Contract
+from gamekeeper.core.canon import to_json
 from gamekeeper.core.evidence import Evidence
+from gamekeeper.core.layout import role
 from gamekeeper.errors import EnvError, GamekeeperError
-from gamekeeper.game.contract_file import contract_of
+from gamekeeper.game.cast import Cast, Choices, assign
+from gamekeeper.game.declared import declared_contract
 from gamekeeper.game.faces import AECFace, ParallelFace, face_of, game_of
 from gamekeeper.game.open import Opened, open_env
-from gamekeeper.game.policy import assign, policies_json
 from gamekeeper.record.bundle import load
 from gamekeeper.record.recorder import Recorder
 from gamekeeper.run.memory import MemorySink
@@ -48,7 +50,7 @@ def record(
         BundleError: the folder can't be written, or something is in it.
     """
     opened = open_env(env)
-    declared = contract_of(contract)
+    declared = declared_contract(contract, opened)
     recorder = Recorder(
         path, environment=opened.identity, contract=declared, level=level, **_declared(declared)
     )
@@ -59,7 +61,7 @@ def record(
 def rollout(
     spec: object,
     *,
-    policies: Any = "random",
+    policies: Choices = "random",
     episodes: int = 20,
     seed: int = 0,
     out: str | PathLike[str] | None = None,
@@ -90,11 +92,11 @@ def rollout(
         PolicyError: a policy can't be found, or gave no action.
     """
     opened = open_env(spec, **dict(env_kwargs or {}))
-    declared = contract_of(contract, beside=opened)
+    declared = declared_contract(contract, opened)
     sink = _sink(opened, out, level=level, contract=declared, run_seed=seed)
     game = game_of(opened.env, sink=sink, frames=frames)
-    cast = _cast(policies, opened.env, declared)
-    game.policies = policies_json(cast)
+    cast = cast_of(policies, opened.env, declared)
+    game.policies = to_json(cast.described(list(getattr(opened.env, "possible_agents", ()))))
     try:
         play(
             game, cast, range(episodes), seed=seed, options=options,
@@ -135,12 +137,14 @@ def _declared(contract: Contract | None) -> dict[str, Any]:
     return {"terms": tuple(contract.rewards), "volatile": contract.volatile_infos()}
 
 
-def _cast(policies: Any, env: Any, contract: Contract | None) -> Any:
+def cast_of(policies: Choices, env: Any, contract: Contract | None) -> Cast:
+    """The policies that play `env`: roles, noops and masks as declared, else roles by agents' names."""
     declared = contract or Contract()
     return assign(
         policies,
-        possible_agents=list(env.possible_agents),
-        roles=declared.role_of,
+        possible_agents=list(getattr(env, "possible_agents", ())),
+        roles=lambda agent: declared.role_of(agent) or role(str(agent)),
+        role_names=tuple(declared.roles),
         action_space=env.action_space,
         noop=declared.noop_of,
         mask_at=declared.mask_of,

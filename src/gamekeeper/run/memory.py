@@ -13,6 +13,7 @@ from gamekeeper.core.evidence import Evidence, manifest_of
 from gamekeeper.core.layout import Layout
 from gamekeeper.core.merge import merged_episodes, table_of
 from gamekeeper.core.press import Press, Pressed
+from gamekeeper.core.tables import MemoryTables
 from gamekeeper.core.tape import TURN, Tape, take
 from gamekeeper.game.ring import Rings
 
@@ -68,10 +69,10 @@ class MemorySink:
                 run_seed=run_seed,
                 episodes=episodes,
             ),
-            episodes=episodes,
-            steps=table_of(batches.get("steps", [])),
-            states=table_of(batches["states"]) if "states" in batches else None,
-            timings=table_of(batches["timings"]) if "timings" in batches else None,
+            tables=MemoryTables(
+                {name: table_of(parts) for name, parts in batches.items() if name != "episodes"}
+                | {"episodes": episodes}
+            ),
         )
 
     def _drain(self) -> None:

@@ -1,0 +1,53 @@
+"""The tables of a run, wherever they lie: read whole, by column, or an episode at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import pyarrow as pa
+
+
+class Tables(Protocol):
+    """The streams of one run: `episodes`, `steps`, `states`, `timings`."""
+
+    def table(self, stream: str, *, without: Collection[str] = ()) -> pa.Table | None:
+        """A whole stream, sorted by episode and turn; None where it wasn't recorded.
+
+        `without` names kinds of columns that aren't needed ("obs").
+        """
+
+    def episode(self, stream: str, episode: int) -> pa.Table | None:
+        """The rows of one episode of a stream."""
+
+
+@dataclass(frozen=True, slots=True)
+class MemoryTables:
+    """Streams that are in memory already."""
+
+    tables: Mapping[str, pa.Table]
+
+    def table(self, stream: str, *, without: Collection[str] = ()) -> pa.Table | None:
+        """A whole stream."""
+        table = self.tables.get(stream)
+        if table is None or not without:
+            return table
+        return table.select([name for name in table.schema.names if kind_of(name) not in without])
+
+    def episode(self, stream: str, episode: int) -> pa.Table | None:
+        """The rows of one episode of a stream."""
+        table = self.tables.get(stream)
+        return None if table is None else episode_rows(table, episode)
+
+
+def episode_rows(table: pa.Table, episode: int) -> pa.Table:
+    """The rows of one episode of a table that is sorted by episode."""
+    first, last = np.searchsorted(table["episode"].to_numpy(), [episode, episode + 1])
+    return table.slice(int(first), int(last - first))
+
+
+def kind_of(column: str) -> str:
+    """`obs` for `obs.<path>@<group>`."""
+    return column.split("@")[0].split(".")[0]

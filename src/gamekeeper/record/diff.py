@@ -1,0 +1,55 @@
+"""Two recorded runs side by side."""
+
+from __future__ import annotations
+
+from os import PathLike
+
+from gamekeeper.core.divergence import Divergence, compare
+from gamekeeper.core.evidence import Evidence
+from gamekeeper.record.bundle import load
+
+
+def diff(
+    a: str | PathLike[str] | Evidence, b: str | PathLike[str] | Evidence, *, tolerance: float | None = None
+) -> Divergence | None:
+    """The first place where two runs differ, or None if they are the same.
+
+    Episodes are compared in their order: first what their resets were told, then turn by turn.
+
+    Args:
+        tolerance: numbers that differ by no more, absolutely or relative to the larger one, count as equal.
+    Raises:
+        BundleError: one of them is no bundle, or damaged.
+    """
+    left, right = (each if isinstance(each, Evidence) else load(each) for each in (a, b))
+    if left.fingerprint and left.fingerprint == right.fingerprint:
+        return None
+    volatile = left.contract.volatile_infos() | right.contract.volatile_infos()
+    traces = dict.fromkeys([t.episode for t in left.traces]) | dict.fromkeys([t.episode for t in right.traces])
+    one, two = ({trace.episode: trace for trace in each.traces} for each in (left, right))
+    for episode in sorted(traces):
+        if episode not in one or episode not in two:
+            values = ["present" if episode in side else None for side in (one, two)]
+            return Divergence(episode, None, None, "episode", *values)
+        for field in ("seed", "options"):
+            values = [side[episode].header[field] for side in (one, two)]
+            if values[0] != values[1]:
+                return Divergence(episode, None, None, field, *values)
+        found = compare(one[episode], two[episode], tolerance=tolerance, volatile=volatile)
+        if found.divergence is not None:
+            return found.divergence
+    return _header_difference(left, right)
+
+
+def _header_difference(left: Evidence, right: Evidence) -> Divergence | None:
+    """What of the run as a whole differs: environment, arguments, spaces."""
+    for field in ("name", "api", "kwargs"):
+        values = [side.manifest["environment"].get(field) for side in (left, right)]
+        if values[0] != values[1]:
+            return Divergence(0, None, None, f"environment.{field}", *values)
+    values = [side.manifest["spaces"] for side in (left, right)]
+    for agent in dict.fromkeys([*values[0], *values[1]]):
+        pair = [value.get(agent) for value in values]
+        if pair[0] != pair[1]:
+            return Divergence(0, None, agent, "spaces", *pair)
+    return None
