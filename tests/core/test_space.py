@@ -143,7 +143,7 @@ def test_codec_of_an_equal_space_has_the_same_signature(space: Space[Any]) -> No
         (Dict(), []),
         (
             Dict(OrderedDict(b=Discrete(2), a=Tuple([Text(1), Discrete(2)]))),
-            [Leaf("a/0", "text", "", ()), Leaf("a/1", "int", "<i8", ()), Leaf("b", "int", "<i8", ())],
+            [Leaf("a/0", "text", "", ()), *(Leaf(path, "int", "<i8", ()) for path in ("a/1", "b"))],
         ),
     ],
 )  # fmt: skip

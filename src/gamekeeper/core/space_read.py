@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import reprlib
 from base64 import b64decode
 from collections.abc import Callable, Mapping
 from typing import Any, Final
@@ -72,7 +73,8 @@ def space_from_json(described: Json) -> Space[Any]:
         EvidenceError: it describes none, or one whose arrays have more than 2**28 elements in all.
     """
     try:
-        return _Reader().space(described)
+        with np.errstate(over="raise"):
+            return _Reader().space(described)
     except EvidenceError:
         raise
     except (ArithmeticError, AssertionError, AttributeError, LookupError, MemoryError, TypeError,
@@ -80,7 +82,7 @@ def space_from_json(described: Json) -> Space[Any]:
         raise EvidenceError(
             "a space's JSON can't be read",
             expected="a space as gamekeeper writes it",
-            seen=f"{described!r:.120}: {type(error).__name__}: {error}",
+            seen=f"{reprlib.repr(described)}: {type(error).__name__}: {error}",
             mend="the file was changed, or comes from a newer version",
         ) from error
 
@@ -104,12 +106,17 @@ class _Reader:
     def spaces(self, described: Json) -> list[Space[Any]]:
         return [self.space(inner) for inner in described["spaces"]]
 
-    def array(self, values: Any, dtype: np.dtype[Any], shape: tuple[int, ...]) -> Array:
-        """[shape] what `_values` wrote."""
+    def count(self, shape: tuple[int, ...]) -> int:
+        """How many elements an array has that is going to be built."""
         count = math.prod(shape)
         self.elements += count
         if self.elements > _ELEMENTS:
             raise ValueError(f"more than {_ELEMENTS} elements")
+        return count
+
+    def array(self, values: Any, dtype: np.dtype[Any], shape: tuple[int, ...]) -> Array:
+        """[shape] what `space_json` wrote of an array."""
+        count = self.count(shape)
         if isinstance(values, Mapping):
             data = b64decode(values["base64"], validate=True)
             if len(data) != count * dtype.itemsize:
@@ -177,11 +184,10 @@ def _multi_discrete(reader: _Reader, described: Json) -> MultiDiscrete[Any]:
 
 
 def _multi_binary(reader: _Reader, described: Json) -> MultiBinary:
-    sides = described["n"]
-    if isinstance(sides, list):
-        reader.array(0, np.dtype(np.int8), _shape({"shape": sides}))
-        return MultiBinary([_whole(side) for side in sides])
-    return MultiBinary(_whole(sides))
+    n = described["n"]
+    shape = _shape({"shape": n if isinstance(n, list) else [n]})
+    reader.count(shape)
+    return MultiBinary(shape if isinstance(n, list) else n)
 
 
 def _text(reader: _Reader, described: Json) -> Text:
