@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from os import PathLike
 from typing import Any, Final
 
@@ -15,6 +16,7 @@ from gamekeeper.game.cast import Cast, Choices, assign
 from gamekeeper.game.declared import declared_contract
 from gamekeeper.game.faces import AECFace, ParallelFace, face_of, game_of
 from gamekeeper.game.open import Opened, open_env
+from gamekeeper.game.policy import EVERYONE, resolve
 from gamekeeper.record.bundle import load
 from gamekeeper.record.recorder import Recorder
 from gamekeeper.run.memory import MemorySink
@@ -141,7 +143,7 @@ def cast_of(policies: Choices, env: Any, contract: Contract | None) -> Cast:
     """The policies that play `env`: roles, noops and masks as declared, else roles by agents' names."""
     declared = contract or Contract()
     return assign(
-        policies,
+        _with_own(policies, env),
         possible_agents=list(getattr(env, "possible_agents", ())),
         roles=lambda agent: declared.role_of(agent) or role(str(agent)),
         role_names=tuple(declared.roles),
@@ -149,6 +151,20 @@ def cast_of(policies: Choices, env: Any, contract: Contract | None) -> Cast:
         noop=declared.noop_of,
         mask_at=declared.mask_of,
     )
+
+
+def _with_own(policies: Choices, env: Any) -> Choices:
+    """`policies` with the words that name the environment's own (its `policies`: reference, ...) resolved."""
+    own = getattr(env.unwrapped, "policies", None)
+    if not isinstance(own, Mapping):
+        return policies
+    whole = policies if isinstance(policies, Mapping) else {EVERYONE: policies}
+    found = {
+        whom: replace(resolve(own[choice]), name=choice)
+        for whom, choice in whole.items()
+        if isinstance(choice, str) and choice in own
+    }
+    return {**whole, **found} if found else policies
 
 
 def _broken(error: Exception, game: Any) -> EnvError:

@@ -124,7 +124,8 @@ def _check_trust(evidence: Evidence, *, env: str | None, policies: bool, allow_i
         return
     reason = None if env is not None else distrust(evidence.manifest["environment"])
     if reason is None and policies:
-        names = {name for trace in evidence.traces for name in _policies(trace).values()}
+        # a name without a colon is a built-in's or the environment's own
+        names = {n for trace in evidence.traces for n in _policies(trace).values() if ":" in n}
         reason = next(filter(None, map(distrust_policy, sorted(names))), None)
     if reason is not None:
         raise TrustError(
