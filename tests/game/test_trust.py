@@ -131,7 +131,7 @@ def test_distrust_asks_for_a_requirement_on_pettingzoo(install: Install) -> None
         "pettingzoo.__main__:env",
         "pettingzoo.utils:nothing.env",
         "mpe2.simple_spread_v3",
-        "/tmp/field.py:parallel_env",
+        "/srv/field.py:parallel_env",
         "field.py:parallel_env",
         "aec:os:system",
         "a b",
@@ -142,17 +142,27 @@ def test_distrust_asks_for_a_requirement_on_pettingzoo(install: Install) -> None
 def test_distrust_gives_a_reason_for_everything_else(entry_point: str) -> None:
     """Nothing that a hostile manifest could name is opened, whatever kind it claims to be."""
     loaded = set(sys.modules)
-    for kind in ("module", "id", "file", "factory", "object", "", None):
-        assert distrust(identity(entry_point, kind=kind, path="/tmp/other.py"))
+    for kind in ("module", "id", "file", "factory", "object", ""):
+        assert distrust(identity(entry_point, kind=kind, path="/srv/other.py"))
     assert not {"this", "antigravity"} & (set(sys.modules) - loaded)
 
 
 @pytest.mark.parametrize(
-    "damage", [{"api": "os:"}, {"api": None}, {"entry_point": None}, {"entry_point": ["a"]}]
+    "damage",
+    [
+        {"api": "os:"},
+        {"api": None},
+        {"api": ["aec"]},
+        {"entry_point": None},
+        {"entry_point": ["a"]},
+        {"kind": ["module"]},
+        {"kind": None},
+    ],
 )
 def test_distrust_gives_a_reason_for_a_damaged_identity(damage: dict[str, Any]) -> None:
     """An identity of the wrong types is told, not followed."""
     assert "damaged" in str(distrust(identity("mpe2.simple_spread_v3:env") | damage))
+    assert "damaged" in str(distrust(["mpe2"]))  # type: ignore[arg-type]
 
 
 def test_distrust_gives_a_reason_for_files_and_objects(tmp_path: Path) -> None:

@@ -5,8 +5,12 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 import numpy as np
+import pytest
 from gymnasium.spaces import Discrete, Space
 from pettingzoo import AECEnv, ParallelEnv
+
+from gamekeeper.errors import SpecError
+from gamekeeper.game.open import open_env
 
 PARALLEL_TEXT = """
 from pettingzoo import ParallelEnv
@@ -82,3 +86,11 @@ class Alone(AECEnv[str, Any, Any]):
 def make_pair(n: int = 2) -> Pair:
     """A factory that can be imported by its name."""
     return Pair(n)
+
+
+def told(spec: object, **kwargs: Any) -> str:
+    """What the SpecError says that opening raises."""
+    with pytest.raises(SpecError) as caught:
+        open_env(spec, **kwargs)
+    assert type(caught.value) is SpecError
+    return str(caught.value)

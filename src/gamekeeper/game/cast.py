@@ -108,6 +108,7 @@ class Cast:
         "_playing",
         "_roles",
         "_run_seed",
+        "_shared",
         "_starts",
     )
 
@@ -125,6 +126,7 @@ class Cast:
         self._noop, self._mask_at = noop, mask_at
         self._starts: dict[Any, Start] = {}
         self._playing: dict[Any, Player] = {}
+        self._shared: dict[Any, Any] = {}
         self._run_seed = self._episode = 0
 
     def begin(self, run_seed: int, episode: int) -> None:
@@ -185,6 +187,7 @@ class Cast:
             role=self._roles(agent),
             noop=self._noop(agent),
             mask=self._mask_at(agent),
+            shared=self._shared,
         )
         if isinstance(chosen.policy, SeatedPolicy):
             return chosen.policy.seat(seat)

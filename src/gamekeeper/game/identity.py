@@ -56,12 +56,13 @@ def spec_of(identity: Mapping[str, Any]) -> str:
     Raises:
         SpecError: the identity is damaged, or is that of an object or a factory in memory.
     """
-    kind, entry_point, api = (identity.get(key) for key in ("kind", "entry_point", "api"))
-    if not (isinstance(entry_point, str) and entry_point and api in APIS):
+    given = identity if isinstance(identity, Mapping) else {}  # it may come from a damaged file
+    kind, entry_point, api = (given.get(key) for key in ("kind", "entry_point", "api"))
+    if not (isinstance(kind, str) and isinstance(entry_point, str) and entry_point and api in APIS):
         raise SpecError(
             "the identity of an environment is damaged",
-            expected="a text under 'entry_point', 'aec' or 'parallel' under 'api'",
-            seen=f"{entry_point!r}, {api!r}"[:200],
+            expected="texts under 'kind' and 'entry_point', 'aec' or 'parallel' under 'api'",
+            seen=repr(identity)[:200],
             mend="name the environment yourself",
         )
     if kind in _IN_MEMORY:

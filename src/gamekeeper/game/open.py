@@ -69,17 +69,19 @@ def reopen(identity: Mapping[str, Any]) -> Opened:
     Raises:
         SpecError: it was an object or a factory in memory, an argument can't be rebuilt from its
             text, or it can't be opened here.
+        EvidenceError: the text of an argument is damaged.
     """
+    spec = spec_of(identity)
     text = json.dumps(identity.get("kwargs", {}), separators=(",", ":"))  # as canonical text is
     kwargs = from_json(text)
-    if not (is_exact(text) and isinstance(kwargs, dict)):
+    if not (is_exact(text) and isinstance(kwargs, dict) and all(type(k) is str for k in kwargs)):
         raise SpecError(
             "an argument of the environment was an object that no text can build again",
             where="kwargs",
             seen=text[:200],
             mend="open the environment yourself and hand it over",
         )
-    return open_env(spec_of(identity), **kwargs)
+    return open_env(spec, **kwargs)
 
 
 def distrust(identity: Mapping[str, Any]) -> str | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 from gymnasium.spaces import Space
@@ -31,6 +31,8 @@ class Seat:
     """The action that does nothing, as its contract declares it; None where it declares none."""
     mask: str | None = None
     """Where its contract says that the mask stands: `observation.KEY` or `infos.KEY`."""
+    shared: dict[Any, Any] = field(default_factory=dict)
+    """One for all seats of a cast: what is the same for many agents need stand only once."""
 
 
 @runtime_checkable

@@ -21,7 +21,7 @@ _TABLED: Final = 8192
 _SHORT: Final = 64
 """Longest mask that is remembered; those of larger spaces hardly ever come again."""
 _REMEMBERED: Final = 1024
-"""Masks of an agent whose legal actions are remembered."""
+"""Masks whose legal actions are remembered, for all agents of equal spaces."""
 
 
 def seat(given: Seat) -> Start:
@@ -39,10 +39,8 @@ def seat(given: Seat) -> Start:
 
 
 def _discrete(space: Discrete, read: Reader, given: Seat) -> Start:
-    size, first, scalar = int(space.n), int(space.start), space.dtype.type
-    actions = [scalar(first + i) for i in range(size)]
-    remembered: dict[bytes, list[Any]] = {}
-    is_short = size <= _SHORT
+    size, is_short = int(space.n), int(space.n) <= _SHORT
+    actions, remembered = _tables(space, given.shared)
 
     def legal(mask: object, key: bytes | None) -> list[Any]:
         with masks_blamed_on(given):
@@ -67,6 +65,16 @@ def _discrete(space: Discrete, read: Reader, given: Seat) -> Start:
         return play
 
     return start
+
+
+def _tables(space: Discrete, shared: dict[Any, Any]) -> tuple[list[Any], dict[bytes, list[Any]]]:
+    """All actions, and those legal under masks seen before; the same for agents of equal spaces."""
+    size, first, scalar = int(space.n), int(space.start), space.dtype.type
+    key = (__name__, size, first, scalar)
+    if key not in shared:
+        shared[key] = ([scalar(first + i) for i in range(size)], {})
+    actions, remembered = shared[key]
+    return actions, remembered
 
 
 def _key(mask: object) -> bytes | None:
