@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import math
 import re
-import warnings
 from base64 import b64decode, b64encode
 from collections.abc import Callable, Sequence
+from decimal import Decimal
 from functools import lru_cache
 from typing import Any, Final
 
@@ -192,7 +192,7 @@ def _fill(array: Array, values: list[Any]) -> None:
     """Puts the listed values into an array of one dimension."""
     kind, is_long = array.dtype.kind, array.dtype.itemsize > _WIDEST.get(array.dtype.kind, 1 << 30)
     if kind in "fc":
-        numbers = list(map(_long if is_long else number, values))
+        numbers = list(map(long_double if is_long else number, values))
         if kind == "f":
             array[:] = numbers
         else:
@@ -209,15 +209,18 @@ def _fill(array: Array, values: list[Any]) -> None:
         (array.view(np.int64) if kind in "mM" else array)[:] = values
 
 
-def _long(text: Any) -> np.longdouble:
+def long_double(text: Any) -> np.longdouble:
+    """The long double of its text.
+
+    Raises:
+        TypeError, ArithmeticError: it isn't one, or is beyond the largest.
+    """
     if type(text) is not str:
-        raise TypeError(f"{text!r} is no long double")
-    with warnings.catch_warnings():  # numpy warns of an overflow in text and of nothing else
-        warnings.simplefilter("ignore")
-        value = np.longdouble(text)
-    if np.isinf(value) and "inf" not in text:
-        raise OverflowError(f"{text} is too long")
-    return value
+        raise TypeError(f"{text!r} is no text")
+    exact = Decimal(text)  # numpy answers with infinity, and a warning, where a text is too large
+    if exact.is_finite() and abs(exact) > Decimal(str(np.finfo(np.longdouble).max)):
+        raise OverflowError(f"{text} is too large")
+    return np.longdouble(text)
 
 
 def _shape(shape: Sequence[int]) -> tuple[int, ...]:

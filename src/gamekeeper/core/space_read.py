@@ -24,6 +24,7 @@ from gymnasium.spaces import (
     Tuple,
 )
 
+from gamekeeper.core.canon_array import long_double
 from gamekeeper.core.canon_read import from_json
 from gamekeeper.errors import EvidenceError
 
@@ -132,7 +133,7 @@ class _Reader:
 def _number(value: Any, dtype: np.dtype[Any]) -> Any:
     if dtype.kind == "f":
         if dtype.itemsize > 8:
-            return np.longdouble(value)
+            return long_double(value)
         value = _WORDS[value] if isinstance(value, str) else value
     fits = {"b": (bool,), "f": (int, float)}.get(dtype.kind, (int,))
     if type(value) not in fits:
