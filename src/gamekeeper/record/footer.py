@@ -12,6 +12,7 @@ import struct
 from dataclasses import dataclass
 from typing import Any, BinaryIO, Final
 
+ARROW_SCHEMA: Final = b"ARROW:schema"
 MAGIC: Final = b"PAR1"
 TAIL: Final = 8  # bytes: the footer's size and the magic
 FOOTER_BYTES: Final = 1 << 28
@@ -40,8 +41,21 @@ class Chunk:
     has_dictionary: bool
 
 
-def read_footer(file: BinaryIO, size: int) -> list[tuple[int, list[Chunk]]]:
-    """Of each row group, the number of rows and the chunks.
+@dataclass(frozen=True, slots=True)
+class Footer:
+    """What is known of a file before Arrow opens it.
+
+    Args:
+        groups: of each row group, the number of rows and the chunks.
+        arrow_schema: the Arrow schema that the writer stored, as its base64; empty if it didn't.
+    """
+
+    groups: tuple[tuple[int, list[Chunk]], ...]
+    arrow_schema: bytes
+
+
+def read_footer(file: BinaryIO, size: int) -> Footer:
+    """The footer of a Parquet file.
 
     Args:
         file: a Parquet file, of which only the end is read.
@@ -60,7 +74,11 @@ def read_footer(file: BinaryIO, size: int) -> list[tuple[int, list[Chunk]]]:
         raise ValueError(f"a footer of {length} bytes in a file of {size}")
     file.seek(size - TAIL - length)
     footer = _Thrift(file.read(length)).fields(DEPTH)
-    return [_group(group) for group in _list(footer, 4)]
+    pairs = [_struct(pair) for pair in _list(footer, 5)] if 5 in footer else []
+    schemas = [pair.get(2) for pair in pairs if pair.get(1) == ARROW_SCHEMA] or [b""]
+    if len(schemas) > 1 or not isinstance(schemas[0], bytes):
+        raise ValueError("a footer with two schemas, or with none where one should be")
+    return Footer(tuple(_group(group) for group in _list(footer, 4)), schemas[0])
 
 
 def _group(group: Any) -> tuple[int, list[Chunk]]:

@@ -30,23 +30,20 @@ class TableReader:
         self.path, self._grown = path, 0
         with open_plain(path) as file, reading(path):
             self._size = os.fstat(file.fileno()).st_size
-            self._groups = read_footer(file, self._size)
+            footer = read_footer(file, self._size)
         with reading(path):
-            source = pa.OSFile(str(path))
-            metadata = pq.read_metadata(source)
-            # Looked for before Arrow decodes the schema: a type that a package registered runs that
+            # Looked for before Arrow opens the file: a type that a package registered runs that
             # package's code as soon as its name is read.
-            stored = (metadata.metadata or {}).get(b"ARROW:schema", b"")
-            if EXTENSION in base64.b64decode(stored):
+            if EXTENSION in base64.b64decode(footer.arrow_schema, validate=True):
                 raise ValueError("an Arrow extension type, which a bundle doesn't hold")
-            if metadata.num_row_groups != len(self._groups):
-                raise ValueError("a footer that is read in two ways")
+            self._groups = footer.groups
             self._file = pq.ParquetFile(
-                source,
-                metadata=metadata,
+                pa.OSFile(str(path)),
                 page_checksum_verification=True,
                 read_dictionary=_suspects(self._groups),
             )
+            if self._file.num_row_groups != len(self._groups):
+                raise ValueError("a footer that is read in two ways")
             self.schema = plain_schema(self._file.schema_arrow)
             check_schema(self.schema, stream, where=str(path))
 
@@ -90,7 +87,7 @@ class TableReader:
         check_growth(self._grown, self._size)
 
 
-def _suspects(groups: list[tuple[int, list[Chunk]]]) -> list[str]:
+def _suspects(groups: tuple[tuple[int, list[Chunk]], ...]) -> list[str]:
     """The columns whose dictionaries could stand for more than any file may ask for.
 
     They are read as dictionaries, so that their true size is known before they are written out.

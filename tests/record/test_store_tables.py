@@ -1,0 +1,131 @@
+"""Sealed tables, read by those who know nothing of gamekeeper."""
+
+from pathlib import Path
+
+import duckdb
+import numpy as np
+import pandas as pd
+import polars as pl
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gamekeeper.record import table_writer
+from gamekeeper.record.segment_reader import SegmentReader
+from gamekeeper.record.segment_writer import SegmentWriter
+from gamekeeper.record.store import read
+from gamekeeper.record.table_reader import TableReader
+from gamekeeper.record.table_writer import write_table
+from tests.record import bundles
+
+
+@pytest.fixture(scope="module")
+def bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A sealed bundle of three episodes."""
+    return bundles.sealed_bundle(tmp_path_factory.mktemp("b") / "b", episodes=3, turns=8)
+
+
+def test_duckdb_adds_up_rewards_by_agent(bundle: Path) -> None:
+    """The query of the bundle's page works, also over lists of floats."""
+    query = f"SELECT agent, sum(reward) FROM '{bundle}/steps.parquet' GROUP BY agent ORDER BY agent"
+    assert duckdb.sql(query).fetchall() == [("carrier_0", 12.0), ("picker_0", 12.0)]
+    sums = duckdb.sql(f"SELECT sum(list_sum(obs)), max(turn) FROM '{bundle}/steps.parquet'")
+    values = np.stack(read(bundle).steps["obs"].to_numpy())
+    total, turn = sums.fetchall()[0]
+    assert total == pytest.approx(values.sum(), rel=1e-5)
+    assert turn == 8
+
+
+def test_pandas_reads_steps(bundle: Path) -> None:
+    """A frame with the agents' returns."""
+    frame = pd.read_parquet(bundle / "steps.parquet")
+    assert frame.groupby("agent")["reward"].sum().to_dict() == {"carrier_0": 12, "picker_0": 12}
+    assert frame["turn"].tolist() == read(bundle).steps["turn"].to_pylist()
+
+
+def test_polars_reads_every_table(bundle: Path) -> None:
+    """Polars, with a reader of its own, gives the same values."""
+    for name in ("episodes", "steps", "states", "timings"):
+        expected = getattr(read(bundle), name)
+        assert pl.read_parquet(bundle / f"{name}.parquet").to_dicts() == expected.to_pylist()
+
+
+def test_any_arrow_library_reads_a_segment(tmp_path: Path) -> None:
+    """A segment that was ended regularly is a plain Arrow stream."""
+    writer = SegmentWriter(tmp_path / "steps-0000.arrows", bundles.steps(0, 0, 1).schema)
+    batches = [bundles.steps(0, turn, turn + 1) for turn in range(3)]
+    for batch in batches:
+        writer.write(batch)
+    writer.finish()
+    with pa.OSFile(str(writer.path)) as source:
+        assert pa.ipc.open_stream(source).read_all() == pa.Table.from_batches(batches)
+    assert pl.read_ipc_stream(writer.path).height == 6
+
+
+def test_tables_are_encoded_for_what_they_hold(bundle: Path) -> None:
+    """Floats are split by byte (in lists too), counters are differences, agents a dictionary."""
+    group = pq.read_metadata(bundle / "steps.parquet").row_group(0)
+    columns = {group.column(i).path_in_schema: group.column(i) for i in range(group.num_columns)}
+    for name, encoding in {
+        "obs.list.element": "BYTE_STREAM_SPLIT",
+        "reward": "BYTE_STREAM_SPLIT",
+        "turn": "DELTA_BINARY_PACKED",
+        "agent": "RLE_DICTIONARY",
+    }.items():
+        assert encoding in columns[name].encodings, name
+        assert columns[name].compression == "ZSTD"
+
+
+def test_row_groups_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However large a batch is, a row group holds a bounded number of rows and bytes."""
+    monkeypatch.setattr(table_writer, "GROUP_ROWS", 100)
+    batch = bundles.steps(0, 0, 130)
+    path, size, _ = write_table(
+        tmp_path, "steps", batch.schema, [batch, bundles.steps(0, 130, 131)]
+    )
+    metadata = pq.read_metadata(path)
+    rows = [metadata.row_group(i).num_rows for i in range(metadata.num_row_groups)]
+    assert rows == [100, 100, 62]
+    assert path.stat().st_size == size
+    monkeypatch.setattr(table_writer, "GROUP_BYTES", 1)
+    path, _, _ = write_table(tmp_path, "steps", batch.schema, [batch.slice(0, 2)] * 5)
+    assert pq.read_metadata(path).num_row_groups == 5
+
+
+FLOATS = st.floats(width=32) | st.none()
+LISTS = st.lists(FLOATS, min_size=3, max_size=3) | st.none()
+
+
+@given(
+    st.lists(
+        st.tuples(LISTS, st.text() | st.none(), st.binary() | st.none(), FLOATS, st.booleans()),
+        max_size=8,
+    )
+)
+def test_values_come_back_bit_for_bit(
+    tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[object, ...]]
+) -> None:
+    """NaN, -0.0, infinities, empty text and nulls survive segments and tables."""
+    kinds = (pa.list_(pa.float32(), 3), pa.string(), pa.binary(), pa.float32(), pa.bool_())
+    columns = [pa.array([row[i] for row in rows], kind) for i, kind in enumerate(kinds)]
+    nested = pa.StructArray.from_arrays(columns[:2], ["list", "text"])
+    keys = [pa.array(range(len(rows)), pa.int32())] * 2
+    names = ["episode", "turn", "list", "text", "bytes", "float", "bool", "nested"]
+    batch = pa.record_batch([*keys, *columns, nested], names=names)
+    folder = tmp_path_factory.mktemp("b")
+    writer = SegmentWriter(folder / "steps-0000.arrows", batch.schema)
+    writer.write(batch)
+    writer.finish()
+    (found,) = SegmentReader(writer.path, "steps")
+    assert _bits(found) == _bits(batch)
+    path, _, _ = write_table(folder, "steps", batch.schema, [batch])
+    table = TableReader(path, "steps").read()
+    assert table.schema.equals(batch.schema)
+    assert [_bits(part) for part in table.to_batches()] == [_bits(batch)] * bool(rows)
+
+
+def _bits(batch: pa.RecordBatch) -> list[str]:
+    """Rows as text that tells -0.0 from 0.0 and NaN from null."""
+    return [repr(row) for row in batch.to_pylist()]
