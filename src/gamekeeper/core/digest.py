@@ -25,6 +25,7 @@ from gamekeeper.core.layout import LARGE_BYTES
 
 SIZE: Final = 16  # bytes of a row's digest
 _ALL: Final = slice(None)
+_BITS: Final = 30  # of a pattern of present fields, before it is renumbered
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,11 +51,14 @@ def digest_fields(fields: list[Field], count: int) -> Bytes2:
     if not sometimes or not count:
         out[_ALL] = _hash_rows(fields, _ALL, count)
         return out
-    code = np.packbits(np.stack([f.valid for f in sometimes if f.valid is not None]), axis=0)
-    _, first, pattern = np.unique(code, axis=1, return_index=True, return_inverse=True)
-    for number, row in enumerate(first.tolist()):
-        rows = np.flatnonzero(pattern.reshape(-1) == number)
-        present = [f for f in fields if f.valid is None or f.valid[row]]
+    code = np.zeros(count, np.int64)
+    for place, f in enumerate(sometimes):
+        code = code << 1 | f.valid
+        if place % _BITS == _BITS - 1 or place == len(sometimes) - 1:  # renumbered, so that any number fits
+            code = np.unique(code, return_inverse=True)[1].reshape(-1)
+    for number in range(int(code.max()) + 1):
+        rows = np.flatnonzero(code == number)
+        present = [f for f in fields if f.valid is None or f.valid[rows[0]]]
         out[rows] = _hash_rows(present, rows, len(rows))
     return out
 

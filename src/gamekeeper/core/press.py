@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
-from itertools import groupby
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -86,8 +86,8 @@ class Press:
         return Pressed(_starts(reel.starts), steps, states, timings, self._ends(reel.ends))
 
     def _take_rows(self, block: Block, digests: Any) -> None:
-        bounds = np.flatnonzero(np.diff(block.episode)) + 1
-        for first, last in zip([0, *bounds.tolist()], [*bounds.tolist(), len(block)], strict=True):
+        bounds = [0, *(np.flatnonzero(np.diff(block.episode)) + 1).tolist(), len(block)]
+        for first, last in pairwise(bounds):
             self._open[int(block.episode[first])].add_rows(digests[first:last])
         if block.info.count(None) == len(block.info):
             return
@@ -129,12 +129,14 @@ class Press:
 
 def add_infos(episodes: dict[int, EpisodeDigest], block: Block, volatile: Collection[str]) -> None:
     """Adds the infos of `block` to the info digests of their episodes."""
-    rows = [row for row, info in enumerate(block.info) if info is not None]
-    numbers, turns, agents, infos = block.episode.tolist(), block.turn.tolist(), block.agent, block.info
-    for episode, group in groupby(rows, key=numbers.__getitem__):
-        episodes[episode].add_infos(
-            f"{turns[row]}\0{agents[row]}\0{_without(infos[row], volatile)}\n" for row in group
-        )
+    bounds = [0, *(np.flatnonzero(np.diff(block.episode)) + 1).tolist(), len(block)]
+    turns, agents, infos = block.turn.tolist(), block.agent, block.info
+    for first, last in pairwise(bounds):
+        rows = zip(turns[first:last], agents[first:last], infos[first:last], strict=True)
+        if volatile:
+            rows = ((turn, agent, _without(info, volatile)) for turn, agent, info in rows)
+        lines = [f"{turn}\0{agent}\0{info}\n" for turn, agent, info in rows if info is not None]
+        episodes[int(block.episode[first])].add_infos(lines)
 
 
 def state_digests(turn: Any, cells: list[tuple[Column, Cells]], odd: list[Any]) -> Any:
@@ -145,10 +147,8 @@ def state_digests(turn: Any, cells: list[tuple[Column, Cells]], odd: list[Any]) 
     return digest_fields(fields, len(turn))
 
 
-def _without(info: Any, volatile: Collection[str]) -> str:
-    if not volatile:
-        return str(info)
-    value = from_json(info)
+def _without(info: str | None, volatile: Collection[str]) -> str | None:
+    value = None if info is None else from_json(info)
     return to_json(drop(value, volatile)) if isinstance(value, dict) else info
 
 

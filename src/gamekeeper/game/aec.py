@@ -22,7 +22,6 @@ from gamekeeper.game.door import (
     REALS,
     AgentId,
     Game,
-    info_of,
     odd,
     reward_of,
     type_name_of,
@@ -166,10 +165,10 @@ class AECGame(Game):
                 received = None
             terminated = _flag_of(terminated, "terminated", entries)
             truncated = _flag_of(truncated, "truncated", entries)
-            text, mask = info_of(info, entries)
+            text, mask = self._info(info, entries)
             fields = tuple(entries) or None
         elif info:
-            text, mask = info_of(info, [])
+            text, mask = self._info_text(info)
         live = agent in self._live
         self._tape.given.extend((index, payload, mask, received, terminated, truncated, text, live, fields))
 

@@ -19,6 +19,7 @@ from gamekeeper.core.canon import to_json, type_name
 from gamekeeper.core.layout import LARGE_BYTES, Layout, Side
 from gamekeeper.core.space import Codec
 from gamekeeper.core.tape import EpisodeEnd, EpisodeStart, Tape
+from gamekeeper.game.infos import InfoTexts
 from gamekeeper.game.ring import Rings
 from gamekeeper.game.stillness import is_still
 
@@ -29,7 +30,6 @@ REALS: Final = frozenset(
 )  # what PettingZoo environments pay in; a bool or a text is no reward
 BOOLS: Final = frozenset({bool, np.bool_})
 EXACT: Final = 1 << 53  # beyond it a whole number has no exact float64
-MASK: Final = "action_mask"
 GIVEN_NOTHING: Final = (None, None, None, None, None, None)  # observation, mask, ..., info
 CHECK_TURNS: Final = 256  # how often the sink is asked whether it keeps up
 
@@ -78,6 +78,7 @@ class Game:
         self._state_entry: tuple[Any, str | None] = (None, None)
         self._pack_state: Pack | None = None
         self._known: dict[int, Codec] = {}
+        self._info_text = InfoTexts().text
         self._desk: dict[AgentId, tuple[int, Pack, Pack]] = {}
         self._paid_terms: Callable[[AgentId], Any] | None = None
         if sink is not None:
@@ -149,6 +150,13 @@ class Game:
         self._failure = error
 
     # -- the turn
+
+    def _info(self, info: Any, fields: list[str]) -> tuple[str | None, bytes | None]:
+        """An info as JSON and the mask in it as bytes; what is no dictionary goes to `fields`."""
+        if not isinstance(info, dict):
+            fields.append(odd("info", info))
+            return None, None
+        return self._info_text(info) if info else (None, None)
 
     def _commit(self, rows: int, wall_ns: int | None) -> None:
         self._tape.turns.extend((self.episode, self.turn, rows, wall_ns, *self._state_entry))
@@ -228,23 +236,6 @@ def reward_of(reward: Any) -> float | None:
     if isinstance(reward, int | np.integer) and not -EXACT <= reward <= EXACT:
         return None
     return reward  # type: ignore[no-any-return]  # one of REALS
-
-
-def info_of(info: Any, fields: list[str]) -> tuple[str | None, bytes | None]:
-    """An info as canonical JSON and the mask in it as bytes; what is no dictionary goes to `fields`.
-
-    A mask of one-byte elements stands in the JSON by its dtype and shape only.
-    """
-    if not isinstance(info, dict):
-        fields.append(odd("info", info))
-        return None, None
-    if not info:
-        return None, None
-    mask = info.get(MASK)
-    if mask.__class__ is np.ndarray and mask.itemsize == 1 and mask.dtype.kind in "biu":
-        shape = "x".join(map(str, mask.shape))
-        return to_json({**info, MASK: f"{mask.dtype.str} {shape}"}), mask.tobytes()
-    return to_json(info), None
 
 
 def type_name_of(kind: type) -> str:

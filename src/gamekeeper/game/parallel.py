@@ -15,7 +15,6 @@ from gamekeeper.game.door import (
     AgentId,
     Game,
     Pack,
-    info_of,
     odd,
     reward_of,
     type_name_of,
@@ -132,7 +131,7 @@ class ParallelGame(Game):
                 ):
                     break
                 if info:
-                    text, mask = info_of(info, [])
+                    text, mask = self._info_text(info)
                 else:
                     text = mask = None
                 extend((index, payload, mask, reward, False, False, text, True, None))
@@ -201,7 +200,7 @@ class ParallelGame(Game):
         if truncated.__class__ not in BOOLS:
             fields.append(odd("truncated", truncated))
             truncated = None
-        text, mask = info_of(_get(infos, agent), fields)
+        text, mask = self._info(_get(infos, agent), fields)
         entry = (index, payload, mask, received, terminated, truncated, text, live, tuple(fields) or None)
         self._tape.given.extend(entry)
         return bool(terminated or truncated)
