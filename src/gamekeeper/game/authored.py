@@ -54,10 +54,12 @@ class Authored(Verbs):
     rng: Stream
     observation_spaces: dict[Any, Space[Any]]
     action_spaces: dict[Any, Space[Any]]
+    turns: int
 
     _masks = _informs = _pardons = False  # whether the class has mask, info, illegal
     _trusts_ranges = True
-    _fresh: dict[Any, Any] | None = None  # masks asked since the last crossing; None inside one
+    _fresh: dict[Any, Any]  # masks asked since the last crossing
+    _fresh_turn: int  # the turn they hold for: inside a crossing `turns` is one ahead
     _declared: Contract | None = None
 
     def __init__(self, *, render_mode: str | None = None, horizon: int | None = None) -> None:
@@ -211,14 +213,6 @@ class Authored(Verbs):
 
     # -- for the two base classes
 
-    def _learn_spaces(self, agents: Iterable[Any]) -> None:
-        """Reads the action spaces of agents that come into the roster."""
-        raise NotImplementedError
-
-    def _view(self, agent: Any) -> Any:
-        """The author's `observe` without its guard, and with the mask; set as the class is made."""
-        raise NotImplementedError
-
     def _take_seed(self, seed: int | None) -> Stream:
         """The stream of the episode that begins: a new seed's, or the last seed's next."""
         try:
@@ -230,6 +224,7 @@ class Authored(Verbs):
                 expected="super().__init__(), then possible_agents and both dictionaries of spaces",
                 seen=str(error),
             ) from None
+        self._fresh, self._fresh_turn = {}, -1
         last: Stream | None = getattr(self, "rng", None)
         if seed is not None:
             self.rng = Stream(seed)
@@ -250,7 +245,12 @@ class Authored(Verbs):
         Raises:
             ActionError: it is masked out or outside its space, and the author wrote no `illegal`.
         """
-        mask = self._legal_of(agent) if self._masks else None
+        if self._masks:
+            mask = self._legal_of(agent)
+        elif isinstance(action, np.integer) and int(action) in self._range_of(agent):
+            return True, int(action)  # what NumPy samples, so most actions there are
+        else:
+            mask = None
         plays, played = judge(self.action_space(agent), action, mask)
         if not plays and not self._pardons:
             raise self._refused(agent, action)
@@ -264,11 +264,13 @@ class Authored(Verbs):
         """An agent's mask now; the author is asked once for it between two crossings."""
         if not self._masks:
             return None
-        if self._fresh is None:  # inside a crossing the state is on the move
-            return tidy_mask(self.action_space(agent), self.mask(agent), agent)
-        if agent not in self._fresh:
-            self._fresh[agent] = tidy_mask(self.action_space(agent), self.mask(agent), agent)
-        return self._fresh[agent]
+        still = self._fresh_turn == self.turns
+        if still and agent in self._fresh:
+            return self._fresh[agent]
+        mask = tidy_mask(self.action_space(agent), self.mask(agent), agent)
+        if still:
+            self._fresh[agent] = mask
+        return mask
 
     def _info_of(self, agent: Any) -> dict[str, Any]:
         """A new info: what the author tells, and the mask."""

@@ -170,6 +170,10 @@ class Books(Verbs, AECEnv[Any, Any, Any]):
         if self.__shows:
             self._show(self.agents)
 
+    def _range_of(self, agent: AgentId) -> range:
+        """The whole numbers that need no further look as actions of an agent."""
+        return self.__ranges[agent]
+
     def _learn_spaces(self, agents: Iterable[AgentId]) -> None:
         """Reads the action spaces of agents that come into the roster."""
         try:

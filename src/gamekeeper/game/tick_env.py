@@ -30,7 +30,7 @@ class TickEnv(Authored, ParallelEnv[Any, Any, Any]):
     Written like a `TurnEnv`, with `tick(actions)` in place of `act`, and without `first_agent` and
     `next_agent`. `actions` always has the live agents in the order of `possible_agents`, whatever
     order they were handed in: a rule whose outcome hangs on the caller's dictionary can't be
-    written. For the same reason the roster is in that order, with those who join at their own place.
+    written. For the same reason the roster is in that order, and who joins has its own place in it.
 
     Every dictionary that `step` returns is new and holds the same agents: those who were live as
     the tick began, with the last observation and reward of those who ended in it, and those who
@@ -143,7 +143,6 @@ class TickEnv(Authored, ParallelEnv[Any, Any, Any]):
         touched.ended.clear()
         touched.joined.clear()
         touched.left.clear()
-        self._fresh = None
 
     def __in_order(self, actions: Mapping[Any, Any]) -> tuple[Given, Given]:
         """All actions in the order of the roster, and those that a rule must punish."""
@@ -167,7 +166,7 @@ class TickEnv(Authored, ParallelEnv[Any, Any, Any]):
     def __show(self) -> Given:
         """Everybody's observation and new info; a picture for who watches."""
         agents, view = self.agents, self._view
-        self._fresh = {}
+        self._fresh, self._fresh_turn = {}, self.turns
         observations = {agent: view(agent) for agent in agents}
         if self._masks or self._informs:
             self.infos = {agent: self._info_of(agent) for agent in agents}
@@ -219,6 +218,10 @@ class TickEnv(Authored, ParallelEnv[Any, Any, Any]):
     def _possible(self) -> frozenset[Any]:
         """Who may ever appear in this episode."""
         return frozenset(self.__places)
+
+    def _range_of(self, agent: AgentId) -> range:
+        """The whole numbers that need no further look as actions of an agent."""
+        return self.__ranges[agent]
 
     def _learn_spaces(self, agents: Iterable[Any]) -> None:
         """Reads the action spaces of agents that come into the roster."""

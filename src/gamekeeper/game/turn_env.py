@@ -77,17 +77,10 @@ class TurnEnv(Authored, Books):
             ContractError: the rules break a promise of the books.
         """
         rng = self._take_seed(seed)
-        self._fresh = None
         shows = self._masks or self._informs or self.render_mode == "human"
         self._open(self.starting_agents(), horizon=self._limit(), shows=shows)
         self.start(rng, dict(options or {}))
         self._begin(self.first_agent())
-
-    def _judge(self, agent: Any, action: Any) -> tuple[bool, Any]:
-        """As `Authored` judges; from here until the turn is over no mask is kept."""
-        judged = super()._judge(agent, action)
-        self._fresh = None
-        return judged
 
     def _play(self, agent: Any, action: Any) -> None:
         """The author's rule for an action that isn't legal."""
@@ -97,7 +90,7 @@ class TurnEnv(Authored, Books):
 
     def _show(self, agents: Iterable[Any]) -> None:
         """New infos for those whose turn begins and those who came; a picture for who watches."""
-        self._fresh = {}
+        self._fresh, self._fresh_turn = {}, self.turns
         for agent in (*agents, *self.touched.joined):
             self.infos[agent] = self._info_of(agent)
         if self.render_mode == "human":

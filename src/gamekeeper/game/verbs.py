@@ -6,7 +6,7 @@ note who was touched, so that nobody has to look at every agent to find out what
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -155,6 +155,18 @@ class Verbs:
 
     def _possible(self) -> frozenset[Any]:
         """Who may ever appear."""
+        raise NotImplementedError
+
+    def _view(self, agent: Any) -> Any:
+        """The observation that is handed out: the author's, without its guard and with the mask."""
+        raise NotImplementedError
+
+    def _range_of(self, agent: AgentId) -> range:
+        """The whole numbers that need no further look as actions of an agent."""
+        raise NotImplementedError
+
+    def _learn_spaces(self, agents: Iterable[Any]) -> None:
+        """Reads the action spaces of agents that come into the roster."""
         raise NotImplementedError
 
     def _absent(self, agent: AgentId, deed: str) -> ContractError:

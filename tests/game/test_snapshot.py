@@ -1,0 +1,98 @@
+"""A running environment put aside and taken up again."""
+
+from __future__ import annotations
+
+import copy
+from typing import Any
+
+import pytest
+
+from gamekeeper.core.stream import Stream
+from gamekeeper.errors import SpecError
+from tests.game.relays import TurnRelay, TurnTickets, played
+
+
+def test_snapshot_goes_on_bit_for_bit_as_often_as_wanted() -> None:
+    """The author's state, the stream and the books come back; what came later is forgotten."""
+    env = TurnRelay()
+    env.reset(seed=3)
+    for _ in range(5):
+        env.step(1)
+    snapshot = env.snapshot()
+    env.later = 1  # type: ignore[attr-defined]
+    expected = played(env)
+    for _ in range(2):
+        env.restore(snapshot)
+        assert not hasattr(env, "later")
+        assert expected == played(env)
+    env.restore(snapshot)
+    env.reset()
+    after = played(env)
+    twin = TurnRelay()
+    twin.restore(snapshot)
+    assert expected == played(twin)
+    twin.reset()
+    assert after == played(twin)
+
+
+def test_snapshot_inside_a_loop_takes_up_the_turn() -> None:
+    """A loop over agent_iter goes on after a restore."""
+    env = TurnRelay()
+    env.reset(seed=3)
+    snapshot, agents = env.snapshot(), []
+    for agent in env.agent_iter(6):
+        agents.append(agent)
+        env.step(0)
+        if len(agents) == 2:
+            env.restore(snapshot)
+    assert [0, 1, 0, 1, 2, 0] == [int(agent[-1]) for agent in agents]
+
+
+def test_snapshot_copies_what_cannot_be_pickled() -> None:
+    """Objects of local classes are copied deeply; what the class names stays out."""
+
+    class Cart:
+        load = 0
+
+    class Hauler(TurnRelay):
+        snapshot_without = ("window",)
+
+        def start(self, rng: Stream, options: dict[str, Any]) -> None:
+            super().start(rng, options)
+            self.cart, self.window = Cart(), object()
+
+        def act(self, agent: str, action: int) -> None:
+            self.cart.load += action
+
+    env = Hauler()
+    env.reset(seed=0)
+    snapshot, window = env.snapshot(), env.window
+    for _ in range(2):
+        env.step(2)
+        assert 2 == env.cart.load
+        env.restore(snapshot)
+        assert 0 == env.cart.load
+    assert window is env.window
+
+
+def test_snapshot_of_another_class_is_refused() -> None:
+    """What wasn't taken of this class is no snapshot of it."""
+    env = TurnRelay()
+    env.reset()
+    other = TurnTickets()
+    other.reset()
+    for thing in (other.snapshot(), b"bytes", None):
+        with pytest.raises(SpecError, match="can't be restored"):
+            env.restore(thing)  # type: ignore[arg-type]
+    assert "<Snapshot of a TurnTickets>" == repr(other.snapshot())
+
+
+def test_deepcopy_shares_nothing_with_its_original() -> None:
+    """What one plays, the other doesn't see."""
+    env = TurnRelay()
+    env.reset(seed=1)
+    twin = copy.deepcopy(env)
+    before = [env.agents, env.rewards, env.turns, env.rng.state, env.cells]
+    frozen = copy.deepcopy(before)
+    played(twin)
+    assert frozen == before
