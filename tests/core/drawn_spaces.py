@@ -43,7 +43,7 @@ def boxes(draw: st.DrawFn) -> Box:
 
 
 @st.composite
-def multi_discretes(draw: st.DrawFn) -> MultiDiscrete[Any]:
+def multi_discretes(draw: st.DrawFn) -> MultiDiscrete:
     """MultiDiscrete of one or two dimensions, some with a start."""
     shape = draw(st.lists(st.integers(1, 3), min_size=1, max_size=2).map(tuple))
     count = int(np.prod(shape))

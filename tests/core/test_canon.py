@@ -333,6 +333,7 @@ def test_canon_scrubs_addresses_and_cuts_reprs() -> None:
         '{"$":"ndarray","dtype":"<U999999999","shape":[1],"v":["a"]}',
         '{"$":"ndarray","dtype":"(9,9)f4","shape":[1],"v":[1]}',
         '{"$":"ndarray","dtype":"<i4","shape":[1],"v":["1"]}',
+        '{"$":"ndarray","dtype":"|i1","shape":[1],"v":[300]}',
         '{"$":"ndarray","dtype":"|b1","shape":[1],"v":[2]}',
         '{"$":"ndarray","dtype":"longdouble","shape":[1],"v":["1e9999"]}',
         '{"$":"ndarray","dtype":"longdouble","shape":[1],"v":[1]}',

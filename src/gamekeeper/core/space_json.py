@@ -91,7 +91,7 @@ def _dict(space: Dict) -> Json:
             for key, inner in space.spaces.items()
         ]
     }
-    if not getattr(space, "sort_keys", True):  # new in Gymnasium 1.3
+    if not getattr(space, "sort_keys", True):  # new in Gymnasium 1.4
         described["sort_keys"] = False
     return described
 

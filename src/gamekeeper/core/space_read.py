@@ -138,7 +138,7 @@ def _number(value: Any, dtype: np.dtype[Any]) -> Any:
     fits = {"b": (bool,), "f": (int, float)}.get(dtype.kind, (int,))
     if type(value) not in fits:
         raise TypeError(f"{value!r} isn't of {dtype}")
-    return value
+    return dtype.type(value)  # which raises where it is too large; an array may wrap it around
 
 
 def _whole(value: Any) -> int:
