@@ -137,6 +137,9 @@ def test_cast_resets_policies_that_can_be_reset() -> None:
     played = cast({"picker": one, "carrier": two})
     played.begin(0, 1)
     played.begin(0, 0)
+    both = Resets()
+    cast({"picker": both, "carrier": both})
+    assert len(both.seeds) == 1  # once an episode, wherever it plays
     assert one.seeds[0] == one.seeds[2] != one.seeds[1]
     assert one.seeds[0] != two.seeds[0]
     assert all(0 <= seed < 2**31 for seed in one.seeds)

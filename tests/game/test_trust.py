@@ -110,6 +110,16 @@ def test_distrust_isnt_fooled_by_a_namesake_before_the_installed_module(
     assert "no installed distribution" in str(distrust(identity(f"{module}:parallel_env")))
 
 
+def test_distrust_takes_nothing_in_the_current_folder_for_installed(
+    install: Install, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A folder of evidence that holds a module and its metadata beside it vouches for nothing."""
+    module = install()
+    assert distrust(identity(f"{module}:parallel_env")) is None
+    monkeypatch.chdir(tmp_path / "site")
+    assert "no installed distribution" in str(distrust(identity(f"{module}:parallel_env")))
+
+
 def test_distrust_asks_for_a_requirement_on_pettingzoo(install: Install) -> None:
     """Any package may have something called `env`; one of environments requires PettingZoo."""
     for requires in ("", "pettingzoo-nonesuch", "requests"):
@@ -210,9 +220,23 @@ def test_open_env_asks_third_parties_openers(install: Install) -> None:
         open_env("a b")
 
 
+def test_open_env_isnt_stopped_by_an_opener_that_fails(install: Install) -> None:
+    """An opener that raises on every text hides no environment, and vouches for none."""
+    install(
+        "SYNTAX = 'x'\ndef matches(spec): raise ValueError('confused')\nlocate = matches\n",
+        entry="[gamekeeper.openers]\nconfused = {module}\n",
+    )
+    assert open_env("mpe2.simple_spread_v3").api == "parallel"
+    with pytest.raises(SpecError, match="ValueError: confused"):
+        open_env("mpe2.simple_sprad_v3")
+    assert "confused" in str(distrust(identity("mpe2.simple_spread_v3:env")))
+
+
 def test_open_env_tells_of_openers_that_are_left_out(install: Install) -> None:
     """Who wonders why a form isn't known reads that its opener is broken."""
     install("raise ValueError('burnt down')", entry="[gamekeeper.openers]\nbarn = {module}\n")
-    with pytest.raises(SpecError, match="burnt down"):
+    install("SYNTAX = 'hay:NAME'\n", entry="[gamekeeper.openers]\nhay = {module}\n")
+    with pytest.raises(SpecError, match="burnt down") as caught:
         open_env("a b")
+    assert "hay is left out" in str(caught.value)
     assert isinstance(open_env(Pair).env, Pair)

@@ -106,6 +106,7 @@ class Cast:
         "_mask_at",
         "_noop",
         "_playing",
+        "_resets",
         "_roles",
         "_run_seed",
         "_shared",
@@ -122,6 +123,12 @@ class Cast:
         mask_at: Callable[[Any], str | None],
     ) -> None:
         self._chosen = dict(chosen)
+        # One that plays in several places is reset once, under the first of their names.
+        self._resets: dict[str, Chosen] = {}
+        for whom, one in sorted(chosen.items()):
+            is_known = any(one.policy is other.policy for other in self._resets.values())
+            if callable(getattr(one.policy, "reset", None)) and not is_known:
+                self._resets[whom] = one
         self._action_space, self._roles = action_space, roles
         self._noop, self._mask_at = noop, mask_at
         self._starts: dict[Any, Start] = {}
@@ -137,16 +144,13 @@ class Cast:
         """
         self._run_seed, self._episode = run_seed, episode
         self._playing = {}
-        for whom, chosen in self._chosen.items():
-            reset = getattr(chosen.policy, "reset", None)
-            if callable(reset):
-                # A stream of its own: what the policy does with the seed must not repeat an
-                # agent's.
-                seed = int(policy_rng(run_seed, episode, f"reset of {whom}").integers(1 << 31))
-                try:
-                    reset(seed=seed)
-                except Exception as error:
-                    raise _raised(chosen, whom, error) from error
+        for whom, chosen in self._resets.items():
+            # A stream of its own: what the policy does with it must not repeat an agent's draws.
+            seed = int(policy_rng(run_seed, episode, f"reset of {whom}").integers(1 << 31))
+            try:
+                chosen.policy.reset(seed=seed)  # type: ignore[union-attr]
+            except (Exception, SystemExit) as error:
+                raise _raised(chosen, whom, error) from error
 
     def act(self, agent: Any, observation: Any, info: Any) -> Any:
         """The action of a live agent.

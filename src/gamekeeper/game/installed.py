@@ -42,8 +42,7 @@ def owner_of(module: str) -> Distribution | None:
             return same_name
     except (PackageNotFoundError, ValueError):
         pass
-    # Reads the records of everything that is installed, a tenth of a second; so only where names
-    # differ.
+    # Reads the records of everything installed, a tenth of a second: only where names differ.
     owners = set(packages_distributions().get(top, ()))
     return distribution(owners.pop()) if len(owners) == 1 else None
 
@@ -110,6 +109,8 @@ def _is_found_there(top: str, owner: Distribution) -> bool:
         return False
     if spec is None or spec.origin is None:
         return False
+    if Path(str(owner.locate_file(""))).resolve() == Path.cwd():
+        return False  # a folder full of evidence may hold what looks like an installation
     origin = Path(spec.origin).resolve()
     editable = _editable_folder(owner)
     if editable is not None:

@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from gamekeeper import plugins
 from gamekeeper.core.canon import from_json, is_exact
-from gamekeeper.errors import SpecError
+from gamekeeper.errors import GamekeeperError, SpecError
 from gamekeeper.game.construct import build, foreign
 from gamekeeper.game.identity import identity_of, spec_of
 from gamekeeper.game.opened import APIS, Env, NotHereError, Opened, Opener, Source, api_of, convert
@@ -94,13 +94,22 @@ def distrust(identity: Mapping[str, Any]) -> str | None:
         _, spec = _split(spec_of(identity), None)
     except SpecError as error:
         return error.what
-    asked = [(name, opener) for name, opener in _openers() if opener.matches(spec)]
-    for name, opener in asked:
+    is_read = False
+    for name, opener in _openers():
         ask: Callable[[object], str | None] | None = getattr(opener, "distrust", None)
-        reason = ask(spec) if ask is not None else f"the opener '{name}' vouches for nothing"
+        try:
+            if not _matches(name, opener, spec):
+                continue
+            if ask is None:
+                return f"the opener '{name}' vouches for nothing"
+            with foreign(f"the opener '{name}'", where=str(spec)):
+                reason = ask(spec)
+        except GamekeeperError as error:
+            return error.what
         if reason is not None:
             return reason
-    return None if asked else f"no opener reads {spec!r}"
+        is_read = True
+    return None if is_read else f"no opener reads {spec!r}"[:200]
 
 
 def _split(spec: object, api: str | None) -> tuple[str | None, object]:
@@ -126,15 +135,25 @@ def _openers() -> list[tuple[str, Opener]]:
     return sorted(fitting, key=lambda named: getattr(named[1], "ORDER", _USUAL_ORDER))
 
 
+def _matches(name: str, opener: Opener, spec: object) -> bool:
+    # A third party's opener that fails to read a text of another form is in nobody's way.
+    try:
+        with foreign(f"the opener '{name}'", where=""):
+            return bool(opener.matches(spec))
+    except SpecError as error:
+        raise NotHereError(f"the opener '{name}' is broken", seen=error.what) from error
+
+
 def _locate(spec: object, api: str | None, *, shown: object) -> Source:
     openers = _openers()
     misses: list[NotHereError] = []
-    for _, opener in openers:
-        if opener.matches(spec):
-            try:
-                return opener.locate(spec, api)
-            except NotHereError as absent:
-                misses.append(absent)
+    for name, opener in openers:
+        try:
+            if _matches(name, opener, spec):
+                with foreign(f"the opener '{name}'", where=shown if type(shown) is str else ""):
+                    return opener.locate(spec, api)
+        except NotHereError as absent:
+            misses.append(absent)
     if len(misses) == 1:
         (miss,) = misses
         raise SpecError(
@@ -149,9 +168,15 @@ def _locate(spec: object, api: str | None, *, shown: object) -> Source:
 
 
 def _forms(openers: Iterable[Opener]) -> str:
-    broken = plugins.load(GROUP, _PACKAGE).broken
-    left_out = "".join(f"\n    ({plugin})" for plugin in broken)
-    return " · ".join(opener.SYNTAX for opener in openers) + left_out
+    known = plugins.load(GROUP, _PACKAGE)
+    left_out = [str(plugin) for plugin in known.broken]
+    left_out += [
+        f"{GROUP}: {name} is left out: it has no SYNTAX, matches and locate"
+        for name, part in known.found.items()
+        if not isinstance(part, Opener)
+    ]
+    notes = "".join(f"\n    ({note})" for note in left_out)
+    return " · ".join(opener.SYNTAX for opener in openers) + notes
 
 
 def _looks(misses: Iterable[NotHereError]) -> str:

@@ -29,9 +29,8 @@ class Policy(Protocol):
     """What chooses actions: any callable of this form, called once a turn for each of its agents.
 
     Optional: `version`, a text kept with the evidence; `reset(seed)`, called before each episode
-        with a whole
-    number in [0, 2**31) that depends on the run's seed, the episode and whom it plays. All
-    randomness should come from `rng`, a stream of the agent's own for the episode.
+    with a whole number in [0, 2**31) that depends on the run's seed, the episode and whom it plays.
+    All randomness should come from `rng`, a stream of the agent's own for the episode.
     """
 
     def __call__(self, observation: Any, agent: Any, info: Any, rng: Generator) -> Any:
