@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any, Final, TypeAlias
 
-import numpy as np
-from gymnasium.spaces import Discrete, Space
-from numpy.random import Generator
+from gymnasium.spaces import Space
 
 from gamekeeper.core.seeds import policy_rng
-from gamekeeper.errors import ActionError, GamekeeperError, PolicyError
-from gamekeeper.game.construct import foreign_traceback, nearest, said_by
-from gamekeeper.game.policy import EVERYONE, Choice, Chosen, Policy, Scheme, resolve
+from gamekeeper.errors import PolicyError
+from gamekeeper.game.construct import nearest
+from gamekeeper.game.guarded import guarded_seat, raised
+from gamekeeper.game.policy import EVERYONE, Choice, Chosen, Scheme, resolve
 from gamekeeper.game.seat import Player, Seat, SeatedPolicy, Start
 
 Choices: TypeAlias = "Choice | Mapping[str, Choice] | None"
@@ -52,14 +51,7 @@ def assign(
         PolicyError: a policy can't be found, a choice is for nobody in the game, or `noop` is to
             play an agent without a declared noop.
     """
-    given = (
-        policies
-        if isinstance(policies, Mapping)
-        else {EVERYONE: DEFAULT if policies is None else policies}
-    )
-    chosen = {str(whom): resolve(choice, schemes=schemes) for whom, choice in given.items()}
-    if EVERYONE not in chosen:
-        chosen[EVERYONE] = resolve(DEFAULT)
+    chosen = _resolved(policies, schemes)
     role_of = roles or (lambda agent: None)
     noop_of = noop or (lambda agent: None)
     agents = list(possible_agents)
@@ -78,6 +70,15 @@ def assign(
         if callable(check):
             check(agent, role_of(agent), noop_of(agent))
     return cast
+
+
+def _resolved(policies: Choices, schemes: Mapping[str, Scheme] | None) -> dict[str, Chosen]:
+    if not isinstance(policies, Mapping):
+        policies = {EVERYONE: DEFAULT if policies is None else policies}
+    chosen = {str(whom): resolve(choice, schemes=schemes) for whom, choice in policies.items()}
+    if EVERYONE not in chosen:
+        chosen[EVERYONE] = resolve(DEFAULT)
+    return chosen
 
 
 def _check_known(chosen: Mapping[str, Chosen], known: Collection[str]) -> None:
@@ -150,7 +151,7 @@ class Cast:
             try:
                 chosen.policy.reset(seed=seed)  # type: ignore[union-attr]
             except (Exception, SystemExit) as error:
-                raise _raised(chosen, whom, error) from error
+                raise raised(chosen, whom, error) from error
 
     def act(self, agent: Any, observation: Any, info: Any) -> Any:
         """The action of a live agent.
@@ -195,51 +196,4 @@ class Cast:
         )
         if isinstance(chosen.policy, SeatedPolicy):
             return chosen.policy.seat(seat)
-        return _foreign_seat(seat, chosen, chosen.policy)
-
-
-def _foreign_seat(seat: Seat, chosen: Chosen, policy: Policy) -> Start:
-    agent, space = seat.agent, seat.space
-    first = int(space.start) if isinstance(space, Discrete) else None
-    end = first + int(space.n) if isinstance(space, Discrete) and first is not None else 0
-
-    def start(rng: Generator) -> Player:
-        def play(observation: Any, info: Any) -> Any:
-            try:
-                action = policy(observation, agent, info, rng)
-            except (Exception, SystemExit) as error:
-                raise _raised(chosen, agent, error) from error
-            if action is None:
-                raise _returned(PolicyError, chosen, seat, action)
-            if first is not None:
-                is_number = type(action) is int or isinstance(action, np.integer)
-                if not (first <= action < end if is_number else space.contains(action)):
-                    raise _returned(ActionError, chosen, seat, action)
-            return action
-
-        return play
-
-    return start
-
-
-def _returned(
-    kind: type[GamekeeperError], chosen: Chosen, seat: Seat, action: Any
-) -> GamekeeperError:
-    return kind(
-        f"the policy {chosen.name} returned {action!r:.80} for {seat.agent!r}, which is alive"
-        if action is None
-        else f"the policy {chosen.name} chose {action!r:.80} for {seat.agent!r}",
-        where=str(seat.agent),
-        expected=f"an action of {seat.space}",
-        seen=f"{action!r:.80}",
-        mend="return an action of the agent's space at every call",
-    )
-
-
-def _raised(chosen: Chosen, whom: Any, error: BaseException) -> PolicyError:
-    return PolicyError(
-        f"the policy {chosen.name} raised for {whom!r}: {said_by(error)}",
-        where=str(whom),
-        seen=f"\n{foreign_traceback(error)}",
-        mend="mend the policy, or give the agent another one",
-    )
+        return guarded_seat(seat, chosen, chosen.policy)
