@@ -3,19 +3,39 @@
 from __future__ import annotations
 
 from os import PathLike
+from pathlib import Path
 
 from gamekeeper.core.evidence import Evidence
-from gamekeeper.core.tables import MemoryTables
-from gamekeeper.record.reading import read
+from gamekeeper.core.tables import MemoryTables, Tables
+from gamekeeper.record.folder import reading
+from gamekeeper.record.manifest import MANIFEST, load_manifest, seal_of
+from gamekeeper.record.reading import check_sealed, read
+from gamekeeper.record.schema import STREAMS
+from gamekeeper.record.sealed import SealedTables
 
 
-def load(path: str | PathLike[str]) -> Evidence:
+def load(path: str | PathLike[str], *, check: bool = True, salvage: bool = False) -> Evidence:
     """The evidence in a bundle, also of one that is still recorded or was killed, up to its last whole turn.
 
+    Rows of a sealed bundle are read when they are looked at, an episode at a time.
+
+    Args:
+        check: compare every file of a sealed bundle with its seal first.
+        salvage: in an open bundle, damage ends a stream as a cut does, in place of raising.
     Raises:
         BundleError: there is no bundle, it is damaged, or of a newer format.
     """
-    bundle = read(path)
-    tables = {name: getattr(bundle, name) for name in ("episodes", "steps", "states", "timings")}
-    kept = {name: table for name, table in tables.items() if table is not None}
-    return Evidence(bundle.manifest, MemoryTables(kept), path=bundle.path)
+    folder = Path(path)
+    with reading(folder):
+        manifest = load_manifest(folder)
+        seal = seal_of(manifest, folder / MANIFEST)
+    if seal is None:
+        bundle = read(folder, salvage=salvage)
+        manifest = bundle.manifest
+        found = {name: getattr(bundle, name) for name in STREAMS}
+        tables: Tables = MemoryTables({n: table for n, table in found.items() if table is not None})
+    else:
+        if check:
+            check_sealed(folder, manifest, seal)
+        tables = SealedTables(folder, [name for name in STREAMS if f"{name}.parquet" in seal.files])
+    return Evidence(manifest, tables, path=folder)

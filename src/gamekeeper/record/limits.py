@@ -12,7 +12,7 @@ import pyarrow as pa
 
 # Frames of a still picture have been seen to shrink 200-fold.
 GROWTH: Final = 1000
-SMALL_BYTES: Final = 1 << 30  # any file may ask for this much
+SMALL_BYTES: Final = 4 << 30  # any file may ask for this much: still images shrink 2,000-fold
 OFFSET_BYTES: Final = 8  # of an element of a list or a text, at most
 
 

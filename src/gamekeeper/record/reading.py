@@ -74,10 +74,39 @@ def read(path: str | PathLike[str], *, check: bool = True, salvage: bool = False
             manifest = again
 
 
-def _read_sealed(folder: Path, manifest: dict[str, Any], seal: Seal, *, check: bool) -> Bundle:
-    if check and manifest_digest(manifest) != seal.manifest:
+def check_sealed(folder: Path, manifest: dict[str, Any], seal: Seal) -> None:
+    """Compares the manifest and every table of a sealed bundle with its seal.
+
+    Raises:
+        BundleError: one of them isn't as it was sealed.
+    """
+    if manifest_digest(manifest) != seal.manifest:
         raise _changed(folder / MANIFEST, "the manifest that was sealed", "another")
-    tables = {name: _sealed_table(folder, name, seal, check=check) for name in STREAMS}
+    for stream in STREAMS:
+        _check_table(folder, f"{stream}.parquet", seal)
+
+
+def _check_table(folder: Path, name: str, seal: Seal) -> None:
+    path = inside(folder, name)
+    if name not in seal.files:
+        if path.exists():
+            raise _changed(path, "sealed files alone", "a file that the seal doesn't name")
+        return
+    size, digest = digest_file(path)
+    if (size, digest) != seal.files[name]:
+        expected = f"{seal.files[name][0]} bytes, digest {seal.files[name][1][:16]}..."
+        raise _changed(path, expected, f"{size} bytes, digest {digest[:16]}...")
+
+
+def _read_sealed(folder: Path, manifest: dict[str, Any], seal: Seal, *, check: bool) -> Bundle:
+    if check:
+        check_sealed(folder, manifest, seal)
+    tables = {
+        name: TableReader(inside(folder, f"{name}.parquet"), name).read()
+        if f"{name}.parquet" in seal.files
+        else None
+        for name in STREAMS
+    }
     return _bundle(folder, manifest, tables, is_sealed=True)
 
 
@@ -98,21 +127,6 @@ def _read_open(folder: Path, manifest: dict[str, Any], *, salvage: bool) -> Bund
         tables["episodes"] = merge(tables["episodes"], whole)
     cuts = tuple(cut for stream in streams.values() for cut in stream.cuts)
     return _bundle(folder, manifest, tables, is_sealed=False, cuts=cuts)
-
-
-def _sealed_table(folder: Path, stream: str, seal: Seal, *, check: bool) -> pa.Table | None:
-    name = f"{stream}.parquet"
-    path = inside(folder, name)
-    if name not in seal.files:
-        if check and path.exists():
-            raise _changed(path, "sealed files alone", "a file that the seal doesn't name")
-        return None
-    if check:
-        size, digest = digest_file(path)
-        if (size, digest) != seal.files[name]:
-            expected = f"{seal.files[name][0]} bytes, digest {seal.files[name][1][:16]}..."
-            raise _changed(path, expected, f"{size} bytes, digest {digest[:16]}...")
-    return TableReader(path, stream).read()
 
 
 def _changed(path: Path, expected: str, seen: str) -> BundleError:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
@@ -13,10 +11,7 @@ from gamekeeper.core.evidence import Evidence, fingerprints
 from gamekeeper.core.press import EPISODES
 from gamekeeper.errors import BundleError
 from gamekeeper.record.bundle import load
-from gamekeeper.record.claim import lock_folder
-from gamekeeper.record.folder import system_error
-from gamekeeper.record.seal import commit
-from gamekeeper.record.table_writer import write_table
+from gamekeeper.record.recovered import seal_recovered
 from gamekeeper.record.verify import digest_again
 
 
@@ -31,7 +26,7 @@ def recover(
     Raises:
         BundleError: there is no bundle, or it is still being recorded.
     """
-    evidence = load(path)
+    evidence = load(path, salvage=True)
     if evidence.manifest.get("status") != "open":
         return evidence
     found = digest_again(evidence)
@@ -50,31 +45,8 @@ def recover(
     }
     if error is not None:
         manifest["error"] = error
-    tables = {
-        "episodes": episodes,
-        "steps": evidence.steps,
-        "states": evidence.states,
-        "timings": evidence.timings,
-    }
-    _seal(Path(path), manifest, {name: t for name, t in tables.items() if t is not None})
+    seal_recovered(path, manifest, episodes=episodes)
     return load(path)
-
-
-def _seal(folder: Path, manifest: dict[str, Any], tables: dict[str, pa.Table]) -> None:
-    lock = lock_folder(folder)
-    try:
-        files = {
-            name: write_table(folder, name, table.schema, table.to_batches())
-            for name, table in tables.items()
-        }
-        commit(folder, manifest, files)
-    except OSError as error:
-        if isinstance(error, BundleError):
-            raise
-        raise system_error("sealing", folder, error) from error
-    finally:
-        if lock >= 0:
-            os.close(lock)
 
 
 def _turns(evidence: Evidence, episode: int) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import os
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 
 import pyarrow as pa
@@ -47,37 +47,55 @@ class TableReader:
             self.schema = plain_schema(self._file.schema_arrow)
             check_schema(self.schema, stream, where=str(path))
 
-    def read(self) -> pa.Table:
-        """The whole table.
+    @property
+    def groups(self) -> int:
+        """How many row groups there are."""
+        return len(self._groups)
+
+    def read(self, *, columns: Collection[str] | None = None, groups: Iterable[int] | None = None) -> pa.Table:
+        """The table, or some columns and row groups of it.
 
         Raises:
             BundleError: the file is damaged.
         """
-        return pa.Table.from_batches(self.batches(), schema=self.schema)
+        batches = self.batches(columns=columns, groups=groups)
+        return pa.Table.from_batches(batches, schema=self._some(columns))
 
-    def batches(self) -> Iterator[pa.RecordBatch]:
+    def batches(
+        self, *, columns: Collection[str] | None = None, groups: Iterable[int] | None = None
+    ) -> Iterator[pa.RecordBatch]:
         """The table in batches, at most a row group of it in memory.
 
         Raises:
             BundleError: the file is damaged.
         """
-        for number in range(len(self._groups)):
+        self._grown = 0
+        for number in range(len(self._groups)) if groups is None else groups:
             with reading(self.path):
-                batches = self._group(number)
+                batches = self._group(number, columns)
             yield from batches
 
-    def _group(self, number: int) -> list[pa.RecordBatch]:
+    def _some(self, columns: Collection[str] | None) -> pa.Schema:
+        if columns is None:
+            return self.schema
+        return pa.schema([field for field in self.schema if field.name in columns])
+
+    def _group(self, number: int, columns: Collection[str] | None) -> list[pa.RecordBatch]:
+        schema = self._some(columns)
         rows, chunks = self._groups[number]
-        size = rows * sum(row_bytes(field.type) for field in self.schema)
-        size += sum(OFFSET_BYTES * chunk.values + chunk.size_bytes for chunk in chunks)
+        wanted = [chunk for chunk in chunks if columns is None or _column_of(chunk) in columns]
+        size = rows * sum(row_bytes(field.type) for field in schema)
+        size += sum(OFFSET_BYTES * chunk.values + chunk.size_bytes for chunk in wanted)
         self._grow(size)
-        batches = self._file.read_row_group(number).to_batches()
+        table = self._file.read_row_group(number, columns=None if columns is None else schema.names)
+        # Arrow takes "reward" to name "reward.delivery" too
+        batches = table.select(schema.names).to_batches()
         for batch in batches:
             for column in batch.columns:
                 if pa.types.is_dictionary(column.type):
                     lengths = pc.binary_length(column.dictionary)
                     self._grow(pc.sum(lengths.take(column.indices)).as_py() or 0)
-        plain = [plain_batch(batch, self.schema) for batch in batches]
+        plain = [plain_batch(batch, schema) for batch in batches]
         for batch in plain:
             batch.validate(full=True)
         return plain
@@ -85,6 +103,11 @@ class TableReader:
     def _grow(self, size: int) -> None:
         self._grown += size
         check_growth(self._grown, self._size)
+
+
+def _column_of(chunk: Chunk) -> str:
+    """The column that a chunk belongs to; a list's elements lie under its name."""
+    return chunk.path.removesuffix(".list.element").removesuffix(".list.item")
 
 
 def _suspects(groups: tuple[tuple[int, list[Chunk]], ...]) -> list[str]:
