@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from gamekeeper.errors import BundleError
+from gamekeeper.record import limits
 from gamekeeper.record.limits import SMALL_BYTES, check_growth
 from gamekeeper.record.manifest import DEPTH, render
 from gamekeeper.record.seal import commit
@@ -269,14 +270,17 @@ def test_dictionary_that_stands_for_terabytes_is_refused(tmp_path: Path) -> None
         TableReader(path, "steps").read()
 
 
-def test_segment_that_stands_for_gigabytes_is_refused(tmp_path: Path) -> None:
+def test_segment_that_stands_for_too_much_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """What a batch announces is added up before it is unpacked."""
+    monkeypatch.setattr(limits, "SMALL_BYTES", 1 << 26)
     path = tmp_path / "b" / "steps-0000.arrows"
     store = Store.create(tmp_path / "b", {})
     rows = 1 << 16
     keys = pa.array([0] * rows, pa.int32())
     zeros = pa.FixedSizeListArray.from_arrays(pa.array(np.zeros(rows * 128, np.float32)), 128)
-    for turn in range(34):
+    for turn in range(4):
         turns = pa.array([turn] * rows, pa.int32())
         store.append("steps", pa.record_batch({"episode": keys, "turn": turns, "obs": zeros}))
     store.abandon()
