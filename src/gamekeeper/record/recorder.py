@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import atexit
+import os
+import sys
 import threading
 import time
 import weakref
-from collections.abc import Collection, Mapping
+from collections import deque
+from collections.abc import Callable, Collection, Mapping
 from os import PathLike
 from typing import Any, Final
 
@@ -17,15 +20,19 @@ from gamekeeper.core.evidence import manifest_of
 from gamekeeper.core.layout import Layout
 from gamekeeper.core.merge import merged_episodes
 from gamekeeper.core.press import LEVELS, Press
-from gamekeeper.core.tape import TURN, Tape, take
-from gamekeeper.errors import EvidenceError
+from gamekeeper.core.tape import GIVEN, TURN, Place, Reel, Tape, take
+from gamekeeper.errors import BundleError, EvidenceError, GamekeeperError
+from gamekeeper.game.door import type_name_of
 from gamekeeper.game.ring import Rings
+from gamekeeper.record.folder import replace
 from gamekeeper.record.frames import encode_frame
+from gamekeeper.record.manifest import FORMAT_VERSION, MANIFEST, render
 from gamekeeper.record.store import Store
 
 FLUSH_S: Final = 0.04
 FLUSH_TURNS: Final = 1024
 MOST_TURNS: Final = 8 * FLUSH_TURNS  # on the tape; beyond, the step waits for the writer
+MOST_FRAMES: Final = 32  # waiting to be encoded; beyond, the step waits too
 PATIENCE_S: Final = 0.001
 
 
@@ -59,7 +66,7 @@ class Recorder:
                 "there is no such level", expected=" or ".join(LEVELS), seen=repr(level)
             )
         self.tape, self.layout, self.rings = Tape(), Layout(terms), Rings()
-        self._facts = {
+        self._facts: dict[str, Any] = {
             "environment": environment,
             "contract": contract,
             "level": level,
@@ -68,10 +75,15 @@ class Recorder:
         self._store = Store.create(path, manifest_of(layout=self.layout, **self._facts))
         self._press = Press(self.layout, self.rings.open, level=level, volatile=volatile)
         self._episodes: list[pa.RecordBatch] = []
-        self._frames: list[tuple[int, int, Any]] = []
+        self._frames: deque[tuple[int, int, Any]] = deque()
         self._wake, self._closing = threading.Event(), False
         self._failure: BaseException | None = None
         self._is_closed = False
+        self._process = os.getpid()
+        self._described: object = None
+        self._reel: Reel | None = None
+        self.at_end: Callable[[], None] | None = None
+        """Called before an unclosed recorder is sealed: ends the episode in progress."""
         self.manifest: dict[str, Any] = {}
         self._thread = threading.Thread(target=self._run, name="gamekeeper-recorder", daemon=True)
         self._thread.start()
@@ -88,19 +100,38 @@ class Recorder:
         """Wakes the writer when a flush is due by turns, and waits while it is far behind.
 
         Raises:
-            BundleError: writing failed; said at the next turn that looks.
+            BundleError: writing failed, or this process is a fork of the one that records; said at
+                the next turn that looks.
         """
-        if self._failure is not None:
-            raise self._failure
+        self._check()
         waiting = len(self.tape.turns)
         if waiting >= FLUSH_TURNS * TURN:
             self._wake.set()
-            while len(self.tape.turns) > MOST_TURNS * TURN and self._failure is None:
+            while len(self.tape.turns) > MOST_TURNS * TURN:
+                self._check()
                 time.sleep(PATIENCE_S)
 
     def frame(self, episode: int, turn: int, frame: Any) -> None:
-        """Takes a rendered frame; a copy is encoded and written by the thread."""
+        """Takes a rendered frame; a copy is encoded and written by the thread.
+
+        Raises:
+            BundleError: as `keep_up`.
+        """
+        while len(self._frames) >= MOST_FRAMES:
+            self._check()
+            self._wake.set()
+            time.sleep(PATIENCE_S)
         self._frames.append((episode, turn, frame.copy() if hasattr(frame, "copy") else frame))
+
+    def _check(self) -> None:
+        if self._failure is not None:
+            raise self._failure
+        if os.getpid() != self._process:  # a fork has no writer thread
+            raise BundleError(
+                "a recorded environment was stepped in a fork of the process that records it",
+                where=str(self.path),
+                mend="record in the process that steps, each into a folder of its own",
+            )
 
     # -- in the thread
 
@@ -113,27 +144,57 @@ class Recorder:
             self._drain()
         except BaseException as error:  # handed to the step that looks next, and to close
             self._failure = error
+            self._let_go()
 
     def _drain(self) -> None:
         while (reel := take(self.tape, most=FLUSH_TURNS)) is not None:
-            for stream, batch in self._press.press(reel).in_order():
+            self._reel = reel
+            pressed = self._press.press(reel)
+            self._describe()
+            for stream, batch in pressed.in_order():
                 self._store.append(stream, batch)
                 if stream == "episodes":
                     self._episodes.append(batch)
-        frames, self._frames = self._frames, []
-        for episode, turn, frame in frames:
+        while self._frames:
+            episode, turn, frame = self._frames.popleft()
             suffix, data = encode_frame(frame)
             self._store.write_frame(f"{episode:06d}-{turn:06d}.{suffix}", data)
+
+    def _describe(self) -> None:
+        """The manifest of the open bundle names the spaces before the first row that needs them.
+
+        The game seats its agents after the folder was claimed, others join later: without their
+        spaces the rows of a killed run couldn't be decoded.
+        """
+        seats = list(self.layout.order)
+        types = {seat.name: type_name_of(seat.action_type) for seat in seats if seat.action_type}
+        known = len(seats), self.layout.state is None, not types
+        if known != self._described:
+            self._described = known
+            manifest = manifest_of(layout=self.layout, **self._facts)
+            entries = {"format_version": FORMAT_VERSION, "status": "open", "action_types": types}
+            replace(self.path / MANIFEST, render({**manifest, **entries}), durable=False)
+
+    def _let_go(self) -> None:
+        """After a failure: a step that waits for a slot of a ring gets one, and then the error."""
+        reel = self._reel  # perhaps half opened; slots that are free twice do no harm any more
+        while not self._closing:
+            for item in reel.given[1::GIVEN] if reel is not None else ():
+                if item.__class__ is Place:
+                    self.rings.release(item)
+            reel = take(self.tape, most=FLUSH_TURNS)
+            if reel is None:
+                time.sleep(FLUSH_S)
 
     # -- the end
 
     def close(self) -> None:
-        """Waits for the thread, seals the bundle; a second call does nothing.
+        """Waits for the thread, seals the bundle; once only, and never in a fork.
 
         Raises:
             BundleError: writing failed; what was written stays, and `gamekeeper recover` seals it.
         """
-        if self._is_closed:
+        if self._is_closed or os.getpid() != self._process:
             return
         self._is_closed = True
         _OPEN.discard(self)
@@ -157,6 +218,11 @@ _OPEN: weakref.WeakSet[Recorder] = weakref.WeakSet()
 
 @atexit.register
 def _seal_the_rest() -> None:
-    """Seals what nobody closed before the interpreter ends."""
+    """Seals what nobody closed before the interpreter ends; its last episode is kept as *cut*."""
     for recorder in list(_OPEN):
-        recorder.close()
+        try:
+            if recorder.at_end is not None and os.getpid() == recorder._process:
+                recorder.at_end()
+            recorder.close()
+        except GamekeeperError as error:  # others are still to be sealed
+            sys.stderr.write(f"{type(error).__name__}: {error}\n")

@@ -7,8 +7,8 @@ from dataclasses import replace
 from os import PathLike
 from typing import Any, Final
 
-from gamekeeper.core.contract import Contract
 from gamekeeper.core.canon import to_json
+from gamekeeper.core.contract import Contract
 from gamekeeper.core.evidence import Evidence
 from gamekeeper.core.layout import role
 from gamekeeper.errors import EnvError, GamekeeperError
@@ -38,8 +38,8 @@ def record(
 ) -> ParallelFace | AECFace:
     """The same environment, recorded: whoever steps it can't tell.
 
-    Every reset starts an episode; one that is reset or closed in the middle is kept as *cut*. `close`
-    seals the bundle, and so does the end of the process.
+    Every reset starts an episode; one that is reset or closed in the middle is kept as *cut*.
+    `close` seals the bundle, and so does the end of the process.
 
     Args:
         env: a ParallelEnv or AECEnv.
@@ -57,6 +57,7 @@ def record(
         path, environment=opened.identity, contract=declared, level=level, **_declared(declared)
     )
     game = game_of(opened.env, sink=recorder, frames=frames, state=state)
+    recorder.at_end = game.end_episode
     return face_of(game, on_close=recorder.close)
 
 
@@ -94,27 +95,39 @@ def rollout(
         PolicyError: a policy can't be found, or gave no action.
     """
     opened = open_env(spec, **dict(env_kwargs or {}))
-    declared = declared_contract(contract, opened)
-    sink = _sink(opened, out, level=level, contract=declared, run_seed=seed)
+    try:
+        declared = declared_contract(contract, opened)
+        cast = cast_of(policies, opened.env, declared)  # may refuse: no folder yet
+        sink = _sink(opened, out, level=level, contract=declared, run_seed=seed)
+    except BaseException:
+        opened.env.close()
+        raise
     game = game_of(opened.env, sink=sink, frames=frames)
-    cast = cast_of(policies, opened.env, declared)
     game.policies = to_json(cast.described(list(getattr(opened.env, "possible_agents", ()))))
     try:
-        play(
-            game, cast, range(episodes), seed=seed, options=options,
-            most_turns=most_turns or MOST_TURNS, after_turn=after_turn,
+        _play(
+            game, sink, cast, range(episodes), seed=seed, options=options,
+            most_turns=MOST_TURNS if most_turns is None else most_turns, after_turn=after_turn,
         )  # fmt: skip
     except GamekeeperError:
         raise
     except Exception as error:
         raise _broken(error, game) from error
-    finally:
-        game.close()
-        if isinstance(sink, Recorder):
-            sink.close()
     if isinstance(sink, Recorder):
         return load(sink.path)
     return sink.evidence(opened.identity, contract=declared, run_seed=seed)
+
+
+def _play(game: Any, sink: Recorder | MemorySink, *players: Any, **options: Any) -> None:
+    """Plays, and closes environment and bundle whatever happens."""
+    try:
+        try:
+            play(game, *players, **options)
+        finally:
+            game.close()
+    finally:
+        if isinstance(sink, Recorder):
+            sink.close()
 
 
 def _sink(
@@ -140,7 +153,7 @@ def _declared(contract: Contract | None) -> dict[str, Any]:
 
 
 def cast_of(policies: Choices, env: Any, contract: Contract | None) -> Cast:
-    """The policies that play `env`: roles, noops and masks as declared, else roles by agents' names."""
+    """The policies that play `env`, by declared roles, noops and masks, else by agents' names."""
     declared = contract or Contract()
     return assign(
         _with_own(policies, env),
@@ -154,11 +167,13 @@ def cast_of(policies: Choices, env: Any, contract: Contract | None) -> Cast:
 
 
 def _with_own(policies: Choices, env: Any) -> Choices:
-    """`policies` with the words that name the environment's own (its `policies`: reference, ...) resolved."""
+    """`policies`, words that name the environment's own resolved (`reference`)."""
     own = getattr(env.unwrapped, "policies", None)
     if not isinstance(own, Mapping):
         return policies
-    whole = policies if isinstance(policies, Mapping) else {EVERYONE: policies}
+    whole: dict[str, Any] = (
+        dict(policies) if isinstance(policies, Mapping) else {EVERYONE: policies}
+    )
     found = {
         whom: replace(resolve(own[choice]), name=choice)
         for whom, choice in whole.items()
