@@ -13,7 +13,11 @@ from gamekeeper.core.block import Block, Cells, Raw, Text
 from gamekeeper.core.layout import Column
 from gamekeeper.core.space import Leaf
 
-NUMBERS: Final = {"order": ("<i2", pa.int16()), "received": ("<f8", pa.float64()), "reward": ("<f8", pa.float64())}
+NUMBERS: Final = {
+    "order": ("<i2", pa.int16()),
+    "received": ("<f8", pa.float64()),
+    "reward": ("<f8", pa.float64()),
+}
 FLAGS: Final = ("terminated", "truncated")
 TEXTS: Final = ("info", "raised", "odd")
 TERM: Final = "reward."
@@ -113,11 +117,22 @@ def cells_of(column: Column, array: pa.ChunkedArray) -> Cells:
     if not size:
         return Raw(np.zeros((len(whole), 0), np.uint8), valid)
     if kind == "bytes":
-        parts = [part if part is not None and len(part) == size else bytes(size) for part in whole.to_pylist()]
+        parts = [
+            part if part is not None and len(part) == size else bytes(size)
+            for part in whole.to_pylist()
+        ]
         return Raw(np.frombuffer(b"".join(parts), np.uint8).reshape(len(parts), size), valid)
-    values = whole.values if not whole.offset else whole.values[whole.offset * whole.type.list_size :]
-    flat = np.asarray(values.fill_null(0) if values.null_count else values)[: len(whole) * whole.type.list_size]
-    raw = np.ascontiguousarray(flat, np.dtype(column.leaf.dtype)).view(np.uint8).reshape(len(whole), size)
+    values = (
+        whole.values if not whole.offset else whole.values[whole.offset * whole.type.list_size :]
+    )
+    flat = np.asarray(values.fill_null(0) if values.null_count else values)[
+        : len(whole) * whole.type.list_size
+    ]
+    raw = (
+        np.ascontiguousarray(flat, np.dtype(column.leaf.dtype))
+        .view(np.uint8)
+        .reshape(len(whole), size)
+    )
     return Raw(raw, valid)
 
 
@@ -162,7 +177,9 @@ def _binary(values: Any, valid: Any | None = None) -> pa.Array:
 
 def _number(raw: Raw, name: str) -> pa.Array:
     dtype, kind = NUMBERS[name]
-    return pa.array(raw.values.view(dtype)[:, 0], kind, mask=None if raw.valid.all() else ~raw.valid)
+    return pa.array(
+        raw.values.view(dtype)[:, 0], kind, mask=None if raw.valid.all() else ~raw.valid
+    )
 
 
 def _flag(raw: Raw) -> pa.Array:

@@ -106,8 +106,15 @@ def block_of(reel: Reel, layout: Layout, *, open_large: Opener) -> Block:
 def state_cells(layout: Layout, payloads: list[Any]) -> list[tuple[Column, Cells]]:
     """Payloads of `state()`, turn by turn, as columns."""
     columns = layout.state.columns if layout.state is not None else ()
-    parts = [payloads] if len(columns) == 1 else [[None if p is None else p[k] for p in payloads] for k in range(len(columns))]
-    return [(column, _column(column, part, _unopened)) for column, part in zip(columns, parts, strict=True)]
+    parts = (
+        [payloads]
+        if len(columns) == 1
+        else [[None if p is None else p[k] for p in payloads] for k in range(len(columns))]
+    )
+    return [
+        (column, _column(column, part, _unopened))
+        for column, part in zip(columns, parts, strict=True)
+    ]
 
 
 def _unopened(place: int, out: NDArray[np.uint8]) -> None:
@@ -195,7 +202,9 @@ def _sides(
     }
 
 
-def _cells(column: Column, parts: list[tuple[Any, list[Any]]], count: int, open_large: Opener) -> Cells:
+def _cells(
+    column: Column, parts: list[tuple[Any, list[Any]]], count: int, open_large: Opener
+) -> Cells:
     if len(parts) == 1 and parts[0][0] is None:
         return _column(column, parts[0][1], open_large)
     if column.leaf.kind in ("text", "json"):

@@ -54,7 +54,9 @@ def digest_fields(fields: list[Field], count: int) -> Bytes2:
     code = np.zeros(count, np.int64)
     for place, f in enumerate(sometimes):
         code = code << 1 | f.valid
-        if place % _BITS == _BITS - 1 or place == len(sometimes) - 1:  # renumbered, so that any number fits
+        if (
+            place % _BITS == _BITS - 1 or place == len(sometimes) - 1
+        ):  # renumbered, so that any number fits
             code = np.unique(code, return_inverse=True)[1].reshape(-1)
     for number in range(int(code.max()) + 1):
         rows = np.flatnonzero(code == number)
@@ -70,7 +72,9 @@ def _hash_rows(fields: list[Field], rows: Any, count: int) -> Bytes2:
         [np.broadcast_to(head, (count, SIZE)), *(f.values[rows] for f in fields)], axis=1
     )
     size, raw, h = table.shape[1], table.tobytes(), blake2b
-    digests = [h(raw[at : at + size], digest_size=SIZE).digest() for at in range(0, size * count, size)]
+    digests = [
+        h(raw[at : at + size], digest_size=SIZE).digest() for at in range(0, size * count, size)
+    ]
     return np.frombuffer(b"".join(digests), np.uint8).reshape(count, SIZE)
 
 
@@ -105,7 +109,10 @@ def cells_digest_field(tag: str, dtype: str, shape: tuple[int, ...], cells: Cell
 
 
 def _large(cells: Raw) -> Bytes2:
-    digests = [blake3(row).digest() if ok else bytes(32) for row, ok in zip(cells.values, cells.valid, strict=True)]
+    digests = [
+        blake3(row).digest() if ok else bytes(32)
+        for row, ok in zip(cells.values, cells.valid, strict=True)
+    ]
     return np.frombuffer(b"".join(digests), np.uint8).reshape(len(digests), 32)
 
 
@@ -123,7 +130,10 @@ def _one_nan(values: Bytes2, dtype: str) -> Bytes2:
 
 
 def _names(names: list[str]) -> Bytes2:
-    known = {name: blake2b(name.encode(errors="surrogatepass"), digest_size=SIZE).digest() for name in set(names)}
+    known = {
+        name: blake2b(name.encode(errors="surrogatepass"), digest_size=SIZE).digest()
+        for name in set(names)
+    }
     return np.frombuffer(b"".join([known[name] for name in names]), np.uint8).reshape(-1, SIZE)
 
 
@@ -144,8 +154,12 @@ def _masks(masks: list[bytes | None]) -> Iterator[Field]:
     for length in sorted(set(lengths.tolist()) - {-1}):
         valid = lengths == length
         blank = bytes(length)
-        values = b"".join([mask if mask is not None and len(mask) == length else blank for mask in masks])
-        yield Field("mask", "|u1", (length,), np.frombuffer(values, np.uint8).reshape(count, length), valid)
+        values = b"".join(
+            [mask if mask is not None and len(mask) == length else blank for mask in masks]
+        )
+        yield Field(
+            "mask", "|u1", (length,), np.frombuffer(values, np.uint8).reshape(count, length), valid
+        )
 
 
 @dataclass(slots=True)
@@ -186,9 +200,13 @@ def episode_header(*, seed: int | None, options: str | None) -> str:
     return to_json({"options": options, "seed": seed})
 
 
-def run_fingerprint(environment: Mapping[str, object], spaces: Mapping[str, object], episodes: Iterable[str]) -> str:
+def run_fingerprint(
+    environment: Mapping[str, object], spaces: Mapping[str, object], episodes: Iterable[str]
+) -> str:
     """The digest of a run: environment, spaces, its episodes in order; 64 hexadecimal digits."""
-    whole = blake2b(to_json({"environment": environment, "spaces": spaces}).encode(), digest_size=32)
+    whole = blake2b(
+        to_json({"environment": environment, "spaces": spaces}).encode(), digest_size=32
+    )
     for fingerprint in episodes:
         whole.update(bytes.fromhex(fingerprint))
     return whole.hexdigest()

@@ -14,8 +14,8 @@ import pyarrow.compute as pc
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.digest import run_fingerprint
 from gamekeeper.core.layout import Layout, spaces_json
-from gamekeeper.core.space import Codec, UnknownSpace, space_from_json, space_to_json
 from gamekeeper.core.press import EPISODES
+from gamekeeper.core.space import Codec, UnknownSpace, space_from_json, space_to_json
 from gamekeeper.core.summary import Summary, summarise
 from gamekeeper.core.tables import Tables
 from gamekeeper.core.trace import Spaces, Trace
@@ -37,7 +37,11 @@ _NO_STEPS: Final = pa.schema(
         ("odd", pa.string()),
     ]
 )
-IDENTITY: Final = ("api", "kwargs", "name")  # what of an environment's identity the fingerprint covers
+IDENTITY: Final = (
+    "api",
+    "kwargs",
+    "name",
+)  # what of an environment's identity the fingerprint covers
 
 
 @dataclass(frozen=True)

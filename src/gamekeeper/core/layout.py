@@ -69,7 +69,9 @@ class Layout:
         return seat
 
     def announce(
-        self, agents: Sequence[AgentId], codecs: Callable[[AgentId], tuple[Codec | None, Codec | None]]
+        self,
+        agents: Sequence[AgentId],
+        codecs: Callable[[AgentId], tuple[Codec | None, Codec | None]],
     ) -> None:
         """Seats all `agents` at once, so that columns are named after who differs from whom."""
         pairs = [(agent, *codecs(agent)) for agent in agents if agent not in self.seats]
@@ -78,7 +80,9 @@ class Layout:
             groups = group_names(spaces)
             for codec, group in groups.items():
                 for leaf in codec.leaves:
-                    rivals = {other for each in groups for other in each.leaves if other.path == leaf.path}
+                    rivals = {
+                        other for each in groups for other in each.leaves if other.path == leaf.path
+                    }
                     self._add(kind, leaf, f"@{group}" if len(rivals) > 1 else "")
         for agent, observation, action in pairs:
             self.seat(agent, observation, action)
@@ -133,7 +137,9 @@ def spaces_json(layout: Layout) -> dict[str, Mapping[str, object] | None]:
     """The spaces of every seat as plain JSON, by agent: `{"observation": ..., "action": ...}`."""
     return {
         seat.name: {
-            "observation": None if seat.observation is None else space_to_json(seat.observation.codec.space),
+            "observation": None
+            if seat.observation is None
+            else space_to_json(seat.observation.codec.space),
             "action": None if seat.action is None else space_to_json(seat.action.codec.space),
         }
         for seat in layout.order

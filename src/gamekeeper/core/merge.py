@@ -12,7 +12,9 @@ from gamekeeper.core.press import EPISODES
 
 def table_of(batches: Sequence[pa.RecordBatch]) -> pa.Table:
     """One table over `batches`; a column that some of them lack is null there."""
-    return pa.concat_tables([pa.Table.from_batches([batch]) for batch in batches], promote_options="default")
+    return pa.concat_tables(
+        [pa.Table.from_batches([batch]) for batch in batches], promote_options="default"
+    )
 
 
 def merged_episodes(batches: Sequence[pa.RecordBatch]) -> pa.Table:

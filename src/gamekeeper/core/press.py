@@ -13,7 +13,14 @@ import pyarrow as pa
 from gamekeeper.core.arrow import cells_field, steps_batch
 from gamekeeper.core.block import Block, Cells, Opener, Text, block_of, state_cells
 from gamekeeper.core.canon import drop, from_json, to_json
-from gamekeeper.core.digest import EpisodeDigest, Field, cells_digest_field, digest_fields, episode_header, row_digests
+from gamekeeper.core.digest import (
+    EpisodeDigest,
+    Field,
+    cells_digest_field,
+    digest_fields,
+    episode_header,
+    row_digests,
+)
 from gamekeeper.core.layout import Column, Layout
 from gamekeeper.core.tape import TURN, EpisodeEnd, EpisodeStart, Reel
 
@@ -104,9 +111,21 @@ class Press:
         for number in sorted(set(episode.tolist())):
             self._open[number].add_states(digests[episode == number])
         fields = [cells_field(column, values) for column, values in cells]
-        arrays = [pa.array(episode), pa.array(turn), *(array for _, array in fields), pa.array(odd, pa.string())]
-        schema = [("episode", pa.int32()), ("turn", pa.int32()), *(f for f, _ in fields), ("odd", pa.string())]
-        return pa.RecordBatch.from_arrays(arrays, schema=pa.schema([pa.field(*f) if isinstance(f, tuple) else f for f in schema]))
+        arrays = [
+            pa.array(episode),
+            pa.array(turn),
+            *(array for _, array in fields),
+            pa.array(odd, pa.string()),
+        ]
+        schema = [
+            ("episode", pa.int32()),
+            ("turn", pa.int32()),
+            *(f for f, _ in fields),
+            ("odd", pa.string()),
+        ]
+        return pa.RecordBatch.from_arrays(
+            arrays, schema=pa.schema([pa.field(*f) if isinstance(f, tuple) else f for f in schema])
+        )
 
     def _ends(self, ends: list[EpisodeEnd]) -> pa.RecordBatch | None:
         rows = []
@@ -142,7 +161,10 @@ def add_infos(episodes: dict[int, EpisodeDigest], block: Block, volatile: Collec
 def state_digests(turn: Any, cells: list[tuple[Column, Cells]], odd: list[Any]) -> Any:
     """The digest of the state at every turn, [turns, 16]."""
     fields = [Field("turn", "<i4", (), turn.view(np.uint8).reshape(len(turn), 4))]
-    fields += [cells_digest_field(column.tag, column.leaf.dtype, column.leaf.shape, values) for column, values in cells]
+    fields += [
+        cells_digest_field(column.tag, column.leaf.dtype, column.leaf.shape, values)
+        for column, values in cells
+    ]
     fields.append(cells_digest_field("odd", "", (), Text(odd)))
     return digest_fields(fields, len(turn))
 
@@ -165,5 +187,8 @@ def _timings(reel: Reel) -> pa.RecordBatch | None:
         return None
     columns = reel.turns[0::TURN], reel.turns[1::TURN], wall_ns
     kinds = pa.int32(), pa.int32(), pa.int64()
-    arrays = [pa.array([c[place] for place in crossed], kind) for c, kind in zip(columns, kinds, strict=True)]
+    arrays = [
+        pa.array([c[place] for place in crossed], kind)
+        for c, kind in zip(columns, kinds, strict=True)
+    ]
     return pa.RecordBatch.from_arrays(arrays, ["episode", "turn", "wall_ns"])

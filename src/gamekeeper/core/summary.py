@@ -99,7 +99,9 @@ def summarise(evidence: Evidence) -> Summary:
     names = _agents(evidence, steps)
     returns = _by_agent(steps, "reward", "sum")
     acted = steps.filter(pc.is_valid(steps["order"]))
-    ended = pc.or_(pc.fill_null(acted["terminated"], False), pc.fill_null(acted["truncated"], False))
+    ended = pc.or_(
+        pc.fill_null(acted["terminated"], False), pc.fill_null(acted["truncated"], False)
+    )
     acted = acted.filter(pc.invert(ended))
     counts = _by_agent(acted, "order", "count")
     shares = _shares({name: returns.get(name, (0.0, 1))[0] for name in names})
@@ -146,7 +148,9 @@ def _by_agent(table: pa.Table, column: str, how: str) -> dict[str, tuple[Any, in
 
 def _shares(returns: Mapping[str, float]) -> dict[str, float | None]:
     total = sum(returns.values())
-    same_sign = all(value >= 0 for value in returns.values()) or all(value <= 0 for value in returns.values())
+    same_sign = all(value >= 0 for value in returns.values()) or all(
+        value <= 0 for value in returns.values()
+    )
     if not same_sign or not total or not np.isfinite(total):
         return dict.fromkeys(returns)
     return {name: value / total for name, value in returns.items()}
@@ -155,14 +159,20 @@ def _shares(returns: Mapping[str, float]) -> dict[str, float | None]:
 def _idle(evidence: Evidence, acted: pa.Table) -> dict[str, float]:
     """The part of noops, for agents whose role declares one and whose actions are whole numbers."""
     idle: dict[str, float] = {}
-    if "action" not in acted.schema.names and not any(n.startswith("action@") for n in acted.schema.names):
+    if "action" not in acted.schema.names and not any(
+        n.startswith("action@") for n in acted.schema.names
+    ):
         return idle
     for name in pc.unique(acted["agent"]).to_pylist():
         noop = evidence.contract.noop_of(name)
         column = _action_column(acted, name)
         if isinstance(noop, int) and column is not None:
             rows = acted.filter(pc.equal(acted["agent"], name))
-            idle[name] = pc.sum(pc.equal(rows[column], noop)).as_py() / rows.num_rows if rows.num_rows else 0.0
+            idle[name] = (
+                pc.sum(pc.equal(rows[column], noop)).as_py() / rows.num_rows
+                if rows.num_rows
+                else 0.0
+            )
     return idle
 
 
@@ -179,7 +189,9 @@ def _action_column(acted: pa.Table, agent: str) -> str | None:
 def _endings(evidence: Evidence, steps: pa.Table) -> dict[str, dict[str, int]]:
     """How the episodes of each agent ended: its reason, else its flag, else how the episode did."""
     steps = steps.select(["episode", "agent", "terminated", "truncated"])
-    flags = steps.group_by(["episode", "agent"]).aggregate([("terminated", "max"), ("truncated", "max")])
+    flags = steps.group_by(["episode", "agent"]).aggregate(
+        [("terminated", "max"), ("truncated", "max")]
+    )
     reasons = {
         row["episode"]: (json.loads(row["endings"]) if row["endings"] else {}, row["end"] or "cut")
         for row in evidence.episodes.select(["episode", "endings", "end"]).to_pylist()

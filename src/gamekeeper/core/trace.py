@@ -148,7 +148,9 @@ class Trace:
         """A place in this trace, as findings and errors name it."""
         number = turn.index if isinstance(turn, Turn) else turn
         key = f"{field}[{agent!r}]" if agent is not None else field
-        return ", ".join(part for part in (f"episode {self.episode}", f"turn {number}", key) if part)
+        return ", ".join(
+            part for part in (f"episode {self.episode}", f"turn {number}", key) if part
+        )
 
     def __len__(self) -> int:
         turns = self._list("turn")
@@ -205,7 +207,9 @@ class Trace:
 
     def _pick(self, rows: range, name: str) -> Mapping[AgentName, Any]:
         names, values = self._list("agent"), self._list(name)
-        return MappingProxyType({names[row]: values[row] for row in rows if values[row] is not None})
+        return MappingProxyType(
+            {names[row]: values[row] for row in rows if values[row] is not None}
+        )
 
     def _values(self, rows: range, kind: str) -> Mapping[AgentName, Any]:
         cells = self._cached(f"cells {kind}", lambda: _cells(self.steps, kind))
@@ -214,7 +218,9 @@ class Trace:
         for row in rows:
             name = names[row]
             spaces = self.spaces.get(name)
-            codec = None if spaces is None else (spaces.observation if kind == "obs" else spaces.action)
+            codec = (
+                None if spaces is None else (spaces.observation if kind == "obs" else spaces.action)
+            )
             value = _value(codec, cells, row)
             if value is not None:
                 found[name] = value
@@ -268,7 +274,10 @@ def digests_of(steps: pa.Table) -> Any:
 
 
 def _cells(table: pa.Table, kind: str) -> list[tuple[Column, Cells]]:
-    return [(column, cells_of(column, table[column.name])) for column in value_columns(table.schema, kind)]
+    return [
+        (column, cells_of(column, table[column.name]))
+        for column in value_columns(table.schema, kind)
+    ]
 
 
 def _value(codec: Codec | None, cells: list[tuple[Column, Cells]], row: int) -> Any:
@@ -303,7 +312,10 @@ def _odd(text: str) -> dict[str, Any]:
     """The odd fields of a row; each has the name of its type, and its value but for what was missing."""
     fields = json.loads(text)
     return {
-        name: {key: from_json(json.dumps(part)) if key == "value" else part for key, part in entry.items()}
+        name: {
+            key: from_json(json.dumps(part)) if key == "value" else part
+            for key, part in entry.items()
+        }
         for name, entry in fields.items()
     }
 

@@ -51,7 +51,9 @@ class AECGame(Game):
         self._books = env
         self._roster: list[AgentId] = []
         self._live: set[AgentId] = set()
-        self._flags: dict[AgentId, tuple[Any, Any]] = {}  # terminated, truncated; absent: both False
+        self._flags: dict[
+            AgentId, tuple[Any, Any]
+        ] = {}  # terminated, truncated; absent: both False
         self._set = 0  # how many flags aren't False
         self._news: list[AgentId] = []  # agents with a row at the start of the turn that comes
         self._seen: Any = _NEVER  # whose observation was looked at in this turn
@@ -170,7 +172,9 @@ class AECGame(Game):
         elif info:
             text, mask = self._info_text(info)
         live = agent in self._live
-        self._tape.given.extend((index, payload, mask, received, terminated, truncated, text, live, fields))
+        self._tape.given.extend(
+            (index, payload, mask, received, terminated, truncated, text, live, fields)
+        )
 
     def _settle(self, agent: AgentId, payload: Any, entry: Any, wall_ns: int) -> None:
         """After the crossing: the reward of who acted, rows for others, the marks of the turn."""
@@ -206,7 +210,9 @@ class AECGame(Game):
                 for flag, field in zip(flags, ("terminated", "truncated"), strict=True)
             )
             live = other in self._live
-            given((index, None, None, None, terminated, truncated, None, live, tuple(entries) or None))
+            given(
+                (index, None, None, None, terminated, truncated, None, live, tuple(entries) or None)
+            )
             reward = rewards.get(other) if other in receives else None
             entry = None
             if reward is not None and reward_of(reward) is None:

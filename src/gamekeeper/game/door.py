@@ -100,7 +100,9 @@ class Game:
         return desk
 
     def _codecs(self, agent: AgentId) -> tuple[Codec | None, Codec | None]:
-        return self._codec(self.env.observation_space, agent), self._codec(self.env.action_space, agent)
+        return self._codec(self.env.observation_space, agent), self._codec(
+            self.env.action_space, agent
+        )
 
     def _codec(self, space_of: Callable[[AgentId], Any], agent: AgentId) -> Codec | None:
         try:
@@ -132,7 +134,9 @@ class Game:
         self._open = False
         error, self._failure = self._failure, None
         types = {
-            seat.name: type_name_of(seat.action_type) for seat in self.sink.layout.order if seat.action_type
+            seat.name: type_name_of(seat.action_type)
+            for seat in self.sink.layout.order
+            if seat.action_type
         }
         end = "failed" if error is not None else end
         self._tape.ends.append(

@@ -134,7 +134,9 @@ class AECFace(_Face, AECEnv[Any, Any, Any]):
 
 def _book(name: str) -> property:
     """A property that hands out one of the environment's own books."""
-    return property(lambda face: getattr(face._game.env, name), doc=f"The environment's own `{name}`.")
+    return property(
+        lambda face: getattr(face._game.env, name), doc=f"The environment's own `{name}`."
+    )
 
 
 for _name in (
@@ -163,7 +165,9 @@ def game_of(env: Any, **settings: Any) -> ParallelGame | AECGame:
     """
     if isinstance(env, _Face) and env._game.sink is None:
         env = env._game.env
-    return ParallelGame(env, **settings) if isinstance(env, ParallelEnv) else AECGame(env, **settings)
+    return (
+        ParallelGame(env, **settings) if isinstance(env, ParallelEnv) else AECGame(env, **settings)
+    )
 
 
 def _revive(kind: type[Game], env: Any) -> Any:

@@ -112,7 +112,14 @@ class ParallelGame(Game):
         count = len(agents)
         if agents != self._who:
             self._take_seats(list(agents))
-        if not len(observations) == len(rewards) == len(terms) == len(truncs) == len(infos) == count:
+        if (
+            not len(observations)
+            == len(rewards)
+            == len(terms)
+            == len(truncs)
+            == len(infos)
+            == count
+        ):
             self._give_all(agents, observations, rewards, terms, truncs, infos)
             return
         given = self._tape.given
@@ -146,7 +153,13 @@ class ParallelGame(Game):
         self._give_all(agents, observations, rewards, terms, truncs, infos)
 
     def _give_all(
-        self, agents: list[AgentId], observations: Any, rewards: Any, terms: Any, truncs: Any, infos: Any
+        self,
+        agents: list[AgentId],
+        observations: Any,
+        rewards: Any,
+        terms: Any,
+        truncs: Any,
+        infos: Any,
     ) -> None:
         """The same with every look that the usual case does without."""
         who = dict.fromkeys(agents)
@@ -179,7 +192,14 @@ class ParallelGame(Game):
         del given[length:]
 
     def _give_row(
-        self, agent: AgentId, live: bool, observations: Any, rewards: Any, terms: Any, truncs: Any, infos: Any
+        self,
+        agent: AgentId,
+        live: bool,
+        observations: Any,
+        rewards: Any,
+        terms: Any,
+        truncs: Any,
+        infos: Any,
     ) -> bool:
         """One row; what isn't as declared goes to `odd`, its column stays null. Whether the agent ended."""
         index, pack, _ = self._desk[agent]
@@ -190,7 +210,9 @@ class ParallelGame(Game):
         if payload is None:
             fields.append(odd("obs", observation))
         received = _get(rewards, agent)
-        terminated, truncated = (False, False) if first else (_get(terms, agent), _get(truncs, agent))
+        terminated, truncated = (
+            (False, False) if first else (_get(terms, agent), _get(truncs, agent))
+        )
         if reward_of(received) is None:
             fields.append(odd("received", received))
             received = None
@@ -201,7 +223,17 @@ class ParallelGame(Game):
             fields.append(odd("truncated", truncated))
             truncated = None
         text, mask = self._info(_get(infos, agent), fields)
-        entry = (index, payload, mask, received, terminated, truncated, text, live, tuple(fields) or None)
+        entry = (
+            index,
+            payload,
+            mask,
+            received,
+            terminated,
+            truncated,
+            text,
+            live,
+            tuple(fields) or None,
+        )
         self._tape.given.extend(entry)
         return bool(terminated or truncated)
 
@@ -219,7 +251,9 @@ class ParallelGame(Game):
         moves: list[Any] = []
         for order, (pack, action) in enumerate(zip(self._doers, actions.values(), strict=True)):
             payload = pack(action)
-            moves.append((order, payload, None if payload is not None else (odd("action", action),)))
+            moves.append(
+                (order, payload, None if payload is not None else (odd("action", action),))
+            )
         return moves
 
     def _moves_out_of_order(

@@ -21,7 +21,9 @@ def is_still(env: Any, call: Callable[[], Any]) -> bool:
     before = [(generator, _state(generator)) for generator in generators(env)]
     try:
         call()
-    except Exception:  # not offered (NotImplementedError) or broken: either way it isn't called again
+    except (
+        Exception
+    ):  # not offered (NotImplementedError) or broken: either way it isn't called again
         calm = False
     else:
         calm = True
