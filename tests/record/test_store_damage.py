@@ -9,18 +9,17 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
 from gamekeeper.errors import BundleError
 from gamekeeper.record import limits
-from gamekeeper.record.limits import SMALL_BYTES, check_growth
+from gamekeeper.record.limits import check_growth
 from gamekeeper.record.manifest import DEPTH, render
 from gamekeeper.record.seal import commit
 from gamekeeper.record.segment_reader import SegmentReader
-from gamekeeper.record.store import Store, read
+from gamekeeper.record.store import read, seal_recovered
 from gamekeeper.record.table_reader import TableReader
 from gamekeeper.record.table_writer import write_table
 from tests.record import bundles
@@ -270,32 +269,48 @@ def test_dictionary_that_stands_for_terabytes_is_refused(tmp_path: Path) -> None
         TableReader(path, "steps").read()
 
 
-def test_segment_that_stands_for_too_much_is_refused(
+def test_batch_that_stands_for_gigabytes_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What a batch announces is added up before it is unpacked."""
-    monkeypatch.setattr(limits, "SMALL_BYTES", 1 << 26)
+    bundles.open_bundle(tmp_path / "b", episodes=1)
     path = tmp_path / "b" / "steps-0000.arrows"
-    store = Store.create(tmp_path / "b", {})
-    rows = 1 << 16
-    keys = pa.array([0] * rows, pa.int32())
-    zeros = pa.FixedSizeListArray.from_arrays(pa.array(np.zeros(rows * 128, np.float32)), 128)
-    for turn in range(4):
-        turns = pa.array([turn] * rows, pa.int32())
-        store.append("steps", pa.record_batch({"episode": keys, "turn": turns, "obs": zeros}))
-    store.abandon()
-    assert path.stat().st_size < 1 << 20
-    with pytest.raises(BundleError, match="unpack to more than"):
-        for _ in SegmentReader(path, "steps"):
-            pass
+    assert len(list(SegmentReader(path, "steps"))) == 4
+    monkeypatch.setattr(limits, "BATCH_BYTES", 100)
+    monkeypatch.setattr(limits, "GROWTH", 0)
+    with pytest.raises(BundleError, match="unpack to more than 100"):
+        list(SegmentReader(path, "steps"))
+
+
+@pytest.mark.parametrize("make", [bundles.open_bundle, bundles.sealed_bundle])
+def test_table_larger_than_memory_is_refused(
+    tmp_path: Path, make: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Many honest batches can be more than the machine holds; they can still be read in part."""
+    make(tmp_path / "b", episodes=50)
+    monkeypatch.setattr(limits, "memory_bytes", lambda: 10_000)
+    with pytest.raises(BundleError, match="a machine with 10000"):
+        read(tmp_path / "b")
+
+
+def test_sealing_needs_less_memory_than_the_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is too large to be read at once is sealed and recovered batch by batch."""
+    bundles.open_bundle(tmp_path / "b", episodes=20)
+    with monkeypatch.context() as patch:
+        patch.setattr(limits, "memory_bytes", lambda: 5_000)
+        seal_recovered(tmp_path / "b", {})
+    assert read(tmp_path / "b").steps.num_rows == 280
 
 
 def test_honest_growth_is_let_pass() -> None:
-    """A gigabyte is fine for any file, a thousandfold for large ones."""
-    check_growth(SMALL_BYTES, 1)
-    check_growth(10 * SMALL_BYTES, SMALL_BYTES // 50)
+    """Four gigabytes are fine for any batch, a thousandfold for large ones."""
+    check_growth(limits.BATCH_BYTES, 1)
+    check_growth(10 * limits.BATCH_BYTES, limits.BATCH_BYTES // 50)
     with pytest.raises(ValueError, match="unpack"):
-        check_growth(2 * SMALL_BYTES, 1000)
+        check_growth(2 * limits.BATCH_BYTES, 1000)
+    assert limits.memory_bytes() > 1 << 20
 
 
 def test_table_with_other_columns_is_refused(tmp_path: Path) -> None:

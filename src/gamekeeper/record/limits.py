@@ -1,30 +1,52 @@
 """How much memory files of a given size may ask for before they are taken for a trap.
 
-A few hundred bytes of zstd or of a Parquet dictionary can stand for terabytes. What would grow too
-much is refused before memory is taken for it.
+A few hundred bytes of zstd or of a Parquet dictionary can stand for terabytes. What unpacks to too
+much is refused before memory is taken for it: a batch or a row group by how much it grows, a whole
+table by the memory that there is.
 """
 
 from __future__ import annotations
 
+import os
 from typing import Final
 
 import pyarrow as pa
 
-# Frames of a still picture have been seen to shrink 200-fold.
 GROWTH: Final = 1000
-SMALL_BYTES: Final = 4 << 30  # any file may ask for this much: still images shrink 2,000-fold
+# Any batch may ask for this much: frames of a still picture shrink 2,000-fold.
+BATCH_BYTES: Final = 4 << 30
+MEMORY_BYTES: Final = 64 << 30  # where the system doesn't tell how much there is
 OFFSET_BYTES: Final = 8  # of an element of a list or a text, at most
 
 
 def check_growth(grown_bytes: int, file_bytes: int) -> None:
-    """Does nothing where files of this size may honestly hold so much.
+    """Does nothing where a batch out of so many bytes may honestly hold so much.
 
     Raises:
-        ValueError: they may not.
+        ValueError: it may not.
     """
-    limit = max(SMALL_BYTES, GROWTH * file_bytes)
+    limit = max(BATCH_BYTES, GROWTH * file_bytes)
     if grown_bytes > limit:
         raise ValueError(f"{file_bytes} bytes that unpack to more than {limit}")
+
+
+def check_memory(table_bytes: int) -> None:
+    """Does nothing where this machine has the memory for a table of so many bytes.
+
+    Raises:
+        ValueError: it hasn't.
+    """
+    limit = memory_bytes()
+    if table_bytes > limit:
+        raise ValueError(f"a table of {table_bytes} bytes, and a machine with {limit}")
+
+
+def memory_bytes() -> int:
+    """The machine's memory."""
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):  # no such call on Windows
+        return MEMORY_BYTES
 
 
 def row_bytes(kind: pa.DataType) -> int:

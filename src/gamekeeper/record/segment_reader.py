@@ -78,7 +78,7 @@ class SegmentReader:
                 self.cut = Cut(self.path.name, walk.offset, walk.missing)
             return None
         crc = _check_crc(message, walk.crc)
-        walk.grow(batch_sizes(message.metadata, message.body)[1])
+        check_growth(batch_sizes(message.metadata, message.body)[1], len(message.data))
         batch = pa.ipc.read_record_batch(pa.py_buffer(message.data), self.schema)
         batch.validate(full=True)
         walk.accept(message, crc)
@@ -96,11 +96,11 @@ class _Message:
 class _Walk:
     """Goes through a file message by message, never taking more memory than the file has bytes."""
 
-    __slots__ = ("crc", "ended", "file", "grown", "missing", "offset", "size")
+    __slots__ = ("crc", "ended", "file", "missing", "offset", "size")
 
     def __init__(self, file: BinaryIO, size: int) -> None:
         self.file, self.size = file, size
-        self.offset, self.crc, self.grown = 0, 0, 0
+        self.offset, self.crc = 0, 0
         self.ended, self.missing = False, ""
 
     def message(self) -> _Message | None:
@@ -132,11 +132,6 @@ class _Walk:
         """The message counts; the next one begins behind it."""
         self.offset += len(message.data)
         self.crc = crc
-
-    def grow(self, size: int) -> None:
-        """Refuses what decompresses to so much that it can't be honest evidence."""
-        self.grown += size
-        check_growth(self.grown, self.size)
 
     def _read(self, size: int) -> bytearray:
         data = bytearray(size)

@@ -55,7 +55,8 @@ class Store:
         self._writers: dict[str, SegmentWriter] = {}
         self._counts = dict.fromkeys(STREAMS, 0)
         self._schemas: dict[str, pa.Schema] = {}
-        self._last: dict[str, tuple[int, int]] = {}
+        self._seen: dict[str, tuple[pa.Schema, pa.Schema]] = {}  # last checked, with its plain form
+        self._last: dict[str, tuple[int, int]] = {}  # episode and turn
         self._roller = Roller(folder, ROLLED)
         self._is_open = True
 
@@ -99,8 +100,9 @@ class Store:
             )
         if not batch.num_rows:
             return
+        schema = self._checked(stream, batch.schema)
         last = self._check_keys(stream, batch)
-        writer = self._writer(stream, plain_schema(batch.schema))
+        writer = self._writer(stream, schema)
         writer.write(plain_batch(batch, writer.schema))
         self._last[stream] = last
         if writer.size >= self._segment_bytes:
@@ -183,9 +185,18 @@ class Store:
             )
         commit(self.path, manifest, files)
 
+    def _checked(self, stream: str, schema: pa.Schema) -> pa.Schema:
+        """The plain form of a schema; looking at every column is for schemas not seen just now."""
+        seen = self._seen.get(stream)
+        if seen is not None and schema.equals(seen[0], check_metadata=True):
+            return seen[1]
+        plain = plain_schema(schema)
+        check_schema(plain, stream, where=f"{self.path}, {stream}")
+        self._seen[stream] = schema, plain
+        return plain
+
     def _check_keys(self, stream: str, batch: pa.RecordBatch) -> tuple[int, int]:
         where = f"{self.path}, {stream}"
-        check_schema(plain_schema(batch.schema), stream, where=where)
         episode, turn = key_arrays(batch, stream, where=where)
         before = self._last.get(stream, (-1, -1))
         first = int(episode[0]), int(turn[0])

@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 
 from gamekeeper.errors import BundleError
 from gamekeeper.record.folder import inside, reading
-from gamekeeper.record.limits import check_growth, row_bytes
+from gamekeeper.record.limits import check_memory, row_bytes
 from gamekeeper.record.schema import Keys, key_arrays, plain_batch, plain_schema, unify
 from gamekeeper.record.segment_reader import SegmentReader
 from gamekeeper.record.segments import SEGMENT, Cut
@@ -79,14 +79,18 @@ class StreamFiles:
 
     def table(self) -> pa.Table | None:
         """All batches in one table, None where the stream has no file with a schema."""
-        batches = list(self.batches())
+        batches, size = [], 0
+        for batch in self.batches():
+            batches.append(batch)
+            size += batch.nbytes
+            with reading(self.folder / self.stream):
+                check_memory(size)
         if self.schema is None:
             return None
         schema = plain_schema(self.schema)
         with reading(self.folder / self.stream):
             rows = sum(batch.num_rows for batch in batches)
-            size = sum(batch.nbytes for batch in batches)
-            check_growth(rows * sum(row_bytes(field.type) for field in schema), size)
+            check_memory(rows * sum(row_bytes(field.type) for field in schema))
             return pa.Table.from_batches([plain_batch(batch, schema) for batch in batches], schema)
 
     def _widen(self, schema: pa.Schema) -> None:

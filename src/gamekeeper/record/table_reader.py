@@ -13,7 +13,13 @@ import pyarrow.parquet as pq
 
 from gamekeeper.record.folder import open_plain, reading
 from gamekeeper.record.footer import BYTE_ARRAY, Chunk, read_footer
-from gamekeeper.record.limits import OFFSET_BYTES, SMALL_BYTES, check_growth, row_bytes
+from gamekeeper.record.limits import (
+    BATCH_BYTES,
+    OFFSET_BYTES,
+    check_growth,
+    check_memory,
+    row_bytes,
+)
 from gamekeeper.record.schema import EXTENSION, check_schema, plain_batch, plain_schema
 
 
@@ -24,10 +30,10 @@ class TableReader:
         BundleError: the file is missing, damaged, or holds columns that a bundle doesn't.
     """
 
-    __slots__ = ("_file", "_groups", "_grown", "_size", "path", "schema")
+    __slots__ = ("_file", "_groups", "_size", "path", "schema")
 
     def __init__(self, path: Path, stream: str) -> None:
-        self.path, self._grown = path, 0
+        self.path = path
         with open_plain(path) as file, reading(path):
             self._size = os.fstat(file.fileno()).st_size
             footer = read_footer(file, self._size)
@@ -52,13 +58,20 @@ class TableReader:
         """How many row groups there are."""
         return len(self._groups)
 
-    def read(self, *, columns: Collection[str] | None = None, groups: Iterable[int] | None = None) -> pa.Table:
+    def read(
+        self, *, columns: Collection[str] | None = None, groups: Iterable[int] | None = None
+    ) -> pa.Table:
         """The table, or some columns and row groups of it.
 
         Raises:
             BundleError: the file is damaged.
         """
-        batches = self.batches(columns=columns, groups=groups)
+        batches, size = [], 0
+        for batch in self.batches(columns=columns, groups=groups):
+            batches.append(batch)
+            size += batch.nbytes
+            with reading(self.path):
+                check_memory(size)
         return pa.Table.from_batches(batches, schema=self._some(columns))
 
     def batches(
@@ -69,7 +82,6 @@ class TableReader:
         Raises:
             BundleError: the file is damaged.
         """
-        self._grown = 0
         for number in range(len(self._groups)) if groups is None else groups:
             with reading(self.path):
                 batches = self._group(number, columns)
@@ -83,31 +95,30 @@ class TableReader:
     def _group(self, number: int, columns: Collection[str] | None) -> list[pa.RecordBatch]:
         schema = self._some(columns)
         rows, chunks = self._groups[number]
-        wanted = [chunk for chunk in chunks if columns is None or _column_of(chunk) in columns]
+        wanted = [chunk for chunk in chunks if _is_of(chunk, schema.names)]
         size = rows * sum(row_bytes(field.type) for field in schema)
         size += sum(OFFSET_BYTES * chunk.values + chunk.size_bytes for chunk in wanted)
-        self._grow(size)
+        check_growth(size, self._size)
         table = self._file.read_row_group(number, columns=None if columns is None else schema.names)
         # Arrow takes "reward" to name "reward.delivery" too
         batches = table.select(schema.names).to_batches()
-        for batch in batches:
-            for column in batch.columns:
-                if pa.types.is_dictionary(column.type):
-                    lengths = pc.binary_length(column.dictionary)
-                    self._grow(pc.sum(lengths.take(column.indices)).as_py() or 0)
+        for column in table.itercolumns():
+            if pa.types.is_dictionary(column.type):
+                check_growth(size + sum(_text_bytes(part) for part in column.chunks), self._size)
         plain = [plain_batch(batch, schema) for batch in batches]
         for batch in plain:
             batch.validate(full=True)
         return plain
 
-    def _grow(self, size: int) -> None:
-        self._grown += size
-        check_growth(self._grown, self._size)
+
+def _text_bytes(column: pa.DictionaryArray) -> int:
+    """Bytes of a column's texts once each row has its own."""
+    return pc.sum(pc.binary_length(column.dictionary).take(column.indices)).as_py() or 0
 
 
-def _column_of(chunk: Chunk) -> str:
-    """The column that a chunk belongs to; a list's elements lie under its name."""
-    return chunk.path.removesuffix(".list.element").removesuffix(".list.item")
+def _is_of(chunk: Chunk, names: list[str]) -> bool:
+    """A chunk may belong to one of these columns: what is nested in one lies under its name."""
+    return any(chunk.path == name or chunk.path.startswith(f"{name}.") for name in names)
 
 
 def _suspects(groups: tuple[tuple[int, list[Chunk]], ...]) -> list[str]:
@@ -122,6 +133,6 @@ def _suspects(groups: tuple[tuple[int, list[Chunk]], ...]) -> list[str]:
             for chunk in chunks
             if chunk.kind == BYTE_ARRAY
             and chunk.has_dictionary
-            and chunk.values * chunk.size_bytes > SMALL_BYTES
+            and chunk.values * chunk.size_bytes > BATCH_BYTES
         }
     )

@@ -50,8 +50,10 @@ class TableWriter:
             BundleError: the disk refuses.
         """
         batch = plain_batch(batch, self.schema)
-        for start in range(0, batch.num_rows, GROUP_ROWS):
-            part = batch.slice(start, GROUP_ROWS)
+        row_bytes = max(1, batch.nbytes // max(1, batch.num_rows))
+        stride = max(1, min(GROUP_ROWS, GROUP_BYTES // row_bytes))
+        for start in range(0, batch.num_rows, stride):
+            part = batch.slice(start, stride)
             self._waiting.append(part)
             self._rows += part.num_rows
             self._bytes += part.nbytes
