@@ -91,6 +91,10 @@ def test_seal_does_not_look_outside(bundle: Path, tmp_path: Path) -> None:
     (bundle / "frames" / "0.png").symlink_to(tmp_path)
     with pytest.raises(BundleError, match="link"):
         check_seal(bundle)
+    (bundle / "frames").rename(tmp_path / "frames")
+    (bundle / "frames").symlink_to(tmp_path / "frames")
+    with pytest.raises(BundleError, match="link"):
+        check_seal(bundle)
 
 
 def test_seal_of_an_open_bundle_does_not_exist(tmp_path: Path) -> None:

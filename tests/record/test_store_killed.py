@@ -3,13 +3,14 @@
 import signal
 import subprocess
 import sys
+import threading
 from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamekeeper.errors import BundleError
@@ -93,6 +94,64 @@ def test_torn_segment_keeps_whole_turns(tmp_path: Path, stream: str) -> None:
     assert whole.steps.num_rows == counts[-1]
     path.write_bytes(data[:-1])
     assert f"{stream}-0000.arrows" == read(tmp_path / "b").cuts[0].file
+
+
+@given(st.data())
+@settings(max_examples=25)
+def test_streams_cut_anywhere_agree(
+    tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
+) -> None:
+    """With every stream cut somewhere else, what is kept fits together, and recovers the same."""
+    path = bundles.open_bundle(tmp_path_factory.mktemp("cut") / "b", episodes=3, turns=4)
+    for stream in ("episodes", "steps", "states", "timings"):
+        segment = path / f"{stream}-0000.arrows"
+        part = data.draw(st.floats(0, 1), label=stream)
+        segment.write_bytes(segment.read_bytes()[: int(part * segment.stat().st_size)])
+    bundle = read(path)
+    finished = _turns_of(bundle.timings)
+    acted = bundle.steps
+    if len(acted):
+        acted = acted.filter(acted["order"].is_valid())
+    assert _turns_of(acted) == finished
+    assert finished <= _turns_of(bundle.states)
+    begun = set(bundle.episodes["episode"].to_pylist())
+    assert {episode for episode, _ in _turns_of(bundle.steps)} <= begun
+    for row in bundle.episodes.to_pylist():
+        assert row["turns"] in (None, sum(episode == row["episode"] for episode, _ in finished))
+    seal_recovered(path, {})
+    again = read(path)
+    assert again.steps.to_pylist() == bundle.steps.to_pylist()
+    assert again.episodes.to_pylist() == bundle.episodes.to_pylist()
+
+
+def _turns_of(table: pa.Table | None) -> set[tuple[int, int]]:
+    if table is None:
+        return set()
+    return set(zip(table["episode"].to_pylist(), table["turn"].to_pylist(), strict=True))
+
+
+def test_bundle_reads_while_it_is_recorded(tmp_path: Path) -> None:
+    """Each look at a growing bundle sees whole turns, and never fewer than the look before."""
+    store = Store.create(tmp_path / "b", {}, segment_bytes=20_000)
+    done = threading.Event()
+
+    def record() -> None:
+        bundles.fill(store, episodes=4, turns=20)
+        done.set()
+
+    recorder = threading.Thread(target=record)
+    recorder.start()
+    seen = [0]
+    while not done.is_set():
+        bundle = read(tmp_path / "b")
+        finished = 0 if bundle.timings is None else bundle.timings.num_rows
+        acted = bundle.steps["order"].drop_null().length() if len(bundle.steps) else 0
+        assert acted == finished * len(bundles.AGENTS)
+        seen.append(finished)
+    recorder.join()
+    store.seal({})
+    assert sorted(seen) == seen
+    assert len(_turns_of(read(tmp_path / "b").timings)) == 80
 
 
 def test_missing_end_of_a_middle_segment_ends_the_stream(tmp_path: Path) -> None:

@@ -73,7 +73,7 @@ def commit(folder: Path, manifest: dict[str, Any], files: dict[str, tuple[Path, 
         draft.replace(folder / f"{stream}.parquet")
     sync_folder(folder)
     replace(folder / MANIFEST, data)
-    for path in folder.iterdir():
+    for path in list(folder.iterdir()):
         if SEGMENT.fullmatch(path.name):
             path.unlink(missing_ok=True)
 
@@ -129,11 +129,10 @@ def verify_notes(path: str | PathLike[str]) -> tuple[Damage, ...]:
 def frame_names(folder: Path) -> list[str]:
     """Names, relative to the bundle, of everything in its folder of frames, sorted."""
     frames = folder / FRAMES
-    if not frames.is_dir():
-        return []
-    return sorted(
-        path.relative_to(folder).as_posix() for path in frames.rglob("*") if not path.is_dir()
-    )
+    if frames.is_symlink():
+        return [FRAMES]  # not a folder of ours; whoever opens it is told so
+    found = (path for path in frames.rglob("*") if path.is_symlink() or not path.is_dir())
+    return sorted(path.relative_to(folder).as_posix() for path in found)
 
 
 def _compare(folder: Path, name: str, sealed: tuple[int, str]) -> list[Damage]:

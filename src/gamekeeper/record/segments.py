@@ -4,6 +4,9 @@ A segment is an ordinary Arrow IPC stream (any Arrow library reads it): one sche
 batches compressed with zstd, and at its regular end the end-of-stream mark. Each batch message
 carries in its metadata a CRC-32 over the messages so far, so that a cut (bytes missing at the end,
 what a kill or a full disk leaves) can be told from damage (bytes that are there and wrong).
+
+Nothing waits in the process, so no kill of it loses a batch. Segments are not synced: a power cut
+may take what the system had not written yet.
 """
 
 from __future__ import annotations
