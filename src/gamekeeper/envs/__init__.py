@@ -10,6 +10,8 @@ from typing import Final, Literal
 import pettingzoo
 
 _TASKS: Final[tuple[tuple[Literal["aec", "parallel"], str, str], ...]] = (
+    ("aec", "handover", "handover:Handover"),
+    ("parallel", "two_robot_line", "two_robot_line:TwoRobotLine"),
     ("parallel", "warehouse", "warehouse:Warehouse"),
     ("aec", "warehouse_turns", "warehouse_turns:WarehouseTurns"),
 )

@@ -1,0 +1,182 @@
+"""Two robots on a line meet: the smallest embodied task, in which both move at once.
+
+    R1. The line has `n` cells, 0 to n - 1. `picker` starts in cell 0, `carrier` in cell n - 1.
+    R2. Each tick both move at once: action 0 one cell down, 1 nowhere, 2 one cell up. A robot at
+        the end of the line that moves outwards stays where it is.
+    R3. Robots that stand in one cell after a tick have met: each is paid MEETING ("meeting") and
+        terminated ("met").
+    R4. Robots that swap cells pass each other and haven't met.
+    R5. After `horizon` ticks (the contract's, 200, unless given) both are truncated ("horizon").
+
+An episode is solved where the robots meet. An even number of cells is the harder kind: robots that
+walk straight at each other pass in the middle.
+
+Source: the textbook's two robots on a line (fragment 10.7.1), with observations that lie in their
+spaces, and a time limit: the fragment has none, and robots that stand still never end. Of random
+play on five cells one episode in two thousand million reaches the limit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final, Unpack
+
+import numpy as np
+from gymnasium.spaces import Box, Discrete
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from gamekeeper.core.stream import Stream
+from gamekeeper.envs.drawing import BLUE, GREEN, ORANGE, Canvas
+from gamekeeper.envs.knobs import LABELS, Disturbances, KnobArguments, Knobs
+from gamekeeper.errors import SpecError
+from gamekeeper.game.tick_env import TickEnv
+
+DOWN, STAY, UP = range(3)
+MEETING: Final = 1.0
+"""What each robot is paid when they meet, in reward units."""
+AGENTS: Final = ("picker", "carrier")
+MEETING_CELL: Final = 2
+"""Where the reference policy meets: the middle of the textbook's five cells."""
+KNOBS: Final = tuple(name for name in LABELS if name != "occlusion")
+"""A robot sees its own cell alone, so there is nothing to hide from it."""
+
+
+def reference(
+    observation: NDArray[np.int64], agent: str, info: Mapping[str, Any], rng: Generator
+) -> int:
+    """Both walk to one cell that they agreed on, and wait there; solves every length of line."""
+    cell = int(observation[0])
+    return UP if cell < MEETING_CELL else DOWN if cell > MEETING_CELL else STAY
+
+
+def greedy(
+    observation: NDArray[np.int64], agent: str, info: Mapping[str, Any], rng: Generator
+) -> int:
+    """Each walks straight at the other; they meet on an odd number of cells and pass on an even."""
+    return UP if agent == "picker" else DOWN
+
+
+def lazy(
+    observation: NDArray[np.int64], agent: str, info: Mapping[str, Any], rng: Generator
+) -> int:
+    """Waits for the other to come."""
+    return STAY
+
+
+class TwoRobotLine(TickEnv):
+    """Each robot sees its own cell, [1] int64 in 0 to n - 1; its info tells the true `position`.
+
+    Args:
+        n: cells of the line, 2 or more.
+        horizon: ticks after which both are truncated; None: the contract's.
+        render_mode: `ansi`, `rgb_array` or None.
+        **knobs: see `envs/knobs.py`, without `occlusion`; all are off. A held-out layout starts
+            the robots in two other cells of the line.
+    Raises:
+        SpecError: the line is too short, or a knob is out of its range.
+    """
+
+    metadata = {  # noqa: RUF012  # PettingZoo declares it so
+        "name": "two_robot_line_v0",
+        "render_modes": ["ansi", "rgb_array"],
+        "render_fps": 4,
+        "is_parallelizable": True,
+    }
+    contract = "two_robot_line.toml"
+    policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012
+
+    def __init__(
+        self,
+        *,
+        n: int = 5,
+        horizon: int | None = None,
+        render_mode: str | None = None,
+        **knobs: Unpack[KnobArguments],
+    ) -> None:
+        super().__init__(render_mode=render_mode, horizon=horizon)
+        if type(n) is not int or n < 2:
+            raise SpecError(
+                "the line is too short for two robots",
+                where="n",
+                expected="a whole number of cells, 2 or more",
+                seen=repr(n),
+            )
+        self.n = n
+        self.possible_agents = list(AGENTS)
+        space = Box(0, n - 1, (1,), np.int64)
+        self.observation_spaces = dict.fromkeys(AGENTS, space)
+        self.action_spaces = {agent: Discrete(3) for agent in AGENTS}
+        self.state_space = Box(0, n - 1, (2,), np.int64)
+        self.disturbances = Disturbances(
+            Knobs(knobs, agents=AGENTS, offered=KNOBS),
+            bounds=dict.fromkeys(AGENTS, (space.low, space.high)),
+            things=dict.fromkeys(AGENTS, ()),
+            noop=STAY,
+            neighbours={DOWN: (STAY, UP), UP: (STAY, DOWN)},
+        )
+
+    # -- state
+
+    def start(self, rng: Stream, options: dict[str, Any]) -> None:
+        """Puts the robots at the two ends (R1)."""
+        self.cells = {"picker": 0, "carrier": self.n - 1}
+        self.disturbances.begin(rng)
+        if self.disturbances.is_held_out:
+            layout = self.disturbances.layout_rng()
+            first = layout.integers(self.n)
+            other = (first + layout.integers(1, self.n)) % self.n
+            self.cells = {"picker": first, "carrier": other}
+
+    def state(self) -> NDArray[np.int64]:
+        """The cells of picker and carrier, [2] int64."""
+        return np.array([self.cells[agent] for agent in AGENTS], np.int64)
+
+    # -- a step
+
+    def tick(self, actions: dict[str, int]) -> None:
+        """Moves both robots, then looks whether they met (R2 to R4)."""
+        knobs = self.disturbances
+        for agent in actions:
+            knobs.remember(agent, self._seen)
+        for agent, action in actions.items():
+            cell = self.cells[agent]
+            self.cells[agent] = min(max(cell + knobs.played(agent, action) - 1, 0), self.n - 1)
+            if self.cells[agent] != cell:
+                knobs.moved(agent)
+        if self.cells["picker"] == self.cells["carrier"]:
+            for agent in actions:
+                self.pay(agent, MEETING, term="meeting")
+                self.terminate(agent, "met")
+
+    # -- what agents see
+
+    def observe(self, agent: str) -> NDArray[np.int64]:
+        """The robot's own cell, [1] int64."""
+        return self.disturbances.shown(agent, self._seen)
+
+    def info(self, agent: str) -> dict[str, int]:
+        """The robot's true cell."""
+        return {"position": self.cells[agent]}
+
+    def _seen(self, agent: str) -> NDArray[np.int64]:
+        """The robot's own idea of its cell, before anything disturbs what it sees."""
+        drift = sum(self.disturbances.drift[agent])  # on a line both axes are one
+        return np.array([min(max(self.cells[agent] + drift, 0), self.n - 1)], np.int64)
+
+    # -- pictures
+
+    def render(self) -> str | NDArray[np.uint8] | None:
+        """The line: `p...c`, a star where both stand; or cells of 24 pixels, [24, 24 n, 3]."""
+        if self.render_mode == "ansi":
+            line = ["."] * self.n
+            for agent, cell in self.cells.items():
+                line[cell] = agent[0] if line[cell] == "." else "*"
+            return "".join(line)
+        if self.render_mode != "rgb_array":
+            return None
+        canvas = Canvas(self.n, 1)
+        have_met = self.cells["picker"] == self.cells["carrier"]
+        for agent, color in zip(AGENTS, (BLUE, ORANGE), strict=True):
+            canvas.disc(self.cells[agent], 0, GREEN if have_met else color)
+        return canvas.pixels
