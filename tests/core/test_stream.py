@@ -62,19 +62,19 @@ def test_stream_draws_the_same_everywhere() -> None:
     """Draws of every kind, pinned to the last bit: the scheme may not change."""
     rng = Stream(2024, 7)
     drawn = [rng.word(), rng.integers(10), rng.integers(-5, 5), rng.integers(2**40)]
-    assert [1200655132, 3, 4, 889478535940] == drawn
-    assert ["0x1.42f8eddd12860p-2", "-0x1.7ec1b9fd41d16p+1"] == [
+    assert drawn == [1200655132, 3, 4, 889478535940]
+    assert [
         rng.uniform().hex(),
         rng.uniform(-4.0, 2.0).hex(),
-    ]
-    assert ["0x1.01cac6dc662aep-3", "0x1.463862abd6abcp+3"] == [
+    ] == ["0x1.42f8eddd12860p-2", "-0x1.7ec1b9fd41d16p+1"]
+    assert [
         rng.normal().hex(),
         rng.normal(10.0, 0.5).hex(),
-    ]
+    ] == ["0x1.01cac6dc662aep-3", "0x1.463862abd6abcp+3"]
     order = list(range(8))
     rng.shuffle(order)
-    assert [0, 5, 2, 1, 3, 6, 7, 4] == order
-    assert ("a", "b") == (rng.choice("abc"), rng.choice("abc", weights=[1, 2, 0.5]))
+    assert order == [0, 5, 2, 1, 3, 6, 7, 4]
+    assert (rng.choice("abc"), rng.choice("abc", weights=[1, 2, 0.5])) == ("a", "b")
 
 
 @given(SEEDS, WORDS, WORDS)
@@ -88,7 +88,7 @@ def test_streams_of_seed_episode_and_lane_are_apart(seed: int, episode: int, lan
         Stream(seed, episode, lane=lane ^ 1),
     ]
     drawn = [tuple(stream.word() for _ in range(4)) for stream in (here, *others)]
-    assert 5 == len(set(drawn))
+    assert len(set(drawn)) == 5
 
 
 @given(PLACES, st.integers(0, 9))
@@ -212,7 +212,7 @@ def test_shuffle_gives_every_order() -> None:
         items = [0, 1, 2, 3]
         rng.shuffle(items)
         count[tuple(items)] += 1
-    assert 24 == len(count)
+    assert len(count) == 24
     assert all(abs(seen - 500) < 5 * math.sqrt(500) for seen in count.values())
 
 
@@ -248,7 +248,7 @@ def test_draw_from_nothing_is_refused_and_takes_nothing(draw: object) -> None:
     rng = Stream(0)
     with pytest.raises(DrawError):
         draw(rng)  # type: ignore[operator]
-    assert 0 == rng.draws
+    assert rng.draws == 0
 
 
 @pytest.mark.parametrize(

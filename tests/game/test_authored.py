@@ -44,7 +44,7 @@ def test_horizon_counts_ticks_in_any_order() -> None:
     while not env.endings:
         order.append(int(env.agent_selection[-1]))
         env.step(0)
-    assert [0, 0, 1, 2, 0] == order  # ticks: 0 | 0 1 2 | 0, the last over as 0 would come again
+    assert order == [0, 0, 1, 2, 0]  # ticks: 0 | 0 1 2 | 0, the last over as 0 would come again
 
 
 @pytest.mark.parametrize("horizon", [0, -1, 1.5, True])
@@ -88,7 +88,7 @@ def test_contract_beside_the_file_gives_the_horizon(task: ModuleType, tmp_path: 
     """The path is found from the class; the contract's horizon holds where none is given."""
     env = task.Task()
     assert tmp_path / "task.toml" == env.contract_path
-    assert "task_v0" == env.declared.name
+    assert env.declared.name == "task_v0"
     for given, expected in ((task.Task(), 6), (task.Task(horizon=2), 4)):
         given.reset()
         while not given.endings:

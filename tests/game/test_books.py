@@ -190,7 +190,7 @@ def test_agent_that_ended_stays_out() -> None:
     env.step(0)
     env.deed = None
     env.step(None)
-    assert ["agent_0", "agent_2"] == env.agents
+    assert env.agents == ["agent_0", "agent_2"]
     for deed, text in [
         (lambda env: env.pay("agent_1", 1.0), "it ended before: battery"),
         (lambda env: env.join("agent_1"), "joined after it had ended"),
@@ -213,9 +213,9 @@ def test_endings_keep_the_first_reason() -> None:
 
     env.deed = deed
     env.step(0)
-    assert {"agent_2": "met", "agent_0": "truncated"} == env.endings
-    assert (True, True) == (env.terminations["agent_2"], env.truncations["agent_2"])
-    assert "agent_0" == env.agent_selection
+    assert env.endings == {"agent_2": "met", "agent_0": "truncated"}
+    assert (env.terminations["agent_2"], env.truncations["agent_2"]) == (True, True)
+    assert env.agent_selection == "agent_0"
 
 
 def test_terms_part_the_reward_of_the_last_crossing() -> None:
@@ -231,12 +231,12 @@ def test_terms_part_the_reward_of_the_last_crossing() -> None:
 
     env.deed = deed
     env.step(0)
-    assert {"agent_0": {"delivery": 1.5, "energy": -0.25}} == env.terms
-    assert {"agent_0": 1.25, "agent_1": 2.0, "agent_2": 0.0} == env.rewards
+    assert env.terms == {"agent_0": {"delivery": 1.5, "energy": -0.25}}
+    assert env.rewards == {"agent_0": 1.25, "agent_1": 2.0, "agent_2": 0.0}
     env.deed = None
     env.step(0)
-    assert {} == env.terms
-    assert {} == env.touched.paid
+    assert env.terms == {}
+    assert env.touched.paid == {}
     assert {0.0} == set(env.rewards.values())
 
 
@@ -263,9 +263,9 @@ def test_calls_after_the_end_are_refused() -> None:
             env.step(None)
         with pytest.raises(OrderError, match="after the last agent had left"):
             env.last()
-    assert [] == list(env.agent_iter())
+    assert list(env.agent_iter()) == []
     env.reset()
-    assert ["agent_0"] == env.agents
+    assert env.agents == ["agent_0"]
 
 
 def test_loop_without_a_step_is_refused() -> None:
@@ -276,12 +276,12 @@ def test_loop_without_a_step_is_refused() -> None:
     next(turns)
     with pytest.raises(OrderError, match="without a step"):
         next(turns)
-    assert ["agent_0"] == list(env.agent_iter(1))
+    assert list(env.agent_iter(1)) == ["agent_0"]
     steps = 0
     for _ in env.agent_iter(4):
         env.step(0)
         steps += 1
-    assert 4 == steps
+    assert steps == 4
 
 
 def test_ended_agent_can_only_do_nothing() -> None:
@@ -293,7 +293,7 @@ def test_ended_agent_can_only_do_nothing() -> None:
     with pytest.raises(ActionError, match="'agent_0' acted after it had ended"):
         env.step(0)
     env.step(None)
-    assert "agent_1" == env.agent_selection
+    assert env.agent_selection == "agent_1"
 
 
 class Odd(OnBase):
@@ -325,7 +325,7 @@ def test_episode_begins_with_whom_the_author_says() -> None:
     """The first agent is the author's choice, of those in the roster."""
     env = Odd(["agent_0", "agent_1"], "agent_1")
     env.reset()
-    assert "agent_1" == env.agent_selection
+    assert env.agent_selection == "agent_1"
     with pytest.raises(ContractError, match="given the first turn"):
         Odd(["agent_0"], "agent_1").reset()
 
@@ -343,6 +343,22 @@ def test_first_state_pays_and_ends_nobody(deed: Any, text: str) -> None:
     env.deed = deed
     with pytest.raises(ContractError, match=text):
         env.reset()
+
+
+def test_order_of_turns_is_not_asked_once_all_have_ended() -> None:
+    """A next_agent that looks for somebody alive needn't think of the turn that ended everybody."""
+
+    class Last(Free):
+        def next_agent(self, agent: str) -> str:
+            return next(each for each in self.agents if each not in self.endings)
+
+    env = Last()
+    env.reset()
+    env.step(0)
+    env.deed = lambda env: [env.terminate(each) for each in env.agents]
+    env.step(0)
+    assert [step_once(env) for _ in range(3)] == [None] * 3
+    assert env.agents == []
 
 
 def test_turn_given_to_an_absent_agent_is_refused() -> None:

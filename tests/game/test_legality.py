@@ -37,7 +37,7 @@ def test_whole_numbers_reach_the_rules_as_int(action: Any) -> None:
     env.reset()
     env.step(action)
     assert int is type(env.handed)
-    assert 1 == env.handed
+    assert env.handed == 1
 
 
 @pytest.mark.parametrize(
@@ -60,9 +60,9 @@ def test_action_outside_its_space_is_refused(space: Any, fit: Any, misfits: list
         with pytest.raises(ActionError, match="agent 'a_0' did what is not in its action") as told:
             env.step(misfit)
         assert repr(space) in str(told.value)
-        assert (0, "a_0") == (env.turns, env.agent_selection)
+        assert (env.turns, env.agent_selection) == (0, "a_0")
     env.step(fit)
-    assert "a_1" == env.agent_selection
+    assert env.agent_selection == "a_1"
 
 
 # -- masks
@@ -77,12 +77,12 @@ def test_mask_stands_in_infos_and_observation_as_new_arrays() -> None:
     assert [1, 0, 1, 1] == info["action_mask"].tolist() == observation["action_mask"].tolist()
     assert np.int8 == info["action_mask"].dtype
     assert env.observation_space("taker_1").contains(observation)
-    assert 3 == info["free"]
+    assert info["free"] == 3
     info["action_mask"][:] = 1
     observation["action_mask"][:] = 1
     with pytest.raises(ActionError, match="masked out"):
         env.step(6)
-    assert [1, 0, 1, 1] == env.observe("taker_1")["action_mask"].tolist()
+    assert env.observe("taker_1")["action_mask"].tolist() == [1, 0, 1, 1]
 
 
 def test_author_is_asked_once_a_turn_for_the_mask() -> None:
@@ -94,7 +94,7 @@ def test_author_is_asked_once_a_turn_for_the_mask() -> None:
         env.last()
         env.observe(env.agent_selection)
         env.step(action)
-    assert 3 == env.asked - before
+    assert env.asked - before == 3
 
 
 def test_mask_seen_inside_a_turn_is_that_of_the_moment() -> None:
@@ -109,8 +109,8 @@ def test_mask_seen_inside_a_turn_is_that_of_the_moment() -> None:
     env = Looking()
     env.reset()
     env.step(6)
-    assert ([1, 1, 1, 1], [1, 0, 1, 1]) == env.looks
-    assert [1, 0, 1, 1] == env.last()[4]["action_mask"].tolist()
+    assert env.looks == ([1, 1, 1, 1], [1, 0, 1, 1])
+    assert env.last()[4]["action_mask"].tolist() == [1, 0, 1, 1]
 
 
 def test_masked_action_is_refused_with_what_was_legal() -> None:
@@ -122,9 +122,9 @@ def test_masked_action_is_refused_with_what_was_legal() -> None:
     with pytest.raises(ActionError, match=r"agent 'taker_1' did what is masked out") as told:
         env.step(6)
     assert "one of [5, 7, 8]" in str(told.value)
-    assert "taker_1" == env.agent_selection
+    assert env.agent_selection == "taker_1"
     env.step(5)
-    assert 5 == env.taken
+    assert env.taken == 5
 
 
 def test_rule_for_illegal_actions_takes_the_place_of_the_error() -> None:
@@ -135,10 +135,10 @@ def test_rule_for_illegal_actions_takes_the_place_of_the_error() -> None:
     for action in (6, 99):
         agent = env.agent_selection
         env.step(action)
-        assert -1.0 == env.rewards[agent]
+        assert env.rewards[agent] == -1.0
         assert {agent: {"fine": -1.0}} == env.terms
-        assert 6 == env.taken
-    assert 3 == env.turns
+        assert env.taken == 6
+    assert env.turns == 3
 
 
 def test_rule_for_illegal_actions_may_play_another() -> None:
@@ -152,7 +152,7 @@ def test_rule_for_illegal_actions_may_play_another() -> None:
     env.reset()
     env.step(5)
     env.step(5)
-    assert 6 == env.taken
+    assert env.taken == 6
 
 
 @pytest.mark.parametrize("mask", [[1, 0], [[1, 0, 1]], [0.5, 1, 1], [2, 1, 1], "no", [1, -1, 1]])
@@ -177,7 +177,7 @@ def test_mask_of_none_permits_everything() -> None:
     env = Open()
     env.reset()
     observation, *_, info = env.last()
-    assert [1, 1, 1, 1] == observation["action_mask"].tolist()
+    assert observation["action_mask"].tolist() == [1, 1, 1, 1]
     assert "action_mask" not in info
     env.step(5)
 
@@ -188,6 +188,7 @@ def test_mask_of_none_permits_everything() -> None:
         (MultiDiscrete([2, 3]), ([1, 0], [0, 1, 1]), [0, 2], [1, 2]),
         (MultiDiscrete([[2], [2]]), (([1, 0],), ([0, 1],)), [[0], [1]], [[0], [0]]),
         (MultiBinary(3), [0, 2, 1], [0, 1, 1], [1, 1, 1]),
+        (MultiBinary(3), [0, 2, 1], [0, 0, 1], [0, 1, 0]),
         (Tuple((Discrete(2), Box(0, 1))), ([0, 1], None), (1, [0.5]), (0, [0.5])),
         (Dict(b=Discrete(2, start=4)), {"b": [0, 1]}, {"b": 5}, {"b": 4}),
     ],

@@ -45,7 +45,7 @@ def test_snapshot_inside_a_loop_takes_up_the_turn() -> None:
         env.step(0)
         if len(agents) == 2:
             env.restore(snapshot)
-    assert [0, 1, 0, 1, 2, 0] == [int(agent[-1]) for agent in agents]
+    assert [int(agent[-1]) for agent in agents] == [0, 1, 0, 1, 2, 0]
 
 
 def test_snapshot_copies_what_cannot_be_pickled() -> None:
@@ -69,9 +69,9 @@ def test_snapshot_copies_what_cannot_be_pickled() -> None:
     snapshot, window = env.snapshot(), env.window
     for _ in range(2):
         env.step(2)
-        assert 2 == env.cart.load
+        assert env.cart.load == 2
         env.restore(snapshot)
-        assert 0 == env.cart.load
+        assert env.cart.load == 0
     assert window is env.window
 
 
@@ -84,7 +84,7 @@ def test_snapshot_of_another_class_is_refused() -> None:
     for thing in (other.snapshot(), b"bytes", None):
         with pytest.raises(SpecError, match="can't be restored"):
             env.restore(thing)  # type: ignore[arg-type]
-    assert "<Snapshot of a TurnTickets>" == repr(other.snapshot())
+    assert repr(other.snapshot()) == "<Snapshot of a TurnTickets>"
 
 
 def test_deepcopy_shares_nothing_with_its_original() -> None:

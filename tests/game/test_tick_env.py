@@ -68,7 +68,7 @@ def test_actions_that_are_not_the_live_agents_are_refused(actions: Any, text: st
     env.reset(seed=0)
     with pytest.raises(ActionError, match=text):
         env.step(actions)
-    assert 0 == env.turns
+    assert env.turns == 0
     env.step(dict.fromkeys(env.agents, 0))
 
 
@@ -77,7 +77,7 @@ def test_action_of_an_ended_agent_is_refused() -> None:
     env = Scripted(3, [Tick(ends=((1, True),)), Tick()])
     env.reset()
     env.step(dict.fromkeys(env.agents, 0))
-    assert ["agent_0", "agent_2"] == env.agents
+    assert env.agents == ["agent_0", "agent_2"]
     with pytest.raises(ActionError, match="an action of who has ended: 'agent_1'"):
         env.step(dict.fromkeys(NAMES[:3], 0))
     with pytest.raises(ActionError, match="an action of who hasn't joined: 'agent_5'"):
@@ -91,7 +91,7 @@ def test_action_outside_its_space_is_refused(action: Any) -> None:
     env.reset(seed=0)
     with pytest.raises(ActionError, match="agent 'runner_1' did what is not in its action space"):
         env.step({"runner_0": 1, "runner_1": action, "runner_2": 1})
-    assert (0, [0.0] * 3) == (env.turns, list(env.cells.values()))
+    assert (env.turns, list(env.cells.values())) == (0, [0.0] * 3)
 
 
 def test_whole_numbers_reach_the_rules_as_int() -> None:
@@ -108,14 +108,14 @@ def test_masks_stand_in_infos_and_observations() -> None:
     observations, infos = env.reset()
     observations, _, _, _, infos = env.step({"taker_0": 5, "taker_1": 7})
     for agent in env.agents:
-        assert [0, 1, 0, 1] == infos[agent]["action_mask"].tolist()
-        assert [0, 1, 0, 1] == observations[agent]["action_mask"].tolist()
+        assert infos[agent]["action_mask"].tolist() == [0, 1, 0, 1]
+        assert observations[agent]["action_mask"].tolist() == [0, 1, 0, 1]
         assert env.observation_space(agent).contains(observations[agent])
-        assert 2 == infos[agent]["free"]
-    assert 4 == env.asked
+        assert infos[agent]["free"] == 2
+    assert env.asked == 4
     with pytest.raises(ActionError, match="agent 'taker_1' did what is masked out"):
         env.step({"taker_0": 6, "taker_1": 5})
-    assert {"taker_0": 5, "taker_1": 7} == env.taken
+    assert env.taken == {"taker_0": 5, "taker_1": 7}
 
 
 def test_rule_for_illegal_actions_takes_the_place_of_the_error() -> None:
@@ -124,9 +124,9 @@ def test_rule_for_illegal_actions_takes_the_place_of_the_error() -> None:
     env.reset()
     env.step({"taker_0": 5, "taker_1": 6})
     _, rewards, *_ = env.step({"taker_1": 5, "taker_0": 6})
-    assert {"taker_0": -1.0, "taker_1": -1.0} == rewards
-    assert {"taker_1": 8} == env.taken
-    assert {"taker_0": {"fine": -1.0}, "taker_1": {"fine": -1.0}} == env.terms
+    assert rewards == {"taker_0": -1.0, "taker_1": -1.0}
+    assert env.taken == {"taker_1": 8}
+    assert env.terms == {"taker_0": {"fine": -1.0}, "taker_1": {"fine": -1.0}}
 
 
 class Tick:
@@ -225,7 +225,7 @@ def test_returned_dictionaries_are_the_callers() -> None:
         part.clear()  # type: ignore[attr-defined]  # each is a dictionary
     assert repr(frozen) == repr(kept)
     env.step(dict.fromkeys(roster, 0))
-    assert 3 == env.turns
+    assert env.turns == 3
 
 
 @pytest.mark.parametrize("horizon", [1, 4])
@@ -299,4 +299,4 @@ def test_human_mode_draws_by_itself() -> None:
     env = TickRelay(render_mode="human")
     env.reset(seed=0)
     env.step(dict.fromkeys(env.agents, 1))
-    assert 2 == env.drawn
+    assert env.drawn == 2

@@ -53,7 +53,7 @@ def test_cycle_of_turns_converts_to_parallel() -> None:
     while parallel.agents:
         *_, truncations, _ = parallel.step(dict.fromkeys(parallel.agents, 0))
         ticks += 1
-    assert 3 == ticks
+    assert ticks == 3
     assert {True} == set(truncations.values())
 
 
@@ -75,16 +75,16 @@ def test_reset_without_a_seed_plays_the_next_episode() -> None:
     assert second == played(env)
     assert first != second
     assert Stream(7, 1).seed == env.rng.seed
-    assert 1 == env.rng.episode
+    assert env.rng.episode == 1
 
 
 def test_seed_zero_is_a_seed_and_none_is_not() -> None:
     """Seed 0 restarts; a first reset without a seed draws one, which can be told and given."""
     env, twin = TurnRelay(), TurnRelay()
     env.reset(seed=0)
-    assert (0, 0) == (env.rng.seed, env.rng.episode)
+    assert (env.rng.seed, env.rng.episode) == (0, 0)
     env.reset(seed=np.int64(3))
-    assert (3, 0) == (env.rng.seed, env.rng.episode)
+    assert (env.rng.seed, env.rng.episode) == (3, 0)
     twin.reset()
     seen = played(twin)
     env.reset(seed=twin.rng.seed)
@@ -102,7 +102,7 @@ def test_options_reach_the_start() -> None:
     """`start` gets what reset was given, and a dictionary where it was given nothing."""
     env = TurnRelay()
     env.reset(seed=1, options={"goal": 8})
-    assert 8.0 == env.goal
+    assert env.goal == 8.0
     env.reset(seed=1)
     assert Stream(1).integers(6, 10) == env.goal
 
@@ -118,7 +118,33 @@ def test_infos_are_new_at_each_turn() -> None:
     for action in (5, 6):
         env.step(action)
         kept.append(env.last()[4])
-    assert [4, 3, 2] == [info["free"] for info in kept]
+    assert [info["free"] for info in kept] == [4, 3, 2]
+
+
+def test_agents_that_join_have_their_info_at_once() -> None:
+    """Whoever reads infos after a crossing finds those who came in it."""
+
+    class Growing(TurnTickets):
+        def starting_agents(self) -> list[str]:
+            return ["taker_0"]
+
+        def act(self, agent: str, action: int) -> None:
+            super().act(agent, action)
+            if self.turns == 1:
+                self.join("taker_1")
+
+        def next_agent(self, agent: str) -> str:
+            return "taker_0"
+
+    env = Growing()
+    env.reset()
+    env.step(5)
+    env.step(6)
+    assert {agent: info["free"] for agent, info in env.infos.items()} == {
+        "taker_0": 2,
+        "taker_1": 3,
+    }
+    assert env.infos["taker_1"]["action_mask"].tolist() == [0, 1, 1, 1]
 
 
 def test_observe_state_and_render_wait_for_a_reset() -> None:
@@ -129,8 +155,8 @@ def test_observe_state_and_render_wait_for_a_reset() -> None:
             call()
     env.reset(seed=0)
     assert env.state_space.contains(env.state())
-    assert "0.0 0.0 0.0" == env.render()
-    assert "render" == TurnRelay.render.__name__
+    assert env.render() == "0.0 0.0 0.0"
+    assert TurnRelay.render.__name__ == "render"
 
 
 def test_human_mode_draws_by_itself() -> None:
@@ -139,7 +165,7 @@ def test_human_mode_draws_by_itself() -> None:
     env.reset(seed=0)
     env.step(1)
     env.step(1)
-    assert 3 == env.drawn
+    assert env.drawn == 3
 
 
 def test_subclass_may_build_on_the_author_s_methods() -> None:
@@ -156,8 +182,8 @@ def test_subclass_may_build_on_the_author_s_methods() -> None:
 
     env = Doubled()
     env.reset()
-    assert [1.0] == env.last()[0]["observation"].tolist()
-    assert [1, 1, 1, 1] == env.last()[0]["action_mask"].tolist()
+    assert env.last()[0]["observation"].tolist() == [1.0]
+    assert env.last()[0]["action_mask"].tolist() == [1, 1, 1, 1]
     relay = Relay()
     relay.reset(seed=0)
     with pytest.raises(ActionError, match="masked out"):
