@@ -1,0 +1,132 @@
+"""Gamekeeper keeps multi-agent environments honest; `import gamekeeper as gk` for its public names.
+
+Names load when they are first used: the import itself brings neither numpy nor anything heavier.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from pettingzoo import AECEnv, ParallelEnv
+
+    from gamekeeper.core.contract import Contract
+    from gamekeeper.game.tick_env import TickEnv
+    from gamekeeper.game.turn_env import TurnEnv
+    from gamekeeper.record.bundle import load
+    from gamekeeper.record.diff import diff
+    from gamekeeper.record.recording import record, rollout
+    from gamekeeper.record.replay import replay
+
+__version__ = "0.1.0"
+__all__ = [
+    "Contract",
+    "TickEnv",
+    "TurnEnv",
+    "diff",
+    "draft_contract",
+    "load",
+    "make",
+    "record",
+    "replay",
+    "rollout",
+]
+
+_HOMES: Final = {
+    "Contract": "gamekeeper.game.contract_file",  # importing it gives Contract its `load`
+    "TickEnv": "gamekeeper.game.tick_env",
+    "TurnEnv": "gamekeeper.game.turn_env",
+    "diff": "gamekeeper.record.diff",
+    "load": "gamekeeper.record.bundle",
+    "record": "gamekeeper.record.recording",
+    "replay": "gamekeeper.record.replay",
+    "rollout": "gamekeeper.record.recording",
+}
+"""The module that holds a name which loads when it is first used."""
+
+
+def make(spec: object, /, **kwargs: Any) -> AECEnv[Any, Any, Any] | ParallelEnv[Any, Any, Any]:
+    """A live PettingZoo environment from an id, `module:factory`, `file.py:factory` or a factory.
+
+    `parallel:` or `aec:` in front of a text asks for an API.
+
+    Args:
+        spec: what to open.
+        **kwargs: handed to the factory.
+    Raises:
+        SpecError: nothing can be opened under that name; says what was looked for.
+    """
+    from gamekeeper.game.open import open_env
+
+    return open_env(spec, **kwargs).env
+
+
+def draft_contract(spec: object, /, **kwargs: Any) -> Contract:
+    """The contract as far as the environment shows it before its first step.
+
+    What stays undeclared, `gamekeeper contract ENV` asks for by name.
+
+    Args:
+        spec: what to open; an environment object stays open.
+        **kwargs: handed to the factory.
+    Raises:
+        SpecError: nothing can be opened under that name.
+    """
+    from gamekeeper.game import draft
+    from gamekeeper.game.open import open_env
+
+    opened = open_env(spec, **kwargs)
+    try:
+        return draft.draft_contract(opened.env)
+    finally:
+        if opened.make is not None:
+            opened.env.close()
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(_HOMES[name]), name)
+    # A room of that name stands here already, put by the import above: it is called in its place.
+    return globals().setdefault(name, value)
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__version__"])
+
+
+class _Room(ModuleType):
+    """A package that bears the name of a public function, and is that function when called."""
+
+    @property
+    def _function(self) -> Any:
+        name = self.__name__.rpartition(".")[2]
+        return getattr(importlib.import_module(_HOMES[name]), name)
+
+    @property
+    def __signature__(self) -> Any:
+        import inspect
+
+        return inspect.signature(self._function)
+
+    def __call__(self, *arguments: Any, **options: Any) -> Any:
+        return self._function(*arguments, **options)
+
+
+class _Front(ModuleType):
+    """This module; a package inside it that is put where a function is expected can be called.
+
+    Importing `gamekeeper.record.bundle` sets the attribute `record` here, over any function of
+    that name: `gk.record(env, path)` must work whatever was imported before.
+    """
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if name in _HOMES and type(value) is ModuleType:
+            value.__class__ = _Room
+        super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Front

@@ -1,0 +1,216 @@
+"""The frame around every command: its common options, its outputs, its exit code."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import pkgutil
+import signal
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from types import ModuleType
+from typing import Any, Final
+
+import typer
+
+from gamekeeper.cli._document import error_document
+from gamekeeper.cli._options import (
+    JsonOption,
+    PolicyOption,
+    QuietOption,
+    SeedOption,
+    WorkersOption,
+)
+from gamekeeper.cli._screen import Answer, Screen
+from gamekeeper.cli._stdout import claimed_stdout, open_standard_streams
+from gamekeeper.errors import EnvError, GamekeeperError
+
+PACKAGE: Final = "gamekeeper.cli"
+NAME: Final = "gamekeeper"
+FAILED: Final = 1
+UNSURE: Final = 2
+INTERRUPTED: Final = 130
+LAST: Final = 1_000
+"""Place in the list of commands of one that names none (`ORDER`)."""
+
+OWN: Final = ("json", "quiet")
+"""Options that the frame itself obeys."""
+COMMON: Final[Mapping[str, tuple[Any, Any]]] = {
+    "json": (JsonOption, False),
+    "quiet": (QuietOption, False),
+    "seed": (SeedOption, 0),
+    "workers": (WorkersOption, 1),
+    "policy": (PolicyOption, None),
+}
+"""Options that every command takes, with their defaults; where they change nothing, it says so."""
+
+
+def run_line(arguments: Sequence[str] | None = None) -> int:
+    """Runs a command line and returns its exit code."""
+    open_standard_streams()
+    line = list(sys.argv[1:] if arguments is None else arguments)
+    with _signals():
+        try:
+            code = build_app()(line, prog_name=NAME, standalone_mode=False)
+        except typer.Abort:
+            return INTERRUPTED
+        except Exception as error:
+            # Whatever typer finds wrong with a line has these two; its class isn't public.
+            if not (hasattr(error, "format_message") and hasattr(error, "exit_code")):
+                raise
+            return _misused(error, as_json="--json" in line)
+    return code if isinstance(code, int) else 0
+
+
+def build_app() -> typer.Typer:
+    """The whole command line, every module of this package that is a command in it."""
+    app = typer.Typer(
+        name=NAME,
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        context_settings={"help_option_names": ["--help", "-h"]},
+        help="Keeps multi-agent environments honest: states the game form, records rollouts as "
+        "evidence that replays bit for bit, and names the first place where a rerun differs.",
+        epilog="Start with: gamekeeper run ENV. Exit codes: 0 kept, verified, done; "
+        "1 broken, diverged, failed; 2 can't tell, or wrong use; 130 interrupted.",
+    )
+    app.callback()(_whole)
+    for name, module in commands():
+        app.command(name)(framed(name, module))
+    return app
+
+
+def commands() -> list[tuple[str, ModuleType]]:
+    """Names and modules of the commands, in the order in which they are shown."""
+    names = [info.name for info in pkgutil.iter_modules(importlib.import_module(PACKAGE).__path__)]
+    modules = [
+        (name.replace("_", "-"), importlib.import_module(f"{PACKAGE}.{name}"))
+        for name in names
+        if not name.startswith("_")
+    ]
+    return sorted(modules, key=lambda named: (getattr(named[1], "ORDER", LAST), named[0]))
+
+
+def framed(name: str, module: ModuleType) -> Callable[..., None]:
+    """A command as typer takes it: with the common options, its outputs and errors cared for."""
+    command: Callable[..., Answer] = module.command
+    signature = inspect.signature(command, eval_str=True)
+    declared = list(signature.parameters.values())[1:]  # the first one is the screen
+    added = _added({parameter.name for parameter in declared})
+
+    def run(**options: Any) -> None:
+        own = {key: options.pop(key) for key in OWN}
+        idle = {p.name: options.pop(p.name) for p in added if p.name not in OWN}
+        with claimed_stdout() as out:
+            screen = Screen(out, is_json=own["json"], is_quiet=own["quiet"])
+            for parameter in added:
+                if parameter.name in idle and idle[parameter.name] != parameter.default:
+                    screen.note(f"note: --{parameter.name} changes nothing of {name}")
+            code = _performed(command, screen, options)
+        raise typer.Exit(code)
+
+    parameters = [*declared, *added]
+    run.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]  # typer reads it
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    run.__doc__ = inspect.getdoc(command)
+    return run
+
+
+def _added(declared: set[str]) -> list[inspect.Parameter]:
+    """The common options that a command doesn't declare; those that do nothing stay out of help."""
+    added = []
+    for name, (annotation, default) in COMMON.items():
+        if name in declared:
+            continue
+        shown = annotation if name in OWN else _hidden(annotation)
+        kind = inspect.Parameter.KEYWORD_ONLY
+        added.append(inspect.Parameter(name, kind, default=default, annotation=shown))
+    return added
+
+
+def _hidden(annotation: Any) -> Any:
+    import copy
+    from typing import Annotated, get_args
+
+    kind, option = get_args(annotation)
+    option = copy.copy(option)
+    option.hidden = True
+    return Annotated[kind, option]
+
+
+def _performed(command: Callable[..., Answer], screen: Screen, options: dict[str, Any]) -> int:
+    """Runs a command, says its result or its error, and returns the exit code."""
+    try:
+        answer = command(screen, **options)
+    except GamekeeperError as error:
+        screen.error(f"{type(error).__name__}: {error}")
+        screen.document({"error": error_document(error)})
+        return FAILED if isinstance(error, EnvError) else UNSURE
+    except KeyboardInterrupt:
+        screen.error("interrupted")
+        screen.document({"error": {"kind": "Interrupted", "what": "interrupted"}})
+        return INTERRUPTED
+    except Exception as error:
+        screen.error(traceback.format_exc())
+        screen.error("This is a fault of gamekeeper, not of your environment: please report it.")
+        said = traceback.format_exception_only(error)[-1].strip()
+        screen.document({"error": {"kind": "Fault", "what": f"a fault of gamekeeper: {said}"}})
+        return UNSURE
+    screen.document(answer.document)
+    return answer.code
+
+
+def _misused(error: Any, *, as_json: bool) -> int:
+    """Says what is wrong with a command line, as typer would."""
+    if type(error).__name__ == "NoArgsIsHelpError":  # its message is the help, said already
+        return UNSURE
+    if as_json:
+        document = {"error": {"kind": "UsageError", "what": error.format_message()}}
+        with claimed_stdout() as out:
+            Screen(out, is_json=True).document(document)
+    from typer.rich_utils import rich_format_error
+
+    rich_format_error(error)
+    return int(error.exit_code)
+
+
+@contextmanager
+def _signals() -> Iterator[None]:
+    """Ctrl-C, kill and a terminal that closes all interrupt, so that evidence is sealed.
+
+    A shell starts background jobs with Ctrl-C ignored; a `kill -INT` from a script is meant.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {signal.SIGINT: signal.signal(signal.SIGINT, signal.default_int_handler)}
+    for name in ("SIGTERM", "SIGHUP"):
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) == signal.SIG_DFL:
+            before[number] = signal.signal(number, lambda *_: signal.raise_signal(signal.SIGINT))
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _show_version(is_asked: bool) -> None:
+    if is_asked:
+        from gamekeeper import __version__
+
+        typer.echo(f"{NAME} {__version__}")
+        raise typer.Exit
+
+
+def _whole(
+    *,
+    version: bool = typer.Option(
+        False, "--version", callback=_show_version, is_eager=True, help="Says the version."
+    ),
+) -> None:
+    # No docstring: typer would show it in place of the help text that is given above.
+    del version

@@ -1,0 +1,45 @@
+"""Progress of long work as a line on a terminal, gone when the work is done."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+
+@contextmanager
+def live_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
+    """A line on stderr with episodes, turns and time; yields what takes a task's reports."""
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=24),
+        TextColumn("{task.fields[said]}"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(title, total=None, said="")
+        known: dict[str, Any] = {}
+
+        def take(fields: dict[str, Any]) -> None:
+            known.update(fields)
+            progress.update(
+                task,
+                total=known.get("episodes"),
+                completed=known.get("episode", 0),
+                said=_said(known),
+            )
+
+        yield take
+
+
+def _said(known: dict[str, Any]) -> str:
+    said = []
+    if "episode" in known and "episodes" in known:
+        said.append(f"{known['episode']:,} of {known['episodes']:,} episodes")
+    if "turns" in known:
+        said.append(f"{known['turns']:,} turns")
+    return ", ".join(said)

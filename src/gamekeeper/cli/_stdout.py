@@ -1,0 +1,74 @@
+"""The real stdout, kept for results: whatever else is printed meanwhile goes to stderr."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from collections.abc import Iterator
+from typing import TextIO
+
+_STDOUT_FD, _STDERR_FD = 1, 2
+
+
+def open_standard_streams() -> None:
+    """Opens what a service has closed of the three standard streams, onto nothing.
+
+    Otherwise the next file that is opened gets their numbers, and is written into by prints.
+    """
+    for number in (0, _STDOUT_FD, _STDERR_FD):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest free number, which is this one
+    sys.stdout = sys.stdout or _nowhere()
+    sys.stderr = sys.stderr or _nowhere()
+
+
+@contextlib.contextmanager
+def claimed_stdout() -> Iterator[TextIO]:
+    """The real stdout; until the block ends, what others write to it arrives at stderr.
+
+    That holds for prints of Python, of libraries in C and of programs that are started, since it is
+    the descriptor that is turned over. Where somebody captures `sys.stdout` (a notebook, a test),
+    only Python's prints are turned over.
+    """
+    ours = sys.stdout
+    if _descriptor(ours) != _STDOUT_FD:
+        with contextlib.redirect_stdout(sys.stderr):
+            yield ours
+        return
+    ours.flush()
+    saved = os.dup(_STDOUT_FD)
+    os.dup2(_STDERR_FD, _STDOUT_FD)
+    try:
+        # "replace": a terminal that can't show a sign of a card still gets the card.
+        with os.fdopen(os.dup(saved), "w", encoding=ours.encoding, errors="replace") as out:
+            yield out
+            _flush(out)
+    finally:
+        with contextlib.suppress(ValueError, OSError):  # foreign code may have closed it
+            sys.stdout.flush()
+        os.dup2(saved, _STDOUT_FD)
+        os.close(saved)
+
+
+def _flush(out: TextIO) -> None:
+    """Flushes; a reader that has gone (`gamekeeper show RUN | head -1`) has what it wanted."""
+    try:
+        out.flush()
+    except BrokenPipeError:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, out.fileno())
+        os.close(nowhere)
+
+
+def _nowhere() -> TextIO:
+    return open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123  # lives as long as we do
+
+
+def _descriptor(stream: TextIO) -> int | None:
+    try:
+        return stream.fileno()
+    except (AttributeError, OSError, ValueError):
+        return None

@@ -1,0 +1,222 @@
+"""Environments run in worker processes; whatever they do there, what was recorded is sealed."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from gamekeeper.cli._options import json_object
+from gamekeeper.errors import BundleError, EnvError, GamekeeperError
+from gamekeeper.run.workers import Outcome, run_task
+
+if TYPE_CHECKING:
+    from gamekeeper.core.evidence import Evidence
+
+RUNS: Final = Path("runs")
+"""Where evidence goes that has no folder of its own."""
+MEGABYTE: Final = 1_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """What is to be recorded; the fields are the arguments of the recording task."""
+
+    spec: str
+    env_kwargs: Mapping[str, Any]
+    policies: Mapping[str, str]
+    episodes: int
+    seed: int
+    options: Mapping[str, Any] | None
+    level: str
+    frames: bool
+    most_turns: int | None
+    contract: str | None
+
+
+def plan_of(
+    spec: str,
+    *,
+    policy: Sequence[str] | None,
+    kwargs: str | None,
+    options: str | None,
+    contract: Path | None,
+    **settings: Any,
+) -> Plan:
+    """The plan that a command line describes.
+
+    Raises:
+        GamekeeperError: an option can't be read.
+    """
+    policies: dict[str, str] = {}
+    if policy:
+        from gamekeeper.game.policy import parse_choices
+
+        policies = parse_choices(policy)
+    return Plan(
+        spec=spec,
+        env_kwargs=json_object(kwargs, option="--kwargs"),
+        policies=policies,
+        options=None if options is None else json_object(options, option="--options"),
+        contract=None if contract is None else str(contract),
+        **settings,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """What became of a recording.
+
+    Attributes:
+        evidence: what was recorded, sealed.
+        error: why it ended early; None where it didn't, or where it was interrupted.
+        is_interrupted: by Ctrl-C.
+    """
+
+    evidence: Evidence
+    error: GamekeeperError | None = None
+    is_interrupted: bool = False
+
+
+def record_in_worker(
+    plan: Plan,
+    out: Path,
+    *,
+    silence_s: float,
+    memory_mb: int | None,
+    on_message: Callable[[dict[str, Any]], None],
+) -> Recorded:
+    """Records in a process of its own; what an environment breaks there stays broken there.
+
+    Raises:
+        GamekeeperError: it couldn't begin, or a policy went wrong; an environment's own failure is
+            in what is returned, as long as there is evidence of it.
+        KeyboardInterrupt: before there was any evidence.
+    """
+    outcome = run_task(
+        "gamekeeper.record.tasks:record_task",
+        {**asdict(plan), "out": str(out)},
+        silence_s=silence_s,
+        memory_bytes=None if memory_mb is None else memory_mb * MEGABYTE,
+        on_message=on_message,
+    )
+    is_interrupted = outcome.status == "interrupted"
+    error = None if is_interrupted else error_in(outcome)
+    evidence = _sealed(out, outcome, error)
+    if evidence is None or (error is not None and not isinstance(error, EnvError)):
+        if error is None:
+            raise KeyboardInterrupt
+        raise error
+    return Recorded(evidence, error, is_interrupted)
+
+
+def error_in(outcome: Outcome) -> GamekeeperError | None:
+    """What went wrong in a worker that wasn't interrupted; None where nothing did.
+
+    Raises:
+        WorkerFault: the task itself is broken.
+    """
+    if outcome.status == "done" and isinstance(outcome.value, dict):
+        fields = outcome.value.get("error")
+        if fields is None:
+            return None
+        from gamekeeper.record.tasks import error_of
+
+        return error_of(fields)
+    if outcome.status == "died":
+        return EnvError(
+            "the environment ended its process",
+            seen=outcome.error or "",
+            mend="the last turn in the evidence is the one before; a debugger or faulthandler "
+            "shows where",
+        )
+    if outcome.status == "hung":
+        return EnvError(
+            "the environment hangs",
+            seen=outcome.error or "",
+            mend="allow it more time with --timeout, or mend what it waits for",
+        )
+    raise WorkerFault(outcome.traceback or outcome.error or outcome.status)
+
+
+class WorkerFault(Exception):  # noqa: N818  # not the user's error: a fault of ours in the worker
+    """A task of ours raised what it should have dealt with; its text is the traceback."""
+
+
+def _sealed(out: Path, outcome: Outcome, error: GamekeeperError | None) -> Evidence | None:
+    """The evidence in `out`, sealed here where the worker didn't get that far."""
+    from gamekeeper.record.bundle import load
+    from gamekeeper.record.recover import recover
+
+    try:
+        evidence = load(out)
+    except BundleError:
+        return None
+    if evidence.manifest.get("status") != "open":
+        return evidence
+    if error is None:
+        return recover(out, status="sealed")
+    told = [error.what, error.seen, outcome.traceback or ""]
+    return recover(out, status="failed", error="\n".join(filter(None, told)))
+
+
+@contextmanager
+def evidence_folder(out: Path | None, *, spec: str, is_renamed: bool = False) -> Iterator[Path]:
+    """The folder that evidence will go to, taken away again if nothing came to lie in it.
+
+    Args:
+        out: as the user named it; None: the first free `runs/NAME-1`, `-2`, ...
+        spec: gives the name.
+        is_renamed: a folder that holds something already is left alone, and `out-2`, ... taken.
+    """
+    is_free = out is not None and not (is_renamed and _holds_something(out))
+    if out is not None and is_free:
+        yield out
+        return
+    stem, first = (RUNS / name_of(spec), 1) if out is None else (out, 2)
+    folder = _numbered(stem, first)
+    try:
+        yield folder
+    finally:
+        if folder.is_dir() and not _holds_something(folder):
+            folder.rmdir()
+
+
+def name_of(spec: str) -> str:
+    """The name of an environment in what a user typed, fit for a folder.
+
+    `butterfly/pistonball-v6`: pistonball-v6; `mpe2.simple_spread_v3:parallel_env`:
+    simple_spread_v3; `path/to/line.py:make`: line.
+    """
+    bare = re.sub(r"^(parallel|aec):", "", spec.strip())
+    place = re.sub(r":[^:/\\]*$", "", bare)
+    last = re.split(r"[/\\]", place)[-1]
+    last = last.removesuffix(".py") if last.endswith(".py") else last.rpartition(".")[2]
+    return re.sub(r"[^\w.-]+", "_", last).strip("._-") or "run"
+
+
+def _holds_something(folder: Path) -> bool:
+    try:
+        return any(folder.iterdir())
+    except FileNotFoundError:
+        return False
+    except OSError:  # a file, or nobody may look: recording into it says what is wrong
+        return folder.is_file()
+
+
+def _numbered(stem: Path, first: int) -> Path:
+    """The first free `stem-N`, made at once, so that two runs side by side get two."""
+    number = first
+    while True:
+        folder = stem.with_name(f"{stem.name}-{number}")
+        try:
+            folder.mkdir(parents=True)
+        except FileExistsError:
+            number += 1
+        except OSError:  # read-only, or no folder: recording into it says what is wrong
+            return folder
+        else:
+            return folder

@@ -1,0 +1,93 @@
+"""`gamekeeper contract ENV`: the game form as a card, and what is still to be declared."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Final, Literal
+
+import typer
+
+from gamekeeper.cli._document import document_text
+from gamekeeper.cli._form import Form, look_at
+from gamekeeper.cli._options import (
+    SILENCE_S,
+    ContractOption,
+    EnvArgument,
+    KwargsOption,
+    OutFileOption,
+    TimeoutOption,
+    json_object,
+)
+from gamekeeper.cli._screen import Answer, Screen
+from gamekeeper.errors import GamekeeperError
+
+ORDER: Final = 20
+SUFFIXES: Final = {".toml": "toml", ".md": "md", ".json": "json", ".txt": "text"}
+
+FormatOption = Annotated[
+    Literal["text", "md", "toml", "json"] | None,
+    typer.Option(
+        "--format", help="Otherwise as the suffix of --out says, or text.", show_default=False
+    ),
+]
+
+
+def command(
+    screen: Screen,
+    env: EnvArgument,
+    format: FormatOption = None,
+    out: OutFileOption = None,
+    contract: ContractOption = None,
+    kwargs: KwargsOption = None,
+    timeout: TimeoutOption = SILENCE_S,
+) -> Answer:
+    """Shows who acts, observes, is paid and ends how, and asks for what nobody declared.
+
+    The environment is opened, not stepped. Write a draft to fill in: gamekeeper contract ENV
+    --out my_env.toml; it is found by itself when it lies beside the environment's file.
+    """
+    form = look_at(
+        env,
+        env_kwargs=json_object(kwargs, option="--kwargs"),
+        contract=contract,
+        silence_s=timeout,
+    )
+    chosen = format or SUFFIXES.get("" if out is None else out.suffix, "text")
+    text = _written(form, chosen, width=screen.width)
+    if out is None:
+        screen.show(text)
+    else:
+        _write(out, text)
+        screen.note(f"written: {out}")
+    written = {} if out is None else {"out": str(out)}
+    return Answer({**form.to_json(), **written})
+
+
+def _written(form: Form, chosen: str, *, width: int) -> str:
+    from gamekeeper.report.card import card_markdown, card_text, card_toml
+
+    parts = form.contract, form.agents
+    if chosen == "json":
+        return f"{document_text(form.to_json())}\n"
+    if chosen == "toml":
+        return card_toml(*parts, questions=form.questions)
+    if chosen == "md":
+        return card_markdown(*parts, questions=form.questions)
+    return card_text(*parts, width=width, questions=form.questions)
+
+
+def _write(out: Path, text: str) -> None:
+    """Writes a new file; what somebody filled in there already is never lost."""
+    try:
+        with out.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        raise GamekeeperError(
+            "the file exists already",
+            where=str(out),
+            mend="name another one, or remove it first; it is never overwritten",
+        ) from None
+    except OSError as error:
+        raise GamekeeperError(
+            "the file can't be written", where=str(out), seen=error.strerror or str(error)
+        ) from None

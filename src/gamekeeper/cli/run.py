@@ -1,0 +1,157 @@
+"""`gamekeeper run ENV`: the main job in one go."""
+
+from __future__ import annotations
+
+from shlex import quote
+from typing import TYPE_CHECKING, Any, Final
+
+from gamekeeper.cli._form import Form, look_at
+from gamekeeper.cli._options import (
+    EPISODES,
+    SILENCE_S,
+    ContractOption,
+    EnvArgument,
+    EpisodesOption,
+    FramesOption,
+    KwargsOption,
+    LevelOption,
+    MemoryOption,
+    OutFolderOption,
+    PolicyOption,
+    ResetOption,
+    SeedOption,
+    TimeoutOption,
+    TurnsOption,
+)
+from gamekeeper.cli._screen import Answer, Screen
+from gamekeeper.cli._worker import Recorded, evidence_folder, plan_of, record_in_worker
+from gamekeeper.cli.record import exit_code, record_document, say_end
+from gamekeeper.cli.replay import replay_code, show_replayed
+
+if TYPE_CHECKING:
+    from gamekeeper.core.evidence import Evidence
+    from gamekeeper.record.replay import Replay
+
+ORDER: Final = 10
+INDENT: Final = "  "
+SHOWN_DIGITS: Final = 16
+"""Of the fingerprint in the verdict; all of it stands below, where it fits into 80 columns."""
+MOST_AGENTS: Final = 24
+"""Agents whose rows are shown; `gamekeeper show` has them all."""
+
+
+def command(
+    screen: Screen,
+    env: EnvArgument,
+    policy: PolicyOption = None,
+    episodes: EpisodesOption = EPISODES,
+    seed: SeedOption = 0,
+    out: OutFolderOption = None,
+    level: LevelOption = "full",
+    frames: FramesOption = False,
+    contract: ContractOption = None,
+    kwargs: KwargsOption = None,
+    options: ResetOption = None,
+    most_turns: TurnsOption = None,
+    timeout: TimeoutOption = SILENCE_S,
+    memory: MemoryOption = None,
+) -> Answer:
+    """The main job in one go: card, recorded episodes, their replay, each agent's part.
+
+    Where --out holds evidence already, a new folder beside it is taken (FOLDER-2, ...). Exit code
+    0: recorded and verified. 1: the environment failed, or its replay diverged. 2: can't tell.
+    """
+    plan = plan_of(
+        env, policy=policy, episodes=episodes, seed=seed, level=level, frames=frames,
+        contract=contract, kwargs=kwargs, options=options, most_turns=most_turns,
+    )  # fmt: skip
+    with screen.progress("opening"):
+        form = look_at(env, env_kwargs=plan.env_kwargs, contract=contract, silence_s=timeout)
+    show_form(screen, form)
+    with evidence_folder(out, spec=env, is_renamed=True) as folder:
+        if out is not None and folder != out:
+            screen.note(f"note: {out} holds something already; this run goes to {folder}")
+        with screen.progress("recording") as take:
+            recorded = record_in_worker(
+                plan, folder, silence_s=timeout, memory_mb=memory, on_message=take
+            )
+    say_end(screen, recorded)
+    show_summary(screen, recorded, seed=seed)
+    is_whole = recorded.error is None and not recorded.is_interrupted
+    replayed = replay_here(screen, recorded, timeout=timeout) if is_whole else None
+    show_next(screen, env, form, recorded, replayed)
+    return Answer(_document(form, recorded, replayed), _code(recorded, replayed))
+
+
+def show_form(screen: Screen, form: Form) -> None:
+    """Shows the card's short form."""
+    from gamekeeper.report.text import brief_card
+
+    screen.show(
+        brief_card(
+            form.contract,
+            form.agents,
+            name=form.name,
+            open_questions=len(form.questions),
+            width=screen.width,
+        )
+    )
+
+
+def show_summary(screen: Screen, recorded: Recorded, *, seed: int) -> None:
+    """Shows what was recorded, agent by agent."""
+    from gamekeeper.report.text import counted, summary_text
+
+    summary = recorded.evidence.summary
+    screen.show(f"\nRecorded  {counted(summary)}, from seed {seed}")
+    screen.show(summary_text(summary, width=screen.width, most=MOST_AGENTS))
+
+
+def replay_here(screen: Screen, recorded: Recorded, *, timeout: float) -> Replay:
+    """Replays what was recorded a moment ago, and shows what that came to."""
+    from gamekeeper.record.replay import replay
+
+    with screen.progress("replaying") as take:
+        # Trusted: the user named this environment on the same command line.
+        replayed = replay(
+            str(recorded.evidence.path), allow_import=True, timeout_s=timeout, on_message=take
+        )
+    screen.show("\nReplayed in a fresh process")
+    show_replayed(screen, replayed, indent=INDENT, digits=SHOWN_DIGITS)
+    return replayed
+
+
+def show_next(
+    screen: Screen, env: str, form: Form, recorded: Recorded, replayed: Replay | None
+) -> None:
+    """Shows where the evidence is, and the one command that is worth typing next."""
+    evidence = recorded.evidence
+    if replayed is None:
+        command = f"gamekeeper show {quote(str(evidence.path))}"
+    elif replayed.divergence is not None:
+        named = f"{quote(str(evidence.path))}{_env_option(env, evidence)}"
+        command = f"gamekeeper replay {named} --tolerance 1e-6"
+    elif not form.is_declared:
+        command = f"gamekeeper contract {quote(env)} --out {quote(form.name)}.toml"
+    else:
+        command = f"gamekeeper replay {quote(str(evidence.path))}{_env_option(env, evidence)}"
+    screen.show(f"\nEvidence  {evidence.path}")
+    screen.show(f"  fingerprint  {evidence.fingerprint}")
+    screen.show(f"Next      {command}")
+
+
+def _env_option(env: str, evidence: Evidence) -> str:
+    """What `replay` asks for where evidence names code that isn't installed."""
+    is_id = evidence.manifest["environment"].get("kind") == "id"
+    return "" if is_id else f" --env {quote(env)}"
+
+
+def _document(form: Form, recorded: Recorded, replayed: Replay | None) -> dict[str, Any]:
+    record = record_document(recorded)
+    replay = None if replayed is None else replayed.to_json()
+    document = {"contract": form.to_json(), "record": record, "replay": replay}
+    return {**document, "error": record["error"]} if "error" in record else document
+
+
+def _code(recorded: Recorded, replayed: Replay | None) -> int:
+    return exit_code(recorded) or (0 if replayed is None else replay_code(replayed))

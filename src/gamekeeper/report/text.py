@@ -1,0 +1,238 @@
+"""Results as plain text for a terminal: headings at the margin, what they head indented."""
+
+from __future__ import annotations
+
+import json
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from gamekeeper.core.canon import from_json, to_json
+from gamekeeper.core.places import one_line
+from gamekeeper.report.card import card_text
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from gamekeeper.core.agent_spec import AgentSpec
+    from gamekeeper.core.contract import Contract
+    from gamekeeper.core.divergence import Divergence
+    from gamekeeper.core.evidence import Evidence
+    from gamekeeper.core.summary import Summary
+
+INDENT: Final = "  "
+GAP: Final = "  "
+NUMBERS: Final = range(1, 5)
+"""Columns of a summary that hold numbers."""
+BRIEF: Final = ("Agents", "Rewards", "Endings")
+"""Sections of a card that a first look needs."""
+MOST_NAMES: Final = 4
+"""Agents that are named of those who have the same policy."""
+FEW: Final = 8
+"""Elements of an array that a text shows all of; of a larger one the first that differs."""
+LONGEST_VALUE: Final = 240
+"""Characters of a value that a text shows; the JSON document has all of it."""
+
+
+def brief_card(
+    contract: Contract, agents: Iterable[AgentSpec], *, name: str, open_questions: int, width: int
+) -> str:
+    """Name, API and reason, then who acts on what, who is paid, what ends: in short."""
+    named = contract if contract.name else replace(contract, name=name)
+    title, *sections = card_text(named, agents, width=width, questions=()).rstrip().split("\n\n")
+    blocks = [title, *(text for text in sections if text.partition("\n")[0] in BRIEF)]
+    if open_questions:
+        asked = f"{open_questions} things are not declared, so they are not judged."
+        blocks.append("\n".join(_wrapped(asked, width, INDENT)))
+    return "\n\n".join(blocks)
+
+
+def summary_text(summary: Summary, *, width: int, most: int | None = None) -> str:
+    """A row for each agent: return, length, share, idle part, endings. No average over agents.
+
+    Args:
+        summary: of a run.
+        width: columns that no line exceeds, as far as names allow.
+        most: agents that are shown at most; the others are counted.
+    """
+    head, *rows = summary.rows()
+    if not rows:
+        return f"{INDENT}no agent has acted"
+    shown = rows if most is None else rows[:most]
+    lines = list(table_lines([head, *shown], width=width, right=NUMBERS))
+    if len(shown) < len(rows):
+        lines.append(f"{INDENT}... and {len(rows) - len(shown)} more agents")
+    return "\n".join(lines)
+
+
+def counted(summary: Summary) -> str:
+    """`20 episodes, 269 turns, 538 actions`."""
+    parts = (
+        (summary.episodes, "episode"),
+        (summary.turns, "turn"),
+        (summary.agent_steps, "action"),
+    )
+    return ", ".join(f"{number:,} {word}{'' if number == 1 else 's'}" for number, word in parts)
+
+
+def facts_text(evidence: Evidence, *, width: int) -> str:
+    """What a bundle is, fact by fact: environment, status, seeds, policies, fingerprints."""
+    manifest = evidence.manifest
+    environment: Mapping[str, Any] = manifest.get("environment") or {}
+    versions: Mapping[str, str] = environment.get("versions") or {}
+    contract = "none" if manifest.get("contract") is None else evidence.contract.name or "unnamed"
+    facts = [
+        ("environment", f"{environment.get('name')} ({environment.get('api')})"),
+        ("opened as", str(environment.get("path") or environment.get("entry_point"))),
+        ("arguments", to_json(environment.get("kwargs") or {})),
+        ("contract", contract),
+        ("status", str(manifest.get("status", "in memory"))),
+        ("episodes", f"{counted(evidence.summary)}; {_ends(evidence)}"),
+        ("seed", "none" if manifest.get("seed") is None else str(manifest["seed"])),
+        ("policies", _policies(evidence)),
+        ("level", str(manifest.get("level"))),
+        ("versions", ", ".join(f"{name} {versions[name]}" for name in sorted(versions))),
+        ("fingerprint", evidence.fingerprint or "none yet"),
+        ("of infos", str(manifest.get("info_fingerprint") or "none yet")),
+    ]
+    return "\n".join(table_lines([(name, one_line(text)) for name, text in facts], width=width))
+
+
+def errors_text(errors: Sequence[Mapping[str, Any]], *, width: int) -> str:
+    """The errors that episodes ended with, the last line of each; a traceback's, as a rule."""
+    rows = [(f"episode {each['episode']}", one_line(_last_line(each["error"]))) for each in errors]
+    return "\n".join(table_lines(rows, width=width))
+
+
+def divergence_text(
+    divergence: Divergence, *, sides: tuple[str, str] = ("recorded", "replayed"), width: int
+) -> str:
+    """The place on the first line, then both values under one another."""
+    place = f"episode {divergence.episode}"
+    if divergence.turn is not None:
+        place += f", turn {divergence.turn}"
+    if divergence.agent is not None:
+        place += f", agent {divergence.agent}"
+    lines = [one_line(f"{place}: {divergence.field}")]
+    rows = list(zip(sides, _values(divergence), strict=True))
+    return "\n".join([*lines, *table_lines(rows, width=width)])
+
+
+def versions_text(versions: Mapping[str, Sequence[str | None]], *, width: int) -> str:
+    """Which versions differ between a recording and its replay; empty where none does."""
+    rows = [
+        (name, f"{then or 'none'} then, {now or 'none'} now")
+        for name, (then, now) in versions.items()
+    ]
+    if not rows:
+        return ""
+    return "\n".join(["Versions that differ", *table_lines(rows, width=width)])
+
+
+def table_lines(
+    rows: Sequence[Sequence[str]], *, width: int, right: Sequence[int] = ()
+) -> Iterator[str]:
+    """Rows in aligned, indented columns; the last one is broken where it doesn't fit.
+
+    Args:
+        rows: equally many cells in each.
+        width: columns that no line exceeds, as far as the other columns leave room.
+        right: numbers of the columns that stand at the right.
+    """
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    before = sum(widths[:-1]) + len(GAP) * (len(widths) - 1) + len(INDENT)
+    room = max(width - before, 16)
+    for row in rows:
+        cells = [
+            cell.rjust(columns) if place in right else cell.ljust(columns)
+            for place, (cell, columns) in enumerate(zip(row[:-1], widths[:-1], strict=True))
+        ]
+        first, *more = _wrapped(row[-1], room, "") or [""]
+        if len(row) - 1 in right:
+            first = first.rjust(widths[-1])
+        yield (INDENT + GAP.join([*cells, first])).rstrip()
+        yield from (" " * before + line for line in more)
+
+
+def _wrapped(text: str, width: int, indent: str) -> list[str]:
+    return textwrap.wrap(
+        text, width, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False
+    )
+
+
+def _values(divergence: Divergence) -> tuple[str, str]:
+    """Both values as text, cut so that where they differ is still seen."""
+    one, two = _plain(divergence.recorded), _plain(divergence.replayed)
+    are_arrays = isinstance(one, np.ndarray) and isinstance(two, np.ndarray)
+    if are_arrays and (one.shape, one.dtype) == (two.shape, two.dtype) and one.size > FEW:
+        return _elements(one, two)
+    return _cut(_shown(one), _shown(two))
+
+
+def _plain(value: Any) -> Any:
+    """The value behind canonical JSON, where it has come as that."""
+    is_tagged = isinstance(value, Mapping) and "$" in value
+    return from_json(json.dumps(value)) if is_tagged else value
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype} {list(value.shape)}: {value.tolist()}"
+    if isinstance(value, np.generic):
+        return f"{value.dtype}: {value.item()!r}"
+    return to_json(value)
+
+
+def _elements(one: NDArray[Any], two: NDArray[Any]) -> tuple[str, str]:
+    """The first element that differs, for arrays too large to be shown."""
+    same = (one == two) | ((one != one) & (two != two))
+    places = np.argwhere(~same)
+    first = tuple(places[0].tolist()) if len(places) else (0,) * one.ndim
+    where = f"{one.dtype} {list(one.shape)} at {list(first)}"
+    count = f"{len(places):,} of {one.size:,} elements differ"
+    return f"{where}: {one[first].item()!r}  ({count})", f"{where}: {two[first].item()!r}"
+
+
+def _cut(one: str, two: str) -> tuple[str, str]:
+    """Both texts, without the parts far from the first sign in which they differ."""
+    if max(len(one), len(two)) <= LONGEST_VALUE:
+        return one, two
+    pairs = zip(one, two, strict=False)
+    same = next((i for i, (a, b) in enumerate(pairs) if a != b), min(len(one), len(two)))
+    start = max(same - LONGEST_VALUE // 4, 0)
+    end = start + LONGEST_VALUE
+    before, after = "..." * (start > 0), "..."
+    return (
+        f"{before}{one[start:end]}{after * (end < len(one))}",
+        f"{before}{two[start:end]}{after * (end < len(two))}",
+    )
+
+
+def _ends(evidence: Evidence) -> str:
+    ends = [end or "open" for end in evidence.episodes["end"].to_pylist()]
+    return ", ".join(f"{ends.count(end)} {end}" for end in sorted(set(ends))) or "none"
+
+
+def _policies(evidence: Evidence) -> str:
+    """Who was played by what; agents with the same policy are named together."""
+    texts = [text for text in evidence.episodes["policies"].to_pylist() if text]
+    chosen: Mapping[str, Mapping[str, str]] = json.loads(texts[0]) if texts else {}
+    agents: dict[str, list[str]] = {}
+    for agent, entry in chosen.items():
+        agents.setdefault(entry["policy"], []).append(agent)
+    if len(agents) < 2:
+        return next(iter(agents), "not named")
+    return "; ".join(f"{policy}: {_few(names)}" for policy, names in agents.items())
+
+
+def _few(names: Sequence[str]) -> str:
+    more = len(names) - MOST_NAMES
+    return ", ".join(names[:MOST_NAMES]) + (f" and {more} more" if more > 0 else "")
+
+
+def _last_line(text: str | None) -> str:
+    lines = (text or "").strip().splitlines()
+    return lines[-1] if lines else "no text"
