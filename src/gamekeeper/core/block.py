@@ -69,7 +69,7 @@ def block_of(reel: Reel, layout: Layout, *, open_large: Opener) -> Block:
     """The rows of `reel` as columns.
 
     Args:
-        open_large: writes the C bytes of an observation that was put aside, by its place, into a row.
+        open_large: writes the C bytes of an observation that was put aside into a row.
     """
     given, done, turns = reel.given, reel.done, reel.turns
     seats: list[Any] = given[0::GIVEN]
@@ -172,7 +172,7 @@ def _terms(layout: Layout, paid: Sequence[Any], rows: Any) -> dict[str, Raw]:
 
 
 def _joined(given: Any, done: Any) -> str | None:
-    """The odd parts of a row, each `"field":{...}` texts in the order of their fields, as one JSON object."""
+    """The odd parts of a row, `"field":{...}` texts, as one JSON object in the order of fields."""
     if given is None and done is None:
         return None
     return "{" + ",".join(sorted((*(given or ()), *(done or ())))) + "}"
@@ -181,7 +181,7 @@ def _joined(given: Any, done: Any) -> str | None:
 def _sides(
     layout: Layout, index: NDArray[np.intp], payloads: list[Any], kind: str, open_large: Opener
 ) -> dict[str, tuple[Column, Cells]]:
-    """Payloads of one kind, row by row, as columns; a row is null in the columns that aren't its agent's."""
+    """Payloads of one kind as columns; a row is null in the columns that aren't its agent's."""
     sides = [seat.observation if kind == "obs" else seat.action for seat in layout.order]
     column_rows: dict[str, tuple[Column, list[tuple[Any, list[Any]]]]] = {}
     # a layout hands equal columns out as one tuple, so identity tells groups apart

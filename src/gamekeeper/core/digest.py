@@ -1,9 +1,9 @@
-"""Digests of rows, episodes and runs: what was recorded, as one number that another reader can get too.
+"""Digests of rows, episodes and runs: what was recorded, as a number that any reader can get too.
 
 A row's canonical bytes are: the digest of its layout (the fields that are present, each with its
-tag, little-endian dtype and shape, as canonical JSON), then the fields' C bytes in that order. Texts,
-masks' contents and agents' names stand in it by their blake2b-128, an observation of `LARGE_BYTES`
-or more by its blake3. NaN is one NaN, -0.0 is kept.
+tag, little-endian dtype and shape, as canonical JSON), then the fields' C bytes in that order.
+Texts and agents' names stand in it by their blake2b-128, an observation of `LARGE_BYTES` or more by
+its blake3. NaN is one NaN, -0.0 is kept.
 
 Source: RFC 7693 (BLAKE2); O'Connor et al. 2020 (BLAKE3).
 """
@@ -45,7 +45,7 @@ def row_digests(block: Block) -> Bytes2:
 
 
 def digest_fields(fields: list[Field], count: int) -> Bytes2:
-    """The digest of each of `count` rows made of `fields`, [rows, 16]; absent fields leave no bytes."""
+    """The digest of each of `count` rows, [rows, 16]; absent fields leave no bytes."""
     out = np.empty((count, SIZE), np.uint8)
     sometimes = [f for f in fields if f.valid is not None and not f.valid.all()]
     if not sometimes or not count:

@@ -84,7 +84,7 @@ class Evidence:
 
     @property
     def fingerprint(self) -> str:
-        """Covers environment, arguments, spaces, seeds, options, rows and states; 64 hexadecimal digits."""
+        """Covers environment, arguments, spaces, seeds, options, rows, states; 64 hex digits."""
         return str(self.manifest.get("fingerprint") or "")
 
     @cached_property
@@ -143,7 +143,8 @@ class Evidence:
 
     def __str__(self) -> str:
         where = "in memory" if self.path is None else str(self.path)
-        return f"{self.episodes.num_rows} episodes of {self.manifest.get('environment', {}).get('name')} ({where})\n{self.summary}"
+        name = self.manifest.get("environment", {}).get("name")
+        return f"{self.episodes.num_rows} episodes of {name} ({where})\n{self.summary}"
 
     def _repr_html_(self) -> str:
         return self.summary.to_html()
@@ -158,7 +159,7 @@ def manifest_of(
     run_seed: int | None,
     episodes: pa.Table | None = None,
 ) -> dict[str, Any]:
-    """The manifest of a run: all that isn't a row. With `episodes` given, it has the run's fingerprints."""
+    """The manifest of a run: all that isn't a row; with `episodes`, the run's fingerprints too."""
     spaces = spaces_json(layout)
     manifest: dict[str, Any] = {
         "level": level,

@@ -35,7 +35,7 @@ class Side:
 
 @dataclass(slots=True)
 class Seat:
-    """One agent's place in the columns. `observation` or `action` is None where no space is known."""
+    """One agent's place in the columns; `observation` or `action` is None without a known space."""
 
     index: int
     agent: AgentId
@@ -114,7 +114,7 @@ class Layout:
 
 
 def group_names(spaces: Sequence[tuple[str, Any]]) -> dict[Codec, str]:
-    """A name for each distinct layout of `spaces`: the prefix its agents alone share, or the first one's name."""
+    """A name for each distinct layout: the prefix its agents alone share, or the first one's name."""
     groups: dict[str, tuple[Codec, list[str]]] = {}
     for name, codec in spaces:
         groups.setdefault(codec.signature, (codec, []))[1].append(name)

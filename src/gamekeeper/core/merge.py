@@ -1,4 +1,4 @@
-"""Record batches put together: tables over batches whose columns grew, episodes from their two rows."""
+"""Record batches put together: tables whose columns grew, episodes from their two rows."""
 
 from __future__ import annotations
 

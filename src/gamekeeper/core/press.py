@@ -46,7 +46,7 @@ EPISODES: Final = pa.schema(
 
 @dataclass(frozen=True, slots=True)
 class Pressed:
-    """Record batches of one reel, in the order in which they are to be written; None where empty."""
+    """Record batches of one reel, in the order in which they are written; None where empty."""
 
     starts: pa.RecordBatch | None
     steps: pa.RecordBatch | None

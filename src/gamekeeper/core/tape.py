@@ -1,8 +1,8 @@
 """The tape: what the door writes while a game is played, before it becomes columns.
 
 Flat lists, a fixed stride each, so that nothing the cyclic garbage collector has to track survives
-a step (a tuple for each turn cost 6.9 us where a flat list costs 2.7). One thread appends, one takes
-from the front; each operation on a list is atomic, and the entry in `turns` is the commit mark of a
+a step (a tuple for each turn cost 6.9 us where a flat list costs 2.7). One thread appends, one
+takes from the front; each operation on a list is atomic, and the entry in `turns` is the commit mark of a
 turn, appended after all else that belongs to it.
 """
 

@@ -36,8 +36,8 @@ class Spaces:
 class Turn:
     """One turn of a trace: what agents were given, what they did, what that crossing paid them.
 
-    Every mapping is by agent and holds only those that have such a value at this turn. `order` names
-    those who acted, in their order; `live` those in the roster at the turn's start; `ended` those
+    Every mapping is by agent and holds only those that have such a value at this turn. `order`
+    names those who acted, in their order; `live` those in the roster at the turn's start; `ended` those
     whose flags say terminated or truncated at the turn's start.
     """
 
@@ -56,7 +56,7 @@ class Turn:
 
     @cached_property
     def observations(self) -> Mapping[AgentName, Any]:
-        """What each agent observed, with the dtype and shape of its space; what didn't conform, as it was."""
+        """What each agent observed, as its space has it; what didn't conform, as it was."""
         return self._trace._values(self._rows, "obs")
 
     @cached_property
@@ -158,7 +158,7 @@ class Trace:
 
     @property
     def turns(self) -> Iterator[Turn]:
-        """The turns in their order; the last one may hold closing rows only, given but not acted on."""
+        """The turns in their order; the last may hold closing rows only, given but not acted on."""
         numbers = self._list("turn")
         for number, group in groupby(range(len(numbers)), key=numbers.__getitem__):
             rows = list(group)
@@ -267,7 +267,7 @@ class Trace:
 
 
 def digests_of(steps: pa.Table) -> Any:
-    """The digest of every row of a `steps` table, [rows, 16], as stored or computed from the row."""
+    """The digest of every row of a `steps` table, [rows, 16], as stored or else computed."""
     if "digest" in steps.schema.names:
         return np.frombuffer(b"".join(steps["digest"].to_pylist()), np.uint8).reshape(-1, SIZE)
     return row_digests(block_of_table(steps))
@@ -309,7 +309,7 @@ def _mask(text: str, payload: bytes) -> Any:
 
 
 def _odd(text: str) -> dict[str, Any]:
-    """The odd fields of a row; each has the name of its type, and its value but for what was missing."""
+    """The odd fields of a row: the name of a type, and the value but for what was missing."""
     fields = json.loads(text)
     return {
         name: {

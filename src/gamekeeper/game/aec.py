@@ -27,7 +27,7 @@ from gamekeeper.game.door import (
     type_name_of,
 )
 
-# wrappers of PettingZoo that keep no books of their own: theirs are read where they are kept, because
+# wrappers of PettingZoo that keep no books of their own: these are read where they are kept, because
 # an attribute costs 0.65 us for each wrapper that it falls through
 TRANSPARENT: Final = (
     wrappers.BaseWrapper,
@@ -97,7 +97,7 @@ class AECGame(Game):
         return out
 
     def observe(self, agent: AgentId) -> Any:
-        """What the environment's own `observe` returns; noted where it is the agent in turn that looks."""
+        """What the environment's own `observe` returns; noted where the agent in turn looks."""
         out = self.env.observe(agent)
         if self.sink is not None and self._open and agent == self._books.agent_selection:
             self._look(agent, out)
@@ -196,7 +196,7 @@ class AECGame(Game):
             self.end_episode()
 
     def _other_rows(self, news: list[AgentId], paid: list[AgentId]) -> int:
-        """Rows of those who didn't act: new flags or place in the roster, and what the crossing paid them."""
+        """Rows of those who didn't act: new flags or place in the roster, what they were paid."""
         given, done = self._tape.given.extend, self._tape.done.extend
         rewards = self._books.rewards
         receives = set(paid)
@@ -256,7 +256,7 @@ class AECGame(Game):
         self._news = list(news)
 
     def end_episode(self) -> None:
-        """Closes the books of an episode in progress; news since the last turn become closing rows."""
+        """Closes the books of an episode in progress; what is news yet becomes closing rows."""
         if self.sink is None or not self._open:
             return
         agents = getattr(self._books, "agents", [])
@@ -291,8 +291,8 @@ def _of(book: Any, agent: AgentId) -> Any:
 def _pays_others(rewards: Mapping[AgentId, Any], reward: Any) -> bool:
     """Whether `rewards` may pay anybody but the agent whose own reward is `reward`.
 
-    Counting one of the zeros that are in it finds the others by identity, at 1 ns each, where `any` asks
-    every number for its truth.
+    Counting one of the zeros that are in it finds the others by identity, at 1 ns each, where `any`
+    asks every number for its truth.
     """
     values = list(rewards.values())
     zero = values[0] if values and values[0].__class__ in REALS and not values[0] else 0
@@ -303,7 +303,7 @@ def _pays_others(rewards: Mapping[AgentId, Any], reward: Any) -> bool:
 
 
 def _paid_others(rewards: Mapping[AgentId, Any], agent: AgentId) -> list[AgentId]:
-    """Those that `rewards` pays, but for `agent`; what is no number counts as pay, so that it is seen."""
+    """Those that `rewards` pays, but for `agent`; what is no number counts as pay, to be seen."""
     return [
         other
         for other, reward in rewards.items()

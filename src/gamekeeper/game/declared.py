@@ -17,8 +17,8 @@ def declared_contract(
 ) -> Contract | None:
     """The contract for `opened`: the one handed over, else the one that lies beside it, else None.
 
-    Beside an environment lies the file that its class names in `contract`, or the file of its module's
-    name with the suffix `.toml`.
+    Beside an environment lies the file that its class names in `contract`, or the file of its
+    module's name with the suffix `.toml`.
 
     Raises:
         ContractError: the file can't be read or contradicts itself.

@@ -49,7 +49,7 @@ class Sink(Protocol):
     rings: Rings | None
 
     def keep_up(self) -> None:
-        """Called every few turns and at the end of an episode; may wait until the tape is shorter."""
+        """Called every few turns and at an episode's end; may wait until the tape is shorter."""
 
     def frame(self, episode: int, turn: int, frame: Any) -> None:
         """Takes one rendered frame."""
@@ -89,7 +89,7 @@ class Game:
     # -- seats and spaces
 
     def _sit(self, agent: AgentId) -> tuple[int, Pack, Pack]:
-        """The desk of an agent: number of its seat, how its observations and its actions are packed."""
+        """The desk of an agent: its seat's number, how observations and actions are packed."""
         assert self.sink is not None
         layout = self.sink.layout
         seat = layout.seats.get(agent)
@@ -248,7 +248,7 @@ def type_name_of(kind: type) -> str:
 
 
 def _terms_reader(env: Any, names: tuple[str, ...]) -> Callable[[AgentId], Any] | None:
-    """Reads what the last crossing paid an agent by term, where the environment keeps that (`terms`)."""
+    """Reads what the last crossing paid an agent by term, where the environment keeps `terms`."""
     if not names or not isinstance(getattr(env, "terms", None), dict):
         return None
 

@@ -1,4 +1,4 @@
-"""The two faces of a game towards PettingZoo: whoever steps them can't tell them from the environment."""
+"""The two faces of a game towards PettingZoo: who steps one can't tell it from the environment."""
 
 from __future__ import annotations
 

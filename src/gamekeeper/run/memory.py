@@ -56,7 +56,7 @@ class MemorySink:
         contract: Contract | None = None,
         run_seed: int | None = None,
     ) -> Evidence:
-        """The evidence of all episodes that have ended; what was kept is handed over, not copied."""
+        """The evidence of all episodes so far; what was kept is handed over, not copied."""
         self._drain()
         batches, self._batches = self._batches, {}
         episodes = merged_episodes(batches.get("episodes", []))
