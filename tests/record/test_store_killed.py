@@ -1,5 +1,7 @@
 """What is left of a run whose process died, and how it is sealed."""
 
+import errno
+import os
 import signal
 import subprocess
 import sys
@@ -167,7 +169,9 @@ def test_missing_end_of_a_middle_segment_ends_the_stream(tmp_path: Path) -> None
     (tmp_path / "b" / "steps-0000.arrows").unlink()
     with pytest.raises(BundleError, match=r"steps-0000\.arrows is missing"):
         read(tmp_path / "b")
-    assert read(tmp_path / "b", salvage=True).steps.num_rows == 0
+    bundle = read(tmp_path / "b", salvage=True)
+    assert bundle.steps.num_rows == 0
+    assert [cut.why for cut in bundle.cuts] == ["the segment is missing"]
 
 
 @pytest.mark.parametrize("step", range(9))
@@ -258,6 +262,25 @@ def test_recover_refuses_what_is_not_dead(tmp_path: Path) -> None:
     seal_recovered(tmp_path / "live", {})
     with pytest.raises(BundleError):
         seal_recovered(tmp_path / "none", {})
+
+
+def test_recover_on_a_full_disk_leaves_the_run_as_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing half-made stays behind, and recovering again, with space, works."""
+    bundles.open_bundle(tmp_path / "b")
+    before, names = read(tmp_path / "b"), bundles.names(tmp_path / "b")
+
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", refuse)
+        with pytest.raises(BundleError, match="No space left"):
+            seal_recovered(tmp_path / "b", {})
+    assert bundles.names(tmp_path / "b") == names
+    seal_recovered(tmp_path / "b", {})
+    assert read(tmp_path / "b").steps.equals(before.steps)
 
 
 def test_recover_survives_damage_that_reading_refuses(tmp_path: Path) -> None:

@@ -43,23 +43,20 @@ def seal_recovered(
         load_manifest(folder)  # says what is there, where that is no bundle
     lock = lock_folder(folder)
     try:
-        if load_manifest(folder)["status"] != "open":
-            raise BundleError(
-                "the bundle is sealed already",
-                where=str(folder),
-                mend="read it as it is; `gamekeeper verify` says whether it is undamaged",
-            )
-        return _seal(folder, {"status": "recovered", **manifest}, episodes)
-    except OSError as error:
-        if isinstance(error, BundleError):
-            raise
-        raise system_error("recovering", folder, error) from error
+        with reading(folder):
+            return _seal(folder, {"status": "recovered", **manifest}, episodes)
     finally:
         if lock >= 0:
             os.close(lock)
 
 
 def _seal(folder: Path, manifest: dict[str, Any], episodes: pa.Table | None) -> tuple[Cut, ...]:
+    if load_manifest(folder)["status"] != "open":
+        raise BundleError(
+            "the bundle is sealed already",
+            where=str(folder),
+            mend="read it as it is; `gamekeeper verify` says whether it is undamaged",
+        )
     streams = {name: StreamFiles(folder, name, salvage=True) for name in STREAMS}
     # A first pass reads only keys; a stream without a file has no batches and no schema after it.
     whole = whole_of(
@@ -79,9 +76,11 @@ def _seal(folder: Path, manifest: dict[str, Any], episodes: pa.Table | None) -> 
                 rows = _kept(stream, schema, whole)
                 files[name] = write_table(folder, name, schema, rows)
         commit(folder, {**manifest, "format_version": FORMAT_VERSION}, files)
-    except BaseException:
+    except BaseException as error:
         for draft, _, _ in files.values():
             draft.unlink(missing_ok=True)
+        if isinstance(error, OSError) and not isinstance(error, BundleError):
+            raise system_error("sealing", folder, error) from error
         raise
     return cuts
 

@@ -40,8 +40,8 @@ class StreamFiles:
             whole = TableReader(table, self.stream)
             self._widen(whole.schema)
             yield from whole.batches()
-            return
-        paths = self.segments()
+            return  # written from the segments that may still lie beside it
+        paths = self._segments()
         for i, path in enumerate(paths):
             reader = SegmentReader(path, self.stream, salvage=self.salvage)
             for batch in reader:
@@ -59,17 +59,21 @@ class StreamFiles:
 
     def exists(self) -> bool:
         """True where the stream has a file, even one that was cut before its first batch."""
-        return bool(inside(self.folder, f"{self.stream}.parquet").exists() or self.segments())
+        return inside(self.folder, f"{self.stream}.parquet").exists() or bool(self._found())
 
-    def segments(self) -> list[Path]:
-        """The segments in order, from the first without a gap."""
+    def _found(self) -> dict[int, Path]:
+        """The segments by their numbers."""
         found: dict[int, Path] = {}
         with reading(self.folder):
             for path in self.folder.iterdir():
                 match = SEGMENT.fullmatch(path.name)
                 if match and match[1] == self.stream:
                     found[int(match[2])] = inside(self.folder, path.name)
-        paths = []
+        return found
+
+    def _segments(self) -> list[Path]:
+        """The segments in order, from the first up to a gap."""
+        found, paths = self._found(), []
         for number in range(len(found)):
             if number not in found:
                 self._missing(number)
