@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from gamekeeper.core.stream import Stream
-from gamekeeper.errors import SpecError
+from gamekeeper.errors import ContractError, SpecError
 from tests.game.relays import TurnRelay, TurnTickets, played
 
 
@@ -73,6 +73,16 @@ def test_snapshot_copies_what_cannot_be_pickled() -> None:
         env.restore(snapshot)
         assert env.cart.load == 0
     assert window is env.window
+
+
+def test_snapshot_names_what_cannot_be_copied() -> None:
+    """An attribute that is neither pickled nor copied is named, with what to do about it."""
+    env = TurnRelay()
+    env.reset(seed=0)
+    env.pump = (each for each in [1])  # type: ignore[attr-defined]
+    with pytest.raises(ContractError, match=r"self\.pump") as told:
+        env.snapshot()
+    assert "snapshot_without = ('pump',)" in str(told.value)
 
 
 def test_snapshot_of_another_class_is_refused() -> None:

@@ -8,7 +8,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
-from gamekeeper.errors import SpecError
+from gamekeeper.errors import ContractError, SpecError
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -32,12 +32,15 @@ def take(env: object, without: Collection[str]) -> Snapshot:
     Pickled in memory where that can be done (8 us for a small environment, a tenth of a deep copy),
     else copied deeply. What two attributes share they share again afterwards, but for arrays that
     are views of one another: these come apart, as in a deep copy.
+
+    Raises:
+        ContractError: an attribute can't be copied at all; names it.
     """
     kept = {name: value for name, value in _attributes(env).items() if name not in without}
     try:
         return Snapshot(type(env), pickle.dumps(kept, pickle.HIGHEST_PROTOCOL))
-    except (pickle.PicklingError, AttributeError, TypeError):  # a local class, a lambda, a handle
-        return Snapshot(type(env), copy.deepcopy(kept))
+    except Exception:  # a local class, a lambda, a handle: each raises what it likes
+        return Snapshot(type(env), _deeply(kept))
 
 
 def put_back(env: object, snapshot: Snapshot, without: Collection[str]) -> None:
@@ -61,6 +64,25 @@ def put_back(env: object, snapshot: Snapshot, without: Collection[str]) -> None:
             object.__delattr__(env, name)
     for name, value in kept.items():
         object.__setattr__(env, name, value)
+
+
+def _deeply(kept: dict[str, Any]) -> dict[str, Any]:
+    """A deep copy, or an error that names the attribute that stands in its way."""
+    try:
+        return copy.deepcopy(kept)
+    except Exception as error:
+        for name, value in kept.items():
+            try:
+                copy.deepcopy(value)
+            except Exception:
+                raise ContractError(
+                    f"the environment can't be put aside because of self.{name}",
+                    where="snapshot",
+                    expected="attributes that can be pickled or copied",
+                    seen=f"{type(value).__name__}: {error}"[:300],
+                    mend=f"snapshot_without = ({name!r},), if it is no part of the state",
+                ) from error
+        raise
 
 
 def _attributes(env: object) -> dict[str, Any]:
