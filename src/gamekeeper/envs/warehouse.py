@@ -1,0 +1,390 @@
+"""Pickers and carriers clear the orders of a warehouse together; all robots move once a tick.
+
+Floor and roster
+    R1. The floor is a grid of open cells, shelves and walls; among the open cells are hand-over
+        cells, docks and chargers. An open cell holds one robot at most.
+    R2. Robots begin with full batteries on random floor cells. Spare robots wait outside.
+    R3. The first order is there at the start; each further one arrives 1 to 2 `every` - 1 ticks
+        after the one before (`every` on average), for a random shelf, until there were `orders`.
+        When and where is drawn as the episode begins, so nothing a robot does changes it.
+Actions, resolved together
+    R4. Actions 0 to 3 move a robot north, east, south, west; 4 does nothing; 5 handles. A move off
+        the open cells and a handling that would come to nothing are masked out.
+    R5. A picker handles: without an item, beside a shelf with an open order, it grasps the item
+        (the first such shelf of north, east, south, west) and is paid `grasp`; with an item, on a
+        hand-over cell where none lies, it puts it down.
+    R6. Where more pickers grasp from a shelf than it has open orders, none of them gets anything
+        and each pays `collision`.
+    R7. A carrier handles: without an item, on a hand-over cell where one lies, it takes it; with an
+        item, on a dock, it delivers it, and every live robot is paid `delivery`.
+    R8. Handling looks at the cells as the tick began; robots that handle don't move.
+    R9. Moves are resolved together, whatever the order of the actions. Refused are all who want one
+        cell, who want the cell of a robot that stays, both who would swap, and who wants the cell
+        of one that is refused. A queue moves on behind one that moves, and a ring of three or more
+        turns. Who is refused stays and pays `collision`; who was run into pays nothing.
+Batteries
+    R10. A tick in which a robot moves, tries to, or handles costs one unit of its battery, and it
+        pays `energy`; a tick in which it does nothing on a charger gives CHARGE units.
+    R11. A robot whose battery is empty, and that is on no charger, is truncated alone ("battery")
+        and taken off the floor; the order of the item it had is open again at its shelf.
+    R12. After each tick, for each role, where fewer robots are live than the episode began with,
+        the next spare joins on the first charger without a robot, if there is one.
+Ends
+    R13. When all orders are delivered, after the tick, everybody is terminated ("cleared").
+    R14. After `horizon` ticks (the contract's, 200, unless given) all are truncated ("horizon").
+
+An episode is solved where it ends "cleared". The shape of the task, robots that contend for cells
+on a grid and deliver requested items, is that of RWARE (Papoudakis et al. 2021, "Benchmarking
+Multi-Agent Deep Reinforcement Learning Algorithms in Cooperative Tasks"); rules, roles, batteries
+and rewards are our own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final, Unpack
+
+import numpy as np
+from gymnasium.spaces import Box, Discrete, Space
+from numpy.typing import NDArray
+
+from gamekeeper.core.stream import Stream
+from gamekeeper.envs import warehouse_picture as picture
+from gamekeeper.envs.knobs import Disturbances, KnobArguments, Knobs
+from gamekeeper.envs.layouts import CHARGER, DOCK, FLOOR, HAND_OVER, NOWHERE, Layout, layout_of
+from gamekeeper.envs.warehouse_moves import ACTIONS, HANDLE, NOOP, refused_moves
+from gamekeeper.envs.warehouse_policies import greedy, lazy, reference
+from gamekeeper.envs.warehouse_sight import Sight, state_of, state_space
+from gamekeeper.errors import SpecError
+from gamekeeper.game.authored import Authored
+from gamekeeper.game.tick_env import TickEnv
+
+DELIVERY: Final = 1.0
+GRASP: Final = 0.1
+COLLISION: Final = -0.25
+ENERGY: Final = -0.01
+"""What each event pays, in reward units."""
+CHARGE: Final = 5
+"""Units of battery a tick on a charger gives."""
+SLIPS: Final = {move: ((move + 1) % 4, (move + 3) % 4) for move in range(4)}
+"""What a move may turn out as where wheels slip: a move to its right or left."""
+
+
+@dataclass(slots=True)
+class Robot:
+    """What a robot is and has.
+
+    Args:
+        role: `picker` or `carrier`.
+        cell: where it is, or was when it ended; NOWHERE for a spare.
+        battery: units left.
+        load: the shelf whose item it has, or NOWHERE.
+    """
+
+    role: str
+    cell: int
+    battery: int
+    load: int = NOWHERE
+
+
+class WarehouseRules(Authored):
+    """The rules of both warehouses: state, what actions do, what a tick's end does.
+
+    Args:
+        pickers, carriers: how many robots of each role begin, 1 or more.
+        spares: how many more of each role wait outside.
+        orders: how many orders an episode has.
+        every: mean ticks between two orders.
+        battery: units in a full battery.
+        layout: `small`, `wide`, `ring`, `hall`, or rows of text (see `envs/layouts.py`).
+        horizon: ticks after which everybody is truncated; None: the contract's.
+        render_mode: `ansi`, `rgb_array` or None.
+        **knobs: see `envs/knobs.py`; all are off.
+    Raises:
+        SpecError: a number is out of its range, or the layout has too few cells.
+    """
+
+    policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012
+    snapshot_without = ("state_spaces", "_bounds")
+
+    def __init__(
+        self,
+        *,
+        pickers: int = 2,
+        carriers: int = 2,
+        spares: int = 1,
+        orders: int = 6,
+        every: int = 8,
+        battery: int = 120,
+        layout: str | tuple[str, ...] | list[str] | Layout = "small",
+        horizon: int | None = None,
+        render_mode: str | None = None,
+        **knobs: Unpack[KnobArguments],
+    ) -> None:
+        super().__init__(render_mode=render_mode, horizon=horizon)
+        self.pickers, self.carriers, self.spares = pickers, carriers, spares
+        self.orders, self.every, self.battery = orders, every, battery
+        self.floor = self.layout = layout_of(layout)
+        self._check_numbers()
+        self.roles = {
+            f"{role}_{i}": role
+            for role, count in (("picker", pickers), ("carrier", carriers))
+            for i in range(count + spares)
+        }
+        self.possible_agents = list(self.roles)
+        self.turn_of = {agent: turn for turn, agent in enumerate(self.roles)}
+        space = Sight.space(self.layout, battery)
+        self.observation_spaces: dict[str, Space[Any]] = dict.fromkeys(self.roles, space)
+        self.action_spaces = {agent: Discrete(ACTIONS) for agent in self.roles}
+        self.state_space: Box = state_space(self)
+        self.knobs = Knobs(knobs, agents=self.roles)
+        self.disturbances: Disturbances | None = None
+        if not self.knobs.is_ideal:
+            self.disturbances = Disturbances(
+                self.knobs,
+                bounds=dict.fromkeys(self.roles, (space.low, space.high)),
+                things=dict.fromkeys(self.roles, Sight.things()),
+                noop=NOOP,
+                neighbours=SLIPS,
+            )
+
+    # -- state
+
+    def starting_agents(self) -> list[str]:
+        """Everybody but the spares."""
+        first = {"picker": self.pickers, "carrier": self.carriers}
+        return [a for a, role in self.roles.items() if int(a.rpartition("_")[2]) < first[role]]
+
+    def start(self, rng: Stream, options: dict[str, Any]) -> None:
+        """Robots and orders of a new episode (R2, R3)."""
+        self.floor = self.layout
+        if self.disturbances is not None:
+            self.disturbances.begin(rng)
+            if self.disturbances.is_held_out:
+                self.floor = self.layout.shuffled(self.disturbances.layout_rng())
+        cells = list(self.floor.floors)
+        roster = self.starting_agents()
+        for place in range(len(roster)):
+            other = rng.integers(place, len(cells))
+            cells[place], cells[other] = cells[other], cells[place]
+        self.robots = {a: Robot(role, NOWHERE, self.battery) for a, role in self.roles.items()}
+        self.stands: dict[int, str] = {}
+        for agent, cell in zip(roster, cells, strict=False):
+            self.robots[agent].cell = cell
+            self.stands[cell] = agent
+        self.waiting = [agent for agent in self.roles if self.robots[agent].cell == NOWHERE]
+        self.lying: dict[int, int] = {}
+        self.wanted = [0] * len(self.floor.shelves)
+        self.ticks = self.delivered = 0
+        self.last_tick = self._limit()
+        arrivals, tick = [], 0
+        for _ in range(self.orders):
+            arrivals.append((tick, rng.integers(len(self.wanted))))
+            tick += rng.integers(1, 2 * self.every)
+        self.coming = arrivals[::-1]
+        self.sight = Sight(self)
+        self._take_orders()
+
+    # -- a step
+
+    def play(self, actions: Mapping[str, int]) -> None:
+        """What some robots do at once: all of them in a tick, one in a turn (R5 to R11)."""
+        knobs = self.disturbances
+        done = actions if knobs is None else self._disturbed(actions, knobs)
+        self._handle([agent for agent, action in done.items() if action == HANDLE])
+        self._move({agent: action for agent, action in done.items() if action < NOOP})
+        for agent, action in done.items():
+            robot = self.robots[agent]
+            if action != NOOP:
+                robot.battery -= 1
+                self.pay(agent, ENERGY, term="energy")
+            elif self.floor.text[robot.cell] == CHARGER:
+                robot.battery = min(robot.battery + CHARGE, self.battery)
+            if robot.battery <= 0 and self.floor.text[robot.cell] != CHARGER:
+                self._take_away(agent, robot)
+        self.sight.look_again(actions)
+
+    def end_tick(self) -> None:
+        """What follows when everybody has acted: the end, or spares and orders (R3, R12 to R14)."""
+        self.ticks += 1
+        if self.delivered == self.orders:
+            for agent in self.agents:
+                if agent not in self.endings:
+                    self.terminate(agent, "cleared")
+        elif self.ticks == self.last_tick:
+            for agent in self.agents:
+                if agent not in self.endings:
+                    self.truncate(agent, "horizon")
+        elif self.waiting:
+            self._let_join()
+        self._take_orders()
+        self.sight.look_again(self.touched.joined)
+
+    def _disturbed(self, actions: Mapping[str, int], knobs: Disturbances) -> dict[str, int]:
+        """What the actions come to under the knobs; what can't be done any more is a try (R10)."""
+        for agent in actions:
+            knobs.remember(agent, self.sight.view)
+        return {agent: knobs.played(agent, action) for agent, action in actions.items()}
+
+    def _handle(self, agents: list[str]) -> None:
+        """Items change hands (R5 to R8)."""
+        grasping: dict[int, list[str]] = {}
+        delivered = 0
+        for agent in agents:
+            robot = self.robots[agent]
+            cell, letter = robot.cell, self.floor.text[robot.cell]
+            if robot.role == "picker":
+                if robot.load == NOWHERE:
+                    shelf = self.shelf_beside(cell)
+                    if shelf != NOWHERE:
+                        grasping.setdefault(shelf, []).append(agent)
+                elif letter == HAND_OVER and cell not in self.lying:
+                    self.lying[cell], robot.load = robot.load, NOWHERE
+            elif robot.load == NOWHERE:
+                robot.load = self.lying.pop(cell, NOWHERE)
+            elif letter == DOCK:
+                robot.load = NOWHERE
+                delivered += 1
+        for shelf, group in grasping.items():
+            is_tie = len(group) > self.wanted[shelf]
+            for agent in group:
+                self.pay(agent, *((COLLISION, "collision") if is_tie else (GRASP, "grasp")))
+                if not is_tie:
+                    self.robots[agent].load = shelf
+                    self.wanted[shelf] -= 1
+        for _ in range(delivered):
+            self.delivered += 1
+            for agent in self.agents:
+                if agent not in self.endings:
+                    self.pay(agent, DELIVERY, term="delivery")
+
+    def _move(self, moves: dict[str, int]) -> None:
+        """Robots move (R9); a move that leads off the open cells is a try that stays put."""
+        robots, stands = self.robots, self.stands
+        wants = {
+            agent: (robots[agent].cell, cell)
+            for agent, move in moves.items()
+            if (cell := self.floor.ways[move][robots[agent].cell]) != NOWHERE
+        }
+        refused = refused_moves(wants, stands) if wants else ()
+        for agent, (cell, _) in wants.items():
+            if agent in refused:
+                self.pay(agent, COLLISION, term="collision")
+            else:
+                del stands[cell]
+        for agent, (_, cell) in wants.items():
+            if agent not in refused:
+                robots[agent].cell = cell
+                stands[cell] = agent
+                if self.disturbances is not None:
+                    self.disturbances.moved(agent)
+                    if self.floor.text[cell] != FLOOR:
+                        self.disturbances.located(agent)  # it has read the mark on the ground
+
+    def _take_away(self, agent: str, robot: Robot) -> None:
+        """An empty robot leaves, and its order is open again (R11)."""
+        del self.stands[robot.cell]
+        if robot.load != NOWHERE:
+            self.wanted[robot.load] += 1
+            robot.load = NOWHERE
+        self.truncate(agent, "battery")
+
+    def _let_join(self) -> None:
+        """Spares take the places of robots that ended (R12)."""
+        free = [cell for cell in self.floor.chargers if cell not in self.stands]
+        live = [self.robots[agent].role for agent in self.stands.values()]
+        for role, count in (("picker", self.pickers), ("carrier", self.carriers)):
+            for agent in [a for a in self.waiting if self.roles[a] == role]:
+                if live.count(role) < count and free:
+                    cell = free.pop(0)
+                    self.waiting.remove(agent)
+                    self.robots[agent].cell = cell
+                    self.stands[cell] = agent
+                    live.append(role)
+                    self.join(agent)
+
+    def _take_orders(self) -> None:
+        """Orders that have arrived are open at their shelves (R3)."""
+        while self.coming and self.coming[-1][0] <= self.ticks:
+            self.wanted[self.coming.pop()[1]] += 1
+
+    def shelf_beside(self, cell: int) -> int:
+        """The number of the shelf that a picker in the cell would grasp from, or NOWHERE (R5)."""
+        for shelf in self.sight.shelves_beside(cell):
+            if self.wanted[shelf]:
+                return shelf
+        return NOWHERE
+
+    # -- what is seen
+
+    def observe(self, agent: str) -> NDArray[np.int16]:
+        """What a robot sees, [Sight.LENGTH] int16; laid out in `warehouse_sight`."""
+        if self.disturbances is None:
+            return self.sight.view(agent)
+        return self.disturbances.shown(agent, self.sight.view)
+
+    def mask(self, agent: str) -> NDArray[np.int8]:
+        """Which actions a robot may take now (R4); true under every knob."""
+        robot = self.robots[agent]
+        cell, is_empty = robot.cell, robot.load == NOWHERE
+        legal = np.ones(ACTIONS, np.int8)
+        for move in range(4):
+            legal[move] = self.floor.ways[move][cell] != NOWHERE
+        if robot.role == "picker":
+            puts_down = self.floor.text[cell] == HAND_OVER and cell not in self.lying
+            legal[HANDLE] = self.shelf_beside(cell) != NOWHERE if is_empty else puts_down
+        else:
+            legal[HANDLE] = cell in self.lying if is_empty else self.floor.text[cell] == DOCK
+        return legal
+
+    def info(self, agent: str) -> dict[str, Any]:
+        """Where a robot really is, and how many orders are undelivered."""
+        y, x = divmod(self.robots[agent].cell, self.floor.width)
+        return {"position": np.array((x, y), np.int64), "undelivered": self.orders - self.delivered}
+
+    def state(self) -> NDArray[np.int32]:
+        """The whole state as whole numbers; laid out in `warehouse_sight`."""
+        return state_of(self)
+
+    def render(self) -> str | NDArray[np.uint8] | None:
+        """The floor as text or as a picture."""
+        return picture.draw(self) if self.render_mode else None
+
+    def _check_numbers(self) -> None:
+        """Counts are whole numbers in their ranges, and there is room for everybody."""
+        least = {"pickers": 1, "carriers": 1, "spares": 0, "orders": 1, "every": 1, "battery": 1}
+        for name, bound in least.items():
+            value = getattr(self, name)
+            if type(value) is not int or not bound <= value <= 10_000:
+                raise SpecError(
+                    f"a warehouse can't have {name}={value!r}",
+                    where=name,
+                    expected=f"a whole number from {bound} to 10000",
+                    seen=repr(value),
+                )
+        if self.pickers + self.carriers > len(self.layout.floors) // 2:
+            raise SpecError(
+                f"the layout {self.layout.name!r} has no room for so many robots",
+                where="pickers, carriers",
+                expected=f"at most {len(self.layout.floors) // 2}: half of its floor cells",
+                seen=str(self.pickers + self.carriers),
+                mend="take fewer robots, or layout='hall'",
+            )
+
+
+class Warehouse(WarehouseRules, TickEnv):
+    """The warehouse as a Parallel environment; rules in the module's docstring."""
+
+    metadata = {  # noqa: RUF012
+        "name": "warehouse_v0",
+        "render_modes": ["ansi", "rgb_array"],
+        "render_fps": 8,
+        "is_parallelizable": True,
+    }
+    contract = "warehouse.toml"
+
+    def tick(self, actions: dict[str, int]) -> None:
+        """All robots act, then the tick ends."""
+        self.play(actions)
+        self.end_tick()

@@ -1,0 +1,49 @@
+"""Actions of warehouse robots, and who may move where they move at once.
+
+The answer is one, whatever order the robots are asked in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping
+from typing import Final, TypeVar
+
+Agent = TypeVar("Agent", bound=Hashable)
+
+NORTH, EAST, SOUTH, WEST, NOOP, HANDLE = range(6)
+ACTIONS: Final = 6
+
+
+def refused_moves(
+    moves: Mapping[Agent, tuple[int, int]], stands: Mapping[int, Agent]
+) -> set[Agent]:
+    """The robots whose move is refused: the least set that leaves a robot a cell at most.
+
+    Refused are all who want one cell (a tie), who want the cell of one that doesn't move, and both
+    of two that want each other's cells (a swap). Who is refused doesn't move, so refused are also
+    those who want its cell, and so on down the queue. Everybody else moves: queues of which the
+    first moves on, and rings of three or more that turn (a rotation).
+
+    Args:
+        moves: by robot that moves, the cell it is in and the other one that it wants.
+        stands: by cell, the robot in it; those that move are among them.
+    """
+    followers: dict[int, list[Agent]] = {}
+    for agent, (_, wanted) in moves.items():
+        followers.setdefault(wanted, []).append(agent)
+    refused: set[Agent] = set()
+    for cell, agents in followers.items():
+        there = stands.get(cell)
+        is_tie = len(agents) > 1
+        is_taken = there is not None and (
+            there not in moves or moves[there][1] == moves[agents[0]][0]
+        )
+        if is_tie or is_taken:
+            refused.update(agents)
+    undone = list(refused)
+    while undone:
+        for agent in followers.get(moves[undone.pop()][0], ()):
+            if agent not in refused:
+                refused.add(agent)
+                undone.append(agent)
+    return refused
