@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any, Final
 
 import numpy as np
@@ -14,8 +15,8 @@ import pyarrow.compute as pc
 from gamekeeper.core.arrow import cells_of, value_columns
 from gamekeeper.core.block import Raw
 from gamekeeper.core.canon import drop, from_json, to_json
+from gamekeeper.core.difference import difference, shown_pair
 from gamekeeper.core.trace import Trace, Turn, digests_of
-
 
 # of an episode whose recorder was killed nothing is known after its last whole turn
 ENDS_OPEN: Final = ("torn", "failed")
@@ -29,8 +30,9 @@ class Divergence:
         episode: its number in the run.
         turn: the turn; None where the headers differ.
         agent: whose row; None where a whole turn or the state differs.
-        field: `obs`, `obs.<path>`, `action`, `reward`, `received`, `terminated`, `truncated`, `info`,
-            `mask`, `order`, `live`, `raised`, `odd`, `state`, `rows`, `digest`, or a field of the header.
+        field: `obs`, `obs.<path>`, `action`, `reward`, `received`, `terminated`, `truncated`,
+            `info`, `mask`, `order`, `live`, `raised`, `odd`, `state`, `rows`, `digest`, or a field
+            of the header.
         recorded: the value on the left.
         replayed: the value on the right.
     """
@@ -58,7 +60,8 @@ class Divergence:
         if self.turn is not None:
             place += f", turn {self.turn}"
         key = f"{self.field}[{self.agent!r}]" if self.agent is not None else self.field
-        return f"{place}, {key}\n  recorded: {_short(self.recorded)}\n  replayed: {_short(self.replayed)}"
+        recorded, replayed = shown_pair(self.recorded, self.replayed)
+        return f"{place}, {key}\n  recorded: {recorded}\n  replayed: {replayed}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,27 +90,50 @@ def compare(
 
     Args:
         recorded: may be at level "digest"; then the other's rows are digested for the comparison.
-        tolerance: numbers that differ by no more, absolutely or relative to the larger one, count as
-            equal; None: bit for bit.
+        tolerance: numbers that differ by no more, absolutely or relative to the larger one, count
+            as equal; None: bit for bit.
         volatile: info fields that are left out.
     """
     replayed = _as_far_as(recorded, replayed)
-    largest = 0.0
-    for place in _different_turns(recorded, replayed, volatile):
-        found, size = _first(recorded, replayed, place, tolerance, volatile)
+    largest, is_exact = 0.0, True
+    walks = _Walk(recorded), _Walk(replayed)
+    for number in _different_turns(recorded, replayed, volatile):
+        is_exact = False
+        turns = walks[0].at(number), walks[1].at(number)
+        found, size = _first(recorded, replayed, number, turns, tolerance, volatile)
         largest = max(largest, size)
         if found is not None:
             return Comparison(found, is_exact=False, largest=largest)
-        if tolerance is None:
-            raise AssertionError(f"digests differ at turn {place} but no field does")
-    return Comparison(None, is_exact=largest == 0.0 and _same_digests(recorded, replayed), largest=largest)
+    if not _is_open(recorded) and recorded.endings != replayed.endings:
+        values = dict(recorded.endings), dict(replayed.endings)
+        found = Divergence(recorded.episode, None, None, "endings", *values)
+        return Comparison(found, is_exact=False, largest=largest)
+    return Comparison(None, is_exact=is_exact, largest=largest)
+
+
+class _Walk:
+    """The turns of a trace, asked for by rising numbers."""
+
+    def __init__(self, trace: Trace) -> None:
+        self._turns = trace.turns
+        self._next = next(self._turns, None)
+
+    def at(self, number: int) -> Turn | None:
+        """The turn of this number, or None if no row has it."""
+        while self._next is not None and self._next.index < number:
+            self._next = next(self._turns, None)
+        return self._next if self._next is not None and self._next.index == number else None
+
+
+def _is_open(trace: Trace) -> bool:
+    return trace.header.get("end") in (None, *ENDS_OPEN)
 
 
 def _as_far_as(recorded: Trace, replayed: Trace) -> Trace:
     """`replayed` without what came after the end of a recording that was torn off."""
-    turns = recorded.header.get("turns")
+    turns = crossings(recorded)
     last = recorded.steps["turn"][-1].as_py() if recorded.steps.num_rows else -1
-    if recorded.header.get("end") not in ENDS_OPEN or turns is None or last >= turns:
+    if not _is_open(recorded) or last >= turns:
         return replayed
     steps = replayed.steps.filter(pc.less(replayed.steps["turn"], turns))
     states = replayed.states
@@ -117,8 +143,13 @@ def _as_far_as(recorded: Trace, replayed: Trace) -> Trace:
     return replace(replayed, steps=steps, states=states, _cache={})
 
 
-def _same_digests(left: Trace, right: Trace) -> bool:
-    return bool(np.array_equal(digests_of(left.steps), digests_of(right.steps)))
+def crossings(trace: Trace) -> int:
+    """How many turns were played; in an episode that nobody ended, those in which someone acted."""
+    turns = trace.header.get("turns")
+    if turns is not None:
+        return int(turns)
+    acted = trace.steps["turn"].filter(pc.is_valid(trace.steps["order"]))
+    return int(acted[-1].as_py()) + 1 if len(acted) else 0
 
 
 def _different_turns(left: Trace, right: Trace, volatile: Collection[str]) -> Iterator[int]:
@@ -132,13 +163,19 @@ def _different_turns(left: Trace, right: Trace, volatile: Collection[str]) -> It
 def _by_turn(trace: Trace, volatile: Collection[str]) -> dict[int, list[Any]]:
     """For each turn, what has to be equal: digests of rows, infos, state."""
     found: dict[int, list[Any]] = {}
-    columns = trace.steps["turn"].to_pylist(), digests_of(trace.steps), trace.steps["info"].to_pylist()
+    columns = (
+        trace.steps["turn"].to_pylist(),
+        digests_of(trace.steps),
+        trace.steps["info"].to_pylist(),
+    )
     for turn, digest, info in zip(*columns, strict=True):
         entry = found.setdefault(turn, [])
         entry.append(digest.tobytes())
         entry.append(_without(info, volatile))
     if trace.states is not None:
-        for turn, state in zip(trace.states["turn"].to_pylist(), _states(trace.states), strict=True):
+        for turn, state in zip(
+            trace.states["turn"].to_pylist(), _states(trace.states), strict=True
+        ):
             found.setdefault(turn, []).append(state)
     return found
 
@@ -147,7 +184,9 @@ def _states(states: pa.Table) -> list[Any]:
     parts: list[list[Any]] = [states["odd"].to_pylist()]
     for column in value_columns(states.schema, "state"):
         cells = cells_of(column, states[column.name])
-        parts.append([row.tobytes() for row in cells.values] if isinstance(cells, Raw) else cells.values)
+        parts.append(
+            [row.tobytes() for row in cells.values] if isinstance(cells, Raw) else cells.values
+        )
     return list(zip(*parts, strict=True))
 
 
@@ -159,34 +198,69 @@ def _without(info: str | None, volatile: Collection[str]) -> Any:
 
 
 def _first(
-    left: Trace, right: Trace, number: int, tolerance: float | None, volatile: Collection[str]
+    left: Trace,
+    right: Trace,
+    number: int,
+    turns: tuple[Turn | None, Turn | None],
+    tolerance: float | None,
+    volatile: Collection[str],
 ) -> tuple[Divergence | None, float]:
     """The first field of a turn that differs, and the largest difference passed over on the way."""
-    sides = [_turn(trace, number) for trace in (left, right)]
-    a, b = sides
-    if a is None or b is None:
-        rows = [None if side is None else list(side.agents) for side in sides]
-        return Divergence(left.episode, number, None, "rows", *rows), 0.0
-    if a.agents != b.agents:
-        return Divergence(left.episode, number, None, "rows", list(a.agents), list(b.agents)), 0.0
+    a, b = turns
+    names = [None if turn is None else list(turn.agents) for turn in turns]
+    if names[0] != names[1]:
+        errors = [
+            None if turn is not None else _error(trace) for turn, trace in ((a, left), (b, right))
+        ]
+        if errors[0] != errors[1]:  # a reset raised, so there is no row that says it
+            return Divergence(left.episode, number, None, "raised", *errors), 0.0
+        return Divergence(left.episode, number, None, "rows", *names), 0.0
     largest = 0.0
-    for agent, field, recorded, replayed in _pairs(a, b, volatile, left):
-        size = _difference(recorded, replayed, tolerance)
+    states = _states_at(left, number), _states_at(right, number)
+    pairs = iter(()) if a is None or b is None else _pairs(a, b, volatile, _is_digest(left, right))
+    for agent, field, recorded, replayed in chain(pairs, [(None, "state", *states)]):
+        size = difference(recorded, replayed, None if _is_whole(field, recorded) else tolerance)
         if size is None:
             return Divergence(left.episode, number, agent, field, recorded, replayed), largest
         largest = max(largest, size)
+    if a is not None and b is not None and (tolerance is None or _is_digest(left, right)):
+        for agent, one, two in zip(a.agents, a.digests, b.digests, strict=True):
+            if one != two:
+                return Divergence(left.episode, number, agent, "digest", one, two), largest
+    if tolerance is None:  # texts that spell equal values differently: no recorder wrote them
+        return Divergence(left.episode, number, None, "rows", *names), largest
     return None, largest
 
 
-def _turn(trace: Trace, number: int) -> Turn | None:
-    return next((turn for turn in trace.turns if turn.index == number), None)
+def _is_digest(*traces: Trace) -> bool:
+    return any("digest" in trace.steps.schema.names for trace in traces)
+
+
+def _is_whole(field: str, value: Any) -> bool:
+    """Whether no tolerance applies: action 2 isn't nearly action 3."""
+    return field == "order" or (field == "action" and isinstance(value, int | np.integer))
+
+
+def _error(trace: Trace) -> str | None:
+    """The last line of what ended an episode: type and text of an exception."""
+    text = trace.header.get("error")
+    return text.strip().splitlines()[-1] if text and text.strip() else None
+
+
+def _states_at(trace: Trace, number: int) -> Any:
+    """`state()` at a turn; what didn't conform, as it was."""
+    state = trace.state(number)
+    if state is None and trace.states is not None:
+        rows = trace.states.filter(pc.equal(trace.states["turn"], number))["odd"].to_pylist()
+        entry = json.loads(rows[0])["state"] if rows and rows[0] is not None else None
+        return from_json(json.dumps(entry["value"])) if entry and "value" in entry else entry
+    return state
 
 
 def _pairs(
-    a: Turn, b: Turn, volatile: Collection[str], left: Trace
+    a: Turn, b: Turn, volatile: Collection[str], is_digest: bool
 ) -> Iterator[tuple[str | None, str, Any, Any]]:
-    """Every field of two turns that stand for the same rows, in the order in which it came about."""
-    is_digest = "digest" in left.steps.schema.names
+    """Every field of two turns of the same rows, in the order in which it came about."""
     for agent in a.agents:
         if not is_digest:
             yield from _observations(agent, a.observations.get(agent), b.observations.get(agent))
@@ -199,26 +273,28 @@ def _pairs(
             ("live", agent in a.live, agent in b.live),
             ("order", _place(a, agent), _place(b, agent)),
             ("action", _get(a.actions, agent), _get(b.actions, agent)),
-            ("reward", _get(a.rewards, agent), _get(b.rewards, agent)),
             ("raised", _get(a.raised, agent), _get(b.raised, agent)),
+            ("reward", _get(a.rewards, agent), _get(b.rewards, agent)),
             ("odd", _get(a.odd, agent), _get(b.odd, agent)),
         ):
             if not (is_digest and field == "mask"):
                 yield agent, field, one, two
-        for term in a.terms.get(agent, {}):
-            yield agent, f"reward.{term}", a.terms[agent][term], b.terms.get(agent, {}).get(term)
-    yield None, "state", a.state, b.state
-    if is_digest:
-        for agent, one, two in zip(a.agents, a.digests, b.digests, strict=True):
-            yield agent, "digest", one, two
+        paid = a.terms.get(agent, {}), b.terms.get(agent, {})
+        for term in dict.fromkeys([*paid[0], *paid[1]]):
+            yield agent, f"reward.{term}", paid[0].get(term), paid[1].get(term)
 
 
-def _observations(agent: str, one: Any, two: Any, path: str = "obs") -> Iterator[tuple[str, str, Any, Any]]:
+def _observations(
+    agent: str, one: Any, two: Any, path: str = "obs"
+) -> Iterator[tuple[str, str, Any, Any]]:
     """An observation leaf by leaf, so that the field names the part that differs."""
+    joint = "." if path == "obs" else "/"
     if isinstance(one, dict) and isinstance(two, dict) and one.keys() == two.keys():
         for key in one:
-            joint = "." if path == "obs" else "/"
             yield from _observations(agent, one[key], two[key], f"{path}{joint}{key}")
+    elif isinstance(one, tuple) and isinstance(two, tuple) and len(one) == len(two):
+        for place, (x, y) in enumerate(zip(one, two, strict=True)):
+            yield from _observations(agent, x, y, f"{path}{joint}{place}")
     else:
         yield agent, path, one, two
 
@@ -234,34 +310,3 @@ def _place(turn: Turn, agent: str) -> int | None:
 def _info(turn: Turn, agent: str, volatile: Collection[str]) -> Any:
     info = turn.infos.get(agent)
     return drop(info, volatile) if volatile and isinstance(info, dict) else info
-
-
-def _difference(one: Any, two: Any, tolerance: float | None) -> float | None:
-    """How far apart two values are: 0.0 if equal, None if further than `tolerance` or of another kind."""
-    if to_json(one) == to_json(two):
-        return 0.0
-    if tolerance is None:
-        return None
-    if isinstance(one, dict) and isinstance(two, dict) and one.keys() == two.keys():
-        return _largest([_difference(one[key], two[key], tolerance) for key in one])
-    if isinstance(one, list | tuple) and isinstance(two, list | tuple) and len(one) == len(two):
-        return _largest([_difference(x, y, tolerance) for x, y in zip(one, two, strict=True)])
-    try:
-        a, b = np.asarray(one, np.float64), np.asarray(two, np.float64)
-    except (TypeError, ValueError):
-        return None
-    if a.shape != b.shape:
-        return None
-    with np.errstate(invalid="ignore"):
-        gap = np.where((a == b) | (np.isnan(a) & np.isnan(b)), 0.0, np.abs(a - b))
-        within = gap <= tolerance * np.maximum(1.0, np.maximum(np.abs(a), np.abs(b)))
-    return float(gap.max(initial=0.0)) if bool(within.all()) else None
-
-
-def _largest(sizes: list[float | None]) -> float | None:
-    return None if None in sizes else max((size for size in sizes if size is not None), default=0.0)
-
-
-def _short(value: Any) -> str:
-    text = to_json(value)
-    return text if len(text) <= 200 else f"{text[:197]}..."

@@ -4,25 +4,27 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from typing import Any, Final
 
+import pyarrow as pa
+
 from gamekeeper.core.canon import from_json
 from gamekeeper.core.divergence import ENDS_OPEN, Comparison, Divergence, compare
-from gamekeeper.core.evidence import Evidence
+from gamekeeper.core.evidence import IDENTITY, Evidence, fingerprints
 from gamekeeper.core.trace import Trace
-from gamekeeper.errors import PolicyError, SpecError, TrustError
-from gamekeeper.game.faces import game_of
-from gamekeeper.game.open import distrust, open_env, reopen
+from gamekeeper.errors import EvidenceError, PolicyError, SpecError, TrustError
+from gamekeeper.game.open import distrust
 from gamekeeper.game.opened import Opened
 from gamekeeper.game.policy import distrust_policy
 from gamekeeper.record.bundle import load
+from gamekeeper.record.cause import cause_of
 from gamekeeper.record.recording import cast_of
-from gamekeeper.run.memory import MemorySink
-from gamekeeper.run.rerun import replay_trace
+from gamekeeper.record.stage import Stage, compact, opened_again
 from gamekeeper.run.workers import run_task
 
+PRINTS: Final = ("fingerprint", "info_fingerprint")
 TASK: Final = "gamekeeper.record.replay:replay_task"
 SILENCE_S: Final = 60.0
 
@@ -39,6 +41,7 @@ class Replay:
         fingerprint: of the recorded run.
         divergence: the first place where the replay differs by more.
         reason: why it can't be told whether the run replays; None where it can.
+        cause: of a divergence, as far as replaying the episode a few times more tells it.
         versions: packages whose version is another than at the recording, and the environment's
             source if it changed: `{name: [recorded, now]}`.
         episodes: how many were replayed.
@@ -52,6 +55,7 @@ class Replay:
     reason: str | None = None
     versions: Mapping[str, list[str | None]] = field(default_factory=dict)
     episodes: int = 0
+    cause: str | None = None
 
     def to_json(self) -> dict[str, Any]:
         """The document that `gamekeeper replay --json` prints."""
@@ -64,17 +68,23 @@ class Replay:
             "reason": self.reason,
             "versions": dict(self.versions),
             "episodes": self.episodes,
+            "cause": self.cause,
         }
 
     def __str__(self) -> str:
+        shown = self.fingerprint or "none, as the run was never sealed"
         if self.verified:
-            return f"verified: fingerprint {self.fingerprint}"
+            return f"verified: fingerprint {shown}"
         if self.divergence is not None:
             lines = [f"diverged: {self.divergence}"]
-            lines += [f"  {name}: {a} at the recording, {b} now" for name, (a, b) in self.versions.items()]
+            lines += [f"  cause: {self.cause}"] if self.cause else []
+            lines += [
+                f"  {name}: {then} at the recording, {now} now"
+                for name, (then, now) in self.versions.items()
+            ]
             return "\n".join(lines)
         if self.within_tolerance:
-            return f"within tolerance: fingerprint {self.fingerprint}"
+            return f"within tolerance: fingerprint {shown}"
         return f"can't tell: {self.reason}"
 
 
@@ -91,7 +101,8 @@ def replay(
     """Plays a recorded run again in a fresh process and compares every row.
 
     Args:
-        tolerance: numbers that differ by no more, absolutely or relative to the larger one, count as equal.
+        tolerance: numbers that differ by no more, absolutely or relative to the larger one, count
+            as equal.
         policies: also choose anew: the recorded policies decide in place of the recorded actions.
         env: open this in place of the environment that the evidence names.
         allow_import: open what the evidence names even where it is a file or a module outside the
@@ -105,7 +116,7 @@ def replay(
     evidence = load(path)
     run, fingerprint = str(path), evidence.fingerprint
     _check_trust(evidence, env=env, policies=policies, allow_import=allow_import)
-    reason = _untellable(evidence, env)
+    reason = _untellable(evidence, env=env, policies=policies)
     if reason is not None:
         return Replay(run, False, None, fingerprint, None, reason)
     arguments = {"path": run, "tolerance": tolerance, "policies": policies, "env": env}
@@ -113,19 +124,35 @@ def replay(
     if outcome.status == "interrupted":
         raise KeyboardInterrupt
     if not isinstance(outcome.value, dict):
-        return Replay(run, False, None, fingerprint, None, f"the replay {outcome.status}: {outcome.error}")
-    value = outcome.value
-    divergence = None if value["divergence"] is None else Divergence(**value["divergence"])
-    return Replay(**{**value, "divergence": divergence})
+        told = f"the replay {outcome.status}: {outcome.error}"
+        return Replay(run, False, None, fingerprint, None, told)
+    replayed = _received(outcome.value)
+    where = replayed.divergence
+    if where is None or where.turn is None:
+        return replayed
+    if policies and where.field == "action":
+        return replace(replayed, cause="the policies chose otherwise, given the same observations")
+    cause = cause_of(evidence, where, env=env, changed=replayed.versions, timeout_s=timeout_s)
+    return replace(replayed, cause=cause)
 
 
-def _check_trust(evidence: Evidence, *, env: str | None, policies: bool, allow_import: bool) -> None:
+def _received(value: Mapping[str, Any]) -> Replay:
+    """A replay that crossed from a worker as JSON, its values as they were."""
+    where = value["divergence"]
+    if where is None:
+        return Replay(**value)
+    values = {side: from_json(compact(where[side])) for side in ("recorded", "replayed")}
+    return Replay(**{**value, "divergence": Divergence(**{**where, **values})})
+
+
+def _check_trust(
+    evidence: Evidence, *, env: str | None, policies: bool, allow_import: bool
+) -> None:
     if allow_import:
         return
-    reason = None if env is not None else distrust(evidence.manifest["environment"])
+    reason = None if env is not None else distrust(_identity(evidence))
     if reason is None and policies:
-        # a name without a colon is a built-in's or the environment's own
-        names = {n for trace in evidence.traces for n in _policies(trace).values() if ":" in n}
+        names = {name for names in _all_policies(evidence) for name in names.values()}
         reason = next(filter(None, map(distrust_policy, sorted(names))), None)
     if reason is not None:
         raise TrustError(
@@ -136,56 +163,77 @@ def _check_trust(evidence: Evidence, *, env: str | None, policies: bool, allow_i
         )
 
 
-def _untellable(evidence: Evidence, env: str | None) -> str | None:
+def _identity(evidence: Evidence) -> Mapping[str, Any]:
+    identity = evidence.manifest.get("environment")
+    return identity if isinstance(identity, Mapping) else {}
+
+
+def _untellable(evidence: Evidence, *, env: str | None, policies: bool) -> str | None:
     """Why a run can't be replayed at all, known before anything runs."""
-    kind = evidence.manifest["environment"].get("kind")
+    kind = _identity(evidence).get("kind")
     if env is None and kind in ("object", "factory"):
-        return f"the environment was {kind} in memory; name it with --env"
+        thing = "an object" if kind == "object" else "a callable"
+        return f"the environment was {thing} in memory; name it with --env"
     headers = evidence.episodes.to_pylist()
     if not headers:
         return "the run has no episodes"
-    unseeded = [header["episode"] for header in headers if header["since"] is None or header["since"] < 0]
-    if unseeded:
-        return f"episode {unseeded[0]} was reset without a seed, and none was given before it"
+    for header in headers:
+        if header["since"] is None or header["since"] < 0:
+            return (
+                f"episode {header['episode']} was reset without a seed, and none was given before"
+            )
+    if policies and (evidence.manifest.get("seed") is None or not all(_all_policies(evidence))):
+        return "the run doesn't name its policies and their seed, so they can't choose again"
     return None
 
 
-def _policies(trace: Trace) -> dict[str, str]:
-    text = trace.header.get("policies")
-    return {} if text is None else {agent: entry["policy"] for agent, entry in json.loads(text).items()}
+def _all_policies(evidence: Evidence) -> list[dict[str, str]]:
+    """The policies of each episode by agent; none where the evidence doesn't name them."""
+    return [_policies(header.get("policies")) for header in evidence.episodes.to_pylist()]
+
+
+def _policies(text: str | None) -> dict[str, str]:
+    try:
+        named = {} if text is None else json.loads(text)
+        return {agent: str(entry["policy"]) for agent, entry in named.items()}
+    except (ValueError, TypeError, KeyError, AttributeError):  # nothing that a recorder wrote
+        return {}
 
 
 # -- in the fresh process
 
 
 def replay_task(
-    report: Callable[..., None], *, path: str, tolerance: float | None, policies: bool, env: str | None
+    report: Callable[..., None],
+    *,
+    path: str,
+    tolerance: float | None,
+    policies: bool,
+    env: str | None,
 ) -> dict[str, Any]:
     """Replays the bundle at `path` in this process; see `replay`."""
     evidence = load(path)
     try:
-        opened = _open(evidence, env)
-    except SpecError as error:
+        replayed = replay_evidence(
+            evidence, opened_again(evidence, env),
+            tolerance=tolerance, policies=policies, report=report,
+        )  # fmt: skip
+    except (SpecError, PolicyError, EvidenceError) as error:
         return Replay(path, False, None, evidence.fingerprint, None, str(error)).to_json()
-    return replay_evidence(
-        evidence, opened, tolerance=tolerance, policies=policies, report=report
-    ).to_json()
+    return replace(replayed, run=path).to_json()
 
 
-def _open(evidence: Evidence, env: str | None) -> Opened:
-    identity = evidence.manifest["environment"]
-    if env is None:
-        return reopen(identity)
-    kwargs = from_json(json.dumps(identity.get("kwargs") or {}))
-    return open_env(env, api=identity.get("api"), **kwargs)
-
-
-def _differing_versions(then: Mapping[str, Any], now: Mapping[str, Any]) -> dict[str, list[str | None]]:
+def _differing_versions(
+    then: Mapping[str, Any], now: Mapping[str, Any]
+) -> dict[str, list[str | None]]:
     one, two = (
-        {**(each.get("versions") or {}), "source": each.get("source_digest")} for each in (then, now)
+        {**(each.get("versions") or {}), "source": each.get("source_digest")}
+        for each in (then, now)
     )
     names = sorted(one.keys() | two.keys())
-    return {name: [one.get(name), two.get(name)] for name in names if one.get(name) != two.get(name)}
+    return {
+        name: [one.get(name), two.get(name)] for name in names if one.get(name) != two.get(name)
+    }
 
 
 def replay_evidence(
@@ -196,42 +244,37 @@ def replay_evidence(
     policies: bool = False,
     report: Callable[..., None] = lambda **fields: None,
 ) -> Replay:
-    """Replays `evidence` in an environment that is already open, and closes it."""
-    run, fingerprint = str(evidence.path or ""), evidence.fingerprint
-    contract = evidence.contract
-    volatile = contract.volatile_infos()
-    sink = MemorySink(terms=tuple(evidence.manifest.get("terms") or ()), volatile=volatile)
-    game = game_of(opened.env, sink=sink, state=evidence.states is not None)
-    versions = _differing_versions(evidence.manifest["environment"], opened.identity)
-    agents = {str(agent): agent for agent in getattr(opened.env, "possible_agents", ())}
+    """Replays `evidence` in an environment that is already open, and closes it.
+
+    Raises:
+        EvidenceError: an action was an object that no text can build again.
+        PolicyError: policies are asked for, and can't be found.
+    """
+    volatile = evidence.contract.volatile_infos()
+    stage = Stage(evidence, opened, after_turn=report)
     results: list[Comparison] = []
-    prints: list[str] = []
+    prints: list[str | None] = []
     total = evidence.episodes.num_rows
     try:
         for trace in evidence.traces:
-            cast = _cast(trace, opened, evidence) if policies else None
-            game.episode = trace.episode - 1
-            replay_trace(
-                trace, game, agents=agents, cast=cast,
-                run_seed=evidence.manifest.get("seed"), after_turn=report,
-            )  # fmt: skip
-            again = next(sink.evidence(opened.identity, contract=contract).traces)
+            again = stage.play(trace, _cast(trace, opened, evidence) if policies else None)
             results.append(compare(trace, again, tolerance=tolerance, volatile=volatile))
             prints.append(again.header["fingerprint"])
             report(episode=trace.episode + 1, episodes=total)
             if results[-1].divergence is not None:
                 break
     finally:
-        game.close()
+        stage.close()
     divergence = results[-1].divergence if results else None
-    exact = all(result.is_exact for result in results) and divergence is None
+    exact = divergence is None and all(result.is_exact for result in results)
     if exact:
-        divergence = _header(evidence, opened, sink, prints)
+        divergence = _header(evidence, opened, stage.manifest(), prints)
+    versions = _differing_versions(_identity(evidence), opened.identity)
     return Replay(
-        run=run,
+        run=str(evidence.path or ""),
         verified=exact and divergence is None,
         within_tolerance=None if tolerance is None else divergence is None,
-        fingerprint=fingerprint,
+        fingerprint=evidence.fingerprint,
         divergence=divergence,
         versions={} if exact and divergence is None else versions,
         episodes=len(results),
@@ -239,34 +282,30 @@ def replay_evidence(
 
 
 def _cast(trace: Trace, opened: Opened, evidence: Evidence) -> Any:
-    names = _policies(trace)
-    if not names or evidence.manifest.get("seed") is None:
-        raise PolicyError(
-            "the run doesn't name its policies and their seed, so they can't choose again",
-            mend="replay without --policies: recorded actions are played as they are",
-        )
-    return cast_of(names, opened.env, evidence.contract)
+    return cast_of(_policies(trace.header.get("policies")), opened.env, evidence.contract)
 
 
 def _header(
-    evidence: Evidence, opened: Opened, sink: MemorySink, prints: list[str]
+    evidence: Evidence, opened: Opened, again: Mapping[str, Any], prints: list[str | None]
 ) -> Divergence | None:
-    """What differs of the run as a whole when every row is the same: environment, arguments, spaces."""
-    if evidence.manifest.get("status") == "open":
-        return None
-    again = sink.evidence(opened.identity, contract=evidence.contract).manifest
-    for name in ("name", "api", "kwargs"):
-        one, two = evidence.manifest["environment"].get(name), opened.identity.get(name)
+    """What differs of the run as a whole when every row is the same: environment, spaces, name."""
+    for name in IDENTITY:
+        one, two = _identity(evidence).get(name), opened.identity.get(name)
         if one != two:
             return Divergence(0, None, None, f"environment.{name}", one, two)
     for agent, pair in evidence.manifest["spaces"].items():
         if again["spaces"].get(agent) != pair:
             return Divergence(0, None, agent, "spaces", pair, again["spaces"].get(agent))
+    if evidence.manifest.get("status") == "open":  # has no fingerprint yet
+        return None
     recorded = evidence.episodes["fingerprint"].to_pylist()
-    torn = [end in ENDS_OPEN for end in evidence.episodes["end"].to_pylist()]
+    ends = evidence.episodes["end"].to_pylist()
     for episode, (one, two) in enumerate(zip(recorded, prints, strict=True)):
-        if one is not None and one != two and not torn[episode]:
+        if ends[episode] in ENDS_OPEN:  # its rows are compared; what came after them is unknown
+            prints[episode] = one
+        elif one != two:
             return Divergence(episode, None, None, "fingerprint", one, two)
+    run = fingerprints(evidence.manifest, pa.table(dict.fromkeys(PRINTS, prints)))["fingerprint"]
+    if run != evidence.fingerprint:
+        return Divergence(0, None, None, "fingerprint", evidence.fingerprint, run)
     return None
-
-

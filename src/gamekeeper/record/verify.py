@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection
 from dataclasses import asdict, dataclass
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,8 +17,10 @@ from gamekeeper.core.digest import EpisodeDigest, episode_header
 from gamekeeper.core.evidence import Evidence, fingerprints
 from gamekeeper.core.press import add_infos, state_digests
 from gamekeeper.core.trace import digests_of
-from gamekeeper.errors import EvidenceError
+from gamekeeper.errors import BundleError, EvidenceError
 from gamekeeper.record.bundle import load
+from gamekeeper.record.folder import read_bounded, reading
+from gamekeeper.record.manifest import FORMAT_VERSION, MANIFEST, MANIFEST_BYTES
 from gamekeeper.record.seal import Damage, check_seal, verify_notes
 
 
@@ -59,7 +63,11 @@ class Verification:
         lines = [f"{each.file}: {each.what} {each.detail}".rstrip() for each in self.damage]
         lines.append("self-consistent" if self.self_consistent else "not self-consistent")
         if self.matches is not None:
-            lines.append("matches the fingerprint given" if self.matches else "another fingerprint than the one given")
+            lines.append(
+                "matches the fingerprint given"
+                if self.matches
+                else "another fingerprint than the one given"
+            )
         lines.append(f"fingerprint {self.fingerprint}")
         return "\n".join(lines)
 
@@ -75,25 +83,53 @@ def verify(path: str | PathLike[str], *, fingerprint: str | None = None) -> Veri
     Raises:
         BundleError: there is no bundle.
     """
-    damage = [*check_seal(path), *verify_notes(path)]
+    unknown = None if fingerprint is None else False
     try:
-        evidence = load(path)
-        found = digest_again(evidence)
+        damage = [*check_seal(path), *verify_notes(path)]
+    except BundleError as error:
+        if not _is_damaged(Path(path)):
+            raise
+        found = Damage(MANIFEST, "changed", error.seen or error.what)
+        return Verification(str(path), False, unknown, (found,), None)
+    try:
+        evidence = load(path, check=False)  # every byte was compared with the seal just now
+        with reading(Path(path)):
+            again = digest_again(evidence)
     except EvidenceError as error:
         if not damage:
-            raise
-        damage += [] if any(each.what == "changed" for each in damage) else [Damage("", "unreadable", str(error))]
-        return Verification(str(path), False, None if fingerprint is None else False, tuple(damage), None)
-    named = {name: evidence.manifest.get(name) for name in ("fingerprint", "info_fingerprint")}
-    consistent = named == found.run and not found.wrong
-    damage += [Damage("steps.parquet", "changed", f"episode {n} doesn't digest to its fingerprint") for n in found.wrong]
-    matches = None if fingerprint is None else _same(found.run["fingerprint"], fingerprint)
-    return Verification(str(path), consistent, matches, tuple(damage), found.run["fingerprint"])
+            damage = [Damage("", "unreadable", str(error))]
+        return Verification(str(path), False, unknown, tuple(damage), None)
+    named = {name: evidence.manifest.get(name) for name in again.run}
+    damage += [
+        Damage("steps.parquet", "changed", f"episode {n} doesn't digest to its fingerprint")
+        for n in again.wrong
+    ]
+    matches = None if fingerprint is None else _same(again.run["fingerprint"], fingerprint)
+    is_consistent = named == again.run and not again.wrong
+    return Verification(str(path), is_consistent, matches, tuple(damage), again.run["fingerprint"])
+
+
+def _is_damaged(folder: Path) -> bool:
+    """Whether there is a manifest of a format that we know, which isn't as it was sealed."""
+    path = folder / MANIFEST
+    if not path.is_file():
+        return False
+    try:
+        manifest = json.loads(read_bounded(path, MANIFEST_BYTES))
+    except (ValueError, RecursionError):
+        return True
+    except BundleError:  # nobody may look: that is no damage
+        return False
+    if not isinstance(manifest, dict):
+        return True
+    version = manifest.get("format_version")
+    is_newer = type(version) is int and version > FORMAT_VERSION
+    return not is_newer and manifest.get("status") != "open"
 
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """Fingerprints computed from rows: of the run, of each episode, and which differ from those named."""
+    """Fingerprints computed from rows: of the run, of each episode; and which aren't as named."""
 
     run: dict[str, str]
     episodes: dict[int, tuple[str, str]]
@@ -116,7 +152,10 @@ def digest_again(evidence: Evidence, *, volatile: Collection[str] | None = None)
             digest.add_states(_state_digests(states))
         _add_infos(digest, steps, number, leave_out)
         found[number] = digest.fingerprint, digest.info_fingerprint
-        if header["fingerprint"] is not None and found[number] != (header["fingerprint"], header["info_fingerprint"]):
+        if header["fingerprint"] is not None and found[number] != (
+            header["fingerprint"],
+            header["info_fingerprint"],
+        ):
             wrong.append(number)
     columns = [[found[header["episode"]][place] for header in headers] for place in (0, 1)]
     table = pa.table({"fingerprint": columns[0], "info_fingerprint": columns[1]})
@@ -125,12 +164,17 @@ def digest_again(evidence: Evidence, *, volatile: Collection[str] | None = None)
 
 def _state_digests(states: pa.Table) -> Any:
     states = states.combine_chunks()
-    cells = [(column, cells_of(column, states[column.name])) for column in value_columns(states.schema, "state")]
+    cells = [
+        (column, cells_of(column, states[column.name]))
+        for column in value_columns(states.schema, "state")
+    ]
     turn = np.ascontiguousarray(states["turn"].to_numpy())
     return state_digests(turn, cells, states["odd"].to_pylist())
 
 
-def _add_infos(digest: EpisodeDigest, steps: pa.Table, number: int, volatile: Collection[str]) -> None:
+def _add_infos(
+    digest: EpisodeDigest, steps: pa.Table, number: int, volatile: Collection[str]
+) -> None:
     if steps["info"].null_count == steps.num_rows:
         return
     for block in blocks_of(steps):

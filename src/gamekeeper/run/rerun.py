@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Final
 
+import numpy as np
+
+from gamekeeper.core.canon import to_json
+from gamekeeper.core.divergence import crossings
 from gamekeeper.core.trace import Trace, Turn
+from gamekeeper.errors import EvidenceError, PolicyError
 from gamekeeper.game.aec import AECGame
 from gamekeeper.game.parallel import ParallelGame
 from gamekeeper.run.play import Cast
+
+_SCALAR: Final = re.compile(r"numpy\.((?:u?int|float)\d+|bool|bool_)")
 
 
 def replay_trace(
@@ -16,6 +24,7 @@ def replay_trace(
     game: ParallelGame | AECGame,
     *,
     agents: Mapping[str, Any],
+    types: Mapping[str, str] | None = None,
     cast: Cast | None = None,
     run_seed: int | None = None,
     after_turn: Callable[[], None] | None = None,
@@ -28,18 +37,29 @@ def replay_trace(
 
     Args:
         agents: the environment's own identity of each agent by its name in the evidence.
-        cast: policies that choose in place of the recorded actions (the loop is closed); open if None.
+        types: of whole-number actions by agent, for a trace that doesn't name them.
+        cast: policies that choose in place of the recorded actions (the loop is closed); open if
+            None.
         run_seed: seeds the policies of a closed loop.
     """
     if cast is not None and run_seed is not None:
         cast.begin(run_seed, trace.episode)
-    game.reset(trace.seed, trace.options)
+    played, types = crossings(trace), trace.action_types or types or {}
+    try:
+        game.reset(trace.seed, trace.options)
+    except Exception:  # the episode ended there as failed, and perhaps it did so before
+        return
     for turn in trace.turns:
-        if not turn.order or not game.to_move:
+        if turn.index >= played or not game.env.agents:
+            _look_once_more(game, trace, turn)
+            break
+        if cast is not None and not game.to_move:
             break
         try:
-            _step(game, turn, agents, cast, trace.action_types)
-        except Exception:  # the rows say what was raised; a recorded raise is matched, others end it
+            _step(game, trace, turn, agents=agents, cast=cast, types=types)
+        except (PolicyError, EvidenceError):  # not the environment's
+            raise
+        except Exception:  # the rows say what was raised; only a recorded raise is played on from
             if not turn.raised:
                 break
         if after_turn is not None:
@@ -49,22 +69,25 @@ def replay_trace(
 
 def _step(
     game: ParallelGame | AECGame,
+    trace: Trace,
     turn: Turn,
+    *,
     agents: Mapping[str, Any],
     cast: Cast | None,
     types: Mapping[str, str],
 ) -> None:
     if isinstance(game, ParallelGame):
         if cast is None:
-            actions = {agents.get(name, name): _action(turn, name, types) for name in turn.order}
+            actions = {
+                _agent(game, agents, name): _action(turn, name, types) for name in turn.order
+            }
         else:
             seen, infos = game.observations, game.infos
             actions = {a: cast.act(a, seen.get(a), infos.get(a)) for a in game.to_move}
         game.step(actions)
         return
     name = turn.order[0]
-    looked = name in turn.observations
-    if looked or cast is not None:
+    if cast is not None or _was_seen(turn, name, trace):
         observation, _, terminated, truncated, info = game.last()
     if cast is None:
         game.step(_action(turn, name, types))
@@ -73,6 +96,45 @@ def _step(
         game.step(None if terminated or truncated else cast.act(agent, observation, info))
 
 
+def _agent(game: ParallelGame | AECGame, agents: Mapping[str, Any], name: str) -> Any:
+    """Who has this name: one of `agents`, or one that joined since; else the name itself."""
+    if name in agents:
+        return agents[name]
+    joined = (agent for agent in game.env.agents if not isinstance(agent, str))
+    return next((agent for agent in joined if to_json(agent) == name), name)
+
+
+def _look_once_more(game: ParallelGame | AECGame, trace: Trace, turn: Turn) -> None:
+    """An AEC episode may end with a look that no action followed; its row has the observation."""
+    if not isinstance(game, AECGame) or not game.env.agents:
+        return
+    if any(_was_seen(turn, name, trace) for name in turn.received):
+        try:
+            game.last()
+        except Exception:  # then the row that was recorded is missing, and the comparison says so
+            return
+
+
+def _was_seen(turn: Turn, name: str, trace: Trace) -> bool:
+    """Whether the agent's observation was looked at before it acted, as far as the evidence says.
+
+    At level "digest" observations aren't kept, and whoever was given anything counts as having
+    looked: so does every loop but one that asks `last(observe=False)`.
+    """
+    is_digest = "digest" in trace.steps.schema.names
+    return name in turn.observations or (is_digest and name in turn.received)
+
+
 def _action(turn: Turn, name: str, types: Mapping[str, str]) -> Any:
+    """The recorded action, of the very type that was handed over."""
     action = turn.actions.get(name)
-    return int(action) if types.get(name) == "int" and action is not None else action
+    odd = turn.odd.get(name, {}).get("action")
+    kind = types.get(name) if odd is None else odd.get("type")
+    if action is None or kind is None:
+        return action
+    if kind == "int":
+        return int(action)
+    scalar = _SCALAR.fullmatch(kind)
+    if scalar is not None and isinstance(action, bool | int | float | np.generic):
+        return np.dtype(scalar[1].rstrip("_")).type(action)
+    return action
