@@ -4,8 +4,8 @@
 
 Prints one JSON line for each figure: microseconds an agent-turn of `agent_iter`, `last` and `step`
 around trivial rules, by number of agents: the median of segments that take turns with each other,
-so that a busy machine slows all of them alike; and the exponent of the power law fitted to them
-(0: the cost doesn't grow with the agents, 1: it grows as they do).
+in time of the processor, so that a busy machine slows all of them alike; and the exponent of the
+power law fitted to them (0: the cost doesn't grow with the agents, 1: it grows as they do).
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import json
 import math
 from collections.abc import Callable
 from statistics import median
-from time import perf_counter
+from time import thread_time
 from typing import Any
 
 from gymnasium.spaces import Discrete
@@ -142,11 +142,11 @@ def turns_of(env: Any) -> Callable[[int], float]:
     """Plays a number of turns and says how long one took; whole episodes where they end."""
 
     def play(turns: int) -> float:
-        start = perf_counter()
+        start = thread_time()
         for _ in env.agent_iter(turns):
             _, _, terminated, truncated, _ = env.last()
             env.step(None if terminated or truncated else 1)
-        return (perf_counter() - start) / turns * 1e6
+        return (thread_time() - start) / turns * 1e6
 
     env.reset()
     return play
@@ -157,13 +157,13 @@ def episodes_of(env: Any) -> Callable[[int], float]:
 
     def play(turns: int) -> float:
         episodes = -(-turns // (2 * len(env.possible_agents)))
-        start = perf_counter()
+        start = thread_time()
         for _ in range(episodes):
             env.reset()
             for _ in env.agent_iter():
                 _, _, terminated, truncated, _ = env.last()
                 env.step(None if terminated or truncated else 1)
-        return (perf_counter() - start) / (episodes * 2 * len(env.possible_agents)) * 1e6
+        return (thread_time() - start) / (episodes * 2 * len(env.possible_agents)) * 1e6
 
     return play
 
@@ -175,10 +175,10 @@ def ticks_of(env: OursTick) -> Callable[[int], float]:
 
     def play(turns: int) -> float:
         ticks = -(-turns // len(actions))
-        start = perf_counter()
+        start = thread_time()
         for _ in range(ticks):
             env.step(actions)
-        return (perf_counter() - start) / (ticks * len(actions)) * 1e6
+        return (thread_time() - start) / (ticks * len(actions)) * 1e6
 
     return play
 
@@ -188,10 +188,10 @@ def snapshots_of(env: Ours) -> Callable[[int], float]:
     env.reset()
 
     def play(turns: int) -> float:
-        start = perf_counter()
+        start = thread_time()
         for _ in range(turns):
             env.restore(env.snapshot())
-        return (perf_counter() - start) / turns * 1e6
+        return (thread_time() - start) / turns * 1e6
 
     return play
 
@@ -207,9 +207,9 @@ def measured(plays: dict[Any, Callable[[int], float]], rounds: int) -> dict[Any,
         for key, play in plays.items():
             if number % SLOW and key in slow:
                 continue
-            start = perf_counter()
+            start = thread_time()
             seen[key].append(play(sizes[key]))
-            if perf_counter() - start > 5 * SEGMENT_S:
+            if thread_time() - start > 5 * SEGMENT_S:
                 slow.add(key)
     return {key: median(costs) for key, costs in seen.items()}
 

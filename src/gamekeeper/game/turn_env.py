@@ -36,7 +36,7 @@ class TurnEnv(Authored, Books):
     of the same seed, whose random numbers don't depend on how long the one before was. Without any
     seed the first one is drawn from the operating system; `self.rng.seed` tells it.
 
-    `horizon` ticks, or those of the contract that the class names (`contract = "relay.toml"`, beside
+    `horizon` ticks, or those of the contract that the class names (`contract = "relay.toml"` beside
     its file), end the episode; a tick is over once the turn comes to an agent that had one in it.
     `snapshot()` puts the running environment aside and `restore()` takes it up again; deepcopy and
     pickle work too.
