@@ -24,7 +24,8 @@ Actions, resolved together
         turns. Who is refused stays and pays `collision`; who was run into pays nothing.
 Batteries
     R10. A tick in which a robot moves, tries to, or handles costs one unit of its battery, and it
-        pays `energy`; a tick in which it does nothing on a charger gives CHARGE units.
+        pays `energy`; a tick in which it does nothing on a charger gives CHARGE units. With an
+        empty battery everything but doing nothing is masked out.
     R11. A robot whose battery is empty, and that is on no charger, is truncated alone ("battery")
         and taken off the floor; the order of the item it had is open again at its shelf.
     R12. After each tick, for each role, where fewer robots are live than the episode began with,
@@ -111,12 +112,12 @@ class WarehouseRules(Authored):
     def __init__(
         self,
         *,
-        pickers: int = 2,
+        pickers: int = 3,
         carriers: int = 2,
         spares: int = 1,
-        orders: int = 6,
+        orders: int = 8,
         every: int = 8,
-        battery: int = 120,
+        battery: int = 60,
         layout: str | tuple[str, ...] | list[str] | Layout = "small",
         horizon: int | None = None,
         render_mode: str | None = None,
@@ -175,7 +176,7 @@ class WarehouseRules(Authored):
             self.stands[cell] = agent
         self.waiting = [agent for agent in self.roles if self.robots[agent].cell == NOWHERE]
         self.lying: dict[int, int] = {}
-        self.wanted = [0] * len(self.floor.shelves)
+        self.wanted: NDArray[np.int64] = np.zeros(len(self.floor.shelves), np.int64)
         self.ticks = self.delivered = 0
         self.last_tick = self._limit()
         arrivals, tick = [], 0
@@ -201,7 +202,7 @@ class WarehouseRules(Authored):
                 self.pay(agent, ENERGY, term="energy")
             elif self.floor.text[robot.cell] == CHARGER:
                 robot.battery = min(robot.battery + CHARGE, self.battery)
-            if robot.battery <= 0 and self.floor.text[robot.cell] != CHARGER:
+            if robot.battery == 0 and self.floor.text[robot.cell] != CHARGER:
                 self._take_away(agent, robot)
         self.sight.look_again(actions)
 
@@ -225,7 +226,8 @@ class WarehouseRules(Authored):
         """What the actions come to under the knobs; what can't be done any more is a try (R10)."""
         for agent in actions:
             knobs.remember(agent, self.sight.view)
-        return {agent: knobs.played(agent, action) for agent, action in actions.items()}
+        played = {agent: knobs.played(agent, action) for agent, action in actions.items()}
+        return {a: action if self.robots[a].battery else NOOP for a, action in played.items()}
 
     def _handle(self, agents: list[str]) -> None:
         """Items change hands (R5 to R8)."""
@@ -328,7 +330,10 @@ class WarehouseRules(Authored):
         """Which actions a robot may take now (R4); true under every knob."""
         robot = self.robots[agent]
         cell, is_empty = robot.cell, robot.load == NOWHERE
-        legal = np.ones(ACTIONS, np.int8)
+        legal = np.zeros(ACTIONS, np.int8)
+        legal[NOOP] = 1
+        if not robot.battery:
+            return legal
         for move in range(4):
             legal[move] = self.floor.ways[move][cell] != NOWHERE
         if robot.role == "picker":

@@ -17,7 +17,7 @@ from gamekeeper.envs.warehouse_sight import KINDS_AT, OWN, PLACE, ROBOTS_AT, SID
 
 Seen = NDArray[np.int16]
 
-BATTERY: Final = 4
+BATTERY, LACK = 4, 5
 PRESENT, _EAST, _SOUTH, MOVES, RIVAL, WAYS = range(6)
 CHARGER: Final = OWN + 2 * PLACE
 CENTRE: Final = SIDE * SIDE // 2
@@ -25,8 +25,10 @@ STEPS: Final = (-SIDE, 1, SIDE, -1)
 """What a move adds to a position in the window."""
 RESERVE: Final = 10
 """Units of battery that are kept for detours on the way to a charger."""
-ENOUGH: Final = 60
-"""Units of battery with which a charging robot goes back to work."""
+ENOUGH: Final = 50
+"""Units of battery with which a charging robot goes back to work, if it holds so many."""
+MARKED, CHARGER_KIND = 2, 4
+"""Kinds of cells from which on others may want them, and the charger's."""
 WANDER: Final = 0.1
 """Probability that a greedy robot does something else for once."""
 GIVE_WAY: Final = 0.4
@@ -37,7 +39,7 @@ def reference(observation: Seen, agent: str, info: Mapping[str, Any], rng: Gener
     """Takes goals nobody else is nearer to, gives way, makes room, and recharges in time."""
     mask = info["action_mask"]
     battery, here = int(observation[BATTERY]), int(observation[KINDS_AT + CENTRE])
-    if here == 4 and battery < ENOUGH:
+    if here == CHARGER_KIND and battery < ENOUGH and observation[LACK]:
         return NOOP
     if battery <= int(observation[CHARGER + MOVES]) + RESERVE:
         return _towards(observation, CHARGER, mask, rng)
@@ -47,11 +49,11 @@ def reference(observation: Seen, agent: str, info: Mapping[str, Any], rng: Gener
     if goal is not None:
         return _towards(observation, goal, mask, rng)
     crowded = any(observation[ROBOTS_AT + CENTRE + step] for step in STEPS)
-    return _aside(observation, mask, rng) if here >= 2 or crowded else NOOP
+    return _aside(observation, mask, rng) if here >= MARKED or crowded else NOOP
 
 
 def greedy(observation: Seen, agent: str, info: Mapping[str, Any], rng: Generator) -> int:
-    """Takes the nearest goal by any shortest way, whoever is in it; wanders, forgets its battery."""
+    """Takes the nearest goal by any way, whoever is in it; wanders at times; never recharges."""
     mask = info["action_mask"]
     if mask[HANDLE]:
         return HANDLE

@@ -6,8 +6,9 @@ An observation, [LENGTH] int16:
     2 role        0 picker, 1 carrier
     3 load        1 with an item
     4 battery     units left
-    5..           three places of 9 numbers each: the nearest and second nearest goal, a charger
-    32..          the 5 by 5 cells around it: kinds (0 open floor, 1 closed or outside, 2 hand-over
+    5 lack        units that are missing to a full battery
+    6..           three places of 9 numbers each: the nearest and second nearest goal, a charger
+    33..          the 5 by 5 cells around it: kinds (0 open floor, 1 closed or outside, 2 hand-over
                   cell, 3 dock, 4 charger), then robots (0 none, 1 picker, 2 carrier), row by row
 
 Goals are, for a picker, shelves with open orders, then hand-over cells without an item; for a
@@ -28,7 +29,7 @@ for each cell the open orders of a shelf, or the item lying there.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 from gymnasium.spaces import Box
@@ -48,7 +49,7 @@ from gamekeeper.envs.layouts import (
 if TYPE_CHECKING:
     from gamekeeper.envs.warehouse import WarehouseRules
 
-OWN: Final = 5
+OWN: Final = 6
 PLACE: Final = 9
 PLACES: Final = 3
 """Two goals and a charger."""
@@ -65,7 +66,10 @@ HEADER: Final = 3
 PER_ROBOT: Final = 5
 MANY: Final = 2**31 - 1
 
-Goals = tuple[str, NDArray[np.intp], NDArray[np.int16]]
+Seeker: TypeAlias = tuple[str, bool]
+"""A role, and whether with an item: robots of one kind have the same goals."""
+Goals: TypeAlias = tuple[str, NDArray[np.intp], NDArray[np.int16]]
+"""Kind of place, numbers of the open ones, and for each of them the two least ways to it."""
 
 
 class Sight:
@@ -95,15 +99,18 @@ class Sight:
             kind: tuple(cell for cell in range(floor.size) if floor.text[cell] == kind)
             for kind in (SHELF, HAND_OVER, DOCK, CHARGER)
         }
-        self._goals: dict[tuple[str, bool], Goals | None] = {}
-        self._marked: dict[str, int] = {}
+        self._goals: dict[Seeker, Goals | None] = {}
+        self._known: dict[str, tuple[Seeker, int]] = {}
+        self._seekers: dict[Seeker, dict[str, int]] = {
+            (role, is_loaded): {} for role in ("picker", "carrier") for is_loaded in (False, True)
+        }
         self.look_again(task.robots)
 
     @staticmethod
     def space(floor: Layout, battery: int) -> Box:
         """The space of every robot's observations."""
         low, high = np.zeros(LENGTH, np.int16), np.ones(LENGTH, np.int16)
-        high[:OWN] = floor.width - 1, floor.height - 1, 1, 1, battery
+        high[:OWN] = floor.width - 1, floor.height - 1, 1, 1, battery, battery
         for at in range(OWN, KINDS_AT, PLACE):
             low[at + 1 : at + 3] = 1 - floor.width, 1 - floor.height
             high[at + 1 : at + 5] = floor.width - 1, floor.height - 1, floor.size, floor.size
@@ -118,20 +125,23 @@ class Sight:
         return places + [(at, at + 1) for at in range(ROBOTS_AT, LENGTH)]
 
     def look_again(self, agents: Iterable[str]) -> None:
-        """Sees the state anew: only these robots moved, came or went."""
+        """Sees the state anew: only these robots acted, came or went."""
         self._goals.clear()
         task, width = self._task, self._floor.width
         marks = self._robots
         for agent in agents:
-            cell = self._marked.pop(agent, None)
-            if cell is not None:
+            if agent in self._known:
+                key, cell = self._known.pop(agent)
+                del self._seekers[key][agent]
                 marks[cell // width + REACH, cell % width + REACH] = 0
         for agent in agents:
             robot = task.robots[agent]
             if task.stands.get(robot.cell) == agent:
                 y, x = divmod(robot.cell, width)
                 marks[y + REACH, x + REACH] = PICKER if robot.role == "picker" else CARRIER
-                self._marked[agent] = robot.cell
+                key = robot.role, robot.load != NOWHERE
+                self._known[agent] = key, robot.cell
+                self._seekers[key][agent] = robot.cell
 
     def shelves_beside(self, cell: int) -> list[int]:
         """Numbers of the shelves north, east, south and west of an open cell, in this order."""
@@ -152,7 +162,8 @@ class Sight:
             x = min(max(x + east, 0), floor.width - 1)
             y = min(max(y + south, 0), floor.height - 1)
             believed = y * floor.width + x
-        seen[:OWN] = x, y, robot.role == "carrier", robot.load != NOWHERE, max(robot.battery, 0)
+        lack = self._task.battery - robot.battery
+        seen[:OWN] = x, y, robot.role == "carrier", robot.load != NOWHERE, robot.battery, lack
         self._tell_goals(seen, robot.role, robot.load != NOWHERE, robot.cell, believed)
         self._tell_charger(seen, robot.cell, believed)
         return seen
@@ -178,23 +189,18 @@ class Sight:
         """The goals of a kind of robot, and the two nearest of its kind to each of them."""
         task = self._task
         if role == "picker" and not is_loaded:
-            kind, open_rows = SHELF, [row for row, count in enumerate(task.wanted) if count]
+            kind, rows = SHELF, np.flatnonzero(task.wanted)
         elif role == "carrier" and is_loaded:
-            kind, open_rows = DOCK, list(range(len(self._floor.docks)))
+            kind, rows = DOCK, np.arange(len(self._floor.docks))
         else:
             kind = HAND_OVER
-            cells = enumerate(self._floor.hand_overs)
-            open_rows = [row for row, cell in cells if (cell in task.lying) != (role == "picker")]
-        if not open_rows:
+            lies = [cell in task.lying for cell in self._floor.hand_overs]
+            rows = np.flatnonzero(np.array(lies) != (role == "picker"))
+        if not len(rows):
             return None
-        seekers = [
-            cell
-            for cell, agent in task.stands.items()
-            if (robot := task.robots[agent]).role == role and (robot.load != NOWHERE) == is_loaded
-        ]
-        rows = np.array(open_rows)
-        nearest: NDArray[np.int16] = np.full((len(rows), len(seekers) + 2), FAR, np.int16)
-        nearest[:, 2:] = self._floor.distances(kind)[np.ix_(rows, np.array(seekers, np.intp))]
+        cells = np.array(list(self._seekers[role, is_loaded].values()), np.intp)
+        nearest: NDArray[np.int16] = np.full((len(rows), len(cells) + 2), FAR, np.int16)
+        nearest[:, 2:] = self._floor.distances(kind)[rows[:, None], cells]
         return kind, rows, np.partition(nearest, 1, axis=1)[:, :2]
 
     def _tell_charger(self, seen: NDArray[np.int16], cell: int, believed: int) -> None:
