@@ -82,7 +82,7 @@ def _reference_receiver(seen: list[int]) -> int:
 
 
 def _on_the_way(seen: list[int]) -> int:
-    """An empty hand to the slot, as far as the space is clear; then it grasps what it sees there."""
+    """An empty hand to the slot, as far as the space is clear, to grasp what is seen there."""
     own, at = seen[OWN], seen[SLOT_AT]
     if own == seen[EDGE] and not _is_clear(seen):
         return WAIT
