@@ -35,7 +35,11 @@ class Side:
 
 @dataclass(slots=True)
 class Seat:
-    """One agent's place in the columns; `observation` or `action` is None without a known space."""
+    """One agent's place in the columns; `observation` or `action` is None without a known space.
+
+    `acts_as` is the type of its first whole-number action in the episode in progress, `action_type`
+    the last such type that there was.
+    """
 
     index: int
     agent: AgentId
@@ -43,6 +47,7 @@ class Seat:
     observation: Side | None
     action: Side | None
     action_type: type | None = None
+    acts_as: type | None = None
 
 
 @dataclass(slots=True)

@@ -9,6 +9,7 @@ turn, appended after all else that belongs to it.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from threading import Lock
 from typing import Final, TypeVar
 
 T = TypeVar("T")
@@ -62,6 +63,7 @@ class Tape:
     turns: list[object] = field(default_factory=list)
     starts: list[EpisodeStart] = field(default_factory=list)
     ends: list[EpisodeEnd] = field(default_factory=list)
+    lock: Lock = field(default_factory=Lock, repr=False, compare=False)  # held while it is cut
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +85,18 @@ def take(tape: Tape, *, most: int, most_rows: int = 65_536) -> Reel | None:
     Ends are counted before turns and starts after, so that a start never comes after a turn of its
     episode and an end never before one.
     """
+    with tape.lock:
+        return _take(tape, most, most_rows)
+
+
+def cut_back(tape: Tape) -> None:
+    """Takes off rows without a commit mark: an interrupt came while their turn was appended."""
+    with tape.lock:
+        rows: int = sum(tape.turns[2::TURN])  # type: ignore[arg-type]  # as in _take
+        del tape.given[rows * GIVEN :], tape.done[rows * DONE :]
+
+
+def _take(tape: Tape, most: int, most_rows: int) -> Reel | None:
     ends = len(tape.ends)
     waiting = len(tape.turns) // TURN
     turns = _within(tape.turns[2 : min(waiting, most) * TURN : TURN], most_rows)

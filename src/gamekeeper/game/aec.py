@@ -3,41 +3,36 @@
 Rows stand only for who acted, was paid, or whose flags or place in the roster changed: 2,048 agents
 don't cost 2,048 rows a turn. What a crossing pays stands at its own turn; what it changes in flags
 and roster stands at the next turn's start, as it does in a Parallel environment.
+
+Roster and flags are compared whole at each turn, but by functions in C: nothing here walks over all
+agents in Python.
 """
 
 from __future__ import annotations
 
 import traceback
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import filterfalse
 from time import perf_counter_ns
 from typing import Any, Final
 
-from pettingzoo.utils import wrappers
-
-from gamekeeper.core.tape import Place
-from gamekeeper.game.door import (
+from gamekeeper.core.tape import Place, cut_back
+from gamekeeper.game.accounts import books_of, entry_of, paid_others, pays_others, reward_in
+from gamekeeper.game.door import AgentId, Game
+from gamekeeper.game.flags import Flags
+from gamekeeper.game.oddity import (
     BOOLS,
     EXACT,
-    MISSING,
     REALS,
-    AgentId,
-    Game,
+    WHOLES,
+    flag_of,
     odd,
     reward_of,
     type_name_of,
 )
 
-# wrappers of PettingZoo that keep no books of their own: these are read where they are kept, because
-# an attribute costs 0.65 us for each wrapper that it falls through
-TRANSPARENT: Final = (
-    wrappers.BaseWrapper,
-    wrappers.OrderEnforcingWrapper,
-    wrappers.AssertOutOfBoundsWrapper,
-    wrappers.ClipOutOfBoundsWrapper,
-    wrappers.TerminateIllegalWrapper,
-    wrappers.CaptureStdoutWrapper,
-)
 _NEVER: Final = object()
+_NOTHING_DONE: Final = (None, None, None, None, None, None)
 
 
 class AECGame(Game):
@@ -51,10 +46,7 @@ class AECGame(Game):
         self._books = env
         self._roster: list[AgentId] = []
         self._live: set[AgentId] = set()
-        self._flags: dict[
-            AgentId, tuple[Any, Any]
-        ] = {}  # terminated, truncated; absent: both False
-        self._set = 0  # how many flags aren't False
+        self._terminated, self._truncated = Flags("terminated"), Flags("truncated")
         self._news: list[AgentId] = []  # agents with a row at the start of the turn that comes
         self._seen: Any = _NEVER  # whose observation was looked at in this turn
         self._seen_payload: Any = None
@@ -67,8 +59,8 @@ class AECGame(Game):
 
     def reset(self, seed: int | None = None, options: Mapping[str, Any] | None = None) -> None:
         """Resets the environment; every reset starts an episode."""
-        given = {"seed": seed, "options": options}
-        given = {name: value for name, value in given.items() if value is not None}
+        arguments = {"seed": seed, "options": options}
+        given = {name: value for name, value in arguments.items() if value is not None}
         if self.sink is None:
             self.env.reset(**given)
             return
@@ -80,10 +72,11 @@ class AECGame(Game):
             self.fail(traceback.format_exc())
             self.end_episode()
             raise
-        self._books = _books(self.env)
+        self._books = books_of(self.env)
         self._first_look()
         self._seen = _NEVER
-        self._flags, self._set = {}, 0
+        self._terminated.clear()
+        self._truncated.clear()
         self._roster = list(self._books.agents)
         self._live = set(self._roster)
         self._news = list(self._roster)
@@ -91,7 +84,7 @@ class AECGame(Game):
 
     def last(self, observe: bool = True) -> Any:
         """What the environment's own `last` returns, noted as what the agent in turn was given."""
-        out = self.env.last(observe)
+        out = self.env.last() if observe is True else self.env.last(observe)
         if observe and self.sink is not None and self._open:
             self._look(self._books.agent_selection, out[0])
         return out
@@ -104,221 +97,188 @@ class AECGame(Game):
         return out
 
     def _look(self, agent: AgentId, observation: Any) -> None:
+        """Notes the latest look of this turn; an earlier one is forgotten."""
+        if self._half is not None:
+            self._mend()
         if self._seen_payload.__class__ is Place and self._seen is not _NEVER:
-            self.sink.rings.release(self._seen_payload)  # type: ignore[union-attr]  # who puts aside has rings
+            self._seen = _NEVER
+            self.sink.rings.release(self._seen_payload)  # type: ignore[union-attr]  # it put it there
         _, pack, _ = self._desk.get(agent) or self._sit(agent)
         payload = pack(observation)
-        self._seen, self._seen_payload = agent, payload
         self._seen_odd = None if payload is not None else (odd("obs", observation),)
+        self._seen_payload, self._seen = payload, agent
 
     def step(self, action: Any) -> None:
         """One turn of the agent whose turn it is."""
         if self.sink is None or not self._open:
             self.env.step(action)
             return
-        books = self._books
-        agent = books.agent_selection
-        desk = self._desk.get(agent) or self._sit(agent)
-        self._give(agent, desk[0])
+        if self._half is not None:
+            self._mend()
+        agent = self._books.agent_selection
+        index, _, pack = self._desk.get(agent) or self._sit(agent)
+        given = self._given(agent, index)
         payload = entry = None
         if action is not None:
-            payload = desk[2](action)
+            payload = pack(action)
             if payload is None:
-                entry = (odd("action", action),)
+                payload, entry = self._odd_action(agent, action)
         start = perf_counter_ns()
         try:
             self.env.step(action)
         except Exception as error:
-            self._tape.done.extend((0, payload, None, None, type_name_of(type(error)), entry))
-            self._commit(1, perf_counter_ns() - start)
-            self.turn += 1
+            done = (0, payload, None, None, type_name_of(type(error)), entry)
             self._seen = _NEVER
+            self._commit(given, done, 1, perf_counter_ns() - start)
             self.fail(traceback.format_exc())
             raise
         wall_ns = perf_counter_ns() - start
         self._failure = None
+        self._half = agent, given, payload, entry, wall_ns, self.turn
         self._seen = _NEVER
-        self._settle(agent, payload, entry, wall_ns)
+        self._pay(agent, given, payload, entry, wall_ns)
+        self._note(agent)
+        self._half = None
+
+    def _mend(self) -> None:
+        """Books the rest of a crossing in whose books an interrupt came."""
+        assert self._half is not None
+        (*row, turn), self._half = self._half, None
+        if not self._open or self._is_closed:
+            return
+        self._seen = _NEVER
+        cut_back(self._tape)
+        if self.turn == turn:
+            self._pay(*row)
+        self._note(row[0])
 
     # -- rows
 
-    def _give(self, agent: AgentId, index: int) -> None:
+    def _given(self, agent: AgentId, index: int) -> tuple[Any, ...]:
         """The row of the agent in turn: what it was given."""
         books = self._books
         received, terminated, truncated, info = (
-            _of(books._cumulative_rewards, agent),
-            _of(books.terminations, agent),
-            _of(books.truncations, agent),
-            _of(books.infos, agent),
+            entry_of(books._cumulative_rewards, agent),
+            entry_of(books.terminations, agent),
+            entry_of(books.truncations, agent),
+            entry_of(books.infos, agent),
         )
         payload, fields, text, mask = None, None, None, None
         if self._seen is not _NEVER and self._seen == agent:
             payload, fields = self._seen_payload, self._seen_odd
+        kind = received.__class__
         if (
-            received.__class__ not in REALS
+            kind not in REALS
             or terminated.__class__ not in BOOLS
             or truncated.__class__ not in BOOLS
             or (info.__class__ is not dict)
-            or (received.__class__ is int and not -EXACT <= received <= EXACT)
+            or (kind in WHOLES and not -EXACT <= received <= EXACT)
         ):
             entries = list(fields or ())
             if reward_of(received) is None:
                 entries.append(odd("received", received))
                 received = None
-            terminated = _flag_of(terminated, "terminated", entries)
-            truncated = _flag_of(truncated, "truncated", entries)
+            terminated = flag_of(terminated, "terminated", entries)
+            truncated = flag_of(truncated, "truncated", entries)
             text, mask = self._info(info, entries)
             fields = tuple(entries) or None
         elif info:
             text, mask = self._info_text(info)
         live = agent in self._live
-        self._tape.given.extend(
-            (index, payload, mask, received, terminated, truncated, text, live, fields)
-        )
+        return index, payload, mask, received, terminated, truncated, text, live, fields
 
-    def _settle(self, agent: AgentId, payload: Any, entry: Any, wall_ns: int) -> None:
-        """After the crossing: the reward of who acted, rows for others, the marks of the turn."""
-        books = self._books
-        rewards = books.rewards
-        reward = rewards.get(agent)
-        if reward is not None and reward.__class__ is not float and reward_of(reward) is None:
-            entry, reward = (*(entry or ()), odd("reward", reward)), None
-        self._tape.done.extend((0, payload, reward, self._terms_of(agent), None, entry))
+    def _pay(
+        self, agent: AgentId, given: tuple[Any, ...], payload: Any, entry: Any, wall_ns: int
+    ) -> None:
+        """After the crossing: the reward of who acted, rows for others, the turn on the tape."""
+        rewards = self._books.rewards
+        reward, entry = reward_in(rewards, agent, entry)
+        done = 0, payload, reward, self._terms_of(agent), None, entry
         news = [other for other in self._news if other != agent] if self._news else []
-        paid = _paid_others(rewards, agent) if _pays_others(rewards, reward) else []
-        rows = 1 + self._other_rows(news, paid) if news or paid else 1
+        paid = paid_others(rewards, agent) if pays_others(rewards, reward) else []
+        if news or paid:
+            others, theirs = self._other_rows(news, paid)
+            self._commit(
+                [*given, *others], [*done, *theirs], 1 + len(others) // len(given), wall_ns
+            )
+        else:
+            self._commit(given, done, 1, wall_ns)
         self._news = []
-        self._commit(rows, wall_ns)
-        self._crossed()
-        self._note_roster(agent, books.agents)
-        self._note_flags()
-        if not books.agents:
-            self.end_episode()
 
-    def _other_rows(self, news: list[AgentId], paid: list[AgentId]) -> int:
+    def _other_rows(
+        self, news: list[AgentId], paid: list[AgentId]
+    ) -> tuple[Sequence[Any], Sequence[Any]]:
         """Rows of those who didn't act: new flags or place in the roster, what they were paid."""
-        given, done = self._tape.given.extend, self._tape.done.extend
+        given: list[Any] = []
+        done: list[Any] = []
         rewards = self._books.rewards
         receives = set(paid)
-        others = dict.fromkeys([*news, *paid])
-        for other in others:
+        for other in dict.fromkeys([*news, *paid]):
             index, _, _ = self._desk.get(other) or self._sit(other)
             entries: list[str] = []
-            flags = self._flags.get(other, (False, False))
-            terminated, truncated = (
-                _flag_of(flag, field, entries)
-                for flag, field in zip(flags, ("terminated", "truncated"), strict=True)
-            )
+            flags = self._terminated.of(other, entries), self._truncated.of(other, entries)
             live = other in self._live
-            given(
-                (index, None, None, None, terminated, truncated, None, live, tuple(entries) or None)
-            )
-            reward = rewards.get(other) if other in receives else None
-            entry = None
-            if reward is not None and reward_of(reward) is None:
-                entry, reward = (odd("reward", reward),), None
-            done((None, None, reward, self._terms_of(other), None, entry))
-        return len(others)
+            given.extend((index, None, None, None, *flags, None, live, tuple(entries) or None))
+            reward, entry = reward_in(rewards, other, None) if other in receives else (None, None)
+            done.extend((None, None, reward, self._terms_of(other), None, entry))
+        return given, done
 
     def _terms_of(self, agent: AgentId) -> Any:
         return None if self._paid_terms is None else self._paid_terms(agent)
 
     # -- what a crossing changed
 
+    def _note(self, actor: AgentId) -> None:
+        """The next turn begins: state, frame, and whose flags or place in the roster changed."""
+        self._crossed()
+        agents = self._books.agents
+        if agents != self._roster:
+            self._note_roster(actor, agents)
+        self._note_flags()
+        if not agents:
+            self._end()
+
     def _note_roster(self, actor: AgentId, agents: list[AgentId]) -> None:
         """Who joined or left; the actor's leaving by its own None turn is no news."""
-        before = self._roster
-        if agents == before:
-            return
         now, then = set(agents), self._live
-        for agent in [agent for agent in before if agent not in now]:
-            flags = self._flags.pop(agent, (False, False))
-            self._set -= _set_flags(flags)
-            if agent != actor or not any(flags):
+        for agent in filterfalse(now.__contains__, self._roster):
+            is_flagged = self._terminated.forget(agent) | self._truncated.forget(agent)
+            if agent != actor or not is_flagged:
                 self._news.append(agent)
-        self._news.extend(agent for agent in agents if agent not in then)
+        self._news.extend(filterfalse(then.__contains__, agents))
         self._roster, self._live = list(agents), now
 
     def _note_flags(self) -> None:
         """Whose flags aren't what they were at the start of the last turn."""
-        terminations, truncations = self._books.terminations, self._books.truncations
-        unset = list(terminations.values()).count(False) + list(truncations.values()).count(False)
-        if unset + self._set == len(terminations) + len(truncations):
-            return
-        flags, news = self._flags, dict.fromkeys(self._news)
-        for agent, terminated in terminations.items():
-            pair = (terminated, truncations.get(agent, False))
-            known = flags.get(agent, (False, False))
-            if pair != known:
-                news[agent] = None
-                flags[agent] = pair
-                self._set += _set_flags(pair) - _set_flags(known)
-        self._news = list(news)
+        books, news = self._books, self._news
+        if self._terminated.differ_from(books.terminations):
+            news.extend(self._terminated.take(books.terminations))
+        if self._truncated.differ_from(books.truncations):
+            news.extend(self._truncated.take(books.truncations))
 
     def end_episode(self) -> None:
         """Closes the books of an episode in progress; what is news yet becomes closing rows."""
         if self.sink is None or not self._open:
             return
+        if self._half is not None:
+            self._mend()
+        if self._open:
+            self._end()
+
+    def _end(self) -> None:
         agents = getattr(self._books, "agents", [])
-        rows = 0
+        given: Sequence[Any] = ()
+        done: Sequence[Any] = ()
+        news = self._news
         if agents and self._seen is not _NEVER:
             agent = self._seen
-            self._give(agent, (self._desk.get(agent) or self._sit(agent))[0])
-            rows = 1
-            self._tape.done.extend((None, None, None, None, None, None))
-            self._news = [other for other in self._news if other != agent]
-        rows += self._other_rows(self._news, [])
+            given = self._given(agent, (self._desk.get(agent) or self._sit(agent))[0])
+            done = _NOTHING_DONE
+            news = [other for other in news if other != agent]
+        others, theirs = self._other_rows(news, [])
+        if not self._is_closed:
+            rows = len(done) // len(_NOTHING_DONE) + len(theirs) // len(_NOTHING_DONE)
+            self._commit([*given, *others], [*done, *theirs], rows, None)
         self._news, self._seen = [], _NEVER
-        self._commit(rows, None)
-        over = all(any(self._flags.get(agent, ())) for agent in agents)
+        over = all(self._terminated.has(agent) or self._truncated.has(agent) for agent in agents)
         self._finish("ended" if over else "cut")
-
-
-def _books(env: Any) -> Any:
-    """Where the books of `env` are kept: the first environment that isn't a transparent wrapper."""
-    while type(env) in TRANSPARENT:
-        env = env.env
-    return env
-
-
-def _of(book: Any, agent: AgentId) -> Any:
-    try:
-        return book[agent]
-    except (KeyError, TypeError):
-        return MISSING
-
-
-def _pays_others(rewards: Mapping[AgentId, Any], reward: Any) -> bool:
-    """Whether `rewards` may pay anybody but the agent whose own reward is `reward`.
-
-    Counting one of the zeros that are in it finds the others by identity, at 1 ns each, where `any`
-    asks every number for its truth.
-    """
-    values = list(rewards.values())
-    zero = values[0] if values and values[0].__class__ in REALS and not values[0] else 0
-    try:
-        return len(values) - values.count(zero) != (1 if reward else 0)
-    except ValueError:  # a reward that is an array has no truth
-        return True
-
-
-def _paid_others(rewards: Mapping[AgentId, Any], agent: AgentId) -> list[AgentId]:
-    """Those that `rewards` pays, but for `agent`; what is no number counts as pay, to be seen."""
-    return [
-        other
-        for other, reward in rewards.items()
-        if other != agent and (reward.__class__ not in REALS or reward)
-    ]
-
-
-def _flag_of(flag: Any, field: str, entries: list[str]) -> Any:
-    """`flag` if it is a bool; else None, and the value as it was goes to `entries`."""
-    if flag.__class__ in BOOLS:
-        return flag
-    entries.append(odd(field, flag))
-    return None
-
-
-def _set_flags(flags: tuple[Any, Any]) -> int:
-    """How many of the two flags don't equal False."""
-    return 2 - flags.count(False)

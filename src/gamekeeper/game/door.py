@@ -4,55 +4,38 @@ A `Game` is the same for both of PettingZoo's APIs: reset, step, close. What the
 and what is done to it goes onto a tape, if a sink was handed in. The door makes only the calls that
 its caller makes, but for `state()` (and `render()` where frames are asked for), each looked at once
 for drawing from a random generator before it is used.
+
+Ctrl-C may come between any two lines of ours. So only whole turns go onto the tape, and what was
+still to be booked after a crossing stands in `_half` until it is: whoever comes next books it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping
-from typing import Any, Final, Protocol
+import warnings
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from typing import Any, Final
 
 import numpy as np
 from gymnasium.spaces import Box, Space
 from numpy.typing import NDArray
 
 from gamekeeper.core.canon import to_json, type_name
-from gamekeeper.core.layout import LARGE_BYTES, Layout, Side
+from gamekeeper.core.layout import Seat
 from gamekeeper.core.space import Codec
-from gamekeeper.core.tape import EpisodeEnd, EpisodeStart, Tape
+from gamekeeper.core.tape import EpisodeEnd, EpisodeStart
+from gamekeeper.errors import EvidenceError
 from gamekeeper.game.infos import InfoTexts
-from gamekeeper.game.ring import Rings
+from gamekeeper.game.oddity import odd, odd_type, type_name_of
+from gamekeeper.game.packers import Pack, action_packer, observation_packer, other_whole
+from gamekeeper.game.sink import Sink
 from gamekeeper.game.stillness import is_still
 
+__all__ = ["AgentId", "Game", "Pack", "Sink", "type_name_of"]
+
 AgentId = Hashable
-Pack = Callable[[Any], Any]
-REALS: Final = frozenset(
-    {float, int, *(np.dtype(code).type for code in "bhilqBHILQefd")}
-)  # what PettingZoo environments pay in; a bool or a text is no reward
-BOOLS: Final = frozenset({bool, np.bool_})
-EXACT: Final = 1 << 53  # beyond it a whole number has no exact float64
-GIVEN_NOTHING: Final = (None, None, None, None, None, None)  # observation, mask, ..., info
+NO_STATE: Final = (None, None)
 CHECK_TURNS: Final = 256  # how often the sink is asked whether it keeps up
-
-
-class Missing:
-    """Stands for a key that a dictionary should have had."""
-
-
-MISSING: Final = Missing()
-
-
-class Sink(Protocol):
-    """Takes what a game puts on the tape."""
-
-    tape: Tape
-    layout: Layout
-    rings: Rings | None
-
-    def keep_up(self) -> None:
-        """Called every few turns and at an episode's end; may wait until the tape is shorter."""
-
-    def frame(self, episode: int, turn: int, frame: Any) -> None:
-        """Takes one rendered frame."""
+SEEDS: Final = range(-(1 << 63), 1 << 63)  # what stands in the column of seeds
 
 
 class Game:
@@ -72,10 +55,12 @@ class Game:
         self._since = -1
         self._frames = frames
         self._open = False
+        self._is_closed = False  # the closing rows of the episode are on the tape
+        self._half: tuple[Any, ...] | None = None  # a crossing that isn't booked yet
         self._failure: str | None = None
         self._wants_state = state and sink is not None
         self._state: Callable[[], Any] | None = None
-        self._state_entry: tuple[Any, str | None] = (None, None)
+        self._state_entry: tuple[Any, str | None] = NO_STATE
         self._pack_state: Pack | None = None
         self._known: dict[int, Codec] = {}
         self._info_text = InfoTexts().text
@@ -95,18 +80,25 @@ class Game:
         seat = layout.seats.get(agent)
         if seat is None:
             seat = layout.seat(agent, *self._codecs(agent))
-        packers = (_packer(seat.observation, self.sink.rings), _action_packer(seat))
+        packers = observation_packer(seat.observation, self.sink), action_packer(seat)
         desk = self._desk[agent] = (seat.index, *packers)
         return desk
 
+    def _seat(self, agent: AgentId) -> Seat:
+        assert self.sink is not None
+        return self.sink.layout.seats[agent]
+
     def _codecs(self, agent: AgentId) -> tuple[Codec | None, Codec | None]:
-        return self._codec(self.env.observation_space, agent), self._codec(
-            self.env.action_space, agent
+        return (
+            self._codec(self.env.observation_space, agent),
+            self._codec(self.env.action_space, agent),
         )
 
     def _codec(self, space_of: Callable[[AgentId], Any], agent: AgentId) -> Codec | None:
         try:
-            space = space_of(agent)
+            with warnings.catch_warnings():  # PettingZoo's own method warns of its being called
+                warnings.simplefilter("ignore")
+                space = space_of(agent)
         except Exception:  # an agent that nobody declared has no space: its values are kept as odd
             return None
         if not isinstance(space, Space):
@@ -119,11 +111,16 @@ class Game:
     # -- episodes
 
     def _begin(self, seed: int | None, options: Mapping[str, Any] | None) -> None:
+        assert self.sink is not None
+        seed = _whole_seed(seed)
         self.episode += 1
         self.turn = 0
         if seed is not None:
             self._since = self.episode
-        self._open, self._failure = True, None
+        self._open, self._is_closed, self._half = True, False, None
+        self._failure, self._state_entry = None, NO_STATE
+        for seat in self.sink.layout.order:
+            seat.acts_as = None
         text = None if options is None else to_json(options)
         start = EpisodeStart(self.episode, seed, self._since, text, self.policies)
         self._tape.starts.append(start)
@@ -133,11 +130,8 @@ class Game:
         assert self.sink is not None
         self._open = False
         error, self._failure = self._failure, None
-        types = {
-            seat.name: type_name_of(seat.action_type)
-            for seat in self.sink.layout.order
-            if seat.action_type
-        }
+        seats = self.sink.layout.order
+        types = {seat.name: type_name_of(seat.acts_as) for seat in seats if seat.acts_as}
         end = "failed" if error is not None else end
         self._tape.ends.append(
             EpisodeEnd(self.episode, end, self.turn, error, self._endings(), to_json(types))
@@ -146,8 +140,17 @@ class Game:
 
     def _endings(self) -> str | None:
         """Reasons by agent, where the environment's rules name them."""
-        reasons = getattr(self.env.unwrapped, "endings", None)
-        return to_json(reasons) if isinstance(reasons, dict) and reasons else None
+        assert self.sink is not None
+        found = getattr(self.env.unwrapped, "endings", None)
+        if not isinstance(found, dict):
+            return None
+        seats = self.sink.layout.seats
+        reasons = {
+            seats[agent].name: reason
+            for agent, reason in found.items()
+            if agent in seats and isinstance(reason, str)
+        }
+        return to_json(reasons) if reasons else None
 
     def fail(self, error: str) -> None:
         """Notes why the episode in progress can't go on; it ends as *failed*."""
@@ -162,12 +165,30 @@ class Game:
             return None, None
         return self._info_text(info) if info else (None, None)
 
-    def _commit(self, rows: int, wall_ns: int | None) -> None:
-        self._tape.turns.extend((self.episode, self.turn, rows, wall_ns, *self._state_entry))
+    def _odd_action(self, agent: AgentId, action: Any) -> tuple[int | None, tuple[str]]:
+        """Payload and `odd` entry of an action that its packer didn't take."""
+        payload = other_whole(self._seat(agent), action)
+        entry = odd("action", action) if payload is None else odd_type("action", action)
+        return payload, (entry,)
+
+    def _commit(
+        self, given: Sequence[Any], done: Sequence[Any], rows: int, wall_ns: int | None
+    ) -> None:
+        """Puts a whole turn on the tape, its mark last; without `wall_ns` the closing rows.
+
+        From the turn's number to the mark nothing is called, so no interrupt comes between them.
+        """
+        tape, turn = self._tape, self.turn
+        tape.given.extend(given)
+        tape.done.extend(done)
+        if wall_ns is None:
+            self._is_closed = True
+        else:
+            self.turn = turn + 1
+        tape.turns.extend((self.episode, turn, rows, wall_ns, *self._state_entry))
 
     def _crossed(self) -> None:
         """After a crossing: the next turn begins with a look at state and frame."""
-        self.turn += 1
         if self._state is not None:
             self._state_entry = self._look_at_state()
         if self._frames:
@@ -180,7 +201,7 @@ class Game:
         if self._wants_state:
             self._wants_state = False
             self._state = self._still_state()
-        self._state_entry = self._look_at_state() if self._state is not None else (None, None)
+        self._state_entry = self._look_at_state() if self._state is not None else NO_STATE
         if self._frames and not is_still(self.env, self.env.render):
             self._frames = False
         if self._frames:
@@ -196,10 +217,11 @@ class Game:
         try:
             state = self._state()
         except Exception as error:  # foreign code: kept as evidence, not as our failure
-            return None, "{" + f'"state":{{"raised":{to_json(type_name(error))}}}' + "}"
+            return None, f'{{"state":{{"raised":{to_json(type_name(error))}}}}}'
         if self._pack_state is None:
             self.sink.layout.take_state(self._state_codec(state))
-            self._pack_state = _packer(self.sink.layout.state, None)
+            side = self.sink.layout.state
+            self._pack_state = _no_state if side is None else side.codec.pack_one or side.codec.pack
         packed = self._pack_state(state)
         return (packed, None) if packed is not None else (None, "{" + odd("state", state) + "}")
 
@@ -212,39 +234,42 @@ class Game:
         return None
 
     def _take_frame(self) -> None:
-        frame = self.env.render()
+        try:
+            frame = self.env.render()
+        except Exception:  # it could be rendered once; the turn without a frame says that it can't
+            return
         if frame is not None:
             self.sink.frame(self.episode, self.turn, frame)  # type: ignore[union-attr]
 
     def close(self) -> None:
         """Closes the environment; an episode in progress is kept as *cut*."""
-        self.end_episode()
-        self.env.close()
+        try:
+            self.end_episode()
+        finally:
+            self.env.close()
 
     def end_episode(self) -> None:
         """Closes the books of an episode in progress, if there is one."""
         raise NotImplementedError
 
 
-def odd(field: str, value: object) -> str:
-    """One entry of a row's `odd` object: the value as it was, with its type."""
-    if value is MISSING:
-        return f'"{field}":{{"type":"missing"}}'
-    return f'"{field}":{{"type":{to_json(type_name(value))},"value":{to_json(value)}}}'
+def _whole_seed(seed: Any) -> int | None:
+    """The seed as it stands in its column.
 
-
-def reward_of(reward: Any) -> float | None:
-    """`reward` if it is a real number that a float64 holds exactly, else None."""
-    if reward.__class__ not in REALS:
+    Raises:
+        EvidenceError: it is no whole number of 64 bits, and couldn't be handed over again.
+    """
+    if seed is None:
         return None
-    if isinstance(reward, int | np.integer) and not -EXACT <= reward <= EXACT:
-        return None
-    return reward  # type: ignore[no-any-return]  # one of REALS
-
-
-def type_name_of(kind: type) -> str:
-    """`int`, `numpy.int64`: the name of a type as evidence spells it."""
-    return kind.__name__ if kind.__module__ == "builtins" else f"{kind.__module__}.{kind.__name__}"
+    if isinstance(seed, int | np.integer) and int(seed) in SEEDS:
+        return int(seed)
+    raise EvidenceError(
+        "a seed can't be recorded",
+        where="reset(seed=...)",
+        expected="a whole number of at most 64 bits",
+        seen=f"{type(seed).__name__} {seed!r:.60}",
+        mend="reset with a smaller number, or make one of it: seed % 2**63",
+    )
 
 
 def _terms_reader(env: Any, names: tuple[str, ...]) -> Callable[[AgentId], Any] | None:
@@ -253,7 +278,9 @@ def _terms_reader(env: Any, names: tuple[str, ...]) -> Callable[[AgentId], Any] 
         return None
 
     def read(agent: AgentId) -> tuple[float, ...]:
-        paid = env.terms.get(agent, {})
+        paid = env.terms.get(agent)
+        if paid.__class__ is not dict:
+            paid = {}
         return tuple(paid.get(name, 0.0) for name in names)
 
     return read
@@ -268,50 +295,5 @@ def _box_of(state: NDArray[Any]) -> Box:
     return Box(*limits, state.shape, dtype)
 
 
-def _packer(side: Side | None, rings: Rings | None) -> Pack:
-    if side is None:
-        return _nothing
-    codec = side.codec
-    pack = codec.pack_one or codec.pack
-    leaf = codec.leaves[0] if len(codec.leaves) == 1 else None
-    if rings is None or leaf is None or leaf.kind != "bytes":
-        return pack
-    dtype, shape, put = np.dtype(leaf.dtype), leaf.shape, rings.put
-    if int(np.prod(shape, dtype=np.int64)) * dtype.itemsize < LARGE_BYTES or leaf.path:
-        return pack
-
-    def pack_large(value: Any) -> int | None:
-        if value.__class__ is np.ndarray and value.dtype == dtype and value.shape == shape:
-            return put(value)
-        return None
-
-    return pack_large
-
-
-def _action_packer(seat: Any) -> Pack:
-    """As the action space's codec packs; a whole number must also be of the type it had first.
-
-    Environments treat int and numpy.int64 differently (`action is 1`, overflow, JSON), so a replay
-    hands over what was handed over; the type is kept once for each agent.
-    """
-    side = seat.action
-    if side is None:
-        return _nothing
-    codec = side.codec
-    pack: Pack = codec.pack_one or codec.pack
-    if len(codec.leaves) != 1 or codec.leaves[0].kind != "int" or codec.leaves[0].path:
-        return pack
-
-    def pack_whole(action: Any) -> int | None:
-        kind = action.__class__
-        if kind is not seat.action_type:
-            if seat.action_type is not None or pack(action) is None:
-                return None
-            seat.action_type = kind
-        return int(action)
-
-    return pack_whole
-
-
-def _nothing(value: object) -> None:
-    return None
+def _no_state(state: object) -> None:
+    return

@@ -5,20 +5,17 @@ from __future__ import annotations
 import traceback
 from collections.abc import Mapping
 from time import perf_counter_ns
-from typing import Any
+from typing import Any, Final
 
-from gamekeeper.core.tape import GIVEN, Place
-from gamekeeper.game.door import (
-    BOOLS,
-    GIVEN_NOTHING,
-    MISSING,
-    AgentId,
-    Game,
-    Pack,
-    odd,
-    reward_of,
-    type_name_of,
-)
+from gamekeeper.core.tape import GIVEN, Place, cut_back
+from gamekeeper.game.door import AgentId, Game, Pack
+from gamekeeper.game.oddity import MISSING, flag_of, odd, reward_of, type_name_of
+
+Move = tuple[int | None, Any, tuple[str, ...] | None]  # order, packed action, odd
+NO_MOVE: Final[Move] = (None, None, None)
+NOTHING_GIVEN: Final = (None, None, None, None, None, None)  # observation, mask, ..., info
+NOTHING_DONE: Final = (None, None, None, None, None, None)
+NO_PARTS: Final[tuple[Any, ...]] = ({}, {}, {}, {}, {})
 
 
 class ParallelGame(Game):
@@ -32,19 +29,30 @@ class ParallelGame(Game):
         self._who: list[AgentId] = []  # the agents of the rows that wait for an action
         self._givers: list[tuple[int, Pack]] = []  # seat and observation packer of each of them
         self._doers: list[Pack] = []  # action packer of each of them
+        self._waiting: list[Any] = []  # those rows: what was given
         self._ended = False
-        self.observations: Mapping[AgentId, Any] = {}
-        self.infos: Mapping[AgentId, Any] = {}
+        self._observations: Any = {}
+        self._infos: Any = {}
 
     @property
     def to_move(self) -> list[AgentId]:
         """The agents that act next; empty once the episode is over."""
         return [] if self._ended else list(self.env.agents)
 
+    @property
+    def observations(self) -> Mapping[AgentId, Any]:
+        """What reset or step gave last; empty where that was no dictionary."""
+        return self._observations if isinstance(self._observations, Mapping) else {}
+
+    @property
+    def infos(self) -> Mapping[AgentId, Any]:
+        """The infos of reset or step, likewise."""
+        return self._infos if isinstance(self._infos, Mapping) else {}
+
     def reset(self, seed: int | None = None, options: Mapping[str, Any] | None = None) -> Any:
-        """Resets the environment; every reset starts an episode. Returns what the environment returned."""
-        given = {"seed": seed, "options": options}
-        given = {name: value for name, value in given.items() if value is not None}
+        """Resets the environment, which starts an episode; returns what the environment did."""
+        arguments = {"seed": seed, "options": options}
+        given = {name: value for name, value in arguments.items() if value is not None}
         if self.sink is None:
             return self._note(self.env.reset(**given))
         self.end_episode()
@@ -55,13 +63,14 @@ class ParallelGame(Game):
             self.fail(traceback.format_exc())
             self.end_episode()
             raise
-        observations, infos = self._note(out) if _is_pair(out) else ({}, {})
+        self._note(out)
         self._first_look()
-        self._give(observations, None, None, None, infos)
+        self._give(self._observations, None, None, None, self._infos)
         return out
 
     def _note(self, out: Any) -> Any:
-        self.observations, self.infos = out
+        is_pair = isinstance(out, tuple | list) and len(out) == 2
+        self._observations, self._infos = out if is_pair else ({}, {})
         self._ended = False
         return out
 
@@ -69,6 +78,8 @@ class ParallelGame(Game):
         """One tick. Returns what the environment returned."""
         if self.sink is None or not self._open:
             return self._after(self.env.step(actions))
+        if self._half is not None:
+            self._mend()
         moves = self._moves(actions)
         start = perf_counter_ns()
         try:
@@ -79,52 +90,73 @@ class ParallelGame(Game):
             raise
         wall_ns = perf_counter_ns() - start
         self._failure = None
-        if out.__class__ is tuple and len(out) == 5:
-            parts = out
-            self.observations, self.infos = out[0], out[4]
-        else:
-            parts = ({},) * 5
-        self._pay(moves, parts[1])
-        self._commit(len(self._who), wall_ns)
+        parts = _five(out) or NO_PARTS
+        self._half = moves, parts, wall_ns, self.turn
+        self._observations, self._infos = parts[0], parts[4]
+        self._pay(moves, parts[1], wall_ns)
         self._crossed()
         self._give(*parts)
+        self._half = None
         return out
 
+    def _mend(self) -> None:
+        """Books the rest of a crossing in whose books an interrupt came."""
+        assert self._half is not None
+        (moves, parts, wall_ns, turn), self._half = self._half, None
+        if not self._open or self._is_closed:
+            return
+        cut_back(self._tape)
+        if self.turn == turn:
+            del self._waiting[len(self._who) * GIVEN :]
+            self._pay([*moves, *[NO_MOVE] * (len(self._who) - len(moves))], parts[1], wall_ns)
+        self._take_seats(self._who)
+        self._crossed()
+        self._give(*parts)
+
     def _after(self, out: Any) -> Any:
-        if out.__class__ is tuple and len(out) == 5:
-            self.observations, _, terminations, truncations, self.infos = out
-            if not self.env.agents:
-                self._ended = True
-            elif self.sink is None:
-                self._ended = all(
-                    terminations.get(agent) or truncations.get(agent) for agent in self.env.agents
-                )
+        """Notes what a step gave that nobody records."""
+        parts = _five(out)
+        if parts is not None:
+            self._observations, _, terms, truncs, self._infos = parts
+            agents = getattr(self.env, "agents", ())
+            self._ended = not agents or (self.sink is None and _all_ended(agents, terms, truncs))
         return out
 
     # -- rows: what was given
 
     def _give(self, observations: Any, rewards: Any, terms: Any, truncs: Any, infos: Any) -> None:
         """Begins the rows of the next turn with what each agent was given."""
-        agents = getattr(self.env, "agents", [])
-        if rewards is None:
-            self._give_all(agents, observations, dict.fromkeys(agents, 0.0), None, None, infos)
-            return
+        agents = getattr(self.env, "agents", None) or []
+        waiting: list[Any] = []
+        self._waiting = waiting
         count = len(agents)
-        if agents != self._who:
-            self._take_seats(list(agents))
         if (
-            not len(observations)
-            == len(rewards)
-            == len(terms)
-            == len(truncs)
-            == len(infos)
-            == count
-        ):
-            self._give_all(agents, observations, rewards, terms, truncs, infos)
-            return
-        given = self._tape.given
-        before = len(given)
-        extend, text, mask = given.extend, None, None
+            observations.__class__
+            is rewards.__class__
+            is terms.__class__
+            is truncs.__class__
+            is infos.__class__
+            is dict
+        ) and len(observations) == len(rewards) == len(terms) == len(truncs) == len(infos) == count:
+            if agents != self._who:
+                self._take_seats(list(agents))
+            if self._give_usual(waiting.extend, observations, rewards, terms, truncs, infos):
+                self._ended = not count
+                if not count:
+                    self._end()
+                return
+            self._take_back(waiting)
+        if rewards is None:  # reset pays nothing and ends nobody
+            named = [part for part in (observations, infos) if isinstance(part, Mapping)]
+            names = [*agents, *(agent for part in named for agent in part)]
+            rewards, terms = dict.fromkeys(names, 0.0), dict.fromkeys(names, False)
+            truncs = terms
+        self._give_all(agents, observations, rewards, terms, truncs, infos)
+
+    def _give_usual(
+        self, extend: Any, observations: Any, rewards: Any, terms: Any, truncs: Any, infos: Any
+    ) -> bool:
+        """Rows of agents that all live on and are given what was declared; whether it was so."""
         try:
             for agent, (index, pack) in zip(self._who, self._givers, strict=True):
                 payload = pack(observations[agent])
@@ -136,25 +168,18 @@ class ParallelGame(Game):
                     or info.__class__ is not dict
                     or payload is None
                 ):
-                    break
-                if info:
-                    text, mask = self._info_text(info)
-                else:
-                    text = mask = None
+                    if payload.__class__ is Place:
+                        self.sink.rings.release(payload)  # type: ignore[union-attr]
+                    return False
+                text, mask = self._info_text(info) if info else (None, None)
                 extend((index, payload, mask, reward, False, False, text, True, None))
-            else:
-                self._ended = not count
-                if not count:
-                    self.end_episode()
-                return
         except KeyError:
-            pass
-        self._take_back(before)
-        self._give_all(agents, observations, rewards, terms, truncs, infos)
+            return False
+        return True
 
     def _give_all(
         self,
-        agents: list[AgentId],
+        agents: Any,
         observations: Any,
         rewards: Any,
         terms: Any,
@@ -162,19 +187,23 @@ class ParallelGame(Game):
         infos: Any,
     ) -> None:
         """The same with every look that the usual case does without."""
+        parts = [
+            part if isinstance(part, Mapping) else {}
+            for part in (observations, rewards, terms, truncs, infos)
+        ]
         who = dict.fromkeys(agents)
-        for part in (observations, rewards, terms, truncs, infos):
-            if isinstance(part, Mapping):
-                who.update(dict.fromkeys(part))
-        live = len(agents)
+        live = len(who)
+        for part in parts:
+            who.update(dict.fromkeys(part))
         self._take_seats(list(who))
         over = True
         for place, agent in enumerate(who):
-            ended = self._give_row(agent, place < live, observations, rewards, terms, truncs, infos)
+            given = [part.get(agent, MISSING) for part in parts]
+            ended = self._give_row(agent, place < live, *given)
             over = over and (ended or place >= live)
         self._ended = over
         if not live:
-            self.end_episode()
+            self._end()
 
     def _take_seats(self, who: list[AgentId]) -> None:
         """The rows of the turn that comes are those of `who`."""
@@ -183,151 +212,158 @@ class ParallelGame(Game):
         self._givers = [(index, pack) for index, pack, _ in desks]
         self._doers = [pack for _, _, pack in desks]
 
-    def _take_back(self, length: int) -> None:
+    def _take_back(self, waiting: list[Any]) -> None:
         """Rows of a turn that began otherwise than usual are written again."""
-        given = self._tape.given
-        for payload in given[length + 1 :: GIVEN]:
+        for payload in waiting[1::GIVEN]:
             if payload.__class__ is Place:
                 self.sink.rings.release(payload)  # type: ignore[union-attr]  # who puts aside has rings
-        del given[length:]
+        waiting.clear()
 
     def _give_row(
         self,
         agent: AgentId,
         live: bool,
-        observations: Any,
-        rewards: Any,
-        terms: Any,
-        truncs: Any,
-        infos: Any,
+        observation: Any,
+        received: Any,
+        terminated: Any,
+        truncated: Any,
+        info: Any,
     ) -> bool:
-        """One row; what isn't as declared goes to `odd`, its column stays null. Whether the agent ended."""
+        """One row; what isn't as declared goes to `odd`, its column null. Whether it ended."""
         index, pack, _ = self._desk[agent]
-        first = terms is None
         fields: list[str] = []
-        observation = _get(observations, agent)
         payload = None if observation is MISSING else pack(observation)
         if payload is None:
             fields.append(odd("obs", observation))
-        received = _get(rewards, agent)
-        terminated, truncated = (
-            (False, False) if first else (_get(terms, agent), _get(truncs, agent))
-        )
         if reward_of(received) is None:
             fields.append(odd("received", received))
             received = None
-        if terminated.__class__ not in BOOLS:
-            fields.append(odd("terminated", terminated))
-            terminated = None
-        if truncated.__class__ not in BOOLS:
-            fields.append(odd("truncated", truncated))
-            truncated = None
-        text, mask = self._info(_get(infos, agent), fields)
-        entry = (
-            index,
-            payload,
-            mask,
-            received,
-            terminated,
-            truncated,
-            text,
-            live,
-            tuple(fields) or None,
-        )
-        self._tape.given.extend(entry)
+        terminated = flag_of(terminated, "terminated", fields)
+        truncated = flag_of(truncated, "truncated", fields)
+        text, mask = self._info(info, fields)
+        row = index, payload, mask, received, terminated, truncated, text, live
+        self._waiting.extend((*row, tuple(fields) or None))
         return bool(terminated or truncated)
 
     # -- rows: what was done, what that paid
 
-    def _moves(self, actions: Any) -> list[tuple[int | None, Any, tuple[str, ...] | None]]:
-        """Order, packed action and odd part for every row that waits, before the environment sees them.
+    def _moves(self, actions: Any) -> list[Move]:
+        """Order, packed action and odd part for every row that waits, before the crossing.
 
         Who acts without having been given anything gets a row too.
         """
-        if not isinstance(actions, Mapping):
+        if actions.__class__ is not dict and not isinstance(actions, Mapping):
             actions = {}
         if list(actions) != self._who:
             return self._moves_out_of_order(actions)
-        moves: list[Any] = []
+        moves: list[Move] = []
         for order, (pack, action) in enumerate(zip(self._doers, actions.values(), strict=True)):
-            payload = pack(action)
-            moves.append(
-                (order, payload, None if payload is not None else (odd("action", action),))
-            )
+            payload, entry = pack(action), None
+            if payload is None:
+                payload, entry = self._odd_action(self._who[order], action)
+            moves.append((order, payload, entry))
         return moves
 
-    def _moves_out_of_order(
-        self, actions: Mapping[AgentId, Any]
-    ) -> list[tuple[int | None, Any, tuple[str, ...] | None]]:
+    def _moves_out_of_order(self, actions: Mapping[AgentId, Any]) -> list[Move]:
         order = {agent: place for place, agent in enumerate(actions)}
+        known = set(self._who)
+        live = getattr(self.env, "agents", ())
         for agent in actions:
-            if agent not in self._who:
-                self._add_row(agent)
-        moves: list[tuple[int | None, Any, tuple[str, ...] | None]] = []
+            if agent not in known:
+                self._add_row(agent, live=agent in live)
+        moves: list[Move] = []
         for agent in self._who:
             if agent not in order:
-                moves.append((None, None, None))
+                moves.append(NO_MOVE)
                 continue
-            payload = self._desk[agent][2](actions[agent])
-            entry = None if payload is not None else (odd("action", actions[agent]),)
+            payload, entry = self._desk[agent][2](actions[agent]), None
+            if payload is None:
+                payload, entry = self._odd_action(agent, actions[agent])
             moves.append((order[agent], payload, entry))
         return moves
 
-    def _add_row(self, agent: AgentId) -> None:
-        index, _, _ = self._desk.get(agent) or self._sit(agent)
-        live = agent in getattr(self.env, "agents", ())
-        self._tape.given.extend((index, *GIVEN_NOTHING, live, None))
-        self._take_seats([*self._who, agent])
+    def _add_row(self, agent: AgentId, *, live: bool) -> None:
+        """A row of an agent that was given nothing at this turn."""
+        index, observe, act = self._desk.get(agent) or self._sit(agent)
+        self._waiting.extend((index, *NOTHING_GIVEN, live, None))
+        self._who = [*self._who, agent]  # a list of its own: the caller may be walking over the old
+        self._givers.append((index, observe))
+        self._doers.append(act)
 
-    def _pay(self, moves: list[Any], rewards: Any) -> None:
+    def _pay(self, moves: list[Move], rewards: Any, wall_ns: int) -> None:
         """Completes the rows of this turn with actions and what the crossing paid."""
-        if rewards.__class__ is not dict:
-            rewards = rewards if isinstance(rewards, Mapping) else {}
-        if len(rewards) > len(moves):
-            self._pay_strangers(moves, rewards)
-        extend, paid_terms, terms = self._tape.done.extend, self._paid_terms, None
+        if rewards.__class__ is not dict and not isinstance(rewards, Mapping):
+            rewards = {}
+        done: list[Any] = []
+        extend, paid_terms, terms, strangers = done.extend, self._paid_terms, None, len(rewards)
         for agent, (order, payload, entry) in zip(self._who, moves, strict=True):
-            reward = rewards.get(agent)
-            if reward.__class__ is not float and reward is not None and reward_of(reward) is None:
-                entry, reward = (*(entry or ()), odd("reward", reward)), None
+            reward = rewards.get(agent, MISSING)
+            if reward is MISSING:
+                reward = None
+            else:
+                strangers -= 1
+                if reward.__class__ is not float and reward_of(reward) is None:
+                    entry, reward = (*(entry or ()), odd("reward", reward)), None
             if paid_terms is not None:
                 terms = paid_terms(agent)
             extend((order, payload, reward, terms, None, entry))
+        if strangers:
+            self._pay_strangers(done, rewards)
+        self._commit(self._waiting, done, len(self._who), wall_ns)
+        self._waiting = []
 
-    def _pay_strangers(self, moves: list[Any], rewards: Mapping[AgentId, Any]) -> None:
+    def _pay_strangers(self, done: list[Any], rewards: Mapping[AgentId, Any]) -> None:
         """Rows for agents that were paid without having been given anything at this turn."""
+        known = set(self._who)
         for agent, reward in rewards.items():
-            if agent not in self._who and reward_of(reward) != 0.0:
-                self._add_row(agent)
-                moves.append((None, None, None))
+            real = reward_of(reward)
+            if agent in known or real == 0.0:
+                continue
+            self._add_row(agent, live=False)
+            terms = None if self._paid_terms is None else self._paid_terms(agent)
+            entry = (odd("reward", reward),) if real is None else None
+            done.extend((None, None, real, terms, None, entry))
 
-    def _raised(self, moves: list[Any], error: str, wall_ns: int) -> None:
+    def _raised(self, moves: list[Move], error: str, wall_ns: int) -> None:
         """The tick raised: its rows say so, and the same decision stands again at the next turn."""
-        count = len(self._who)
-        given = self._tape.given
-        again = given[len(given) - count * GIVEN :]
+        again = list(self._waiting)
+        for at in range(1, len(again), GIVEN):
+            if again[at].__class__ is Place:  # the writer frees that place, so it gets the bytes
+                again[at] = self.sink.rings.copy(again[at])  # type: ignore[union-attr]
+        done: list[Any] = []
         for order, payload, entry in moves:
-            self._tape.done.extend((order, payload, None, None, error, entry))
-        self._commit(count, wall_ns)
-        self.turn += 1
-        again[1::GIVEN] = [None if item.__class__ is Place else item for item in again[1::GIVEN]]
-        given.extend(again)
+            done.extend((order, payload, None, None, error, entry))
+        self._commit(self._waiting, done, len(self._who), wall_ns)
+        self._waiting = again
 
     def end_episode(self) -> None:
-        """Closes the books of an episode in progress; the last given values become closing rows."""
+        """Closes the books of an episode in progress; what was given last becomes closing rows."""
         if self.sink is None or not self._open:
             return
-        for _ in self._who:
-            self._tape.done.extend((None, None, None, None, None, None))
-        self._commit(len(self._who), None)
+        if self._half is not None:
+            self._mend()
+        if self._open:
+            self._end()
+
+    def _end(self) -> None:
+        if len(self._waiting) != len(self._who) * GIVEN:  # interrupted while reset was booked
+            self._waiting, self._who = [], []
         over = self._ended and bool(self._who)
+        if not self._is_closed:
+            self._commit(self._waiting, NOTHING_DONE * len(self._who), len(self._who), None)
+        self._waiting = []
         self._take_seats([])
         self._finish("ended" if over or not getattr(self.env, "agents", ()) else "cut")
 
 
-def _get(part: Any, agent: AgentId) -> Any:
-    return part.get(agent, MISSING) if isinstance(part, Mapping) else MISSING
+def _five(out: Any) -> Any:
+    """What step returned, if it is a tuple of five parts; else None."""
+    if out.__class__ is tuple or isinstance(out, tuple | list):
+        return out if len(out) == 5 else None
+    return None
 
 
-def _is_pair(out: Any) -> bool:
-    return isinstance(out, tuple) and len(out) == 2
+def _all_ended(agents: Any, terms: Any, truncs: Any) -> bool:
+    """Whether the flags say of every agent that it ended."""
+    flags = [part for part in (terms, truncs) if isinstance(part, Mapping)]
+    return all(any(part.get(agent) for part in flags) for agent in agents)

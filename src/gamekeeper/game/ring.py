@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-from collections import deque
 from typing import Any, Final
 
 import numpy as np
@@ -12,15 +10,15 @@ from numpy.typing import NDArray
 from gamekeeper.core.tape import Place
 
 MEMORY_BYTES: Final = 64 << 20  # of one ring, unless a few slots need more
-FEWEST: Final = 64
+FEWEST: Final = 8
 SLOT_BITS: Final = 24
-PATIENCE_S: Final = 0.0005  # between looks for a free slot, while the writer catches up
 
 
 class Ring:
     """Slots laid out like the source's memory, so that putting an array aside is one memory copy.
 
-    The step puts, the writer opens and frees; a full ring holds the step back until a slot is free.
+    The step puts, the writer opens and frees. The slot freed last is used first, so that memory is
+    touched only as far as the writer lags behind.
     """
 
     def __init__(self, like: NDArray[Any]) -> None:
@@ -30,18 +28,21 @@ class Ring:
         raw = np.empty((count, *(like.shape[axis] for axis in axes)), like.dtype)
         back = np.argsort(axes)
         self._slots = [slot.transpose(back) for slot in raw]
-        self._free = deque(range(count))
+        self._free = list(range(count))
 
-    def put(self, array: NDArray[Any]) -> int:
-        """Copies `array` into a free slot and returns its number; waits while there is none."""
-        while True:
-            try:
-                slot = self._free.popleft()
-            except IndexError:
-                time.sleep(PATIENCE_S)
-            else:
-                np.copyto(self._slots[slot], array)
-                return slot
+    def put(self, array: NDArray[Any]) -> int | None:
+        """Copies `array` into a free slot and returns its number; None if there is none."""
+        try:
+            slot = self._free.pop()
+        except IndexError:
+            return None
+        np.copyto(self._slots[slot], array)
+        return slot
+
+    def copy(self, slot: int) -> bytes:
+        """The C bytes of `slot`, which stays taken."""
+        data: bytes = self._slots[slot].tobytes()
+        return data
 
     def open(self, slot: int, out: NDArray[np.uint8]) -> None:
         """Writes the C bytes of `slot` into `out`, [bytes], and frees the slot."""
@@ -61,14 +62,20 @@ class Rings:
         self._rings: list[Ring] = []
         self._by_kind: dict[tuple[Any, tuple[int, ...]], int] = {}
 
-    def put(self, array: NDArray[Any]) -> Place:
-        """Puts `array` aside and returns its place."""
+    def put(self, array: NDArray[Any]) -> Place | None:
+        """Puts `array` aside and returns its place; None if its ring is full."""
         kind = (array.dtype, array.shape)
         number = self._by_kind.get(kind)
         if number is None:
-            number = self._by_kind[kind] = len(self._rings)
+            number = len(self._rings)
             self._rings.append(Ring(array))
-        return Place(number << SLOT_BITS | self._rings[number].put(array))
+            self._by_kind[kind] = number
+        slot = self._rings[number].put(array)
+        return None if slot is None else Place(number << SLOT_BITS | slot)
+
+    def copy(self, place: int) -> bytes:
+        """The C bytes of the array at `place`, which stays taken."""
+        return self._rings[place >> SLOT_BITS].copy(place & (1 << SLOT_BITS) - 1)
 
     def release(self, place: int) -> None:
         """Frees a place whose array nobody will open."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Any, Final
 
@@ -21,9 +22,7 @@ def is_still(env: Any, call: Callable[[], Any]) -> bool:
     before = [(generator, _state(generator)) for generator in generators(env)]
     try:
         call()
-    except (
-        Exception
-    ):  # not offered (NotImplementedError) or broken: either way it isn't called again
+    except Exception:  # not offered (NotImplementedError) or broken: it isn't called again
         calm = False
     else:
         calm = True
@@ -35,13 +34,16 @@ def is_still(env: Any, call: Callable[[], Any]) -> bool:
 
 
 def generators(env: Any) -> Iterator[Any]:
-    """The random generators that `env` holds, down to a depth of 5, and the global ones."""
+    """The random generators that `env` holds, down to a depth of 5, and the global ones.
+
+    Nearest first, so that what is held both near and far is looked into from near.
+    """
     yield random
     yield np.random
     seen: set[int] = set()
-    queue = [(env, 0)]
+    queue = deque([(env, 0)])
     while queue and len(seen) < MOST_OBJECTS:
-        item, depth = queue.pop()
+        item, depth = queue.popleft()
         if id(item) in seen or isinstance(item, _PLAIN):
             continue
         seen.add(id(item))
@@ -54,9 +56,23 @@ def generators(env: Any) -> Iterator[Any]:
 def _parts(item: Any) -> list[Any]:
     if isinstance(item, dict):
         return list(item.values())
-    if isinstance(item, list | tuple | set | frozenset):
+    if isinstance(item, list | tuple | set | frozenset | deque):
         return list(item)
-    return list(getattr(item, "__dict__", {}).values())
+    slots = [name for kind in type(item).__mro__ for name in _slots(kind)]
+    held = [getattr(item, name, None) for name in slots]
+    return [*getattr(item, "__dict__", {}).values(), *held]
+
+
+def _slots(kind: type) -> tuple[str, ...]:
+    """The names that a class keeps in slots of its own; not the properties of builtins."""
+    names = kind.__dict__.get("__slots__", ())
+    names = (names,) if isinstance(names, str) else tuple(names)
+    hidden = f"_{kind.__name__.lstrip('_')}"
+    return tuple(
+        hidden + name if name.startswith("__") and not name.endswith("__") else name
+        for name in names
+        if name not in ("__dict__", "__weakref__")
+    )
 
 
 def _state(generator: Any) -> Any:
