@@ -1,0 +1,199 @@
+"""What a recording loses when its process is killed: kill -9 at random instants.
+
+A small environment appends every turn that it finished to a log of its own, with fsync and the time
+of the wall clock; a turn takes 1 to 3 ms. Each recording process is killed at a random instant, its
+bundle is read, recovered and replayed, and what the log has beyond the evidence is what was lost:
+how long before the kill the oldest lost turn was finished.
+
+Prints a JSON line: {"figure": "kill", "kills", "opened", "recovered", "replayed", "lost_ms_median",
+"lost_ms_max", "late": kills that lost anything older than 100 ms}.
+
+    python benchmarks/kill.py [--kills 200] [--seed 0]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import random
+import signal
+import statistics
+import subprocess
+import sys
+import tempfile
+import textwrap
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from gamekeeper.game.open import open_env
+from gamekeeper.record.bundle import load
+from gamekeeper.record.recover import recover
+from gamekeeper.record.replay import replay_evidence
+
+BOUND_MS: Final = 100.0
+EARLIEST_S: Final = 0.05  # after the first turn
+LATEST_S: Final = 0.8
+ENVIRONMENT: Final = '''
+import os, time
+import numpy as np
+from gymnasium import spaces
+from pettingzoo import ParallelEnv
+
+
+class Logged(ParallelEnv):
+    """Two agents walk at random; every finished turn is on the disk before `step` returns."""
+
+    metadata = {"name": "logged_v0"}
+    render_mode = None
+
+    def __init__(self, log=None):
+        self.log = None if log is None else os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+        self.possible_agents = ["a", "b"]
+        self.observation_spaces = {a: spaces.Box(-9, 9, (8,), np.float64) for a in "ab"}
+        self.action_spaces = {a: spaces.Discrete(3) for a in "ab"}
+        self.episode = -1
+
+    def observation_space(self, agent):
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent):
+        return self.action_spaces[agent]
+
+    def reset(self, seed=None, options=None):
+        self.rng = np.random.default_rng(seed)
+        self.agents, self.turn, self.episode = ["a", "b"], 0, self.episode + 1
+        return self.see(), {a: {} for a in "ab"}
+
+    def see(self):
+        return {a: self.rng.normal(size=8) for a in "ab"}
+
+    def step(self, actions):
+        self.turn += 1
+        ended = self.turn == 150
+        out = self.see(), {a: float(actions[a]) for a in "ab"}
+        flags = {a: ended for a in "ab"}, {a: False for a in "ab"}
+        self.agents = [] if ended else ["a", "b"]
+        if self.log is not None:
+            time.sleep(0.001 + 0.002 * (self.turn % 3) / 2)
+            line = f"{self.episode} {self.turn} {time.time_ns()}\\n".encode()
+            os.write(self.log, line)
+            os.fsync(self.log)
+        return *out, *flags, {a: {"turn": self.turn} for a in "ab"}
+'''
+RECORDER: Final = """
+import sys
+sys.modules["pandas"] = None  # pyarrow would import it, which takes longer than all the rest
+from logged import Logged
+from gamekeeper.record.recording import record
+
+env = record(Logged(sys.argv[1]), sys.argv[2])
+for seed in range(10_000):
+    env.reset(seed=seed)
+    while env.agents:
+        env.step({agent: (seed + env.unwrapped.turn) % 3 for agent in env.agents})
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Killed:
+    """What became of one killed recording; `lost_ms` is 0.0 where nothing was lost."""
+
+    turns: int
+    is_opened: bool
+    is_recovered: bool
+    is_replayed: bool
+    lost_ms: float
+
+
+def main() -> int:
+    """Kills as often as asked for; 1 if any bundle wasn't as it should be."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    rng = random.Random(given.seed)
+    with tempfile.TemporaryDirectory(prefix="kill-") as folder:
+        found = [
+            killed(Path(folder, str(number)), after_s=rng.uniform(EARLIEST_S, LATEST_S))
+            for number in range(given.kills)
+        ]
+    print(json.dumps(figure(found)))
+    whole = all(each.is_opened and each.is_recovered and each.is_replayed for each in found)
+    return 0 if whole and all(each.lost_ms <= BOUND_MS for each in found) else 1
+
+
+def killed(folder: Path, *, after_s: float) -> Killed:
+    """One recording, killed `after_s` seconds after its first turn."""
+    folder.mkdir(parents=True)
+    log, run = folder / "log", folder / "run"
+    (folder / "logged.py").write_text(textwrap.dedent(ENVIRONMENT), encoding="utf-8")
+    path = os.pathsep.join([str(folder), *filter(None, sys.path)])
+    process = subprocess.Popen(
+        [sys.executable, "-c", RECORDER, str(log), str(run)],
+        env={**os.environ, "PYTHONPATH": path},
+    )
+    try:
+        while not (log.exists() and log.stat().st_size):
+            if process.poll() is not None:
+                raise SystemExit(f"the recorder ended by itself, with {process.returncode}")
+            time.sleep(0.005)
+        time.sleep(after_s)
+        killed_ns = time.time_ns()
+    finally:
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+    return looked_at(run, log, killed_ns, environment=folder / "logged.py")
+
+
+def looked_at(run: Path, log: Path, killed_ns: int, *, environment: Path) -> Killed:
+    """Reads, recovers and replays what a killed recorder left."""
+    evidence = load(run)
+    kept = {
+        (header["episode"], turn + 1)
+        for header in evidence.episodes.to_pylist()
+        for turn in range(_crossings(evidence, header["episode"]))
+    }
+    finished = [tuple(map(int, line.split())) for line in log.read_text().splitlines()]
+    lost = [ns for episode, turn, ns in finished if (episode, turn) not in kept]
+    lost_ms = max(((killed_ns - ns) / 1e6 for ns in lost), default=0.0)
+    sealed = recover(run)
+    opened = open_env(f"{environment}:Logged", api="parallel")
+    return Killed(
+        turns=len(kept),
+        is_opened=evidence.episodes.num_rows > 0,
+        is_recovered=sealed.manifest["status"] == "recovered" and len(kept) == _total(sealed),
+        is_replayed=replay_evidence(sealed, opened).verified,
+        lost_ms=max(lost_ms, 0.0),
+    )
+
+
+def figure(found: list[Killed]) -> dict[str, object]:
+    """The figures of all kills together."""
+    lost = [each.lost_ms for each in found]
+    return {
+        "figure": "kill",
+        "kills": len(found),
+        "opened": sum(each.is_opened for each in found),
+        "recovered": sum(each.is_recovered for each in found),
+        "replayed": sum(each.is_replayed for each in found),
+        "turns": sum(each.turns for each in found),
+        "lost_ms_median": round(statistics.median(lost), 1),
+        "lost_ms_max": round(max(lost), 1),
+        "late": sum(each > BOUND_MS for each in lost),
+    }
+
+
+def _crossings(evidence: object, episode: int) -> int:
+    timings = evidence.tables.episode("timings", episode)  # type: ignore[attr-defined]
+    return 0 if timings is None else timings.num_rows
+
+
+def _total(evidence: object) -> int:
+    return sum(evidence.episodes["turns"].to_pylist())  # type: ignore[attr-defined]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
