@@ -11,9 +11,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
-    from pettingzoo import AECEnv, ParallelEnv
-
     from gamekeeper.core.contract import Contract
+    from gamekeeper.game.opened import Env
     from gamekeeper.game.tick_env import TickEnv
     from gamekeeper.game.turn_env import TurnEnv
     from gamekeeper.record.bundle import load
@@ -48,8 +47,8 @@ _HOMES: Final = {
 """The module that holds a name which loads when it is first used."""
 
 
-def make(spec: object, /, **kwargs: Any) -> AECEnv[Any, Any, Any] | ParallelEnv[Any, Any, Any]:
-    """A live PettingZoo environment from an id, `module:factory`, `file.py:factory` or a factory.
+def make(spec: object, /, **kwargs: Any) -> Env:
+    """A live AECEnv or ParallelEnv from an id, `module:factory`, `file.py:factory` or a factory.
 
     `parallel:` or `aec:` in front of a text asks for an API.
 

@@ -29,7 +29,7 @@ def rough(**settings: Any) -> list[str]:
 def failing(how: str, out: Path) -> list[object]:
     """A recording into `out` of an environment that goes wrong once rows of it lie there."""
     settings = {"how": how, "after": str(out), "length": 10**9, "tick_s": 0.001}
-    return ["record", *rough(**settings), "--out", out, "--timeout", "3"]
+    return ["record", *rough(**settings), "--out", out, "--timeout", "5"]
 
 
 def said(capture: pytest.CaptureFixture[str], *line: object) -> tuple[int, str, str]:

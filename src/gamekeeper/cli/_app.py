@@ -200,9 +200,10 @@ def _signals() -> Iterator[None]:
 
 def _show_version(is_asked: bool) -> None:
     if is_asked:
-        from gamekeeper import __version__
-
-        typer.echo(f"{NAME} {__version__}")
+        front = sys.modules[
+            NAME
+        ]  # loaded already; it stands above all layers, so nobody imports it
+        typer.echo(f"{NAME} {front.__version__}")
         raise typer.Exit
 
 

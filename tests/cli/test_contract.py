@@ -1,0 +1,75 @@
+import json
+from pathlib import Path
+
+import pytest
+
+import gamekeeper as gk
+from tests.cli.lines import LINE, ROUGH, document, said
+
+
+@pytest.fixture(autouse=True)
+def _in_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is written stays out of the project."""
+    monkeypatch.chdir(tmp_path)
+
+
+def test_contract_beside_the_environment_is_found(capfd: pytest.CaptureFixture[str]) -> None:
+    """The TOML beside the file is the contract; the card shows what it declares."""
+    code, found = document(capfd, "contract", LINE)
+    assert code == 0
+    assert (found["name"], found["api"], found["declared"]) == (
+        "two_robot_line_v0",
+        "parallel",
+        True,
+    )
+    assert [agent["name"] for agent in found["agents"]] == ["picker", "carrier"]
+    assert found["contract"]["roles"]["picker"]["noop"] == 1
+
+
+def test_draft_asks_for_what_cannot_be_seen(capfd: pytest.CaptureFixture[str]) -> None:
+    """Without a contract what can be seen is drafted, and the rest is asked for by name."""
+    code, found = document(capfd, "contract", ROUGH)
+    assert (code, found["declared"], found["api"]) == (0, False, "parallel")
+    assert "roles.arm.noop" in [question["key"] for question in found["questions"]]
+    code, out, err = said(capfd, "contract", ROUGH)
+    assert out.startswith("rough_v0 (Parallel)\n")
+    assert "roles.arm.noop" in out
+    assert "printed on import" in err
+    assert "printed on import" not in out
+
+
+@pytest.mark.parametrize(
+    ("line", "start"),
+    [
+        (["--format", "md"], "# rough"),
+        (["--format", "toml"], 'name = "rough_v0"'),
+        (["--format", "json"], '{"name": "rough_v0"'),
+    ],
+)
+def test_format_is_chosen(line: list[str], start: str, capfd: pytest.CaptureFixture[str]) -> None:
+    """The same card as Markdown, TOML or JSON."""
+    code, out, _ = said(capfd, "contract", ROUGH, *line)
+    assert code == 0
+    assert out.startswith(start)
+
+
+def test_suffix_chooses_the_format(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """--out my.toml writes TOML that reads back, and is never written over."""
+    code, out, err = said(capfd, "contract", ROUGH, "--out", "my.toml")
+    assert (code, out) == (0, "")
+    assert "written: my.toml" in err
+    assert gk.Contract.load("my.toml").name == "rough_v0"
+    before = (tmp_path / "my.toml").read_text()
+    code, out, err = said(capfd, "contract", ROUGH, "--out", "my.toml", "--json")
+    assert (code, json.loads(out)["error"]["where"]) == (2, "my.toml")
+    assert (tmp_path / "my.toml").read_text() == before
+
+
+def test_contract_that_does_not_fit_is_told(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A declared noop that is no action is an error with the line of the file."""
+    (tmp_path / "wrong.toml").write_text('[roles.arm]\nagents = "arm"\nnoop = 9\n')
+    code, _, err = said(capfd, "contract", ROUGH, "--contract", "wrong.toml")
+    assert code == 2
+    assert "wrong.toml, line 3" in err

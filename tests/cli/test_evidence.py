@@ -1,0 +1,94 @@
+import shutil
+from pathlib import Path
+
+import pytest
+
+import gamekeeper as gk
+from tests.cli.lines import LINE, document, said
+
+
+def test_diff_of_equal_runs_is_the_same(
+    line_run: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A copy is the same: exit code 0, no divergence."""
+    shutil.copytree(line_run, tmp_path / "copy")
+    assert said(capfd, "diff", line_run, tmp_path / "copy")[:2] == (0, "the same\n")
+    code, found = document(capfd, "diff", line_run, tmp_path / "copy")
+    assert code == 0
+    assert (found["equal"], found["divergence"]) == (True, None)
+
+
+def test_diff_names_the_first_difference(
+    line_run: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Runs from other seeds differ: exit code 1, and the place with both values."""
+    gk.rollout(LINE, episodes=3, seed=1, out=tmp_path / "other")
+    code, out, _ = said(capfd, "diff", line_run, tmp_path / "other")
+    assert code == 1
+    assert out.startswith("different at episode 0: seed\n")
+    assert str(tmp_path / "other") in out
+    code, found = document(capfd, "diff", line_run, tmp_path / "other")
+    assert (code, found["equal"], found["divergence"]["field"]) == (1, False, "seed")
+
+
+def test_verify_finds_a_changed_byte(
+    line_run: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A flipped bit is damage: exit code 1, and the file is named."""
+    run = tmp_path / "copy"
+    shutil.copytree(line_run, run)
+    assert document(capfd, "verify", run)[1]["ok"]
+    data = bytearray((run / "steps.parquet").read_bytes())
+    data[len(data) // 2] ^= 1
+    (run / "steps.parquet").write_bytes(data)
+    code, found = document(capfd, "verify", run)
+    assert code == 1
+    assert found.keys() >= {"run", "ok", "self_consistent", "matches", "damage"}
+    assert (found["ok"], found["matches"]) == (False, None)
+    assert [each["file"] for each in found["damage"]] == ["steps.parquet"]
+
+
+def test_verify_compares_with_a_fingerprint(
+    line_run: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The fingerprint from elsewhere matches, or the exit code is 1."""
+    fingerprint = gk.load(line_run).fingerprint
+    code, found = document(capfd, "verify", line_run, "--fingerprint", fingerprint[:12])
+    assert (code, found["matches"], found["ok"]) == (0, True, True)
+    code, found = document(capfd, "verify", line_run, "--fingerprint", "0" * 64)
+    assert (code, found["matches"], found["ok"]) == (1, False, False)
+
+
+def test_recover_leaves_a_sealed_run_alone(
+    line_run: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """There is nothing to recover in a run that was closed."""
+    before = {path.name: path.read_bytes() for path in line_run.iterdir()}
+    code, found = document(capfd, "recover", line_run)
+    assert (code, found["status"], found["changed"]) == (0, "sealed", False)
+    assert {path.name: path.read_bytes() for path in line_run.iterdir()} == before
+
+
+def test_show_tells_what_a_run_is(line_run: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Environment, status, seeds and every agent's part stand on the screen and in the document."""
+    evidence = gk.load(line_run)
+    code, out, _ = said(capfd, "show", line_run)
+    assert code == 0
+    for text in ("two_robot_line_v0 (parallel)", "sealed", "random", evidence.fingerprint):
+        assert text in out
+    assert [line.split()[0] for line in out.splitlines()[-2:]] == ["picker", "carrier"]
+    code, found = document(capfd, "show", line_run)
+    assert (found["status"], found["seed"], found["level"]) == ("sealed", 0, "full")
+    assert (found["ends"], found["errors"]) == ({"ended": 3}, [])
+    assert found["environment"]["name"] == "two_robot_line_v0"
+    assert found["agents"] == evidence.to_json()["agents"]
+
+
+@pytest.mark.parametrize("command", ["show", "verify", "recover"])
+def test_no_bundle_is_wrong_use(
+    command: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A folder without evidence exits 2."""
+    code, out, err = said(capfd, command, tmp_path)
+    assert (code, out) == (2, "")
+    assert err.startswith("BundleError: ")

@@ -1,0 +1,62 @@
+import json
+from pathlib import Path
+
+import pytest
+
+import gamekeeper as gk
+from tests.cli.lines import LINE, failing, said
+
+
+def test_run_does_the_main_job(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Card, recording, replay, each agent's part, evidence, next command, in 80 columns."""
+    monkeypatch.chdir(tmp_path)
+    code, out, err = said(capfd, "run", LINE, "--out", "demo", "--episodes", "2")
+    assert code == 0, err
+    fingerprint = gk.load("demo").fingerprint
+    lines = out.splitlines()
+    headings = [line.split("  ")[0] for line in lines if line and line[0] != " "]
+    assert headings == [
+        "two_robot_line_v0 (Parallel)",
+        "Agents",
+        "Rewards",
+        "Endings",
+        "Recorded",
+        "Replayed in a fresh process",
+        "Evidence",
+        "Next",
+    ]
+    assert f"  verified: fingerprint {fingerprint[:16]}..." in lines
+    assert f"  fingerprint  {fingerprint}" in lines
+    next_command = lines[-1].removeprefix("Next").split()
+    assert next_command[:3] == ["gamekeeper", "replay", "demo"]
+    assert max(map(len, lines)) <= max(80, len(lines[-1]))
+    assert len(lines) <= 35
+
+
+def test_run_keeps_earlier_evidence(line_run: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Where --out holds a run already, the folder beside it is taken, and that is said."""
+    before = {path.name: path.read_bytes() for path in line_run.iterdir()}
+    code, out, err = said(capfd, "run", LINE, "--out", line_run, "--episodes", "1", "--json")
+    found = json.loads(out)
+    assert code == 0
+    assert found["record"]["run"] == f"{line_run}-2"
+    assert f"this run goes to {line_run}-2" in err
+    assert list(found) == ["contract", "record", "replay"]
+    assert found["replay"]["verified"]
+    assert found["record"]["fingerprint"] == found["replay"]["fingerprint"]
+    assert {path.name: path.read_bytes() for path in line_run.iterdir()} == before
+
+
+def test_run_of_a_failing_environment_exits_1(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """What was recorded until then is shown and sealed; there is no replay, and it isn't green."""
+    line = failing("raise", tmp_path / "run")[1:]
+    code, out, err = said(capfd, "run", *line)
+    assert code == 1
+    assert "the gripper is stuck" in err
+    assert "Recorded  1 episode" in out
+    assert "verified" not in out
+    assert f"gamekeeper show {tmp_path / 'run'}" in out
