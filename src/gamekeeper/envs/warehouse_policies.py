@@ -79,8 +79,8 @@ def _goal(seen: Seen) -> int | None:
 
 def _towards(seen: Seen, at: int, mask: Any, rng: Generator) -> int:
     """A move on a shortest way into a free cell; now and then aside, where there is none."""
-    if not seen[at + MOVES]:
-        return NOOP
+    if not seen[at + MOVES]:  # it believes to be there and can't handle: it must be elsewhere
+        return _aside(seen, mask, rng)
     ways = [move for move in range(4) if seen[at + WAYS + move] and mask[move]]
     free = [move for move in ways if not seen[ROBOTS_AT + CENTRE + STEPS[move]]]
     if not free:

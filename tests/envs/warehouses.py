@@ -1,0 +1,106 @@
+"""Small warehouses in a known state, for tests of single rules."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from gamekeeper.envs.layouts import NOWHERE
+from gamekeeper.envs.warehouse import Warehouse, WarehouseRules
+from gamekeeper.envs.warehouse_moves import NOOP
+from gamekeeper.envs.warehouse_turns import WarehouseTurns
+
+FLOOR = (
+    "s.....s",
+    ".......",
+    ".h.#.d.",
+    ".......",
+    "c.....c",
+)
+"""Shelf 0 is in the north-west, shelf 1 in the north-east."""
+
+
+def made(kind: type[Any] = Warehouse, **given: Any) -> Any:
+    """A warehouse of FLOOR with two robots of each role and no orders open, just reset."""
+    env = kind(**{"pickers": 2, "carriers": 2, "layout": FLOOR, **given})
+    env.reset(seed=3)
+    env.wanted[:] = 0
+    env.coming.clear()
+    return env
+
+
+def put(env: WarehouseRules, **places: tuple[int, int]) -> None:
+    """Puts live robots on cells (x, y), all of them: the others go to the last row, in order."""
+    width, height = env.floor.width, env.floor.height
+    spare = [(x, height - 2) for x in range(width) if (x, height - 2) not in places.values()]
+    env.stands.clear()
+    for agent in env.agents:
+        x, y = places[agent] if agent in places else spare.pop()
+        env.robots[agent].cell = y * width + x
+        env.stands[y * width + x] = agent
+    env.sight.look_again(env.robots)
+
+
+def give(env: WarehouseRules, agent: str, shelf: int = 0) -> None:
+    """Puts an item from a shelf on a robot."""
+    env.robots[agent].load = shelf
+    env.sight.look_again([agent])
+
+
+def ordered(env: WarehouseRules, shelf: int, count: int = 1) -> None:
+    """Opens orders at a shelf."""
+    env.wanted[shelf] = count
+    env.sight.look_again([])
+
+
+def at(env: WarehouseRules, agent: str) -> tuple[int, int]:
+    """Where a robot is, as (x, y)."""
+    y, x = divmod(env.robots[agent].cell, env.floor.width)
+    return x, y
+
+
+def step(env: Warehouse, **actions: int) -> Any:
+    """One tick, in which robots without an action do nothing: all that it returns."""
+    env._fresh = {}  # the masks that were shown are of before the state was changed by hand
+    return env.step({a: actions.get(a, NOOP) for a in env.agents})
+
+
+def tick(env: Warehouse, **actions: int) -> dict[str, float]:
+    """One tick, in which robots without an action do nothing: what each is paid."""
+    rewards: dict[str, float] = step(env, **actions)[1]
+    return rewards
+
+
+def is_loaded(env: WarehouseRules, agent: str) -> bool:
+    """Whether a robot has an item."""
+    return env.robots[agent].load != NOWHERE
+
+
+def rows_of(env: Any, policy: str, seed: int, *, ticks: int = 60) -> list[Any]:
+    """Everything that a Parallel episode hands out, as comparable texts."""
+    rng = np.random.default_rng(seed)
+    act = type(env).policies[policy]
+    observations, infos = env.reset(seed=seed)
+    rows = [(repr(observations), repr(infos))]
+    for _ in range(ticks):
+        if not env.agents:
+            break
+        actions = {a: act(observations[a], a, infos[a], rng) for a in env.agents}
+        observations, *rest, infos = env.step(actions)
+        rows.append((repr(observations), repr(rest), repr(infos), repr(env.state())))
+    return rows
+
+
+def turns_of(env: WarehouseTurns, policy: str, seed: int) -> list[Any]:
+    """Everything that an AEC episode hands out."""
+    rng = np.random.default_rng(seed)
+    act = type(env).policies[policy]
+    env.reset(seed=seed)
+    rows = []
+    for agent in env.agent_iter():
+        seen, reward, terminated, truncated, info = env.last()
+        ended = terminated or truncated
+        rows.append((agent, repr(seen), reward, terminated, truncated, repr(info)))
+        env.step(None if ended else act(seen, agent, info, rng))
+    return rows
