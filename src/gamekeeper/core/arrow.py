@@ -9,9 +9,10 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 
-from gamekeeper.core.block import Block, Cells, Raw, Text
+from gamekeeper.core.block import Block, Cells, Raw, Text, most_rows
 from gamekeeper.core.layout import Column
 from gamekeeper.core.space import Leaf
+from gamekeeper.errors import EvidenceError
 
 NUMBERS: Final = {
     "order": ("<i2", pa.int16()),
@@ -64,8 +65,10 @@ def cells_field(column: Column, cells: Cells) -> tuple[pa.Field, pa.Array]:
     return pa.field(column.name, array.type, metadata=_metadata(column)), array
 
 
-def blocks_of(table: pa.Table, *, rows: int = 65_536) -> Iterator[Block]:
+def blocks_of(table: pa.Table, *, rows: int | None = None) -> Iterator[Block]:
     """The rows of a `steps` table as blocks of at most `rows` rows, in their order."""
+    if rows is None:
+        rows = most_rows(_column(field) for field in table.schema if _is_leaf(field))
     for start in range(0, table.num_rows, rows):
         yield block_of_table(table.slice(start, rows))
 
@@ -76,14 +79,14 @@ def block_of_table(table: pa.Table) -> Block:
     values = {}
     terms = {}
     for field in table.schema:
-        if field.metadata and b"leaf" in field.metadata:
+        if _is_leaf(field):
             column = _column(field)
             values[field.name] = (column, cells_of(column, table[field.name]))
         elif field.name.startswith(TERM):
             terms[field.name[len(TERM) :]] = _raw_number(table[field.name], "<f8")
-    numbers = {name: _raw_number(table[name], dtype) for name, (dtype, _) in NUMBERS.items()}
-    flags = {name: _raw_number(table[name].cast(pa.uint8()), "|u1") for name in FLAGS}
-    texts = {name: table[name].to_pylist() for name in TEXTS}
+    cells: dict[str, Any] = {n: _raw_number(table[n], dtype) for n, (dtype, _) in NUMBERS.items()}
+    cells |= {name: _raw_number(table[name].cast(pa.uint8()), "|u1") for name in FLAGS}
+    cells |= {name: table[name].to_pylist() for name in TEXTS}
     return Block(
         episode=table["episode"].to_numpy(),
         turn=table["turn"].to_numpy(),
@@ -92,15 +95,13 @@ def block_of_table(table: pa.Table) -> Block:
         mask=table["mask"].to_pylist(),
         live=table["live"].to_numpy(zero_copy_only=False).astype(np.bool_),
         terms=terms,
-        **numbers,
-        **flags,
-        **texts,
+        **cells,
     )
 
 
 def value_columns(schema: pa.Schema, kind: str) -> list[Column]:
     """The columns of `schema` that hold leaves of `kind` ("obs" or "action")."""
-    found = [_column(field) for field in schema if field.metadata and b"leaf" in field.metadata]
+    found = [_column(field) for field in schema if _is_leaf(field)]
     return [column for column in found if column.tag == kind or column.tag.startswith(f"{kind}.")]
 
 
@@ -136,6 +137,10 @@ def cells_of(column: Column, array: pa.ChunkedArray) -> Cells:
     return Raw(raw, valid)
 
 
+def _is_leaf(field: pa.Field) -> bool:
+    return bool(field.metadata) and b"leaf" in field.metadata
+
+
 def _column(field: pa.Field) -> Column:
     leaf = json.loads(field.metadata[b"leaf"])
     return Column(
@@ -168,6 +173,13 @@ def _binary(values: Any, valid: Any | None = None) -> pa.Array:
     """Rows of bytes [rows, size] as a binary array, without a copy of the bytes."""
     values = np.ascontiguousarray(values)
     count, size = values.shape
+    if values.nbytes > np.iinfo(np.int32).max:
+        raise EvidenceError(
+            "a batch holds more bytes than one column of it can",
+            expected="at most 2 GiB",
+            seen=f"{count} rows of {size} bytes",
+            mend="take fewer rows at a time (`most_rows`)",
+        )
     offsets = pa.py_buffer((np.arange(count + 1) * size).astype(np.int32))
     bits = None
     if valid is not None and not valid.all():

@@ -6,7 +6,7 @@ without looking at single values.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
@@ -20,6 +20,7 @@ Bytes2: TypeAlias = NDArray[np.uint8]
 Texts: TypeAlias = list[str | None]
 # copies an observation that was put aside (by its place) into one row of bytes
 Opener: TypeAlias = Callable[[int, "NDArray[np.uint8]"], None]
+BLOCK_BYTES: Final = 256 << 20  # of the values of one block; Arrow's offsets end at 2 GiB
 LAST: Final = np.iinfo(np.int16).max  # sorts those who did not act behind those who did
 
 
@@ -73,9 +74,9 @@ def block_of(reel: Reel, layout: Layout, *, open_large: Opener) -> Block:
     """
     given, done, turns = reel.given, reel.done, reel.turns
     seats: list[Any] = given[0::GIVEN]
-    counts = turns[2::TURN]
-    episode = np.repeat(np.array(turns[0::TURN], np.int32), counts)  # type: ignore[call-overload]
-    turn = np.repeat(np.array(turns[1::TURN], np.int32), counts)  # type: ignore[call-overload]
+    counts: list[Any] = turns[2::TURN]
+    episode = np.repeat(np.array(turns[0::TURN], np.int32), counts)
+    turn = np.repeat(np.array(turns[1::TURN], np.int32), counts)
     order = _numbers(done[0::DONE], np.int16)
     index = np.array(seats, np.intp)
     names = [layout.order[seat].name for seat in seats]
@@ -249,6 +250,14 @@ def _large(payloads: list[Any], size: int, open_large: Opener) -> Bytes2:
         elif payload is not None:
             row[:] = np.frombuffer(payload, np.uint8)
     return values
+
+
+def most_rows(columns: Iterable[Column]) -> int:
+    """How many rows of these columns one block may hold, so that its memory is bounded."""
+    sizes = (
+        element_bytes(column) for column in columns if column.leaf.kind not in ("text", "json")
+    )
+    return max(1, min(65_536, BLOCK_BYTES // max(1, sum(sizes))))
 
 
 def element_bytes(column: Column) -> int:

@@ -47,16 +47,14 @@ def row_digests(block: Block) -> Bytes2:
 def digest_fields(fields: list[Field], count: int) -> Bytes2:
     """The digest of each of `count` rows, [rows, 16]; absent fields leave no bytes."""
     out = np.empty((count, SIZE), np.uint8)
-    sometimes = [f for f in fields if f.valid is not None and not f.valid.all()]
+    sometimes = [f.valid for f in fields if f.valid is not None and not f.valid.all()]
     if not sometimes or not count:
         out[_ALL] = _hash_rows(fields, _ALL, count)
         return out
     code = np.zeros(count, np.int64)
-    for place, f in enumerate(sometimes):
-        code = code << 1 | f.valid
-        if (
-            place % _BITS == _BITS - 1 or place == len(sometimes) - 1
-        ):  # renumbered, so that any number fits
+    for place, valid in enumerate(sometimes):
+        code = code << 1 | valid
+        if place % _BITS == _BITS - 1 or place == len(sometimes) - 1:  # so that any number fits
             code = np.unique(code, return_inverse=True)[1].reshape(-1)
     for number in range(int(code.max()) + 1):
         rows = np.flatnonzero(code == number)

@@ -114,12 +114,15 @@ class Layout:
 
     def _add(self, kind: str, leaf: Leaf, suffix: str) -> Column:
         tag = f"{kind}.{leaf.path}" if leaf.path else kind
+        known = self._columns.setdefault(kind, {})
         column = Column(tag + suffix, tag, leaf)
-        return self._columns.setdefault(kind, {}).setdefault(column.name, column)
+        while known.get(column.name, column) != column:  # an agent that is called like a group
+            column = Column(column.name + "'", tag, leaf)
+        return known.setdefault(column.name, column)
 
 
 def group_names(spaces: Sequence[tuple[str, Any]]) -> dict[Codec, str]:
-    """A name for each distinct layout: the prefix its agents alone share, or the first one's name."""
+    """A name for each distinct layout: the prefix its agents alone share, or the first name."""
     groups: dict[str, tuple[Codec, list[str]]] = {}
     for name, codec in spaces:
         groups.setdefault(codec.signature, (codec, []))[1].append(name)

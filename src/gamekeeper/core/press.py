@@ -101,11 +101,13 @@ class Press:
         add_infos(self._open, block, self.volatile)
 
     def _states(self, reel: Reel) -> pa.RecordBatch | None:
-        payloads, odd = reel.turns[4::TURN], reel.turns[5::TURN]
-        if payloads.count(None) == len(payloads) and odd.count(None) == len(odd):
+        every = [reel.turns[place::TURN] for place in (0, 1, 4, 5)]
+        # turns without a state leave nothing, or a digest would depend on who shares their reel
+        with_state = [marks for marks in zip(*every, strict=True) if marks[2:] != (None, None)]
+        if not with_state:
             return None
-        episode = np.array(reel.turns[0::TURN], np.int32)
-        turn = np.array(reel.turns[1::TURN], np.int32)
+        numbers, turns, payloads, odd = (list(column) for column in zip(*with_state, strict=True))
+        episode, turn = np.array(numbers, np.int32), np.array(turns, np.int32)
         cells = state_cells(self.layout, payloads)
         digests = state_digests(turn, cells, odd)
         for number in sorted(set(episode.tolist())):
@@ -151,9 +153,10 @@ def add_infos(episodes: dict[int, EpisodeDigest], block: Block, volatile: Collec
     bounds = [0, *(np.flatnonzero(np.diff(block.episode)) + 1).tolist(), len(block)]
     turns, agents, infos = block.turn.tolist(), block.agent, block.info
     for first, last in pairwise(bounds):
-        rows = zip(turns[first:last], agents[first:last], infos[first:last], strict=True)
+        texts = infos[first:last]
         if volatile:
-            rows = ((turn, agent, _without(info, volatile)) for turn, agent, info in rows)
+            texts = [_without(info, volatile) for info in texts]
+        rows = zip(turns[first:last], agents[first:last], texts, strict=True)
         lines = [f"{turn}\0{agent}\0{info}\n" for turn, agent, info in rows if info is not None]
         episodes[int(block.episode[first])].add_infos(lines)
 

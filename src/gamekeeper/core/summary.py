@@ -98,7 +98,7 @@ def summarise(evidence: Evidence) -> Summary:
     steps = evidence.steps if steps is None else steps
     names = _agents(evidence, steps)
     returns = _by_agent(steps, "reward", "sum")
-    acted = steps.filter(pc.is_valid(steps["order"]))
+    acted = steps.filter(pc.and_(pc.is_valid(steps["order"]), pc.is_null(steps["raised"])))
     ended = pc.or_(
         pc.fill_null(acted["terminated"], False), pc.fill_null(acted["truncated"], False)
     )
@@ -158,32 +158,24 @@ def _shares(returns: Mapping[str, float]) -> dict[str, float | None]:
 
 def _idle(evidence: Evidence, acted: pa.Table) -> dict[str, float]:
     """The part of noops, for agents whose role declares one and whose actions are whole numbers."""
-    idle: dict[str, float] = {}
-    if "action" not in acted.schema.names and not any(
-        n.startswith("action@") for n in acted.schema.names
-    ):
-        return idle
-    for name in pc.unique(acted["agent"]).to_pylist():
-        noop = evidence.contract.noop_of(name)
-        column = _action_column(acted, name)
-        if isinstance(noop, int) and column is not None:
-            rows = acted.filter(pc.equal(acted["agent"], name))
-            idle[name] = (
-                pc.sum(pc.equal(rows[column], noop)).as_py() / rows.num_rows
-                if rows.num_rows
-                else 0.0
-            )
-    return idle
-
-
-def _action_column(acted: pa.Table, agent: str) -> str | None:
-    """The column that holds the whole-number actions of `agent`."""
-    rows = acted.filter(pc.equal(acted["agent"], agent))
-    for name in acted.schema.names:
-        if name.split("@")[0] == "action" and pa.types.is_integer(acted.schema.field(name).type):
-            if rows[name].null_count < rows.num_rows:
-                return name
-    return None
+    columns = [
+        field.name
+        for field in acted.schema
+        if field.name.split("@")[0] == "action" and pa.types.is_integer(field.type)
+    ]
+    counts = {agent: count for agent, (count, _) in _by_agent(acted, "order", "count").items()}
+    noops = {agent: evidence.contract.noop_of(agent) for agent in counts}
+    whole = {agent: noop for agent, noop in noops.items() if isinstance(noop, int)}
+    idle: Counter[str] = Counter()
+    for column in columns:
+        rows = acted.filter(pc.is_valid(acted[column]))
+        idle.update(dict.fromkeys(whole.keys() & set(pc.unique(rows["agent"]).to_pylist()), 0))
+        for noop in set(whole.values()):
+            still = rows.filter(pc.equal(rows[column], noop))
+            for agent, (count, _) in _by_agent(still, "order", "count").items():
+                if whole.get(agent) == noop:
+                    idle[agent] += count
+    return {agent: count / counts[agent] for agent, count in idle.items()}
 
 
 def _endings(evidence: Evidence, steps: pa.Table) -> dict[str, dict[str, int]]:
@@ -199,7 +191,8 @@ def _endings(evidence: Evidence, steps: pa.Table) -> dict[str, dict[str, int]]:
     found: dict[str, Counter[str]] = {}
     for row in flags.to_pylist():
         named, end = reasons.get(row["episode"], ({}, "cut"))
-        reason = named.get(row["agent"]) or _flag(row) or ("left" if end == "ended" else end)
+        named_reason = named.get(row["agent"]) if isinstance(named, dict) else None
+        reason = str(named_reason or _flag(row) or ("left" if end == "ended" else end))
         found.setdefault(row["agent"], Counter())[reason] += 1
     return {agent: dict(sorted(counter.items())) for agent, counter in found.items()}
 

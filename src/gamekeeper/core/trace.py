@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import groupby
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
 
-from gamekeeper.core.arrow import TERM, block_of_table, cells_of, value_columns
+from gamekeeper.core.arrow import TERM, blocks_of, cells_of, value_columns
 from gamekeeper.core.block import Cells, Raw
 from gamekeeper.core.canon import from_json
 from gamekeeper.core.digest import SIZE, row_digests
@@ -21,7 +21,15 @@ from gamekeeper.core.layout import Column
 from gamekeeper.core.space import Codec
 
 AgentName = str
-MASK = "action_mask"
+MASK: Final = "action_mask"
+# scalars that canonical JSON writes as plain values
+_SCALARS: Final[dict[str | None, Any]] = {
+    "numpy.bool": np.bool_,
+    "numpy.bool_": np.bool_,
+    "numpy.int64": np.int64,
+    "numpy.float64": np.float64,
+    "numpy.str_": np.str_,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +45,8 @@ class Turn:
     """One turn of a trace: what agents were given, what they did, what that crossing paid them.
 
     Every mapping is by agent and holds only those that have such a value at this turn. `order`
-    names those who acted, in their order; `live` those in the roster at the turn's start; `ended` those
-    whose flags say terminated or truncated at the turn's start.
+    names those who acted, in their order; `live` those in the roster at the turn's start; `ended`
+    those whose flags say terminated or truncated at the turn's start.
     """
 
     index: int
@@ -78,6 +86,11 @@ class Turn:
     def terms(self) -> Mapping[AgentName, Mapping[str, float]]:
         """What the crossing paid each agent, by reward term."""
         return self._trace._terms(self._rows)
+
+    @property
+    def is_digest(self) -> bool:
+        """Whether digests stand in place of the observations."""
+        return self._trace.is_digest
 
     @property
     def odd(self) -> Mapping[AgentName, Mapping[str, Any]]:
@@ -144,6 +157,11 @@ class Trace:
         text = self.header.get("action_types")
         return {} if text is None else json.loads(text)
 
+    @property
+    def is_digest(self) -> bool:
+        """Whether digests stand in place of the observations."""
+        return "digest" in self.steps.schema.names
+
     def at(self, turn: Turn | int, agent: AgentName | None = None, field: str = "") -> str:
         """A place in this trace, as findings and errors name it."""
         number = turn.index if isinstance(turn, Turn) else turn
@@ -188,12 +206,15 @@ class Trace:
         """The environment's `state()` at the start of `turn`; None where there is none."""
         if self.states is None:
             return None
-        rows = self._cached("state rows", lambda: _index(self.states["turn"].to_pylist()))  # type: ignore[index]
+        states = self.states
+        rows = self._cached("state rows", lambda: _index(states["turn"].to_pylist()))
         row = rows.get(turn)
         if row is None:
             return None
-        cells = self._cached("state cells", lambda: _cells(self.states, "state"))
-        return _value(self.state_codec, cells, row)
+        cells = self._cached("state cells", lambda: _cells(states, "state"))
+        value = _value(self.state_codec, cells, row)
+        odd = states["odd"][row].as_py()
+        return value if odd is None else _odd(odd)["state"].get("value")
 
     # -- columns, decoded once and only when somebody looks
 
@@ -222,10 +243,14 @@ class Trace:
                 None if spaces is None else (spaces.observation if kind == "obs" else spaces.action)
             )
             value = _value(codec, cells, row)
-            if value is not None:
-                found[name] = value
-            elif kind in odd.get(name, {}) and "value" in odd[name][kind]:
-                found[name] = odd[name][kind]["value"]
+            strange = odd.get(name, {}).get(kind, {})
+            if value is None:
+                if "value" in strange:
+                    found[name] = strange["value"]
+                continue
+            type_name = strange.get("type") or self.action_types.get(name)
+            is_int = kind == "action" and isinstance(value, np.integer) and type_name == "int"
+            found[name] = int(value) if is_int else value
         return MappingProxyType(found)
 
     def _infos(self, rows: range) -> Mapping[AgentName, Any]:
@@ -240,13 +265,14 @@ class Trace:
                     info[MASK] = _mask(info[MASK], masks[row])
                 found[name] = info
             elif "info" in odd.get(name, {}):
-                found[name] = odd[name]["info"].get("value")
-            elif received[row] is not None:
+                if "value" in odd[name]["info"]:
+                    found[name] = odd[name]["info"]["value"]
+            elif received[row] is not None or "received" in odd.get(name, {}):
                 found[name] = {}
         return MappingProxyType(found)
 
     def _masks(self, turn: Turn) -> Mapping[AgentName, Any]:
-        found = {}
+        found: dict[AgentName, Any] = {}
         for name in turn.agents:
             for place in (turn.observations.get(name), turn.infos.get(name)):
                 if isinstance(place, dict) and MASK in place:
@@ -270,7 +296,8 @@ def digests_of(steps: pa.Table) -> Any:
     """The digest of every row of a `steps` table, [rows, 16], as stored or else computed."""
     if "digest" in steps.schema.names:
         return np.frombuffer(b"".join(steps["digest"].to_pylist()), np.uint8).reshape(-1, SIZE)
-    return row_digests(block_of_table(steps))
+    digests = [row_digests(block) for block in blocks_of(steps)]
+    return np.concatenate(digests) if digests else np.empty((0, SIZE), np.uint8)
 
 
 def _cells(table: pa.Table, kind: str) -> list[tuple[Column, Cells]]:
@@ -311,13 +338,13 @@ def _mask(text: str, payload: bytes) -> Any:
 def _odd(text: str) -> dict[str, Any]:
     """The odd fields of a row: the name of a type, and the value but for what was missing."""
     fields = json.loads(text)
-    return {
-        name: {
-            key: from_json(json.dumps(part)) if key == "value" else part
-            for key, part in entry.items()
-        }
-        for name, entry in fields.items()
-    }
+    for entry in fields.values():
+        if "value" in entry:
+            value = from_json(json.dumps(entry["value"]))
+            scalar = _SCALARS.get(entry.get("type"))
+            is_plain = isinstance(value, bool | int | float | str)
+            entry["value"] = scalar(value) if scalar is not None and is_plain else value
+    return fields  # type: ignore[no-any-return]  # the door wrote an object of objects
 
 
 def _index(items: list[Any]) -> dict[Any, int]:

@@ -32,8 +32,8 @@ def books_of(env: Any) -> Any:
 def entry_of(book: Any, agent: AgentId) -> Any:
     """What a book says of an agent; MISSING where it says nothing."""
     try:
-        return book[agent]
-    except (KeyError, TypeError):
+        return book[agent] if book.__class__ is dict else book.get(agent, MISSING)
+    except (AttributeError, KeyError, TypeError):
         return MISSING
 
 

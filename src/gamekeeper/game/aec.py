@@ -5,7 +5,7 @@ don't cost 2,048 rows a turn. What a crossing pays stands at its own turn; what 
 and roster stands at the next turn's start, as it does in a Parallel environment.
 
 Roster and flags are compared whole at each turn, but by functions in C: nothing here walks over all
-agents in Python.
+agents in Python. Where the books are ours, they say whom a crossing touched, and nothing is compared.
 """
 
 from __future__ import annotations
@@ -48,6 +48,7 @@ class AECGame(Game):
         self._live: set[AgentId] = set()
         self._terminated, self._truncated = Flags("terminated"), Flags("truncated")
         self._news: list[AgentId] = []  # agents with a row at the start of the turn that comes
+        self._is_sure = True  # no crossing broke off since roster and flags were compared
         self._seen: Any = _NEVER  # whose observation was looked at in this turn
         self._seen_payload: Any = None
         self._seen_odd: tuple[str, ...] | None = None
@@ -128,7 +129,7 @@ class AECGame(Game):
             self.env.step(action)
         except Exception as error:
             done = (0, payload, None, None, type_name_of(type(error)), entry)
-            self._seen = _NEVER
+            self._seen, self._is_sure = _NEVER, False
             self._commit(given, done, 1, perf_counter_ns() - start)
             self.fail(traceback.format_exc())
             raise
@@ -195,7 +196,7 @@ class AECGame(Game):
         reward, entry = reward_in(rewards, agent, entry)
         done = 0, payload, reward, self._terms_of(agent), None, entry
         news = [other for other in self._news if other != agent] if self._news else []
-        paid = paid_others(rewards, agent) if pays_others(rewards, reward) else []
+        paid = self._paid_others(agent, rewards, reward)
         if news or paid:
             others, theirs = self._other_rows(news, paid)
             self._commit(
@@ -204,6 +205,12 @@ class AECGame(Game):
         else:
             self._commit(given, done, 1, wall_ns)
         self._news = []
+
+    def _paid_others(
+        self, agent: AgentId, rewards: Mapping[AgentId, Any], reward: Any
+    ) -> list[AgentId]:
+        """Whom the crossing paid beside `agent`, whose own reward is `reward`."""
+        return paid_others(rewards, agent) if pays_others(rewards, reward) else []
 
     def _other_rows(
         self, news: list[AgentId], paid: list[AgentId]
@@ -232,11 +239,14 @@ class AECGame(Game):
         """The next turn begins: state, frame, and whose flags or place in the roster changed."""
         self._crossed()
         agents = self._books.agents
+        self._note_changes(actor, agents)
+        if not agents:
+            self._end()
+
+    def _note_changes(self, actor: AgentId, agents: list[AgentId]) -> None:
         if agents != self._roster:
             self._note_roster(actor, agents)
         self._note_flags()
-        if not agents:
-            self._end()
 
     def _note_roster(self, actor: AgentId, agents: list[AgentId]) -> None:
         """Who joined or left; the actor's leaving by its own None turn is no news."""
@@ -282,3 +292,33 @@ class AECGame(Game):
         self._news, self._seen = [], _NEVER
         over = all(self._terminated.has(agent) or self._truncated.has(agent) for agent in agents)
         self._finish("ended" if over else "cut")
+
+
+class BooksGame(AECGame):
+    """An AEC environment whose books are ours: they say whom a crossing touched."""
+
+    def _paid_others(
+        self, agent: AgentId, rewards: Mapping[AgentId, Any], reward: Any
+    ) -> list[AgentId]:
+        return [other for other in self._books.touched.paid if other != agent and rewards.get(other)]
+
+    def _note_changes(self, actor: AgentId, agents: list[AgentId]) -> None:
+        if not self._is_sure:  # a crossing broke off, and the next one forgot whom that had touched
+            self._is_sure, self._roster = True, list(self._live)
+            super()._note_changes(actor, agents)
+            return
+        books, news = self._books, self._news
+        touched = books.touched
+        for agent in touched.left:
+            self._live.discard(agent)
+            is_flagged = self._terminated.drop(agent) | self._truncated.drop(agent)
+            if agent != actor or not is_flagged:
+                news.append(agent)
+        for agent in touched.joined:
+            self._live.add(agent)
+            news.append(agent)
+        for agent in touched.ended:
+            if agent in books.terminations:
+                self._terminated.put(agent, books.terminations[agent])
+                self._truncated.put(agent, books.truncations[agent])
+                news.append(agent)

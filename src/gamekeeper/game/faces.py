@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Final
 
 from pettingzoo import AECEnv, ParallelEnv
 
-from gamekeeper.game.aec import AECGame
+from gamekeeper.game.accounts import books_of
+from gamekeeper.game.aec import AECGame, BooksGame
+from gamekeeper.game.books import Books
 from gamekeeper.game.door import AgentId, Game
 from gamekeeper.game.parallel import ParallelGame
+
+OWN: Final = ("_game", "_on_close")  # attributes of a face itself
 
 
 class _Face:
@@ -25,9 +29,16 @@ class _Face:
         self._on_close = on_close
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("__") or name in ("_game", "_on_close"):
+        if name.startswith("__") or name in OWN:
             raise AttributeError(name)
         return getattr(self._game.env, name)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """What is set on a face is set on the environment, as if there were no face."""
+        if name in OWN:
+            object.__setattr__(self, name, value)
+        else:
+            setattr(self._game.env, name, value)
 
     @property
     def unwrapped(self) -> Any:
@@ -43,6 +54,16 @@ class _Face:
     def possible_agents(self) -> Any:
         """All agents that may appear: the environment's own list."""
         return self._game.env.possible_agents
+
+    @property
+    def num_agents(self) -> Any:
+        """How many agents are live, as the environment says."""
+        return self._game.env.num_agents
+
+    @property
+    def max_num_agents(self) -> Any:
+        """How many agents there may be, as the environment says."""
+        return self._game.env.max_num_agents
 
     @property
     def metadata(self) -> Any:
@@ -165,9 +186,9 @@ def game_of(env: Any, **settings: Any) -> ParallelGame | AECGame:
     """
     if isinstance(env, _Face) and env._game.sink is None:
         env = env._game.env
-    return (
-        ParallelGame(env, **settings) if isinstance(env, ParallelEnv) else AECGame(env, **settings)
-    )
+    if isinstance(env, ParallelEnv):
+        return ParallelGame(env, **settings)
+    return (BooksGame if isinstance(books_of(env), Books) else AECGame)(env, **settings)
 
 
 def _revive(kind: type[Game], env: Any) -> Any:

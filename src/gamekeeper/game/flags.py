@@ -52,6 +52,15 @@ class Flags:
         self._values = list(self._known.values())
         return _is_set(flag)
 
+    def put(self, agent: AgentId, flag: Any) -> None:
+        """Takes one flag as known; `differ_from` then says that they differ."""
+        self._known[agent], self._values = flag, []
+
+    def drop(self, agent: AgentId) -> bool:
+        """Takes out an agent that has left, likewise; whether its flag was set."""
+        self._values = []
+        return _is_set(self._known.pop(agent, False))
+
     def has(self, agent: AgentId) -> bool:
         """Whether the agent's flag is set."""
         return _is_set(self._known.get(agent, False))

@@ -9,6 +9,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from gamekeeper.core.stream import Stream
+
 DEPTH: Final = 5
 MOST_OBJECTS: Final = 20_000
 _PLAIN: Final = (str, bytes, int, float, complex, bool, type(None), np.ndarray, np.generic, type)
@@ -47,7 +49,7 @@ def generators(env: Any) -> Iterator[Any]:
         if id(item) in seen or isinstance(item, _PLAIN):
             continue
         seen.add(id(item))
-        if isinstance(item, np.random.Generator | np.random.RandomState | random.Random):
+        if isinstance(item, np.random.Generator | np.random.RandomState | random.Random | Stream):
             yield item
         elif depth < DEPTH:
             queue.extend((part, depth + 1) for part in _parts(item))
@@ -78,6 +80,8 @@ def _slots(kind: type) -> tuple[str, ...]:
 def _state(generator: Any) -> Any:
     if isinstance(generator, np.random.Generator):
         return generator.bit_generator.state
+    if isinstance(generator, Stream):
+        return generator.draws
     if isinstance(generator, random.Random) or generator is random:
         return generator.getstate()
     return generator.get_state()
@@ -86,6 +90,8 @@ def _state(generator: Any) -> Any:
 def _restore(generator: Any, state: Any) -> None:
     if isinstance(generator, np.random.Generator):
         generator.bit_generator.state = state
+    elif isinstance(generator, Stream):
+        generator.draws = state
     elif isinstance(generator, random.Random) or generator is random:
         generator.setstate(state)
     else:

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import pyarrow as pa
 
+from gamekeeper.core.block import most_rows
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.evidence import Evidence, manifest_of
 from gamekeeper.core.layout import Layout
@@ -46,8 +47,8 @@ class MemorySink:
             self._drain()
 
     def frame(self, episode: int, turn: int, frame: Any) -> None:
-        """Keeps a frame as it is."""
-        self.frames[episode, turn] = frame
+        """Keeps a copy of a frame."""
+        self.frames[episode, turn] = frame.copy() if hasattr(frame, "copy") else frame
 
     def evidence(
         self,
@@ -76,7 +77,8 @@ class MemorySink:
         )
 
     def _drain(self) -> None:
-        while (reel := take(self.tape, most=MOST_TURNS)) is not None:
+        rows = most_rows([*self.layout.columns("obs"), *self.layout.columns("action")])
+        while (reel := take(self.tape, most=MOST_TURNS, most_rows=rows)) is not None:
             self._keep(self._press.press(reel))
 
     def _keep(self, pressed: Pressed) -> None:

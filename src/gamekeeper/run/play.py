@@ -40,32 +40,38 @@ def play(
         most_turns: an episode that is longer is cut.
         after_turn: called after every turn, for progress and signs of life.
     """
-    turn = _tick if isinstance(game, ParallelGame) else _turn
+    turn = _tick_of(game) if isinstance(game, ParallelGame) else _turn_of(game)
     for episode in episodes:
         cast.begin(seed, episode)
         game.reset(episode_seed(seed, episode), options)
         for _ in range(most_turns):
-            if not turn(game, cast):  # type: ignore[operator]  # chosen for the game's own type
+            if not turn(cast):
                 break
             if after_turn is not None:
                 after_turn()
         game.end_episode()
 
 
-def _tick(game: ParallelGame, cast: Cast) -> bool:
-    movers = game.to_move
-    if not movers:
-        return False
-    observations, infos, act = game.observations, game.infos, cast.act
-    game.step({agent: act(agent, observations.get(agent), infos.get(agent)) for agent in movers})
-    return True
+def _tick_of(game: ParallelGame) -> Callable[[Cast], bool]:
+    def tick(cast: Cast) -> bool:
+        movers = game.to_move
+        if not movers:
+            return False
+        seen, infos, act = game.observations, game.infos, cast.act
+        game.step({agent: act(agent, seen.get(agent), infos.get(agent)) for agent in movers})
+        return True
+
+    return tick
 
 
-def _turn(game: AECGame, cast: Cast) -> bool:
-    movers = game.to_move
-    if not movers:
-        return False
-    observation, _, terminated, truncated, info = game.last()
-    agent = movers[0]
-    game.step(None if terminated or truncated else cast.act(agent, observation, info))
-    return True
+def _turn_of(game: AECGame) -> Callable[[Cast], bool]:
+    def turn(cast: Cast) -> bool:
+        movers = game.to_move
+        if not movers:
+            return False
+        observation, _, terminated, truncated, info = game.last()
+        agent = movers[0]
+        game.step(None if terminated or truncated else cast.act(agent, observation, info))
+        return True
+
+    return turn
