@@ -300,7 +300,9 @@ class BooksGame(AECGame):
     def _paid_others(
         self, agent: AgentId, rewards: Mapping[AgentId, Any], reward: Any
     ) -> list[AgentId]:
-        return [other for other in self._books.touched.paid if other != agent and rewards.get(other)]
+        return [
+            other for other in self._books.touched.paid if other != agent and rewards.get(other)
+        ]
 
     def _note_changes(self, actor: AgentId, agents: list[AgentId]) -> None:
         if not self._is_sure:  # a crossing broke off, and the next one forgot whom that had touched
