@@ -74,11 +74,21 @@ def test_r3_orders_arrive_by_themselves() -> None:
     assert all(1 <= gap <= 7 for gap in gaps)
 
 
-def test_r4_masked_actions_are_refused(env: Any) -> None:
-    """An action against the mask is an error that leaves the tick unplayed."""
-    put(env, picker_0=(1, 0))
+def test_r4_masked_actions_are_tries(env: Any) -> None:
+    """Against a shelf a robot stays and pays; handling nothing costs battery alone."""
+    put(env, picker_0=(1, 0), carrier_0=(5, 2))
+    paid = tick(env, picker_0=NORTH, carrier_0=HANDLE)
+    assert at(env, "picker_0") == (1, 0)
+    assert paid["picker_0"] == pytest.approx(COLLISION + ENERGY)
+    assert paid["carrier_0"] == ENERGY
+    assert env.robots["carrier_0"].battery == 59
+
+
+@pytest.mark.parametrize("wrong", [6, -1, None, "north", 1.0])
+def test_r4_actions_outside_the_space_are_refused(env: Any, wrong: Any) -> None:
+    """What is no action at all is an error that leaves the tick unplayed."""
     with pytest.raises(ActionError, match="picker_0"):
-        tick(env, picker_0=NORTH)
+        tick(env, picker_0=wrong)
     assert env.ticks == 0
 
 
@@ -206,8 +216,8 @@ def test_r10_an_empty_robot_can_do_nothing() -> None:
     put(env, picker_0=(0, 4))
     env.robots["picker_0"].battery = 0
     assert env.mask("picker_0").tolist() == [0, 0, 0, 0, 1, 0]
-    tick(env)
-    assert "picker_0" in env.agents
+    assert tick(env, picker_0=NORTH)["picker_0"] == 0.0
+    assert at(env, "picker_0") == (0, 4)
     assert env.robots["picker_0"].battery == CHARGE
 
 

@@ -9,7 +9,8 @@ Floor and roster
         When and where is drawn as the episode begins, so nothing a robot does changes it.
 Actions, resolved together
     R4. Actions 0 to 3 move a robot north, east, south, west; 4 does nothing; 5 handles. A move off
-        the open cells and a handling that would come to nothing are masked out.
+        the open cells and a handling that would come to nothing are masked out; tried all the
+        same, they change nothing but what R9 and R10 take for it.
     R5. A picker handles: without an item, beside a shelf with an open order, it grasps the item
         (the first such shelf of north, east, south, west) and is paid `grasp`; with an item, on a
         hand-over cell where none lies, it puts it down.
@@ -20,12 +21,13 @@ Actions, resolved together
     R8. Handling looks at the cells as the tick began; robots that handle don't move.
     R9. Moves are resolved together, whatever the order of the actions. Refused are all who want one
         cell, who want the cell of a robot that stays, both who would swap, and who wants the cell
-        of one that is refused. A queue moves on behind one that moves, and a ring of three or more
-        turns. Who is refused stays and pays `collision`; who was run into pays nothing.
+        of one that is refused; and who would leave the open cells. A queue moves on behind one
+        that moves, and a ring of three or more turns. Who is refused stays and pays `collision`;
+        who was run into pays nothing.
 Batteries
     R10. A tick in which a robot moves, tries to, or handles costs one unit of its battery, and it
         pays `energy`; a tick in which it does nothing on a charger gives CHARGE units. With an
-        empty battery everything but doing nothing is masked out.
+        empty battery everything but doing nothing is masked out, and comes to nothing.
     R11. A robot whose battery is empty, and that is on no charger, is truncated alone ("battery")
         and taken off the floor; the order of the item it had is open again at its shelf.
     R12. After each tick, for each role, where fewer robots are live than the episode began with,
@@ -43,7 +45,6 @@ and rewards are our own.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Final, Unpack
 
 import numpy as np
@@ -54,7 +55,7 @@ from gamekeeper.core.stream import Stream
 from gamekeeper.envs import warehouse_picture as picture
 from gamekeeper.envs.knobs import Disturbances, KnobArguments, Knobs
 from gamekeeper.envs.layouts import CHARGER, DOCK, FLOOR, HAND_OVER, NOWHERE, Layout, layout_of
-from gamekeeper.envs.warehouse_moves import ACTIONS, HANDLE, NOOP, refused_moves
+from gamekeeper.envs.warehouse_moves import ACTIONS, HANDLE, NOOP, Robot, refused_moves
 from gamekeeper.envs.warehouse_policies import greedy, lazy, reference
 from gamekeeper.envs.warehouse_sight import Sight, state_of, state_space
 from gamekeeper.errors import SpecError
@@ -70,23 +71,6 @@ CHARGE: Final = 5
 """Units of battery a tick on a charger gives."""
 SLIPS: Final = {move: ((move + 1) % 4, (move + 3) % 4) for move in range(4)}
 """What a move may turn out as where wheels slip: a move to its right or left."""
-
-
-@dataclass(slots=True)
-class Robot:
-    """What a robot is and has.
-
-    Args:
-        role: `picker` or `carrier`.
-        cell: where it is, or was when it ended; NOWHERE for a spare.
-        battery: units left.
-        load: the shelf whose item it has, or NOWHERE.
-    """
-
-    role: str
-    cell: int
-    battery: int
-    load: int = NOWHERE
 
 
 class WarehouseRules(Authored):
@@ -192,7 +176,8 @@ class WarehouseRules(Authored):
     def play(self, actions: Mapping[str, int]) -> None:
         """What some robots do at once: all of them in a tick, one in a turn (R5 to R11)."""
         knobs = self.disturbances
-        done = actions if knobs is None else self._disturbed(actions, knobs)
+        played = actions if knobs is None else self._disturbed(actions, knobs)
+        done = {a: action if self.robots[a].battery else NOOP for a, action in played.items()}
         self._handle([agent for agent, action in done.items() if action == HANDLE])
         self._move({agent: action for agent, action in done.items() if action < NOOP})
         for agent, action in done.items():
@@ -226,8 +211,7 @@ class WarehouseRules(Authored):
         """What the actions come to under the knobs; what can't be done any more is a try (R10)."""
         for agent in actions:
             knobs.remember(agent, self.sight.view)
-        played = {agent: knobs.played(agent, action) for agent, action in actions.items()}
-        return {a: action if self.robots[a].battery else NOOP for a, action in played.items()}
+        return {agent: knobs.played(agent, action) for agent, action in actions.items()}
 
     def _handle(self, agents: list[str]) -> None:
         """Items change hands (R5 to R8)."""
@@ -262,14 +246,16 @@ class WarehouseRules(Authored):
                     self.pay(agent, DELIVERY, term="delivery")
 
     def _move(self, moves: dict[str, int]) -> None:
-        """Robots move (R9); a move that leads off the open cells is a try that stays put."""
-        robots, stands = self.robots, self.stands
-        wants = {
-            agent: (robots[agent].cell, cell)
-            for agent, move in moves.items()
-            if (cell := self.floor.ways[move][robots[agent].cell]) != NOWHERE
-        }
-        refused = refused_moves(wants, stands) if wants else ()
+        """Robots move (R9)."""
+        robots, stands, ways = self.robots, self.stands, self.floor.ways
+        wants: dict[str, tuple[int, int]] = {}
+        for agent, move in moves.items():
+            cell = robots[agent].cell
+            if ways[move][cell] == NOWHERE:
+                self.pay(agent, COLLISION, term="collision")
+            else:
+                wants[agent] = cell, ways[move][cell]
+        refused = refused_moves(wants, stands)
         for agent, (cell, _) in wants.items():
             if agent in refused:
                 self.pay(agent, COLLISION, term="collision")
@@ -317,6 +303,12 @@ class WarehouseRules(Authored):
             if self.wanted[shelf]:
                 return shelf
         return NOWHERE
+
+    def illegal(self, agent: str, action: Any) -> int:
+        """A masked action is a try (R4); one outside the space is an error."""
+        if not self.action_spaces[agent].contains(action):
+            raise self._refused(agent, action)
+        return int(action)
 
     # -- what is seen
 

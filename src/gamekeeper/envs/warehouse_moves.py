@@ -1,17 +1,37 @@
-"""Actions of warehouse robots, and who may move where they move at once.
+"""Warehouse robots: what they are, what they can do, and who may move where all move at once.
 
-The answer is one, whatever order the robots are asked in.
+That answer is one, whatever order the robots are asked in.
 """
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping
+from dataclasses import dataclass
 from typing import Final, TypeVar
+
+from gamekeeper.envs.layouts import NOWHERE
 
 Agent = TypeVar("Agent", bound=Hashable)
 
 NORTH, EAST, SOUTH, WEST, NOOP, HANDLE = range(6)
 ACTIONS: Final = 6
+
+
+@dataclass(slots=True)
+class Robot:
+    """What a robot is and has.
+
+    Args:
+        role: `picker` or `carrier`.
+        cell: where it is, or was when it ended; NOWHERE for a spare.
+        battery: units left.
+        load: the shelf whose item it has, or NOWHERE.
+    """
+
+    role: str
+    cell: int
+    battery: int
+    load: int = NOWHERE
 
 
 def refused_moves(

@@ -32,12 +32,13 @@ class WarehouseTurns(WarehouseRules, TurnEnv):
     def act(self, agent: str, action: int) -> None:
         """One robot acts; after the last one the tick ends."""
         self.play({agent: action})
-        if self._after(agent) is None:
+        self.is_tick_over = self._after(agent) is None
+        if self.is_tick_over:
             self.end_tick()
 
     def next_agent(self, agent: str) -> str:
         """The next live robot in the order of possible agents, from the front after the last."""
-        return self._after(agent) or self._after(None) or agent
+        return self._after(None if self.is_tick_over else agent) or agent
 
     def _after(self, agent: str | None) -> str | None:
         """The first live robot after one of them, or of all of them; None where there is none."""
