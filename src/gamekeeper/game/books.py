@@ -360,6 +360,21 @@ class Books(Verbs, AECEnv[Any, Any, Any]):
         self.infos[agent] = {}
         self.__stirred = True
 
+    def _arrange(self, roster: Iterable[AgentId]) -> None:
+        """Gives the roster another order, within a crossing; who isn't named leaves at once.
+
+        For rules that keep a roster of their own, as those of a converted environment do.
+        """
+        self.agents[:] = roster
+        for agent in self.rewards.keys() - set(self.agents):
+            del self.rewards[agent], self._cumulative_rewards[agent], self.infos[agent]
+            del self.terminations[agent], self.truncations[agent]
+            self.__paid.pop(agent, None)
+            self.touched.left.append(agent)
+            self.__stirred = True
+        self.__circle = Circle(self.agents)
+        self.__after = self.__circle.after
+
     def _possible(self) -> frozenset[Any]:
         """Who may ever appear in this episode."""
         return self.__possible
