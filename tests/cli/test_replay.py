@@ -1,3 +1,4 @@
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -5,7 +6,9 @@ from typing import Any
 import pytest
 
 import gamekeeper as gk
-from gamekeeper.cli.replay import replay_code
+from gamekeeper.cli._screen import Screen
+from gamekeeper.cli.replay import replay_code, show_replayed
+from gamekeeper.core.divergence import Divergence
 from gamekeeper.record.replay import Replay
 from tests.cli.lines import LINE, ROUGH, document, said
 
@@ -18,6 +21,13 @@ def test_equal_replay_is_verified(line_run: Path, capfd: pytest.CaptureFixture[s
     assert (code, out) == (0, f"verified: fingerprint {gk.load(line_run).fingerprint}\n")
 
 
+@pytest.fixture
+def _a_known_cause(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Looking for a cause replays four times more; here it is known."""
+    monkeypatch.setattr("gamekeeper.record.replay.cause_of", lambda *_, **__: "the drift is on")
+
+
+@pytest.mark.usefixtures("_a_known_cause")
 def test_other_environment_diverges(
     rough_run: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -30,6 +40,26 @@ def test_other_environment_diverges(
     place = {key: found["divergence"][key] for key in ("episode", "turn", "agent", "field")}
     assert place == {"episode": 0, "turn": 0, "agent": "arm", "field": "obs"}
     assert found["divergence"].keys() >= {"recorded", "replayed"}
+
+
+def test_divergence_is_shown_with_its_cause(capfd: pytest.CaptureFixture[str]) -> None:
+    """Place, both values, cause and differing versions stand under one another, indented."""
+    divergence = Divergence(3, 7, "arm", "reward", 1.0, 0.5)
+    replayed = Replay(
+        run="x", verified=False, within_tolerance=None, fingerprint="f", divergence=divergence,
+        versions={"numpy": ["2.0.0", "2.4.6"]}, cause="the environment changed",
+    )  # fmt: skip
+    show_replayed(Screen(sys.stdout), replayed, indent="  ")
+    assert capfd.readouterr().out.splitlines() == [
+        "  diverged at episode 3, turn 7, agent arm: reward",
+        "    recorded  1.0",
+        "    replayed  0.5",
+        "  Cause",
+        "    the environment changed",
+        "  Versions that differ",
+        "    numpy  2.0.0 then, 2.4.6 now",
+    ]
+    assert replay_code(replayed) == 1
 
 
 def test_small_difference_is_within_tolerance(

@@ -4,6 +4,9 @@ from pathlib import Path
 import pytest
 
 import gamekeeper as gk
+from gamekeeper.cli._form import Form
+from gamekeeper.cli.run import contract_file
+from gamekeeper.core.contract import Contract
 from tests.cli.lines import LINE, failing, said
 
 
@@ -60,3 +63,17 @@ def test_run_of_a_failing_environment_exits_1(
     assert "Recorded  1 episode" in out
     assert "verified" not in out
     assert f"gamekeeper show {tmp_path / 'run'}" in out
+
+
+@pytest.mark.parametrize(
+    ("env", "file"),
+    [
+        ("envs/line.py:make", "envs/line.toml"),
+        ("aec:envs/line.py", "envs/line.toml"),
+        ("mpe2.simple_spread_v3:parallel_env", "line_v0.toml"),
+        ("butterfly/pistonball-v6", "line_v0.toml"),
+    ],
+)
+def test_contract_is_best_written_where_it_is_found(env: str, file: str) -> None:
+    """The next command writes a contract beside the environment's file, where there is one."""
+    assert contract_file(env, Form("line_v0", Contract(), False, (), ())) == file

@@ -71,6 +71,7 @@ def build_app() -> typer.Typer:
         name=NAME,
         no_args_is_help=True,
         pretty_exceptions_enable=False,
+        rich_markup_mode=None,  # rich alone doubles the time that --help takes
         context_settings={"help_option_names": ["--help", "-h"]},
         help="Keeps multi-agent environments honest: states the game form, records rollouts as "
         "evidence that replays bit for bit, and names the first place where a rerun differs.",
@@ -171,9 +172,7 @@ def _misused(error: Any, *, as_json: bool) -> int:
         document = {"error": {"kind": "UsageError", "what": error.format_message()}}
         with claimed_stdout() as out:
             Screen(out, is_json=True).document(document)
-    from typer.rich_utils import rich_format_error
-
-    rich_format_error(error)
+    error.show()
     return int(error.exit_code)
 
 

@@ -41,10 +41,10 @@ def command(
     kwargs: KwargsOption = None,
     timeout: TimeoutOption = SILENCE_S,
 ) -> Answer:
-    """Shows who acts, observes, is paid and ends how, and asks for what nobody declared.
+    """Shows the game form, and asks for what nobody declared.
 
-    The environment is opened, not stepped. Write a draft to fill in: gamekeeper contract ENV
-    --out my_env.toml; it is found by itself when it lies beside the environment's file.
+    Who acts, observes, is paid and ends, and when. The environment is opened, not stepped.
+    Write a draft to fill in with --out my_env.toml: beside my_env.py it is found by itself.
     """
     form = look_at(
         env,

@@ -21,9 +21,10 @@ SecondArgument = Annotated[
 def command(
     screen: Screen, a: FirstArgument, b: SecondArgument, tolerance: ToleranceOption = None
 ) -> Answer:
-    """Says that two runs are the same, or the first episode, turn, agent and field that isn't.
+    """Names the first place where two runs differ.
 
-    Exit code 0: the same. 1: different.
+    That is an episode, a turn, an agent and a field, with both values. Exit code 0: the same.
+    1: different.
     """
     from gamekeeper.record.diff import diff
     from gamekeeper.report.text import divergence_text

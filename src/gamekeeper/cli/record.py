@@ -47,7 +47,7 @@ def command(
     timeout: TimeoutOption = SILENCE_S,
     memory: MemoryOption = None,
 ) -> Answer:
-    """Plays episodes and records them as evidence that replays bit for bit.
+    """Plays episodes and keeps them as evidence.
 
     The environment runs in a process of its own: if it raises, hangs or kills the process, what
     happened until then is sealed as failed, with the traceback, and the exit code is 1. Ctrl-C

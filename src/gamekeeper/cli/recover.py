@@ -12,9 +12,9 @@ ORDER: Final = 70
 
 
 def command(screen: Screen, run: RunArgument) -> Answer:
-    """Seals a run whose process was killed, up to its last whole turn.
+    """Seals a run whose process was killed.
 
-    A run that is sealed already stays as it is.
+    It is kept up to its last whole turn. A run that is sealed already stays as it is.
     """
     from gamekeeper.record.bundle import load
     from gamekeeper.record.recover import recover

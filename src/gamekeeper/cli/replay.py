@@ -41,9 +41,10 @@ def command(
     allow_import: ImportOption = False,
     timeout: TimeoutOption = SILENCE_S,
 ) -> Answer:
-    """Plays a recorded run again and says verified, within tolerance, or where it diverged first.
+    """Plays a run again: verified, or the first divergence.
 
-    Exit code 0: it is the same. 1: it diverged. 2: it can't be told, with the reason.
+    Recorded actions from recorded seeds, in a fresh process. Exit code 0: it is the same. 1: it
+    diverged. 2: it can't be told, with the reason.
     """
     from gamekeeper.record.replay import replay
 
@@ -64,7 +65,7 @@ def command(
 def show_replayed(
     screen: Screen, replayed: Replay, *, indent: str = "", digits: int | None = None
 ) -> None:
-    """Shows whether a run replays; where it diverged, both values and the versions that differ.
+    """Shows whether a run replays; where it diverged, both values and why.
 
     Args:
         screen: takes it.
@@ -72,7 +73,7 @@ def show_replayed(
         indent: stands in front of every line.
         digits: of the fingerprint that are shown; None: all.
     """
-    from gamekeeper.report.text import divergence_text, versions_text
+    from gamekeeper.report.text import cause_text, divergence_text, versions_text
 
     width = screen.width - len(indent)
     shown = replayed.fingerprint[:digits] + "..." * (digits is not None)
@@ -81,8 +82,11 @@ def show_replayed(
     elif replayed.divergence is not None:
         text = divergence_text(replayed.divergence, width=width)
         screen.verdict(f"diverged at {text}", "bad", indent=indent)
-        versions = versions_text(replayed.versions, width=width) or SAME_VERSIONS
-        screen.show(textwrap.indent(versions, indent))
+        why = [
+            cause_text(replayed.cause, width=width),
+            versions_text(replayed.versions, width=width),
+        ]
+        screen.show(textwrap.indent("\n".join(filter(None, why)) or SAME_VERSIONS, indent))
     elif replayed.within_tolerance:
         screen.verdict(f"within tolerance: fingerprint {shown}", "good", indent=indent)
     else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from shlex import quote
 from typing import TYPE_CHECKING, Any, Final
 
@@ -56,7 +57,7 @@ def command(
     timeout: TimeoutOption = SILENCE_S,
     memory: MemoryOption = None,
 ) -> Answer:
-    """The main job in one go: card, recorded episodes, their replay, each agent's part.
+    """Card, recording, replay and each agent's part, in one go.
 
     Where --out holds evidence already, a new folder beside it is taken (FOLDER-2, ...). Exit code
     0: recorded and verified. 1: the environment failed, or its replay diverged. 2: can't tell.
@@ -132,12 +133,18 @@ def show_next(
         named = f"{quote(str(evidence.path))}{_env_option(env, evidence)}"
         command = f"gamekeeper replay {named} --tolerance 1e-6"
     elif not form.is_declared:
-        command = f"gamekeeper contract {quote(env)} --out {quote(form.name)}.toml"
+        command = f"gamekeeper contract {quote(env)} --out {quote(contract_file(env, form))}"
     else:
         command = f"gamekeeper replay {quote(str(evidence.path))}{_env_option(env, evidence)}"
     screen.show(f"\nEvidence  {evidence.path}")
     screen.show(f"  fingerprint  {evidence.fingerprint}")
     screen.show(f"Next      {command}")
+
+
+def contract_file(env: str, form: Form) -> str:
+    """Where a contract is best written: beside the environment's file it is found by itself."""
+    file = re.fullmatch(r"(?:(?:parallel|aec):)?(.+)\.py(?::[^:/\\]+)?", env.strip())
+    return f"{file[1] if file else form.name}.toml"
 
 
 def _env_option(env: str, evidence: Evidence) -> str:

@@ -14,7 +14,7 @@ ORDER: Final = 110
 
 
 def command(screen: Screen, run: RunArgument) -> Answer:
-    """Shows what a run is: environment, status, seeds, fingerprint, and each agent's part.
+    """Shows what a run holds, fact by fact and agent by agent.
 
     Also of a run that is still being recorded, or was killed.
     """

@@ -20,10 +20,11 @@ FingerprintOption = Annotated[
 
 
 def command(screen: Screen, run: RunArgument, fingerprint: FingerprintOption = None) -> Answer:
-    """Looks for changed bytes and computes the fingerprint anew; runs nothing of what it reads.
+    """Finds changed bytes, and computes the fingerprint anew.
 
-    A seal shows damage, not intent: who can write the files can seal them. That a run is the one
-    that somebody else means, only --fingerprint shows. Exit code 0: all is well. 1: it isn't.
+    Nothing of what is read is run. A seal shows damage, not intent: who can write the files can
+    seal them. That a run is the one that somebody else means, only --fingerprint shows. Exit
+    code 0: all is well. 1: it isn't.
     """
     from gamekeeper.record.verify import verify
 

@@ -121,6 +121,11 @@ def divergence_text(
     return "\n".join([*lines, *table_lines(rows, width=width)])
 
 
+def cause_text(cause: str | None, *, width: int) -> str:
+    """What a divergence comes from; empty where nobody can tell."""
+    return "\n".join(["Cause", *_wrapped(one_line(cause), width, INDENT)]) if cause else ""
+
+
 def versions_text(versions: Mapping[str, Sequence[str | None]], *, width: int) -> str:
     """Which versions differ between a recording and its replay; empty where none does."""
     rows = [
