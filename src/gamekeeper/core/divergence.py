@@ -133,7 +133,8 @@ def _as_far_as(recorded: Trace, replayed: Trace) -> Trace:
     """`replayed` without what came after the end of a recording that was torn off."""
     turns = crossings(recorded)
     last = recorded.steps["turn"][-1].as_py() if recorded.steps.num_rows else -1
-    if not _is_open(recorded) or last >= turns:
+    failed_at_reset = recorded.header.get("end") == "failed" and last < 0
+    if not _is_open(recorded) or last >= turns or failed_at_reset:
         return replayed
     steps = replayed.steps.filter(pc.less(replayed.steps["turn"], turns))
     states = replayed.states
