@@ -8,10 +8,11 @@ from typing import Any, Final
 from pettingzoo.utils import wrappers
 
 from gamekeeper.game.oddity import MISSING, REALS, odd, reward_of
+from gamekeeper.game.slim_aec import SlimAEC
 
 AgentId = Hashable
-# wrappers of PettingZoo that keep no books of their own: those are read where they are kept, since
-# an attribute costs 0.65 us for each wrapper that it falls through
+# wrappers of PettingZoo, and the face in their place, keep no books of their own: those are read
+# where they are kept, since an attribute costs 0.65 us for each wrapper that it falls through
 TRANSPARENT: Final = (
     wrappers.BaseWrapper,
     wrappers.OrderEnforcingWrapper,
@@ -19,6 +20,7 @@ TRANSPARENT: Final = (
     wrappers.ClipOutOfBoundsWrapper,
     wrappers.TerminateIllegalWrapper,
     wrappers.CaptureStdoutWrapper,
+    SlimAEC,
 )
 
 

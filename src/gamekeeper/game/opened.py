@@ -7,9 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any, Final, Protocol, TypeAlias, runtime_checkable
 
 from pettingzoo import AECEnv, ParallelEnv
-from pettingzoo.utils.conversions import aec_to_parallel, parallel_to_aec
 
 from gamekeeper.errors import SpecError
+from gamekeeper.game.to_aec import to_aec
+from gamekeeper.game.to_parallel import to_parallel
 
 Env: TypeAlias = AECEnv[Any, Any, Any] | ParallelEnv[Any, Any, Any]
 
@@ -100,16 +101,4 @@ def convert(env: Env, api: str) -> Env:
     Raises:
         SpecError: an AEC environment doesn't say that a round of its turns can be one tick.
     """
-    if api_of(env) == api:
-        return env
-    if isinstance(env, ParallelEnv):
-        return parallel_to_aec(env)
-    metadata = getattr(env, "metadata", None) or {}
-    if not metadata.get("is_parallelizable", False):
-        raise SpecError(
-            f"{metadata.get('name', type(env).__name__)} can't be opened as parallel",
-            expected="metadata['is_parallelizable'] = True: a round of turns is one tick",
-            seen=f"metadata['is_parallelizable'] = {metadata.get('is_parallelizable')!r}",
-            mend="open it as aec, or set the key where its agents do act all at once",
-        )
-    return aec_to_parallel(env)
+    return to_aec(env) if api == "aec" else to_parallel(env)

@@ -216,13 +216,8 @@ class ToAEC(Books):
         roster = self.env.agents
         if self.agents != roster or len(terminations) != len(roster):
             self.__admit(roster, terminations, truncations)
-        paid, owed, terms, truncs = (
-            self.touched.paid,
-            self.rewards,
-            self.terminations,
-            self.truncations,
-        )
-        ended = False
+        paid, owed, cumulative = self.touched.paid, self.rewards, self._cumulative_rewards
+        terms, truncs, ended = self.terminations, self.truncations, False
         try:
             for agent in self.agents:
                 if agent not in observations:
@@ -231,6 +226,8 @@ class ToAEC(Books):
                 if reward.__class__ is not float and not isinstance(reward, REWARDS):
                     raise _unpayable(agent, reward)
                 paid[agent] = None
+                # what the books add the reward to, so that the sum is the reward to the last bit
+                cumulative[agent] = -0.0 if reward.__class__ is float else 0
                 terms[agent] = terminated = terminations[agent]
                 truncs[agent] = truncated = truncations[agent]
                 if terminated or truncated:

@@ -16,7 +16,7 @@ from gamekeeper.game.accounts import books_of, paid_others, pays_others
 from gamekeeper.game.books import Books
 from gamekeeper.game.legality import judge, learn_ranges, refused
 from gamekeeper.game.to_aec import ToAEC
-from gamekeeper.game.verbs import AgentId, after_end, before_reset
+from gamekeeper.game.verbs import AgentId, before_reset
 
 DECLARED: Final = "as declared"
 FEW: Final = 4  # agents: up to here adding every reward takes less than finding those that count
@@ -191,10 +191,11 @@ class ToParallel(ParallelEnv[Any, Any, Any]):
     def step(self, actions: Mapping[Any, Any]) -> Step:
         """Plays one tick: observations, rewards, terminations, truncations, infos.
 
-        Actions that are refused leave everything as it was.
+        Actions that are refused leave everything as it was. Once everybody has ended nothing is
+        played any more: five empty dictionaries.
 
         Raises:
-            OrderError: there was no reset, or everybody has ended.
+            OrderError: there was no reset.
             ActionError: an agent has no action, one that isn't live has one, or one isn't in its
                 space.
             ContractError: a round of turns isn't a tick.
@@ -202,7 +203,7 @@ class ToParallel(ParallelEnv[Any, Any, Any]):
         if not hasattr(self, "agents"):
             raise before_reset("step")
         if not self.agents:
-            return self._over()
+            return {}, {}, {}, {}, {}
         self._check(actions)
         if self._gone:
             self._gone = {}
@@ -438,10 +439,6 @@ class ToParallel(ParallelEnv[Any, Any, Any]):
                     seen=repr(reward)[:300],
                     mend="pay what is owed in the turn that ends it",
                 )
-
-    def _over(self) -> Step:
-        """What a step does when nobody is left."""
-        raise after_end("step")
 
 
 def _paid(rewards: Mapping[Any, Any], actor: AgentId) -> Iterable[Any]:
