@@ -231,8 +231,18 @@ def test_reference_solves_and_lazy_does_not(seed: int) -> None:
     rows_of(env, "reference", seed, ticks=200)
     assert set(env.endings.values()) >= {"cleared"}
     rows_of(env, "lazy", seed, ticks=200)
-    assert env.delivered == 0
-    assert all(paid == 0 for terms in env.terms.values() for paid in terms.values())
+    assert (env.delivered, env.ticks) == (0, 200)
+
+
+@BOTH
+def test_spares_are_shown_nothing(kind: type[Any]) -> None:
+    """Who hasn't joined can be asked about, and sees zeros within its space."""
+    env = kind()
+    env.reset(seed=1)
+    shown = env.observe("carrier_2")
+    assert env.observation_space("carrier_2").contains(shown)
+    assert not shown.any()
+    assert env.mask("carrier_2").tolist() == [0, 0, 0, 0, 1, 0]
 
 
 def test_pictures_show_robots_and_items() -> None:

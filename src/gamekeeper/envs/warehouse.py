@@ -91,7 +91,7 @@ class WarehouseRules(Authored):
     """
 
     policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012
-    snapshot_without = ("state_spaces", "_bounds")
+    snapshot_without = ("layout", "knobs", "roles", "turn_of")  # these never change
 
     def __init__(
         self,
@@ -324,7 +324,7 @@ class WarehouseRules(Authored):
         cell, is_empty = robot.cell, robot.load == NOWHERE
         legal = np.zeros(ACTIONS, np.int8)
         legal[NOOP] = 1
-        if not robot.battery:
+        if not robot.battery or cell == NOWHERE:
             return legal
         for move in range(4):
             legal[move] = self.floor.ways[move][cell] != NOWHERE

@@ -82,7 +82,10 @@ class Sight:
     LENGTH: Final = LENGTH
 
     def __init__(self, task: WarehouseRules) -> None:
-        self._task = task
+        # What the rules change in place is held, and not the rules: copies of either stay whole.
+        self._robots_of, self._stands = task.robots, task.stands
+        self._wanted, self._lying = task.wanted, task.lying
+        self._battery, self._disturbances = task.battery, task.disturbances
         floor = self._floor = task.floor
         shape = (floor.height, floor.width)
         kinds = np.array([KINDS[letter] for letter in floor.text], np.int16).reshape(shape)
@@ -127,16 +130,15 @@ class Sight:
     def look_again(self, agents: Iterable[str]) -> None:
         """Sees the state anew: only these robots acted, came or went."""
         self._goals.clear()
-        task, width = self._task, self._floor.width
-        marks = self._robots
+        width, marks = self._floor.width, self._robots
         for agent in agents:
             if agent in self._known:
                 key, cell = self._known.pop(agent)
                 del self._seekers[key][agent]
                 marks[cell // width + REACH, cell % width + REACH] = 0
         for agent in agents:
-            robot = task.robots[agent]
-            if task.stands.get(robot.cell) == agent:
+            robot = self._robots_of[agent]
+            if self._stands.get(robot.cell) == agent:
                 y, x = divmod(robot.cell, width)
                 marks[y + REACH, x + REACH] = PICKER if robot.role == "picker" else CARRIER
                 key = robot.role, robot.load != NOWHERE
@@ -149,20 +151,22 @@ class Sight:
 
     def view(self, agent: str) -> NDArray[np.int16]:
         """What a robot sees, but for the knobs of perception; drift is in it."""
-        robot, floor = self._task.robots[agent], self._floor
+        robot, floor = self._robots_of[agent], self._floor
         y, x = divmod(robot.cell, floor.width)
         seen = np.zeros(LENGTH, np.int16)
+        if robot.cell == NOWHERE:  # a spare, which nobody has to show anything
+            return seen
         window = slice(y, y + SIDE), slice(x, x + SIDE)
         seen[KINDS_AT:ROBOTS_AT] = self._kinds[window].ravel()
         seen[ROBOTS_AT:] = self._robots[window].ravel()
         seen[ROBOTS_AT + SIDE * SIDE // 2] = 0  # itself
         believed = robot.cell
-        if self._task.disturbances is not None:
-            east, south = self._task.disturbances.drift[agent]
+        if self._disturbances is not None:
+            east, south = self._disturbances.drift[agent]
             x = min(max(x + east, 0), floor.width - 1)
             y = min(max(y + south, 0), floor.height - 1)
             believed = y * floor.width + x
-        lack = self._task.battery - robot.battery
+        lack = self._battery - robot.battery
         seen[:OWN] = x, y, robot.role == "carrier", robot.load != NOWHERE, robot.battery, lack
         self._tell_goals(seen, robot.role, robot.load != NOWHERE, robot.cell, believed)
         self._tell_charger(seen, robot.cell, believed)
@@ -187,14 +191,13 @@ class Sight:
 
     def _look_for(self, role: str, is_loaded: bool) -> Goals | None:
         """The goals of a kind of robot, and the two nearest of its kind to each of them."""
-        task = self._task
         if role == "picker" and not is_loaded:
-            kind, rows = SHELF, np.flatnonzero(task.wanted)
+            kind, rows = SHELF, np.flatnonzero(self._wanted)
         elif role == "carrier" and is_loaded:
             kind, rows = DOCK, np.arange(len(self._floor.docks))
         else:
             kind = HAND_OVER
-            lies = [cell in task.lying for cell in self._floor.hand_overs]
+            lies = [cell in self._lying for cell in self._floor.hand_overs]
             rows = np.flatnonzero(np.array(lies) != (role == "picker"))
         if not len(rows):
             return None
@@ -206,7 +209,7 @@ class Sight:
     def _tell_charger(self, seen: NDArray[np.int16], cell: int, believed: int) -> None:
         """Writes the nearest charger without another robot on it, or else the nearest one."""
         ways = self._floor.distances(CHARGER)[:, believed]
-        stands = self._task.stands
+        stands = self._stands
         taken = [other != cell and other in stands for other in self._floor.chargers]
         row = int(np.argmin(ways if all(taken) else np.where(taken, np.int16(FAR), ways)))
         self._tell(seen, PLACES - 1, CHARGER, row, believed, 0)
