@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import importlib
 import inspect
 import pkgutil
@@ -12,7 +13,7 @@ import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from types import ModuleType
-from typing import Any, Final
+from typing import Annotated, Any, Final, get_args
 
 import typer
 
@@ -133,9 +134,6 @@ def _added(declared: set[str]) -> list[inspect.Parameter]:
 
 
 def _hidden(annotation: Any) -> Any:
-    import copy
-    from typing import Annotated, get_args
-
     kind, option = get_args(annotation)
     option = copy.copy(option)
     option.hidden = True

@@ -28,7 +28,7 @@ def live_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
             known.update(fields)
             progress.update(
                 task,
-                total=known.get("episodes"),
+                total=known.get("episodes") if "episode" in known else None,  # None: it pulses
                 completed=known.get("episode", 0),
                 said=_said(known),
             )

@@ -105,11 +105,17 @@ def record_in_worker(
     )
     is_interrupted = outcome.status == "interrupted"
     error = None if is_interrupted else error_in(outcome)
-    evidence = _sealed(out, outcome, error)
-    if evidence is None or (error is not None and not isinstance(error, EnvError)):
+    try:
+        evidence = _sealed(out, outcome, error)
+    except BundleError as unsealed:
         if error is None:
-            raise KeyboardInterrupt
+            raise
+        mend = f"{error.mend}; the evidence in {out} can't be sealed either: {unsealed.what}"
+        raise type(error)(error.what, where=error.where, seen=error.seen, mend=mend) from unsealed
+    if error is not None and (evidence is None or not isinstance(error, EnvError)):
         raise error
+    if evidence is None:
+        raise KeyboardInterrupt
     return Recorded(evidence, error, is_interrupted)
 
 
