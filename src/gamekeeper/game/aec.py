@@ -5,7 +5,7 @@ don't cost 2,048 rows a turn. What a crossing pays stands at its own turn; what 
 and roster stands at the next turn's start, as it does in a Parallel environment.
 
 Roster and flags are compared whole at each turn, but by functions in C: nothing here walks over all
-agents in Python. Where the books are ours, they say whom a crossing touched, and nothing is compared.
+agents in Python. Where the books are ours, they say whom a crossing touched: nothing is compared.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from itertools import filterfalse
 from time import perf_counter_ns
 from typing import Any, Final
 
-from gamekeeper.core.tape import Place, cut_back
+from gamekeeper.core.tape import Place
 from gamekeeper.game.accounts import books_of, entry_of, paid_others, pays_others, reward_in
 from gamekeeper.game.door import AgentId, Game
 from gamekeeper.game.flags import Flags
@@ -128,30 +128,25 @@ class AECGame(Game):
         try:
             self.env.step(action)
         except Exception as error:
-            done = (0, payload, None, None, type_name_of(type(error)), entry)
+            wall_ns = perf_counter_ns() - start
+            done = 0, payload, None, None, type_name_of(type(error)), entry
             self._seen, self._is_sure = _NEVER, False
-            self._commit(given, done, 1, perf_counter_ns() - start)
+            self._put(agent, given, done, [], wall_ns)
             self.fail(traceback.format_exc())
             raise
         wall_ns = perf_counter_ns() - start
         self._failure = None
-        self._half = agent, given, payload, entry, wall_ns, self.turn
+        self._half = self.turn, agent, given, payload, entry, wall_ns
         self._seen = _NEVER
         self._pay(agent, given, payload, entry, wall_ns)
         self._note(agent)
         self._half = None
 
-    def _mend(self) -> None:
-        """Books the rest of a crossing in whose books an interrupt came."""
-        assert self._half is not None
-        (*row, turn), self._half = self._half, None
-        if not self._open or self._is_closed:
-            return
-        self._seen = _NEVER
-        cut_back(self._tape)
+    def _book(self, turn: int, *crossing: Any) -> None:
+        self._seen, self._is_sure = _NEVER, False
         if self.turn == turn:
-            self._pay(*row)
-        self._note(row[0])
+            self._pay(*crossing)
+        self._note(crossing[0])
 
     # -- rows
 
@@ -195,8 +190,18 @@ class AECGame(Game):
         rewards = self._books.rewards
         reward, entry = reward_in(rewards, agent, entry)
         done = 0, payload, reward, self._terms_of(agent), None, entry
+        self._put(agent, given, done, self._paid_others(agent, rewards, reward), wall_ns)
+
+    def _put(
+        self,
+        agent: AgentId,
+        given: tuple[Any, ...],
+        done: tuple[Any, ...],
+        paid: list[AgentId],
+        wall_ns: int,
+    ) -> None:
+        """The turn of `agent` onto the tape: its row, and rows of who changed or was paid."""
         news = [other for other in self._news if other != agent] if self._news else []
-        paid = self._paid_others(agent, rewards, reward)
         if news or paid:
             others, theirs = self._other_rows(news, paid)
             self._commit(

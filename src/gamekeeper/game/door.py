@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from gamekeeper.core.canon import to_json, type_name
 from gamekeeper.core.layout import Seat
 from gamekeeper.core.space import Codec
-from gamekeeper.core.tape import EpisodeEnd, EpisodeStart
+from gamekeeper.core.tape import EpisodeEnd, EpisodeStart, cut_back
 from gamekeeper.errors import EvidenceError
 from gamekeeper.game.infos import InfoTexts
 from gamekeeper.game.oddity import odd, odd_type, type_name_of
@@ -186,6 +186,24 @@ class Game:
         else:
             self.turn = turn + 1
         tape.turns.extend((self.episode, turn, rows, wall_ns, *self._state_entry))
+
+    def _mend(self) -> None:
+        """Books the rest of a crossing in whose books an interrupt came."""
+        half, self._half = self._half, None
+        if half is None or not self._open or self._is_closed:
+            return
+        try:
+            cut_back(self._tape)
+            self._book(*half)
+        except Exception:  # the writer failed: that is said once, and not tried again
+            raise
+        except BaseException:
+            self._half = half
+            raise
+
+    def _book(self, turn: int, *crossing: Any) -> None:
+        """Books a crossing, or the rest of it where its own turn stands on the tape already."""
+        raise NotImplementedError
 
     def _crossed(self) -> None:
         """After a crossing: the next turn begins with a look at state and frame."""

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from time import perf_counter_ns
 from typing import Any, Final
 
-from gamekeeper.core.tape import GIVEN, Place, cut_back
+from gamekeeper.core.tape import GIVEN, Place
 from gamekeeper.game.door import AgentId, Game, Pack
 from gamekeeper.game.oddity import MISSING, flag_of, odd, reward_of, type_name_of
 
@@ -91,7 +91,7 @@ class ParallelGame(Game):
         wall_ns = perf_counter_ns() - start
         self._failure = None
         parts = _five(out) or NO_PARTS
-        self._half = moves, parts, wall_ns, self.turn
+        self._half = self.turn, moves, parts, wall_ns
         self._observations, self._infos = parts[0], parts[4]
         self._pay(moves, parts[1], wall_ns)
         self._crossed()
@@ -99,13 +99,8 @@ class ParallelGame(Game):
         self._half = None
         return out
 
-    def _mend(self) -> None:
-        """Books the rest of a crossing in whose books an interrupt came."""
-        assert self._half is not None
-        (moves, parts, wall_ns, turn), self._half = self._half, None
-        if not self._open or self._is_closed:
-            return
-        cut_back(self._tape)
+    def _book(self, turn: int, *crossing: Any) -> None:
+        moves, parts, wall_ns = crossing
         if self.turn == turn:
             del self._waiting[len(self._who) * GIVEN :]
             self._pay([*moves, *[NO_MOVE] * (len(self._who) - len(moves))], parts[1], wall_ns)
