@@ -1,0 +1,199 @@
+"""`gamekeeper new NAME`: a package for a new task, whose tests pass at once."""
+
+from __future__ import annotations
+
+import sys
+import textwrap
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeVar
+
+import typer
+
+from gamekeeper.cli._screen import Answer, Screen
+from gamekeeper.errors import GamekeeperError
+
+if TYPE_CHECKING:
+    from gamekeeper.report.scaffold.advice import Advice
+    from gamekeeper.report.scaffold.plan import Plan
+
+ORDER: Final = 900
+T = TypeVar("T")
+
+NameArgument = Annotated[
+    str, typer.Argument(metavar="NAME", show_default=False, help="Of the package: my_task.")
+]
+AgentsOption = Annotated[
+    list[str] | None,
+    typer.Option("--agents", metavar="ROLE=N", help="A role and how many have it. Repeatable."),
+]
+StagesOption = Annotated[
+    str | None,
+    typer.Option(
+        "--stages",
+        metavar="TEXT",
+        help="Who acts together and who after whom: picker+carrier, or picker,carrier.",
+    ),
+]
+SeesOption = Annotated[
+    Literal["no", "yes"] | None,
+    typer.Option("--sees", help="Agents see what others did in the same round, before they act."),
+]
+OrderOption = Annotated[
+    Literal["none", "fixed", "rotating", "state", "random"] | None,
+    typer.Option("--order", help="Of those who act together; none: all at once."),
+]
+ConflictsOption = Annotated[
+    Literal["joint rule", "priority", "random", "ordered"] | None,
+    typer.Option("--conflicts", help="What settles actions that exclude each other."),
+]
+ObservesOption = Annotated[
+    list[str] | None,
+    typer.Option("--observes", metavar="[ROLE=]SPACE", help="What a role sees: box:4. Repeatable."),
+]
+ActsOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--acts",
+        metavar="[ROLE=]SPACE",
+        help="What a role does: discrete:5, box:3x3, multidiscrete:3,2, multibinary:4. Repeatable.",
+    ),
+]
+RewardOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--reward",
+        metavar="TERM=KIND:EARNER:PAYEE",
+        help="individual, shared or zero-sum; by and for a role, all, earner. Repeatable.",
+    ),
+]
+EndingOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--ending",
+        metavar="NAME=KIND:OWNER",
+        help="termination or truncation; of the agent, all, or a role. Repeatable.",
+    ),
+]
+HorizonOption = Annotated[
+    int | None, typer.Option("--horizon", metavar="N", min=1, help="Ticks of an episode.")
+]
+ApiOption = Annotated[
+    Literal["aec", "parallel"] | None,
+    typer.Option("--api", help="Otherwise the one that is advised."),
+]
+FolderOption = Annotated[
+    Path | None, typer.Option("--out", metavar="FOLDER", help="Otherwise ./NAME; new, or empty.")
+]
+YesOption = Annotated[
+    bool, typer.Option("--yes", "-y", help="Asks nothing; what no option says is as usual.")
+]
+
+
+def command(
+    screen: Screen,
+    name: NameArgument,
+    agents: AgentsOption = None,
+    stages: StagesOption = None,
+    sees: SeesOption = None,
+    order: OrderOption = None,
+    conflicts: ConflictsOption = None,
+    observes: ObservesOption = None,
+    acts: ActsOption = None,
+    reward: RewardOption = None,
+    ending: EndingOption = None,
+    horizon: HorizonOption = None,
+    api: ApiOption = None,
+    out: FolderOption = None,
+    yes: YesOption = False,
+) -> Answer:
+    """Writes a package with environment, contract, tests and CI; its tests pass at once.
+
+    Asks who acts, sees, is paid and ends how, and says from the answers whether the task is AEC or
+    Parallel, and why. Options answer beforehand; without a terminal nothing is asked.
+    """
+    from gamekeeper.report.scaffold.answers import Answers, plan_of, usual
+    from gamekeeper.report.scaffold.project import files_of
+
+    answers = Answers(
+        name=name, agents=agents or (), stages=stages, sees=sees, order=order, conflicts=conflicts,
+        observes=observes or (), acts=acts or (), reward=reward or (), ending=ending or (),
+        horizon=horizon, api=api,
+    )  # fmt: skip
+    is_asking = not yes and not screen.is_json and sys.stdin is not None and sys.stdin.isatty()
+    if is_asking:
+        plan, advice = plan_of(answers, _ask, advised=lambda said: _advise(screen, said))
+    else:
+        plan, advice = plan_of(answers, usual)
+    files = files_of(plan)
+    folder = Path(plan.name) if out is None else out
+    _write(folder, files)
+    _show(screen, plan, advice, folder, list(files))
+    document = {
+        "name": plan.name,
+        "folder": str(folder),
+        "api": plan.api,
+        "advice": advice.api,
+        "why": advice.why,
+        "files": list(files),
+    }
+    return Answer(document)
+
+
+def _ask(question: str, answer: str, read: Callable[[str], T]) -> T:
+    """Asks on the terminal until the answer can be read; Enter takes the usual one."""
+    while True:
+        said: str = typer.prompt(question, default=answer, err=True)
+        try:
+            return read(said)
+        except GamekeeperError as error:
+            typer.echo(str(error), err=True)
+
+
+def _advise(screen: Screen, advice: Advice) -> None:
+    screen.note(f"Advice: {advice.api}, because {advice.why}.")
+
+
+def _show(screen: Screen, plan: Plan, advice: Advice, folder: Path, files: list[str]) -> None:
+    """Says what was written, why in this interface, and what to type next."""
+    because = f"{advice.api}: {advice.why}"
+    if plan.api != advice.api:
+        because += f". It is written as {plan.api}, as you wanted"
+    indent = " " * 10
+    told = textwrap.fill(
+        because, screen.width, initial_indent="Advice    ", subsequent_indent=indent
+    )
+    listed = "\n".join(f"  {file}" for file in files)
+    next_lines = [
+        f"Next      cd {folder}",
+        f"{indent}python -m pytest",
+        f"{indent}gamekeeper run src/{plan.name}/env.py:{plan.class_name} --policy reference",
+    ]
+    screen.show(told)
+    screen.show(f"Written   {folder}\n{listed}")
+    screen.show("\n".join(next_lines))
+
+
+def _write(folder: Path, files: dict[str, str]) -> None:
+    """Writes all files into a folder that is new, or empty; nothing is ever overwritten.
+
+    Raises:
+        GamekeeperError: something is in the folder, or it can't be written.
+    """
+    try:
+        if folder.exists() and any(folder.iterdir()):
+            raise GamekeeperError(
+                "something is in the folder already",
+                where=str(folder),
+                expected="a new folder, or an empty one",
+                mend="name another one with --out; nothing is ever overwritten",
+            )
+        for name, text in files.items():
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with path.open("x", encoding="utf-8", newline="\n") as file:
+                file.write(text)
+    except OSError as error:
+        raise GamekeeperError(
+            "the package can't be written", where=str(folder), seen=error.strerror or str(error)
+        ) from None

@@ -1,0 +1,202 @@
+"""The questions of `gamekeeper new`: what was answered, what is asked, what holds unasked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, Protocol, TypeVar
+
+from gamekeeper.core.contract_parts import APIS, CONFLICTS, ORDERS
+from gamekeeper.errors import SpecError
+from gamekeeper.report.scaffold.advice import Advice, advise
+from gamekeeper.report.scaffold.plan import (
+    FORM_TEXT,
+    Form,
+    Plan,
+    RolePlan,
+    package_name,
+    read_endings,
+    read_form,
+    read_roles,
+    read_stages,
+    read_terms,
+    with_forms,
+)
+
+T = TypeVar("T")
+
+
+class Ask(Protocol):
+    """From a question, its usual answer and how an answer is read, to the answer."""
+
+    def __call__(self, question: str, answer: str, read: Callable[[str], T], /) -> T:
+        """Asks until an answer can be read."""
+
+
+SEES: Final = {"no": "after tick", "yes": "after turn"}
+HORIZON: Final = 100
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answers:
+    """What the flags of a command line answer; None and empty: not answered."""
+
+    name: str
+    agents: Sequence[str] = field(default=())
+    stages: str | None = None
+    sees: str | None = None
+    order: str | None = None
+    conflicts: str | None = None
+    observes: Sequence[str] = field(default=())
+    acts: Sequence[str] = field(default=())
+    reward: Sequence[str] = field(default=())
+    ending: Sequence[str] = field(default=())
+    horizon: int | None = None
+    api: str | None = None
+
+
+def usual(question: str, answer: str, read: Callable[[str], T]) -> T:
+    """Asks nobody: the usual answer."""
+    return read(answer)
+
+
+def plan_of(
+    answers: Answers,
+    ask: Ask = usual,
+    *,
+    advised: Callable[[Advice], None] = lambda advice: None,
+) -> tuple[Plan, Advice]:
+    """The task that flags and answers describe, and which interface was advised.
+
+    Args:
+        answers: what is known already; the rest is asked.
+        ask: asks a person, again where an answer can't be read; `usual` asks nobody.
+        advised: is told the advice before the interface is asked for.
+
+    Raises:
+        SpecError: an answer can't be used.
+        ContractError: two answers contradict each other.
+    """
+    name = package_name(answers.name)
+    roles = _roles(answers, ask)
+    stages = _stages(answers, ask, roles)
+    sees = answers.sees or _choice(
+        ask, "Does an agent see what others did in the same round, before it acts?", "no", SEES
+    )
+    observe = SEES[sees]
+    order = answers.order or _choice(
+        ask,
+        "In which order do the agents of a group act? none is all at once",
+        "none" if observe == "after tick" else "fixed",
+        ORDERS,
+    )
+    conflicts = answers.conflicts or _choice(
+        ask, "What settles actions that exclude each other?", "joint rule", CONFLICTS
+    )
+    advice = advise(stages, order=order, observe=observe, conflicts=conflicts)
+    advised(advice)
+    api = answers.api or _choice(ask, "Which interface?", advice.api, APIS)
+    roles = _spaces(answers, ask, roles)
+    known = ", ".join(["all", *(role.name for role in roles)])
+    terms = _read(
+        answers.reward,
+        ask,
+        f"Reward terms, each NAME=KIND:EARNER:PAYEE; KIND: individual, shared, zero-sum; "
+        f"EARNER, PAYEE: {known}, earner",
+        "goal=shared:all:all",
+        read_terms,
+    )
+    endings = _read(
+        answers.ending,
+        ask,
+        f"Endings beside the time limit, each NAME=KIND:OWNER; KIND: termination, truncation; "
+        f"OWNER: agent, {known}",
+        "done=termination:all",
+        read_endings,
+    )
+    horizon = answers.horizon or ask("Ticks of an episode?", str(HORIZON), _whole)
+    return _plan(
+        name, api, advice, order=order, observe=observe, conflicts=conflicts, roles=roles,
+        stages=stages, terms=terms, endings=endings, horizon=horizon,
+    ), advice  # fmt: skip
+
+
+def _plan(name: str, api: str, advice: Advice, *, order: str, **rest: Any) -> Plan:
+    """The plan; in an AEC environment there is an order, and each turn shows the one before it."""
+    why = advice.why
+    if api != advice.api:
+        why = f"wanted so; {advice.api} would fit, because {advice.why}"
+    if api == "aec":
+        order = "fixed" if order == "none" else order
+        rest["observe"] = "after turn"
+    return Plan(name=name, api=api, why=why, order=order, **rest)
+
+
+def _roles(answers: Answers, ask: Ask) -> tuple[RolePlan, ...]:
+    return _read(answers.agents, ask, "Agents: roles and how many of each", "robot=2", read_roles)
+
+
+def _stages(answers: Answers, ask: Ask, roles: tuple[RolePlan, ...]) -> tuple[tuple[str, ...], ...]:
+    together = "+".join(role.name for role in roles)
+    if answers.stages is not None:
+        return read_stages(answers.stages)
+    if len(roles) == 1:
+        return ((roles[0].name,),)
+    question = "Who acts together? + joins roles that do, a comma stands before who acts after them"
+    names = sorted(role.name for role in roles)
+
+    def read(text: str) -> tuple[tuple[str, ...], ...]:
+        stages = read_stages(text)
+        if sorted(name for stage in stages for name in stage) != names:
+            raise SpecError("an answer can't be used", expected=f"each once of {', '.join(names)}")
+        return stages
+
+    return ask(question, together, read)
+
+
+def _spaces(answers: Answers, ask: Ask, roles: tuple[RolePlan, ...]) -> tuple[RolePlan, ...]:
+    observes, acts = list(answers.observes), list(answers.acts)
+    for role in roles:
+        for given, deed, form in ((observes, "sees", role.observes), (acts, "does", role.acts)):
+            if any(text.partition("=")[0] == role.name or "=" not in text for text in given):
+                continue
+            found = ask(f"What a {role.name} {deed}: {FORM_TEXT}", str(form), _form)
+            given.append(f"{role.name}={found}")
+    return with_forms(roles, observes=observes, acts=acts)
+
+
+def _form(text: str) -> Form:
+    return read_form(text, "space")
+
+
+def _read(
+    given: Sequence[str],
+    ask: Ask,
+    question: str,
+    answer: str,
+    read: Callable[[Sequence[str]], T],
+) -> T:
+    """What flags give, else what is asked, its parts separated by blanks."""
+    if given:
+        return read(given)
+    return ask(question, answer, lambda text: read(text.split()))
+
+
+def _choice(ask: Ask, question: str, answer: str, options: Iterable[str]) -> str:
+    words = list(options)
+
+    def read(text: str) -> str:
+        near = [word for word in words if word.startswith(text.strip().lower())]
+        if text.strip().lower() in words:
+            return text.strip().lower()
+        if len(near) != 1:
+            raise SpecError("an answer can't be used", expected=", ".join(words), seen=repr(text))
+        return near[0]
+
+    return ask(f"{question} ({', '.join(words)})", answer, read)
+
+
+def _whole(text: str) -> int:
+    if not text.strip().isdigit() or not 1 <= int(text) <= 10**9:
+        raise SpecError("an answer can't be used", expected="a whole number from 1", seen=text)
+    return int(text)
