@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pettingzoo
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from pettingzoo.test import (
     api_test,
     max_cycles_test,
@@ -22,7 +24,7 @@ from pettingzoo.test import (
 from pettingzoo.utils.conversions import parallel_to_aec
 
 import gamekeeper as gk
-from gamekeeper.envs.layouts import NAMED
+from gamekeeper.envs.layouts import CLOSED, NAMED, NOWHERE
 from gamekeeper.envs.warehouse import ENERGY, Warehouse
 from gamekeeper.envs.warehouse_turns import WarehouseTurns
 from tests.envs.warehouses import rows_of, turns_of
@@ -154,6 +156,38 @@ def test_what_is_shown_lies_in_its_space(kind: type[Any], layout: str, knobs: An
             agent = agents[0]
             ended = env.terminations[agent] or env.truncations[agent]
             env.step(None if ended else actions[agent])
+
+
+@BOTH
+@given(
+    seed=st.integers(0, 2**32),
+    battery=st.integers(3, 30),
+    knobs=st.sampled_from([{}, EVERY_KNOB]),
+    layout=st.sampled_from(list(NAMED)),
+)
+@settings(max_examples=8)
+def test_laws_of_the_floor_hold_whatever_is_tried(
+    kind: type[Any], seed: int, battery: int, knobs: Any, layout: str
+) -> None:
+    """No order is lost or made, no cell holds two robots, no battery leaves its range."""
+    env = kind(layout=layout, battery=battery, spares=2, every=2, horizon=30, **knobs)
+    rng = np.random.default_rng(seed)
+    env.reset(seed=seed)
+    while env.agents:
+        loads = [robot.load for robot in env.robots.values() if robot.load != NOWHERE]
+        known = len(env.coming) + int(env.wanted.sum()) + len(loads) + len(env.lying)
+        assert known + env.delivered == env.orders
+        assert len({env.robots[agent].cell for agent in env.stands.values()}) == len(env.stands)
+        there = set(env.stands.values())
+        assert {agent for agent in env.agents if agent not in env.endings} <= there
+        assert not [agent for agent in there if env.endings.get(agent) == "battery"]
+        assert all(env.floor.text[cell] not in CLOSED for cell in env.stands)
+        assert all(0 <= robot.battery <= battery for robot in env.robots.values())
+        if kind is Warehouse:
+            env.step({a: int(rng.integers(6)) for a in env.agents})
+        else:
+            ended = env.agent_selection in env.endings
+            env.step(None if ended else int(rng.integers(6)))
 
 
 @BOTH
