@@ -48,6 +48,8 @@ class Task:
 
 
 TASKS = {
+    "handover": Task("gamekeeper.envs.handover:Handover", "done"),
+    "two_robot_line": Task("gamekeeper.envs.two_robot_line:TwoRobotLine", "met"),
     "warehouse": Task("gamekeeper.envs.warehouse:Warehouse", "cleared"),
     "warehouse_turns": Task("gamekeeper.envs.warehouse_turns:WarehouseTurns", "cleared"),
 }
