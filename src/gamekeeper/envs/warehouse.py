@@ -3,7 +3,8 @@
 Floor and roster
     R1. The floor is a grid of open cells, shelves and walls; among the open cells are hand-over
         cells, docks and chargers. An open cell holds one robot at most.
-    R2. Robots begin with full batteries on random floor cells. Spare robots wait outside.
+    R2. Robots begin with full batteries on random floor cells. Spares wait at the chargers' doors,
+        outside the floor.
     R3. The first order is there at the start; each further one arrives 1 to 2 `every` - 1 ticks
         after the one before (`every` on average), for a random shelf, until there were `orders`.
         When and where is drawn as the episode begins, so nothing a robot does changes it.
@@ -119,8 +120,8 @@ class WarehouseRules(Authored):
         }
         self.possible_agents = list(self.roles)
         self.turn_of = {agent: turn for turn, agent in enumerate(self.roles)}
-        space = Sight.space(self.layout, battery)
-        self.observation_spaces: dict[str, Space[Any]] = dict.fromkeys(self.roles, space)
+        seen = {agent: Sight.space(self.layout, battery) for agent in self.roles}
+        self.observation_spaces: dict[str, Space[Any]] = {**seen}
         self.action_spaces = {agent: Discrete(ACTIONS) for agent in self.roles}
         self.state_space: Box = state_space(self)
         self.knobs = Knobs(knobs, agents=self.roles)
@@ -128,7 +129,7 @@ class WarehouseRules(Authored):
         if not self.knobs.is_ideal:
             self.disturbances = Disturbances(
                 self.knobs,
-                bounds=dict.fromkeys(self.roles, (space.low, space.high)),
+                bounds={agent: (space.low, space.high) for agent, space in seen.items()},
                 things=dict.fromkeys(self.roles, Sight.things()),
                 noop=NOOP,
                 neighbours=SLIPS,
