@@ -16,8 +16,10 @@ from pettingzoo.utils.conversions import aec_to_parallel_wrapper, parallel_to_ae
 from pettingzoo.utils.env_logger import EnvLogger
 
 from gamekeeper.game.slim_aec import CLIP, REFUSE, Promises, SlimAEC, bounded
+from gamekeeper.game.tick import Step
+from gamekeeper.game.tick_rewards import Totals
 from gamekeeper.game.to_aec import ToAEC
-from gamekeeper.game.to_parallel import Step, ToParallel
+from gamekeeper.game.to_parallel import ToParallel
 from gamekeeper.game.verbs import AgentId
 
 RANKS: Final = {
@@ -158,7 +160,7 @@ class SlimParallel(ToParallel):
     def _check(self, actions: Mapping[Any, Any]) -> None:
         """The environment inside looks at each action as it comes."""
 
-    def _told(self, totals: dict[Any, Any] | None) -> Step:
+    def _told(self, totals: Totals | None) -> Step:
         """What everybody sees is looked up before the None turns."""
         self._shown = super()._observations(list(self._books.agents))
         try:

@@ -6,11 +6,11 @@ from collections.abc import Iterable, Mapping
 from typing import Any, Final
 
 import numpy as np
-from gymnasium.spaces import Space
 from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils.conversions import aec_to_parallel_wrapper
 
 from gamekeeper.errors import ContractError, SpecError
+from gamekeeper.game.around import Around
 from gamekeeper.game.books import Books
 from gamekeeper.game.verbs import TERMINATED, TRUNCATED, AgentId, before_reset
 
@@ -48,7 +48,7 @@ def to_aec(env: Any) -> AECEnv[Any, Any, Any]:
     )
 
 
-class ToAEC(Books):
+class ToAEC(Around, Books):
     """A Parallel environment as an AEC environment: a tick is one round of turns.
 
     The law. Let a tick begin with the agents a1 ... an, in the order of the environment's own
@@ -100,31 +100,6 @@ class ToAEC(Books):
         if isinstance(getattr(env, "terms", None), dict):
             self.terms = {}
 
-    # -- what goes to the environment itself
-
-    @property
-    def unwrapped(self) -> Any:
-        """The environment under all conversions and wrappers."""
-        return self.env.unwrapped
-
-    def observation_space(self, agent: AgentId) -> Space[Any]:
-        """The environment's own observation space of an agent."""
-        return self.env.observation_space(agent)  # type: ignore[no-any-return]
-
-    def action_space(self, agent: AgentId) -> Space[Any]:
-        """The environment's own action space of an agent."""
-        return self.env.action_space(agent)  # type: ignore[no-any-return]
-
-    @property
-    def observation_spaces(self) -> dict[Any, Space[Any]]:
-        """The observation spaces of all possible agents."""
-        return {agent: self.observation_space(agent) for agent in self.possible_agents}
-
-    @property
-    def action_spaces(self) -> dict[Any, Space[Any]]:
-        """The action spaces of all possible agents."""
-        return {agent: self.action_space(agent) for agent in self.possible_agents}
-
     def state(self) -> Any:
         """The environment's own state.
 
@@ -132,7 +107,7 @@ class ToAEC(Books):
             OrderError: there was no reset.
         """
         self.__after_reset("state")
-        return self.env.state()
+        return super().state()
 
     def render(self) -> Any:
         """The environment's own picture.
@@ -141,14 +116,7 @@ class ToAEC(Books):
             OrderError: there was no reset.
         """
         self.__after_reset("render")
-        return self.env.render()
-
-    def close(self) -> None:
-        """Closes the environment."""
-        self.env.close()
-
-    def __str__(self) -> str:
-        return str(self.env)
+        return super().render()
 
     # -- PettingZoo's side
 

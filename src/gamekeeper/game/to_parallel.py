@@ -2,30 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, Final
 
-from gymnasium.spaces import Space
 from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils.conversions import parallel_to_aec_wrapper
 from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
 from gamekeeper.core.contract import Contract
-from gamekeeper.errors import ActionError, ContractError, SpecError
-from gamekeeper.game.accounts import books_of, paid_others, pays_others
-from gamekeeper.game.books import Books
-from gamekeeper.game.legality import judge, learn_ranges, refused
+from gamekeeper.errors import ContractError, SpecError
+from gamekeeper.game.around import Around
+from gamekeeper.game.tick import Step, Tick
+from gamekeeper.game.tick_rewards import Totals
 from gamekeeper.game.to_aec import ToAEC
 from gamekeeper.game.verbs import AgentId, before_reset
 
 DECLARED: Final = "as declared"
-FEW: Final = 4  # agents: up to here adding every reward takes less than finding those that count
 STYLES: Final = ("cycle", "turn")
-
-Told = tuple[Any, Any, Any, Any]  # observation, terminated, truncated, info
-Step = tuple[
-    dict[Any, Any], dict[Any, Any], dict[Any, Any], dict[Any, Any], dict[Any, dict[str, Any]]
-]
 
 
 def to_parallel(
@@ -79,7 +72,7 @@ def is_parallelizable(env: AECEnv[Any, Any, Any]) -> bool:
     return isinstance(form, Contract) and form.schedule.observe == "after tick"
 
 
-class ToParallel(ParallelEnv[Any, Any, Any]):
+class ToParallel(Around, Tick, ParallelEnv[Any, Any, Any]):
     """An AEC environment as a Parallel environment: a round of turns is one tick.
 
     The law of `style="cycle"`. A tick has one turn of each agent that was live as it began, in the
@@ -102,13 +95,11 @@ class ToParallel(ParallelEnv[Any, Any, Any]):
     | lost | what agents see between the turns of one tick. Refused is a round in which an agent would have two turns, or a joiner one, before all others had theirs, and a reward that is paid after an end was told |
     """  # noqa: E501  # rows of a table
 
-    agents: list[Any]
     terms: dict[Any, dict[str, float]]
 
     def __init__(self, env: AECEnv[Any, Any, Any], *, style: str = "cycle") -> None:
         """Takes hold of an environment; nothing is called on it yet."""
-        super().__init__()
-        self.env = env
+        super().__init__(env)
         self.style = style
         self.metadata = getattr(env, "metadata", {})
         self.render_mode = getattr(env, "render_mode", None)
@@ -116,40 +107,8 @@ class ToParallel(ParallelEnv[Any, Any, Any]):
             self.possible_agents = env.possible_agents
         if hasattr(env, "state_space"):
             self.state_space = env.state_space
-        self._books: Any = books_of(env)
-        self._keeps_books = isinstance(self._books, Books)
-        self._has_terms = isinstance(getattr(self._books, "terms", None), dict)
-        if self._has_terms:
+        if self._rewards.has_terms:
             self.terms = {}
-        self._spaces: dict[Any, Space[Any]] = {}
-        self._ranges: dict[Any, range] = {}
-        self._gone: dict[Any, Told] = {}  # who had its None turn in this tick
-        self._lingering: set[Any] = set()  # whose end was told and who hasn't had its None turn
-
-    # -- what goes to the environment itself
-
-    @property
-    def unwrapped(self) -> Any:
-        """The environment under all conversions and wrappers."""
-        return self.env.unwrapped
-
-    def observation_space(self, agent: AgentId) -> Space[Any]:
-        """The environment's own observation space of an agent."""
-        return self.env.observation_space(agent)  # type: ignore[no-any-return]
-
-    def action_space(self, agent: AgentId) -> Space[Any]:
-        """The environment's own action space of an agent."""
-        return self.env.action_space(agent)  # type: ignore[no-any-return]
-
-    @property
-    def observation_spaces(self) -> dict[Any, Space[Any]]:
-        """The observation spaces of all possible agents."""
-        return {agent: self.observation_space(agent) for agent in self.possible_agents}
-
-    @property
-    def action_spaces(self) -> dict[Any, Space[Any]]:
-        """The action spaces of all possible agents."""
-        return {agent: self.action_space(agent) for agent in self.possible_agents}
 
     @property
     def to_move(self) -> list[Any]:
@@ -157,21 +116,6 @@ class ToParallel(ParallelEnv[Any, Any, Any]):
         if self.style == "turn":
             return [self._books.agent_selection] if self.agents else []
         return list(self.agents)
-
-    def state(self) -> Any:
-        """The environment's own state."""
-        return self.env.state()
-
-    def render(self) -> Any:
-        """The environment's own picture."""
-        return self.env.render()
-
-    def close(self) -> None:
-        """Closes the environment."""
-        self.env.close()
-
-    def __str__(self) -> str:
-        return str(self.env)
 
     # -- PettingZoo's side
 
@@ -185,7 +129,7 @@ class ToParallel(ParallelEnv[Any, Any, Any]):
         self._bury_the_dying()
         self._gone = {}
         agents = self.agents = self._live()
-        self._learn(agents)
+        self._actions.learn(agents)
         return self._observations(agents), self._infos(agents)
 
     def step(self, actions: Mapping[Any, Any]) -> Step:
@@ -207,8 +151,8 @@ class ToParallel(ParallelEnv[Any, Any, Any]):
         self._check(actions)
         if self._gone:
             self._gone = {}
-        if self._has_terms:
-            self.terms = {}
+        if self._rewards.has_terms:
+            self.terms = self._rewards.terms = {}
         totals = self._turn(actions) if self.style == "turn" else self._round(actions)
         books, agents = self._books, self.agents
         terms, truncs, rewards = books.terminations, books.truncations, books.rewards
@@ -224,17 +168,17 @@ class ToParallel(ParallelEnv[Any, Any, Any]):
             totals = dict(rewards)
         return self._observations(agents), totals, dict(terms), dict(truncs), self._infos(agents)
 
-    def _turn(self, actions: Mapping[Any, Any]) -> dict[Any, Any] | None:
+    def _turn(self, actions: Mapping[Any, Any]) -> Totals | None:
         """One turn of one agent; what was paid in it, None where nobody was."""
         agent = self._books.agent_selection
         self.env.step(actions[agent])
-        return self._added(None, agent)
+        return self._rewards.added(None, agent)
 
-    def _round(self, actions: Mapping[Any, Any]) -> dict[Any, Any] | None:
+    def _round(self, actions: Mapping[Any, Any]) -> Totals | None:
         """One turn of everybody; what was paid in them, None where nobody was."""
-        books, step, added = self._books, self.env.step, self._added
+        books, step, added = self._books, self.env.step, self._rewards.added
         left = set(self.agents)
-        totals: dict[Any, Any] | None = None
+        totals: Totals | None = None
         while left:
             agent = books.agent_selection
             if agent not in left:
@@ -266,192 +210,12 @@ class ToParallel(ParallelEnv[Any, Any, Any]):
             raise _no_round(agent, left, self.agents)
         return True
 
-    # -- rewards
-
-    def _added(self, totals: dict[Any, Any] | None, actor: AgentId) -> dict[Any, Any] | None:
-        """Totals of a tick with what the last turn paid."""
-        books = self._books
-        rewards = books.rewards
-        if self._has_terms and books.terms:
-            self._add_terms(books.terms)
-        paid: Iterable[Any]
-        if self._keeps_books:
-            paid = books.touched.paid
-            if not paid:
-                return totals
-        elif totals is None or len(rewards) <= FEW:
-            paid = rewards
-        else:
-            paid = _paid(rewards, actor)
-        if totals is None:
-            return dict(rewards)
-        for agent in paid:
-            totals[agent] = totals[agent] + rewards[agent] if agent in totals else rewards[agent]
-        return totals
-
-    def _add_terms(self, paid: Mapping[Any, Mapping[str, float]]) -> None:
-        for agent, amounts in paid.items():
-            sums = self.terms.setdefault(agent, {})
-            for term, amount in amounts.items():
-                sums[term] = sums.get(term, 0.0) + amount
-
-    # -- who is told what as a tick ends
-
-    def _told(self, totals: dict[Any, Any] | None) -> Step:
-        """The five dictionaries of a tick whose turns have been played."""
-        self._bury_the_dying()
-        books, gone = self._books, self._gone
-        agents = self.agents = self._live()
-        self._learn(agents)
-        observations, infos = self._observations(agents), self._infos(agents)
-        terms, truncs = books.terminations, books.truncations
-        terminations = {agent: terms[agent] for agent in agents}
-        truncations = {agent: truncs[agent] for agent in agents}
-        for agent, (observation, terminated, truncated, info) in gone.items():
-            observations[agent], infos[agent] = observation, info
-            terminations[agent], truncations[agent] = terminated, truncated
-        if totals is None:
-            rewards = {
-                agent: 0.0 if agent in gone else books.rewards.get(agent, 0.0)
-                for agent in observations
-            }
-        else:
-            if totals.keys() - observations.keys():
-                self._check_paid(totals, observations)
-            rewards = {agent: totals.get(agent, 0.0) for agent in observations}
-        return observations, rewards, terminations, truncations, infos
-
-    def _live(self) -> list[Any]:
-        """Who can act next; who has ended and waits for its None turn is told now."""
-        books = self._books
-        terms, truncs = books.terminations, books.truncations
-        agents = list(books.agents)
-        if not any(terms.values()) and not any(truncs.values()):
-            self._lingering.clear()
-            return agents
-        dying = [agent for agent in agents if terms[agent] or truncs[agent]]
-        for agent in dying:
-            if agent not in self._lingering:
-                self._gone[agent] = self._last_words(agent)
-        self._lingering = set(dying)
-        return [agent for agent in agents if agent not in self._lingering]
-
-    def _bury_the_dying(self) -> None:
-        """None turns of those who ended, as far as the environment asks for them now."""
-        books = self._books
-        while books.agents:
-            agent = books.agent_selection
-            if not (books.terminations[agent] or books.truncations[agent]):
-                return
-            self._bury(agent)
-
-    def _bury(self, agent: AgentId) -> None:
-        """An agent's None turn; what it is given in it is what it is told last."""
-        books = self._books
-        if agent not in self._lingering and agent not in self._gone:
-            self._gone[agent] = self._last_words(agent)
-        self.env.step(None)
-        if agent in books.agents and books.agent_selection == agent:
-            raise ContractError(
-                f"agent {agent!r} ended and doesn't leave",
-                where="step(None)",
-                expected="an agent that is out of the roster after its None turn",
-                seen="one that is in turn again",
-                mend="call self._was_dead_step(action) where the agent in turn has ended",
-            )
-
-    def _last_words(self, agent: AgentId) -> Told:
-        """What an agent that ended is given."""
-        books = self._books
-        return (
-            self._observations((agent,))[agent],
-            books.terminations[agent],
-            books.truncations[agent],
-            self._infos((agent,))[agent],
-        )
-
-    def _observations(self, agents: Iterable[Any]) -> dict[Any, Any]:
-        view = self._books._view if self._keeps_books else self._books.observe
-        return {agent: view(agent) for agent in agents}
-
-    def _infos(self, agents: Iterable[Any]) -> dict[Any, dict[str, Any]]:
-        """New infos; those of our own base class are asked for, as it tells them one by one."""
-        books = self._books
-        if getattr(books, "_masks", False) or getattr(books, "_informs", False):
-            return {agent: books._info_of(agent) for agent in agents}
-        infos = books.infos
-        try:
-            return {agent: infos[agent].copy() for agent in agents}
-        except (AttributeError, KeyError):  # no dictionary, which is told as it is; or none at all
-            return {agent: _copied(infos.get(agent, {})) for agent in agents}
-
-    # -- actions
-
-    def _learn(self, agents: list[Any]) -> None:
-        """Reads the action spaces of agents that are new."""
-        ranges = self._ranges
-        if ranges.keys() >= set(agents):
-            return
-        trusted = getattr(self._books, "_trusts_ranges", True)
-        learn_ranges(agents, self.env.action_space, self._spaces, ranges, trusted=trusted)
-
     def _check(self, actions: Mapping[Any, Any]) -> None:
-        """Looks at all actions before one of them is played.
-
-        Raises:
-            ActionError: one is missing, too many, or outside its space.
-        """
-        if not isinstance(actions, Mapping):
-            raise _mismatch(actions, self.agents)
-        agents = self.agents
+        """Looks at all actions before one of them is played."""
         if self.style == "turn":
-            agents = [self._books.agent_selection]
-            if not set(actions) <= set(self.agents):
-                raise _mismatch(actions, self.agents)
-        elif len(actions) != len(agents):
-            raise _mismatch(actions, agents)
-        ranges = self._ranges
-        for agent in agents:
-            if agent not in actions:
-                raise _mismatch(actions, agents)
-            action = actions[agent]
-            if type(action) is not int or action not in ranges[agent]:
-                self._check_one(agent, action)
-
-    def _check_one(self, agent: AgentId, action: Any) -> None:
-        books = self._books
-        if self._keeps_books:
-            if not getattr(books, "_pardons", False):
-                books._judge(agent, action)
-            return
-        space = self._spaces[agent]
-        if not judge(space, action)[0]:
-            raise refused(agent, action, space)
-
-    def _check_paid(self, totals: Mapping[Any, Any], told: Mapping[Any, Any]) -> None:
-        """Whoever was paid is told so, or it is an error."""
-        for agent, reward in totals.items():
-            if agent in self._lingering and agent not in told:
-                raise ContractError(
-                    f"agent {agent!r} was paid after it had ended",
-                    where="step, rewards",
-                    expected="0, until its None turn",
-                    seen=repr(reward)[:300],
-                    mend="pay what is owed in the turn that ends it",
-                )
-
-
-def _paid(rewards: Mapping[Any, Any], actor: AgentId) -> Iterable[Any]:
-    """Whom `rewards` pays; the actor may stand there with 0."""
-    own = rewards.get(actor)
-    if pays_others(rewards, own):
-        others = paid_others(rewards, actor)
-        return [*others, actor] if actor in rewards else others
-    return (actor,) if own else ()
-
-
-def _copied(info: Any) -> Any:
-    return dict(info) if info.__class__ is dict else info
+            self._actions.check_turn(actions, self.agents, self._books.agent_selection)
+        else:
+            self._actions.check(actions, self.agents)
 
 
 def _check_options(order: str | None, style: str) -> None:
@@ -484,22 +248,4 @@ def _no_round(agent: AgentId, left: set[Any], agents: list[Any]) -> ContractErro
         expected=f"a turn of one of {sorted(map(repr, left))}"[:300],
         seen=f"another turn of {agent!r}" if again else f"a turn of {agent!r}, who has just joined",
         mend="convert it with style='turn'",
-    )
-
-
-def _mismatch(actions: Any, agents: list[Any]) -> ActionError:
-    """Which agents have no action, and which shouldn't have one."""
-    if not isinstance(actions, Mapping):
-        seen = f"{actions!r} ({type(actions).__name__})"
-    else:
-        missing = [repr(agent) for agent in agents if agent not in actions]
-        extra = [repr(agent) for agent in actions if agent not in agents]
-        faults = (("no action of", missing), ("an action of", extra))
-        seen = "; ".join(f"{fault} {', '.join(names)}" for fault, names in faults if names)
-    return ActionError(
-        "the actions of a tick aren't those of the live agents",
-        where="step",
-        expected=f"one of each of {agents!r}"[:300],
-        seen=seen[:600],
-        mend="build the dictionary over env.agents",
     )
