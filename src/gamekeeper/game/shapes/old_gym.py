@@ -1,0 +1,106 @@
+"""The old OpenAI Gym's shape: four values from a step, seeds by `env.seed()`, agents in lists."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from gamekeeper.errors import SpecError
+from gamekeeper.game.shapes.by_agent import dealt, flags, infos, rewards
+from gamekeeper.game.shapes.guest import Crossing, Given, Guest, limit_of, numbered, wrong_shape
+from gamekeeper.game.shapes.spaces import as_gymnasium, idle, several
+
+TRUNCATED: Final = "TimeLimit.truncated"
+"""Where the old Gym's TimeLimit says that it and not a rule ended the episode."""
+SEEDS: Final = 2**32
+"""Old environments hand their seed to numpy.random.seed, which takes no more."""
+
+
+class OldGym(Guest):
+    """An environment of the old Gym's shape, of one agent or of several in lists.
+
+    | | kept | changed |
+    |---|---|---|
+    | rewards | one of each agent; one alone is paid to all in full | |
+    | done | terminated | truncated where the info has a true `TimeLimit.truncated`, and where all |
+    | | | end in the tick of the environment's own limit ("time limit") |
+    | info | as in Gymnasium's shape; `{"n": [...]}` is one of each agent | |
+    | seeds | the low 32 bits go to `env.seed()` before the reset | |
+    | options | | refused: its reset takes none |
+    | who has ended | | no action is asked of it; the list still has one, of its space's zero |
+    """
+
+    unknown = (
+        "whether an end was a rule's or a limit's, where neither the info nor a limit tells",
+        "whether env.seed() reaches all of its randomness",
+        "whether the environment looks at the action of an agent that has ended",
+    )
+
+    def __init__(self, env: Any, *, name: str) -> None:
+        """Takes hold of an environment of the old shape."""
+        super().__init__(env, name=name)
+        acting, seeing = several(env.action_space), several(env.observation_space)
+        self._is_list = acting is not None and (seeing is None or len(seeing) == len(acting))
+        if acting is None or not self._is_list:
+            acting, seeing = [as_gymnasium(env.action_space)], None
+        if seeing is None:  # one space, which all of them share
+            seeing = [as_gymnasium(env.observation_space)] * len(acting)
+        limit = limit_of(getattr(env, "unwrapped", env))
+        self._settle(numbered(len(acting)), seeing, acting, limit=limit)
+        self._idle = {agent: idle(space) for agent, space in self.action_spaces.items()}
+        self._takes_seed = "seed" in _parameters(env.reset)
+
+    def _begin(self, seed: int | None, options: dict[str, Any] | None) -> tuple[Given, Given]:
+        if options:
+            raise SpecError(
+                "the old Gym's reset takes no options", where="options", seen=f"{options!r}"[:100]
+            )
+        out: Any = None
+        if self._takes_seed:  # Gym 0.26, the last of the old, has the new reset
+            out = self.guest.reset(seed=None if seed is None else seed % SEEDS)
+        else:
+            if seed is not None and callable(getattr(self.guest, "seed", None)):
+                self.guest.seed(seed % SEEDS)
+            out = self.guest.reset()
+        info: Any = {}
+        if self._takes_seed and isinstance(out, tuple) and len(out) == 2:
+            out, info = out
+        return self._dealt(out), self._infos(info)
+
+    def _play(self, actions: Given) -> Crossing:
+        agents = self.possible_agents
+        chosen = [{**self._idle, **actions}[agent] for agent in agents]
+        out = self.guest.step(chosen if self._is_list else chosen[0])
+        if not isinstance(out, tuple) or len(out) not in (4, 5):
+            raise wrong_shape("step", expected="four values, or Gymnasium's five", seen=out)
+        observations, paid, done, info = out[0], out[1], out[2], out[-1]
+        ended = flags(done, agents, "done")
+        shared = info if isinstance(info, Mapping) else {}
+        said = out[3] if len(out) == 5 else shared.get(TRUNCATED, False)
+        cut = flags(said, agents, "truncated")
+        if len(out) == 4:  # done holds for both kinds of end, and the info tells which it was
+            cut = {agent: cut[agent] and ended[agent] for agent in agents}
+            ended = {agent: ended[agent] and not cut[agent] for agent in agents}
+        return Crossing(
+            self._dealt(observations), rewards(paid, agents), ended, cut, self._infos(info)
+        )
+
+    def _dealt(self, observations: Any) -> Given:
+        values = observations if self._is_list else [observations]
+        return dealt(values, self.possible_agents, "observations")
+
+    def _infos(self, info: Any) -> dict[str, dict[str, Any]]:
+        agents = self.possible_agents
+        each = info.get("n") if isinstance(info, Mapping) else None
+        if isinstance(each, Sequence) and len(each) == len(agents):
+            common = {key: value for key, value in info.items() if key != "n"}
+            return {agent: {**common, **own} for agent, own in infos(each, agents).items()}
+        return infos(info, agents)
+
+
+def _parameters(call: Any) -> frozenset[str]:
+    try:
+        return frozenset(inspect.signature(call).parameters)
+    except (TypeError, ValueError):  # a builtin, which has none to look at
+        return frozenset()

@@ -1,0 +1,98 @@
+"""Spaces of other libraries as Gymnasium's, read by what they hold and not by who made them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import DTypeLike
+
+from gamekeeper.errors import SpecError
+
+Space = spaces.Space[Any]
+
+
+def as_gymnasium(space: Any) -> Space:
+    """The same space as one of Gymnasium's.
+
+    The old Gym's spaces, JaxMARL's and gymnax's are known by the names of their classes, so that
+    nothing of them has to be installed.
+
+    Raises:
+        SpecError: it is of a kind that has no likeness.
+    """
+    if isinstance(space, spaces.Space):
+        return space
+    kinds = {kind.__name__ for kind in type(space).__mro__}
+    if "Discrete" in kinds:
+        return spaces.Discrete(int(space.n), start=int(getattr(space, "start", 0)))
+    if "MultiDiscrete" in kinds:
+        counts = getattr(space, "nvec", None)
+        return spaces.MultiDiscrete(np.asarray(space.num_categories if counts is None else counts))
+    if "MultiBinary" in kinds:
+        return spaces.MultiBinary(space.n)
+    if "Box" in kinds:
+        return box(space.low, space.high, tuple(space.shape), np.dtype(space.dtype))
+    parts = getattr(space, "spaces", None)
+    if isinstance(parts, Mapping):
+        return spaces.Dict({str(name): as_gymnasium(part) for name, part in parts.items()})
+    if isinstance(parts, list | tuple):
+        return spaces.Tuple([as_gymnasium(part) for part in parts])
+    raise SpecError(
+        "a space has no likeness in Gymnasium",
+        expected="Discrete, MultiDiscrete, MultiBinary, Box, Tuple or Dict",
+        seen=f"{type(space).__module__}.{type(space).__qualname__}",
+        mend="give the environment spaces of these kinds",
+    )
+
+
+def box(low: Any, high: Any, shape: tuple[int, ...], dtype: DTypeLike) -> spaces.Box:
+    """A Box of any dtype; a bound that whole numbers can't reach is the dtype's own."""
+    kind = np.dtype(dtype)
+    if kind.kind == "b":
+        return spaces.Box(0, 1, shape, np.int8)
+    ends = []
+    for bound in (low, high):
+        wide = np.broadcast_to(np.asarray(bound), shape)
+        if kind.kind in "iu":
+            limits = np.iinfo(kind)
+            wide = np.clip(wide.astype(np.float64), limits.min, limits.max)
+            # The largest 64-bit numbers are no doubles: rounding up would leave the dtype.
+            ends.append(
+                np.where(wide >= float(limits.max), limits.max, wide.astype(np.int64)).astype(kind)
+                if kind.itemsize == 8
+                else wide.astype(kind)
+            )
+        else:
+            ends.append(wide.astype(kind))
+    return spaces.Box(ends[0], ends[1], shape, kind.type)
+
+
+def several(space: Any) -> list[Space] | None:
+    """The spaces of several agents: of a Tuple, a list or a tuple; None where it is one space."""
+    if isinstance(space, list | tuple):
+        return [as_gymnasium(part) for part in space]
+    kinds = {kind.__name__ for kind in type(space).__mro__}
+    if "Tuple" in kinds:
+        return [as_gymnasium(part) for part in space.spaces]
+    if "MultiAgentActionSpace" in kinds or "MultiAgentObservationSpace" in kinds:
+        return [as_gymnasium(part) for part in space]
+    return None
+
+
+def idle(space: Space) -> Any:
+    """What is handed in for an agent that has ended, where a list has a place for it: nothing.
+
+    The smallest number of a Discrete space, zeros elsewhere as far as the bounds allow.
+    """
+    if isinstance(space, spaces.Discrete):
+        return int(space.start)
+    if isinstance(space, spaces.Box):
+        return np.clip(np.zeros(space.shape, space.dtype), space.low, space.high)
+    if isinstance(space, spaces.Tuple):
+        return tuple(idle(part) for part in space.spaces)
+    if isinstance(space, spaces.Dict):
+        return {name: idle(part) for name, part in space.spaces.items()}
+    return np.zeros(space.shape or (), space.dtype)
