@@ -17,7 +17,6 @@ import argparse
 import json
 import os
 import random
-import signal
 import statistics
 import subprocess
 import sys
@@ -85,7 +84,6 @@ class Logged(ParallelEnv):
 '''
 RECORDER: Final = """
 import sys
-sys.modules["pandas"] = None  # pyarrow would import it, which takes longer than all the rest
 from logged import Logged
 from gamekeeper.record.recording import record
 
@@ -129,6 +127,8 @@ def killed(folder: Path, *, after_s: float) -> Killed:
     """One recording, killed `after_s` seconds after its first turn."""
     folder.mkdir(parents=True)
     log, run = folder / "log", folder / "run"
+    # pyarrow imports pandas where there is one, which takes longer than all the rest
+    (folder / "pandas.py").write_text("raise ImportError", encoding="utf-8")
     (folder / "logged.py").write_text(textwrap.dedent(ENVIRONMENT), encoding="utf-8")
     path = os.pathsep.join([str(folder), *filter(None, sys.path)])
     process = subprocess.Popen(
@@ -143,7 +143,7 @@ def killed(folder: Path, *, after_s: float) -> Killed:
         time.sleep(after_s)
         killed_ns = time.time_ns()
     finally:
-        os.kill(process.pid, signal.SIGKILL)
+        process.kill()
         process.wait()
     return looked_at(run, log, killed_ns, environment=folder / "logged.py")
 

@@ -59,7 +59,7 @@ def shown_pair(one: Any, two: Any) -> tuple[str, str]:
 
 def _floats(value: Any) -> NDArray[np.float64] | None:
     """`value` as float64 if it is a number or an array of numbers; bools are none."""
-    if isinstance(value, bool | str | bytes) or value is None:
+    if isinstance(value, bool | str | bytes | list | tuple) or value is None:
         return None
     try:
         array = np.asarray(value)

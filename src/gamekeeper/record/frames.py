@@ -12,7 +12,7 @@ from gamekeeper.errors import DependencyError
 
 
 def encode_frame(frame: Any) -> tuple[str, bytes]:
-    """A frame as the suffix and the bytes of a file: PNG, text, or the canonical JSON of what is neither.
+    """A frame as suffix and bytes of a file: PNG, text, or canonical JSON of what is neither.
 
     Args:
         frame: [height, width, 3 or 4] uint8, or a text.
@@ -21,12 +21,22 @@ def encode_frame(frame: Any) -> tuple[str, bytes]:
     """
     if isinstance(frame, str):
         return "txt", frame.encode(errors="replace")
-    if not (isinstance(frame, np.ndarray) and frame.dtype == np.uint8 and frame.ndim == 3):
+    if not _is_picture(frame):
         return "json", to_json(frame).encode(errors="replace")
     image = _pillow().fromarray(np.ascontiguousarray(frame))
     buffer = io.BytesIO()
     image.save(buffer, "PNG", compress_level=1)
     return "png", buffer.getvalue()
+
+
+def _is_picture(frame: Any) -> bool:
+    return (
+        isinstance(frame, np.ndarray)
+        and frame.dtype == np.uint8
+        and frame.ndim == 3
+        and frame.shape[2] in (3, 4)
+        and frame.size > 0
+    )
 
 
 def _pillow() -> Any:

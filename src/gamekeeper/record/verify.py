@@ -17,10 +17,10 @@ from gamekeeper.core.digest import EpisodeDigest, episode_header
 from gamekeeper.core.evidence import Evidence, fingerprints
 from gamekeeper.core.press import add_infos, state_digests
 from gamekeeper.core.trace import digests_of
-from gamekeeper.errors import BundleError, EvidenceError
+from gamekeeper.errors import BundleError, GamekeeperError
 from gamekeeper.record.bundle import load
 from gamekeeper.record.folder import read_bounded, reading
-from gamekeeper.record.manifest import FORMAT_VERSION, MANIFEST, MANIFEST_BYTES
+from gamekeeper.record.manifest import FORMAT_VERSION, MANIFEST, MANIFEST_BYTES, load_manifest
 from gamekeeper.record.seal import Damage, check_seal, verify_notes
 
 
@@ -87,6 +87,8 @@ def verify(path: str | PathLike[str], *, fingerprint: str | None = None) -> Veri
     try:
         damage = [*check_seal(path), *verify_notes(path)]
     except BundleError as error:
+        if not (Path(path) / MANIFEST).exists():
+            load_manifest(Path(path))  # says what is there instead
         if not _is_damaged(Path(path)):
             raise
         found = Damage(MANIFEST, "changed", error.seen or error.what)
@@ -95,7 +97,7 @@ def verify(path: str | PathLike[str], *, fingerprint: str | None = None) -> Veri
         evidence = load(path, check=False)  # every byte was compared with the seal just now
         with reading(Path(path)):
             again = digest_again(evidence)
-    except EvidenceError as error:
+    except GamekeeperError as error:
         if not damage:
             damage = [Damage("", "unreadable", str(error))]
         return Verification(str(path), False, unknown, tuple(damage), None)

@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+import io
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from gamekeeper.errors import DependencyError
+from gamekeeper.record.bundle import load
+from gamekeeper.record.frames import encode_frame
+from gamekeeper.record.recording import rollout
+from tests.record.walks import Walk
+
+
+class Shown(Walk):
+    """It renders its turn as a text or as a picture."""
+
+    def __init__(self, render_mode: str | None) -> None:
+        super().__init__()
+        self.render_mode = render_mode
+
+    def render(self) -> Any:
+        if self.render_mode == "ansi":
+            return f"turn {self.turn}\n"
+        return None if self.render_mode is None else np.full((3, 4, 3), self.turn, np.uint8)
+
+
+@pytest.mark.parametrize("channels", [3, 4])
+def test_frame_is_a_picture_without_loss(channels: int) -> None:
+    """Pictures are PNG and come back as they were, whatever their memory's order."""
+    picture = np.arange(5 * 6 * channels, dtype=np.uint8).reshape(5, 6, channels)
+
+    for frame in (picture, np.asfortranarray(picture), picture[::2, ::-1]):
+        suffix, data = encode_frame(frame)
+
+        assert suffix == "png"
+        assert np.array_equal(frame, np.asarray(Image.open(io.BytesIO(data))))
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        np.zeros((2, 2, 5), np.uint8),
+        np.zeros((2, 2, 1), np.uint8),
+        np.zeros((0, 2, 3), np.uint8),
+        np.zeros((2, 2), np.uint8),
+        np.zeros((2, 2, 3), np.float32),
+        [1, 2],
+        {"a": object()},
+    ],
+)
+def test_frame_of_another_kind_is_kept_as_json(frame: Any) -> None:
+    """What is neither picture nor text is kept as canonical JSON."""
+    suffix, data = encode_frame(frame)
+
+    assert suffix == "json"
+    assert data.decode()[0] in "[{"
+
+
+def test_frame_of_text_is_text() -> None:
+    """A text is kept as UTF-8, a lone surrogate as a question mark."""
+    assert ("txt", "p.→\n".encode()) == encode_frame("p.→\n")
+    assert encode_frame("\ud800") == ("txt", b"?")
+
+
+def test_frame_needs_pillow(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without Pillow a picture is refused with what to install."""
+    monkeypatch.setitem(sys.modules, "PIL", None)
+
+    with pytest.raises(DependencyError, match=r"gamekeeper\[frames\]"):
+        encode_frame(np.zeros((2, 2, 3), np.uint8))
+
+
+@pytest.mark.parametrize(("mode", "suffix"), [("ansi", "txt"), ("rgb_array", "png")])
+def test_frames_of_a_run_are_one_a_turn(tmp_path: Path, mode: str, suffix: str) -> None:
+    """A frame for each turn and one at the end, sealed with the rest, outside the fingerprint."""
+    evidence = rollout(Shown(mode), episodes=2, out=tmp_path / "run", frames=True)
+
+    names = sorted(path.name for path in (tmp_path / "run" / "frames").iterdir())
+    assert [f"{e:06d}-{t:06d}.{suffix}" for e in range(2) for t in range(6)] == names
+    assert {f"frames/{name}" for name in names} <= set(evidence.manifest["seal"]["files"])
+    assert evidence.fingerprint == rollout(Shown(mode), episodes=2).fingerprint
+
+
+def test_frames_are_none_where_nothing_is_rendered(tmp_path: Path) -> None:
+    """An environment without a render mode leaves no frames, and is recorded as ever."""
+    rollout(Shown(None), episodes=1, out=tmp_path / "run", frames=True)
+
+    assert not (tmp_path / "run" / "frames").exists()
+    assert load(tmp_path / "run").episodes.num_rows == 1
