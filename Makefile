@@ -9,13 +9,13 @@ export PYTHON
 RUN := $(VENV)/bin/python -m
 SOURCES := $(wildcard src tests examples benchmarks)
 LOCK := uv pip compile --quiet --generate-hashes --no-emit-index-url --universal --fork-strategy fewest --python-version 3.11
-DEMO := examples/two_robot_line.py:make
+DEMO := warehouse --policy reference
 
 .PHONY: help demo test check format-check lint types format lock clean moved
 .DELETE_ON_ERROR:
 
 help:
-	@echo "make demo     set up, then record, replay and judge $(DEMO); evidence in runs/demo"
+	@echo "make demo     set up, then record and replay the warehouse task; evidence in runs/demo"
 	@echo "make test     set up, then run the tests (ARGS='-k replay' hands arguments to pytest)"
 	@echo "make check    what must hold before a commit: format, lint, types, tests (docs drift and layers are among them)"
 	@echo "make format   reformat the sources, mend what ruff can mend"
