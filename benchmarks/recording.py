@@ -23,8 +23,7 @@ import numpy as np
 from pettingzoo import AECEnv
 from pettingzoo.utils import AgentSelector
 
-from gamekeeper.game.open import open_env
-from gamekeeper.record.recording import record
+import gamekeeper as gk
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -78,6 +77,34 @@ class Documented(AECEnv):
         self._accumulate_rewards()
 
 
+class Ours(gk.TurnEnv):
+    """The same rules on our base class."""
+
+    metadata = {"name": "ours_v0"}
+
+    def __init__(self, n: int, turns: int) -> None:
+        super().__init__()
+        self.possible_agents = [f"agent_{i}" for i in range(n)]
+        space = gymnasium.spaces.Box(-1, 1, (4,), np.float32)
+        self.observation_spaces = dict.fromkeys(self.possible_agents, space)
+        self.action_spaces = dict.fromkeys(self.possible_agents, gymnasium.spaces.Discrete(3))
+        self.turn_limit = turns
+        self.view = np.zeros(4, np.float32)
+
+    def start(self, rng: Any, options: Any) -> None:
+        self.turn = 0
+
+    def observe(self, agent: str) -> Any:
+        return self.view
+
+    def act(self, agent: str, action: int) -> None:
+        self.pay(agent, float(action - 1))
+        self.turn += 1
+        if self.turn >= self.turn_limit:
+            for each in self.agents:
+                self.truncate(each, "limit")
+
+
 def play_parallel(env: Any, steps: int, rng: Any) -> int:
     """Random play for `steps` ticks; returns agent-steps."""
     count = done = 0
@@ -120,10 +147,10 @@ def _size(space: Any) -> Callable[[float], Any]:
 def tasks() -> Iterator[tuple[str, Callable[[], Any], Callable[..., int], int]]:
     """Name, factory, player and turns of a segment."""
     line = f"{ROOT / 'examples' / 'two_robot_line.py'}:make"
-    yield "two_robot_line", lambda: open_env(line).env, play_parallel, 20_000
+    yield "two_robot_line", lambda: gk.make(line), play_parallel, 20_000
     for n in (2, 8, 32, 128, 512):
-        turns = 20_000 if n < 128 else 5_000
-        yield f"aec_{n}", lambda n=n, t=turns: Documented(n, t), play_aec, turns
+        yield f"aec_ours_{n}", lambda n=n: Ours(n, 20_000), play_aec, 20_000
+        yield f"aec_documented_{n}", lambda n=n: Documented(n, 20_000), play_aec, 20_000
     yield "spread", _spread, play_parallel, 1_500
     yield "pistonball", _pistonball, play_parallel, 120
 
@@ -144,7 +171,7 @@ def measure(make: Callable[[], Any], player: Callable[..., int], turns: int, fol
     """Seconds per agent-step of one segment, from a fresh environment to a closed one."""
     env = make()
     if kind != "bare":
-        env = record(env, folder / "run", level=kind)
+        env = gk.record(env, folder / "run", level=kind)
     rng = np.random.default_rng(0)
     start = time.perf_counter()
     count = player(env, turns, rng)

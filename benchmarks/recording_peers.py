@@ -175,14 +175,25 @@ def seal_minari(env: Any) -> None:
     env.close()
 
 
+def with_gamekeeper(level: str) -> Callable[[Path], Any]:
+    """Our recorder at one of its levels; closing the environment seals the bundle."""
+
+    def make(folder: Path) -> Any:
+        import gamekeeper
+
+        return gamekeeper.record(ParallelLine(), folder / "run", level=level)
+
+    return make
+
+
 PEERS: Final = [
     Peer("bare", lambda folder: Line()),
     Peer("RecordEpisodeStatistics", with_statistics),
     Peer("minari.DataCollector, hdf5", with_minari("hdf5"), seal_minari),
     Peer("minari.DataCollector, arrow", with_minari("arrow"), seal_minari),
     Peer("bare parallel", lambda folder: ParallelLine(), bare="bare parallel", play=walk_parallel),
-    # A recorder of PettingZoo environments goes here:
-    # Peer(name, make, finish, bare="bare parallel", play=walk_parallel)
+    Peer("gamekeeper, full", with_gamekeeper("full"), bare="bare parallel", play=walk_parallel),
+    Peer("gamekeeper, digest", with_gamekeeper("digest"), bare="bare parallel", play=walk_parallel),
 ]
 
 

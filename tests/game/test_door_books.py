@@ -1,4 +1,4 @@
-"""The door over our own books: told whom a crossing touched, it writes the rows that looking gives."""
+"""The door over our own books writes the rows that comparing everything gives."""
 
 from __future__ import annotations
 
