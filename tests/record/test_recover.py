@@ -55,6 +55,25 @@ def test_recover_seals_whole_turns(tmp_path: Path, turns: int, level: str) -> No
     assert replayed(tmp_path / "run").verified
 
 
+@pytest.mark.parametrize(("turns", "kept"), [(0, 0), (2, 2)])
+def test_recover_of_a_run_without_timings(tmp_path: Path, turns: int, kept: int) -> None:
+    """A run that was killed within its first flush counts the turns in which somebody acted."""
+    write_env(tmp_path)
+    before = set(recorder._OPEN)
+    face = record(Walk(), tmp_path / "run")
+    (one,) = set(recorder._OPEN) - before
+    step_through(face, seed=1, turns=turns)
+    die(one)
+    for path in (tmp_path / "run").glob("timings-*"):
+        path.unlink()
+
+    sealed = recover(tmp_path / "run")
+
+    assert ([kept], ["torn"]) == tuple(sealed.episodes[n].to_pylist() for n in ("turns", "end"))
+    assert verify(tmp_path / "run").ok
+    assert replayed(tmp_path / "run").verified
+
+
 def test_recover_keeps_the_types_of_actions(tmp_path: Path) -> None:
     """A torn first episode is replayed with the very type of actions that was handed over."""
     by_type = ("float(actions.get(agent, 0))", "float(len(repr(actions[agent])))")

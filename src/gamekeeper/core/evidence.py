@@ -70,7 +70,7 @@ class Evidence:
     def steps(self) -> pa.Table:
         """One row for each agent's decision, all of them in memory."""
         table = self.tables.table("steps")
-        return _NO_STEPS.empty_table() if table is None else table
+        return table if table is not None and table.num_rows else _NO_STEPS.empty_table()
 
     @property
     def states(self) -> pa.Table | None:
@@ -125,7 +125,8 @@ class Evidence:
         return Trace(
             episode=number,
             header=header,
-            steps=_NO_STEPS.empty_table() if steps is None else steps,
+            # of a run that was killed before its first turn only the key columns are there
+            steps=steps if steps is not None and steps.num_rows else _NO_STEPS.empty_table(),
             states=self.tables.episode("states", number),
             spaces=self.spaces,
             state_codec=_codec(self.manifest.get("state_space")),

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from os import PathLike
 from typing import Any
 
 import pyarrow as pa
 
+from gamekeeper.core.divergence import crossings
 from gamekeeper.core.evidence import Evidence, fingerprints
 from gamekeeper.core.press import EPISODES
-from gamekeeper.errors import BundleError
 from gamekeeper.record.bundle import load
 from gamekeeper.record.recovered import seal_recovered
 from gamekeeper.record.verify import digest_again
@@ -34,7 +35,7 @@ def recover(
     for row in rows:
         row["fingerprint"], row["info_fingerprint"] = found.episodes[row["episode"]]
         if row["end"] is None:
-            row |= {"end": "torn", "turns": _turns(evidence, row["episode"])}
+            row |= {"end": "torn", "turns": _turns(evidence, row)}
     if error is not None and rows:
         rows[-1] |= {"end": "failed", "error": rows[-1]["error"] or error}
     episodes = pa.Table.from_pylist(rows, schema=EPISODES)
@@ -49,8 +50,9 @@ def recover(
     return load(path)
 
 
-def _turns(evidence: Evidence, episode: int) -> int:
-    """The whole turns of an episode: one row of timings for each."""
-    if evidence.timings is None:
-        raise BundleError("the bundle has no timings, so its whole turns can't be told", where=str(evidence.path))
-    return evidence.timings["episode"].to_pylist().count(episode)
+def _turns(evidence: Evidence, header: Mapping[str, Any]) -> int:
+    """The whole turns of an episode: a row of timings for each, where any were written yet."""
+    timings = evidence.timings
+    if timings is None:
+        return crossings(evidence.trace_of(header))
+    return int(timings["episode"].to_pylist().count(header["episode"]))
