@@ -112,6 +112,8 @@ Everything works already, with rules that stand in for yours:
 
 {listed}
 
+What to do with them:
+
 1. Replace the rules in `src/{plan.name}/env.py` one by one, each with its test in
    `tests/test_rules.py`.
 2. Keep `src/{plan.name}/{plan.name}.toml` true: it declares who acts when, who is paid for what and
