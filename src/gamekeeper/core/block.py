@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import repeat
+from operator import is_not
 from typing import Any, Final, TypeAlias
 
 import numpy as np
@@ -79,10 +81,11 @@ def block_of(reel: Reel, layout: Layout, *, open_large: Opener) -> Block:
     turn = np.repeat(np.array(turns[1::TURN], np.int32), counts)
     order = _numbers(done[0::DONE], np.int16)
     index = np.array(seats, np.intp)
-    names = [layout.order[seat].name for seat in seats]
-    rows = _sorting(turn, episode, order, names)
+    known = [seat.name for seat in layout.order]
+    names = [known[seat] for seat in seats]
+    rows = _sorting(turn, episode, order, _ranks(index, known))
     pick = _picker(rows)
-    odd = [_joined(a, b) for a, b in zip(given[8::GIVEN], done[5::DONE], strict=True)]
+    odd = _odd(given[8::GIVEN], done[5::DONE])
     values = _sides(layout, index, given[1::GIVEN], "obs", open_large)
     values |= _sides(layout, index, done[1::DONE], "action", open_large)
     return Block(
@@ -122,14 +125,23 @@ def _unopened(place: int, out: NDArray[np.uint8]) -> None:
     raise AssertionError("a state is never put aside")
 
 
+def _ranks(index: NDArray[np.intp], names: list[str]) -> NDArray[np.int32]:
+    """[rows] the place of each row's agent among the names of those that are there."""
+    present = np.unique(index).tolist()
+    ranks = np.zeros(len(names), np.int32)
+    ranks[sorted(present, key=names.__getitem__)] = np.arange(len(present))
+    return ranks[index]
+
+
 def _sorting(
-    turn: NDArray[np.int32], episode: NDArray[np.int32], order: Raw, names: list[str]
+    turn: NDArray[np.int32],
+    episode: NDArray[np.int32],
+    order: Raw,
+    rank: NDArray[np.int32],
 ) -> NDArray[np.intp] | slice:
     """The rows by turn, order, agent; a slice of all where they stand so already."""
     place = np.where(order.valid, order.values.view(np.int16)[:, 0], LAST)
     same = (turn[1:] == turn[:-1]) & (episode[1:] == episode[:-1])
-    ranks = {name: rank for rank, name in enumerate(sorted(set(names)))}
-    rank = np.array([ranks[name] for name in names], np.int32)
     earlier = (place[1:] < place[:-1]) | ((place[1:] == place[:-1]) & (rank[1:] < rank[:-1]))
     if not (same & earlier).any():
         return slice(None)
@@ -155,7 +167,7 @@ def _take(cells: Any, rows: NDArray[np.intp] | slice) -> Any:
 def _numbers(items: Sequence[Any], dtype: type[Any]) -> Raw:
     """Numbers with None for null as raw elements of `dtype`."""
     if items.count(None):
-        valid = np.fromiter((item is not None for item in items), np.bool_, len(items))
+        valid = _present(items)
         items = [0 if item is None else item for item in items]
     else:
         valid = np.ones(len(items), np.bool_)
@@ -170,6 +182,19 @@ def _terms(layout: Layout, paid: Sequence[Any], rows: Any) -> dict[str, Raw]:
         term: _take(_numbers([None if p is None else p[k] for p in paid], np.float64), rows)
         for k, term in enumerate(layout.terms)
     }
+
+
+def _present(items: Sequence[Any]) -> NDArray[np.bool_]:
+    """[items] which of them aren't None."""
+    return np.fromiter(map(is_not, items, repeat(None)), np.bool_, len(items))
+
+
+def _odd(given: list[Any], done: list[Any]) -> Texts:
+    """The odd parts of rows, one JSON object each; None where there is none."""
+    count = len(given)
+    if given.count(None) == count and done.count(None) == count:
+        return [None] * count
+    return [_joined(a, b) for a, b in zip(given, done, strict=True)]
 
 
 def _joined(given: Any, done: Any) -> str | None:
@@ -233,7 +258,7 @@ def _column(column: Column, payloads: list[Any], open_large: Opener) -> Cells:
     missing = payloads.count(None)
     valid = np.ones(len(payloads), np.bool_)
     if missing:
-        valid = np.fromiter((p is not None for p in payloads), np.bool_, len(payloads))
+        valid = _present(payloads)
     if size >= LARGE_BYTES:
         return Raw(_large(payloads, size, open_large), valid)
     if missing:

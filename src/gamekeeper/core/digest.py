@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from hashlib import blake2b
 from typing import Any, Final
 
@@ -64,8 +65,7 @@ def digest_fields(fields: list[Field], count: int) -> Bytes2:
 
 
 def _hash_rows(fields: list[Field], rows: Any, count: int) -> Bytes2:
-    layout = to_json([[f.tag, f.dtype, list(f.shape)] for f in fields])
-    head = np.frombuffer(blake2b(layout.encode(), digest_size=SIZE).digest(), np.uint8)
+    head = _head(tuple((f.tag, f.dtype, f.shape) for f in fields))
     table = np.concatenate(
         [np.broadcast_to(head, (count, SIZE)), *(f.values[rows] for f in fields)], axis=1
     )
@@ -74,6 +74,13 @@ def _hash_rows(fields: list[Field], rows: Any, count: int) -> Bytes2:
         h(raw[at : at + size], digest_size=SIZE).digest() for at in range(0, size * count, size)
     ]
     return np.frombuffer(b"".join(digests), np.uint8).reshape(count, SIZE)
+
+
+@lru_cache(maxsize=256)
+def _head(layout: tuple[tuple[str, str, tuple[int, ...]], ...]) -> NDArray[np.uint8]:
+    """The digest of a layout, [16]: tag, dtype and shape of each field."""
+    text = to_json([[tag, dtype, list(shape)] for tag, dtype, shape in layout])
+    return np.frombuffer(blake2b(text.encode(), digest_size=SIZE).digest(), np.uint8)
 
 
 def _fields(block: Block) -> Iterator[Field]:

@@ -153,12 +153,14 @@ class AECGame(Game):
     def _given(self, agent: AgentId, index: int) -> tuple[Any, ...]:
         """The row of the agent in turn: what it was given."""
         books = self._books
-        received, terminated, truncated, info = (
-            entry_of(books._cumulative_rewards, agent),
-            entry_of(books.terminations, agent),
-            entry_of(books.truncations, agent),
-            entry_of(books.infos, agent),
-        )
+        try:
+            received, info = books._cumulative_rewards[agent], books.infos[agent]
+            terminated, truncated = books.terminations[agent], books.truncations[agent]
+        except (KeyError, TypeError):  # one of them says nothing of the agent
+            received = entry_of(books._cumulative_rewards, agent)
+            terminated = entry_of(books.terminations, agent)
+            truncated = entry_of(books.truncations, agent)
+            info = entry_of(books.infos, agent)
         payload, fields, text, mask = None, None, None, None
         if self._seen is not _NEVER and self._seen == agent:
             payload, fields = self._seen_payload, self._seen_odd
@@ -188,8 +190,11 @@ class AECGame(Game):
     ) -> None:
         """After the crossing: the reward of who acted, rows for others, the turn on the tape."""
         rewards = self._books.rewards
-        reward, entry = reward_in(rewards, agent, entry)
-        done = 0, payload, reward, self._terms_of(agent), None, entry
+        reward = rewards.get(agent)
+        if reward.__class__ is not float:
+            reward, entry = reward_in(rewards, agent, entry)
+        terms = None if self._paid_terms is None else self._paid_terms(agent)
+        done = 0, payload, reward, terms, None, entry
         self._put(agent, given, done, self._paid_others(agent, rewards, reward), wall_ns)
 
     def _put(

@@ -72,7 +72,7 @@ def action_packer(seat: Seat) -> Pack:
             if seat.acts_as is not None or pack(action) is None:
                 return None
             seat.acts_as = seat.action_type = kind
-        return pack(action)
+        return pack(action) if kind is int else int(action)
 
     return pack_whole
 
