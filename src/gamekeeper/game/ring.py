@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from gamekeeper.core.tape import Place
 
 MEMORY_BYTES: Final = 64 << 20  # of one ring, unless a few slots need more
-FEWEST: Final = 8
+FEWEST: Final = 8  # slots, however large
+MOST: Final = 8192  # slots, however small
 SLOT_BITS: Final = 24
 
 
@@ -23,7 +24,7 @@ class Ring:
 
     def __init__(self, like: NDArray[Any]) -> None:
         """Allocates slots for arrays of the dtype, shape and axis order of `like`."""
-        count = max(FEWEST, MEMORY_BYTES // max(like.nbytes, 1))
+        count = max(FEWEST, min(MOST, MEMORY_BYTES // max(like.nbytes, 1)))
         axes = sorted(range(like.ndim), key=lambda axis: -abs(like.strides[axis]))
         raw = np.empty((count, *(like.shape[axis] for axis in axes)), like.dtype)
         back = np.argsort(axes)
