@@ -47,7 +47,7 @@ from gymnasium.spaces import Box, Discrete
 from numpy.typing import NDArray
 
 from gamekeeper.core.stream import Stream
-from gamekeeper.envs.drawing import BLUE, GREEN, ORANGE, PAPER, STONE, WOOD, Canvas
+from gamekeeper.envs import handover_picture as picture
 from gamekeeper.envs.handover_policies import (
     GRASP,
     OTHER,
@@ -137,6 +137,7 @@ class Handover(TurnEnv):
             reach, shared, parts, tray, gap,
         )  # fmt: skip
         settings = Knobs(knobs, agents=AGENTS)
+        self.is_sound = settings.is_ideal
         sizes = {"reach": reach, "shared": shared, "parts": parts, "tray": tray, "gap": gap}
         least = {"shared": 2 if settings.held_out else 1}
         for name, size in sizes.items():
@@ -206,13 +207,18 @@ class Handover(TurnEnv):
 
     def next_agent(self, agent: str) -> str:
         """Who is ready first; of two, who is in the shared space; else the giver (R4)."""
-        return min(AGENTS, key=lambda each: (self.arms[each].ready, not self.is_inside(each)))
+        giver, receiver = self.arms[GIVER], self.arms[RECEIVER]
+        if giver.ready == receiver.ready:
+            return RECEIVER if self.is_inside(RECEIVER) else GIVER
+        return GIVER if giver.ready < receiver.ready else RECEIVER
 
     def act(self, agent: str, action: int) -> None:
         """One turn of an arm (R3 to R7, R10, R11)."""
         arm = self.arms[agent]
-        self.disturbances.remember(agent, self._seen)
-        done = self.disturbances.played(agent, action)
+        done = action
+        if not self.is_sound:
+            self.disturbances.remember(agent, self._seen)
+            done = self.disturbances.played(agent, action)
         is_carrying = arm.part is not None and done in (RETRACT, REACH)
         arm.ready += CARRYING if is_carrying else 1
         if done in (RETRACT, REACH):
@@ -265,9 +271,10 @@ class Handover(TurnEnv):
             return
         arm.extension = to
         self.pay(agent, EFFORT, term="effort")
-        self.disturbances.moved(agent)
-        if to == 0:
-            self.disturbances.located(agent)  # a hand at its end stop is at home
+        if not self.is_sound:
+            self.disturbances.moved(agent)
+            if to == 0:
+                self.disturbances.located(agent)  # a hand at its end stop is at home
 
     def _grasp(self, agent: str, arm: Arm) -> None:
         """Takes what lies under an empty hand (R6)."""
@@ -296,7 +303,7 @@ class Handover(TurnEnv):
 
     def _go_on(self) -> None:
         """Time goes on until an arm is ready, and parts arrive meanwhile (R2, R11)."""
-        self.clock = min(arm.ready for arm in self.arms.values())
+        self.clock = min(self.arms[GIVER].ready, self.arms[RECEIVER].ready)
         while self.arrivals and self.arrivals[-1] <= self.clock:
             self.arrivals.pop()
             if len(self.tray) == self.tray_size:
@@ -324,6 +331,8 @@ class Handover(TurnEnv):
         empty, 2 full); the slot (1 empty, 2 full); 1 + parts in the tray; the slot's extension; the
         last extension outside the shared space; parts not yet delivered.
         """
+        if self.is_sound:
+            return self._seen(agent)
         return self.disturbances.shown(agent, self._seen)
 
     def info(self, agent: str) -> dict[str, int]:
@@ -332,8 +341,11 @@ class Handover(TurnEnv):
 
     def _seen(self, agent: str) -> NDArray[np.int64]:
         arm, other = self.arms[agent], self.arms[_other(agent)]
-        believed = arm.extension + sum(self.disturbances.drift[agent])
-        numbers = [min(max(believed, 0), self.furthest), arm.part is not None]
+        believed = arm.extension
+        if not self.is_sound:
+            drifted = believed + sum(self.disturbances.drift[agent])  # on a line both axes are one
+            believed = min(max(drifted, 0), self.furthest)
+        numbers = [believed, arm.part is not None]
         numbers += [1 + other.extension, 1 + (other.part is not None)]
         numbers += [1 + (self.slot is not None), 1 + len(self.tray), self._slot_at(agent)]
         return np.array([*numbers, self.reach - 1, self.parts - self.delivered], np.int64)
@@ -352,42 +364,10 @@ class Handover(TurnEnv):
     # -- pictures
 
     def render(self) -> str | NDArray[np.uint8] | None:
-        """`1 >.[.o.].< 2/4`: tray, hands (`>` `<`, full `G` `R`), slot (`_`, full `o`), bin.
-
-        In brackets stands the shared space. As rgb: 24 pixels a cell, tray and bin at the ends.
-        """
-        hands = {self.arms[GIVER].extension: GIVER}
-        hands[self.cells - 1 - self.arms[RECEIVER].extension] = RECEIVER
+        """`1 >.[.o.].< 2/4`: tray, line, bin; or cells of 24 pixels. See `handover_picture`."""
         if self.render_mode == "ansi":
-            return f"{len(self.tray)} {self._line(hands)} {self.delivered}/{self.parts}"
-        return self._picture(hands) if self.render_mode == "rgb_array" else None
-
-    def _line(self, hands: dict[int, str]) -> str:
-        letters = ["."] * self.cells
-        letters[self.slot_cell] = "_" if self.slot is None else "o"
-        for cell, agent in hands.items():
-            is_empty = self.arms[agent].part is None
-            letters[cell] = (">" if agent == GIVER else "<") if is_empty else agent[0].upper()
-        first, end = self.reach, self.reach + self.shared
-        own, shared, others = letters[:first], letters[first:end], letters[end:]
-        return "".join([*own, "[", *shared, "]", *others])
-
-    def _picture(self, hands: dict[int, str]) -> NDArray[np.uint8]:
-        canvas = Canvas(self.cells + 2, 3)
-        canvas.rectangle(1 + self.reach, 0, self.shared, 3, STONE)
-        canvas.fill(1 + self.slot_cell, 1, PAPER, inset=0.05)
-        if self.slot is not None:
-            canvas.fill(1 + self.slot_cell, 1, WOOD, inset=0.2)
-        canvas.bar(0, 1, len(self.tray) / self.tray_size, WOOD)
-        canvas.bar(self.cells + 1, 1, self.delivered / self.parts, GREEN)
-        for cell, agent in hands.items():
-            color, start = (BLUE, 1.0) if agent == GIVER else (ORANGE, cell + 1.5)
-            length = cell + 0.5 if agent == GIVER else self.cells - cell - 0.5
-            canvas.rectangle(start, 1.4, length, 0.2, color)
-            canvas.disc(cell + 1, 1, color)
-            if self.arms[agent].part is not None:
-                canvas.fill(cell + 1, 1, WOOD, inset=0.3)
-        return canvas.pixels
+            return picture.text_of(self)
+        return picture.pixels_of(self) if self.render_mode == "rgb_array" else None
 
 
 def _other(agent: str) -> str:

@@ -108,8 +108,10 @@ class TwoRobotLine(TickEnv):
         self.observation_spaces = dict.fromkeys(AGENTS, space)
         self.action_spaces = {agent: Discrete(3) for agent in AGENTS}
         self.state_space = Box(0, n - 1, (2,), np.int64)
+        settings = Knobs(knobs, agents=AGENTS, offered=KNOBS)
+        self.is_sound = settings.is_ideal
         self.disturbances = Disturbances(
-            Knobs(knobs, agents=AGENTS, offered=KNOBS),
+            settings,
             bounds=dict.fromkeys(AGENTS, (space.low, space.high)),
             things=dict.fromkeys(AGENTS, ()),
             noop=STAY,
@@ -136,23 +138,30 @@ class TwoRobotLine(TickEnv):
 
     def tick(self, actions: dict[str, int]) -> None:
         """Moves both robots, then looks whether they met (R2 to R4)."""
-        knobs = self.disturbances
-        for agent in actions:
-            knobs.remember(agent, self._seen)
-        for agent, action in actions.items():
+        moves = actions if self.is_sound else self._disturbed(actions)
+        for agent, move in moves.items():
             cell = self.cells[agent]
-            self.cells[agent] = min(max(cell + knobs.played(agent, action) - 1, 0), self.n - 1)
-            if self.cells[agent] != cell:
-                knobs.moved(agent)
+            self.cells[agent] = min(max(cell + move - 1, 0), self.n - 1)
+            if not self.is_sound and self.cells[agent] != cell:
+                self.disturbances.moved(agent)
         if self.cells["picker"] == self.cells["carrier"]:
             for agent in actions:
                 self.pay(agent, MEETING, term="meeting")
                 self.terminate(agent, "met")
 
+    def _disturbed(self, actions: dict[str, int]) -> dict[str, int]:
+        """What the actions come to under the knobs."""
+        knobs = self.disturbances
+        for agent in actions:
+            knobs.remember(agent, self._seen)
+        return {agent: knobs.played(agent, action) for agent, action in actions.items()}
+
     # -- what agents see
 
     def observe(self, agent: str) -> NDArray[np.int64]:
         """The robot's own cell, [1] int64."""
+        if self.is_sound:
+            return np.array([self.cells[agent]], np.int64)
         return self.disturbances.shown(agent, self._seen)
 
     def info(self, agent: str) -> dict[str, int]:

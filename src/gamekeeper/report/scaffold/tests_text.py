@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from gamekeeper.report.scaffold.plan import EndingPlan, Plan, TermPlan
 from gamekeeper.report.scaffold.stand_in import (
     FIRST_TERM,
@@ -9,6 +11,20 @@ from gamekeeper.report.scaffold.stand_in import (
     fault_turn,
     faults,
 )
+
+AEC_ROUND: Final = """    paid: dict[str, dict[str, float]] = {}
+    for _ in range(len(env.agents)):
+        agent = env.agent_selection
+        if env.endings or not env.agents:
+            break
+        env.step((EFFORT if agent in workers else NOOP)[role_of(agent)])
+        for each, terms in env.terms.items():
+            paid.setdefault(each, {}).update(terms)
+    return paid"""
+PARALLEL_ROUND: Final = """    agents = env.agents
+    deeds = {each: EFFORT if each in workers else NOOP for each in agents}
+    env.step({each: deed[role_of(each)] for each, deed in deeds.items()})
+    return {agent: dict(terms) for agent, terms in env.terms.items()}"""
 
 
 def promises_text(plan: Plan) -> str:
@@ -82,21 +98,6 @@ def _tools(plan: Plan) -> str:
     if faults(plan):
         argument, told = "fault: str | None = None", ", in which this fault is drawn"
         drawn = "if env.fault == fault:\n            return env"
-    if plan.api == "aec":
-        round_text = """    paid: dict[str, dict[str, float]] = {}
-    for _ in range(len(env.agents)):
-        agent = env.agent_selection
-        if env.endings or not env.agents:
-            break
-        env.step((EFFORT if agent in workers else NOOP)[role_of(agent)])
-        for each, terms in env.terms.items():
-            paid.setdefault(each, {}).update(terms)
-    return paid"""
-    else:
-        round_text = """    agents = env.agents
-    deeds = {each: EFFORT if each in workers else NOOP for each in agents}
-    env.step({each: deed[role_of(each)] for each, deed in deeds.items()})
-    return {agent: dict(terms) for agent, terms in env.terms.items()}"""
     return f'''"""A test for each rule; a rule that is replaced takes its test with it."""
 
 from collections.abc import Collection
@@ -122,7 +123,7 @@ def agents_of(role: str) -> list[str]:
 
 def go_round(env: {name}, workers: Collection[str]) -> dict[str, dict[str, float]]:
     """A round in which some make an effort and the others do nothing; what it paid, by term."""
-{round_text}
+{AEC_ROUND if plan.api == "aec" else PARALLEL_ROUND}
 
 
 def until_paid(env: {name}, worker: str, term: str) -> dict[str, float]:
