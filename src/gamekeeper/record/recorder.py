@@ -30,8 +30,8 @@ from gamekeeper.record.manifest import FORMAT_VERSION, MANIFEST, render
 from gamekeeper.record.store import Store
 
 FLUSH_S: Final = 0.04
-FLUSH_TURNS: Final = 1024
-MOST_TURNS: Final = 8 * FLUSH_TURNS  # on the tape; beyond, the step waits for the writer
+FLUSH_TURNS: Final = 4096
+MOST_TURNS: Final = 4 * FLUSH_TURNS  # on the tape; beyond, the step waits for the writer
 MOST_FRAMES: Final = 32  # waiting to be encoded; beyond, the step waits too
 PATIENCE_S: Final = 0.001
 
@@ -39,9 +39,9 @@ PATIENCE_S: Final = 0.001
 class Recorder:
     """Takes what a game puts on the tape and writes it into a bundle.
 
-    The step only appends to the tape. Every 40 ms, or sooner when 1,024 turns wait, the recorder's
+    The step only appends to the tape. Every 40 ms, or sooner when 4,096 turns wait, the recorder's
     thread takes them off, digests them and hands them to the operating system; a turn is never
-    split. A tape of 8,192 turns or a full ring of large observations holds the step back.
+    split. A tape of 16,384 turns or a full ring of large observations holds the step back.
     """
 
     def __init__(
