@@ -157,6 +157,17 @@ def test_new_asks_only_what_no_option_says(
         assert word in err
 
 
+def test_new_may_be_left(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-D in the middle of the questions interrupts: exit 130, and nothing is written."""
+    monkeypatch.setattr(sys, "stdin", Typed("picker=2\n"))
+    code, out, err = said(capfd, "new", "my_task", "--out", tmp_path / "new")
+    assert (code, out) == (130, "")
+    assert "fault of gamekeeper" not in err
+    assert not (tmp_path / "new").exists()
+
+
 def test_new_follows_a_person_against_its_advice(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

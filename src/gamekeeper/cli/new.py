@@ -141,9 +141,16 @@ def command(
 
 
 def _ask(question: str, answer: str, read: Callable[[str], T]) -> T:
-    """Asks on the terminal until the answer can be read; Enter takes the usual one."""
+    """Asks on the terminal until the answer can be read; Enter takes the usual one.
+
+    Raises:
+        KeyboardInterrupt: by Ctrl-C, or at the end of what is typed.
+    """
     while True:
-        said: str = typer.prompt(question, default=answer, err=True)
+        try:
+            said: str = typer.prompt(question, default=answer, err=True)
+        except typer.Abort:
+            raise KeyboardInterrupt from None
         try:
             return read(said)
         except GamekeeperError as error:

@@ -25,8 +25,8 @@ class Advice:
 def advise(stages: Sequence[Sequence[str]], *, order: str, observe: str, conflicts: str) -> Advice:
     """The interface that fits a schedule.
 
-    AEC where somebody sees, decides or is decided by what others did in the same round: a Parallel
-    environment hands all observations out before anybody acts. Parallel everywhere else: it has no
+    AEC where what an agent sees, or whether it acts, hangs on what others did in the same round: a
+    Parallel environment hands all observations out before anybody acts. Parallel everywhere else: it has no
     order that a policy could come to lean on, and one joint step costs less than many turns.
 
     Args:

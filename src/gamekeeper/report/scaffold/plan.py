@@ -227,7 +227,7 @@ def with_forms(
 
 
 def read_terms(texts: Iterable[str]) -> tuple[TermPlan, ...]:
-    """Reward terms from `delivery=shared:carrier:all`: kind, earner, payee; the last two may fail.
+    """Reward terms from `delivery=shared:carrier:all`: kind, earner, payee, from the right optional.
 
     Raises:
         SpecError: one of them isn't of that form, or stands there twice.
@@ -246,7 +246,7 @@ def read_terms(texts: Iterable[str]) -> tuple[TermPlan, ...]:
 
 
 def read_endings(texts: Iterable[str]) -> tuple[EndingPlan, ...]:
-    """Endings from `battery=truncation:agent`: kind and owner, which may fail.
+    """Endings from `battery=truncation:agent`: kind and owner, both optional.
 
     Raises:
         SpecError: one of them isn't of that form, or stands there twice.
