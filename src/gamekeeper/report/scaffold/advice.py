@@ -26,8 +26,8 @@ def advise(stages: Sequence[Sequence[str]], *, order: str, observe: str, conflic
     """The interface that fits a schedule.
 
     AEC where what an agent sees, or whether it acts, hangs on what others did in the same round: a
-    Parallel environment hands all observations out before anybody acts. Parallel everywhere else: it has no
-    order that a policy could come to lean on, and one joint step costs less than many turns.
+    Parallel environment hands all observations out before anybody acts. Parallel everywhere else:
+    it has no order that a policy could come to lean on, and a joint step is cheaper than turns.
 
     Args:
         stages: roles that act together, group after group.

@@ -227,7 +227,7 @@ def with_forms(
 
 
 def read_terms(texts: Iterable[str]) -> tuple[TermPlan, ...]:
-    """Reward terms from `delivery=shared:carrier:all`: kind, earner, payee, from the right optional.
+    """Reward terms from `delivery=shared:carrier:all`: kind, earner, payee, all optional.
 
     Raises:
         SpecError: one of them isn't of that form, or stands there twice.
