@@ -163,7 +163,7 @@ def looked_at(run: Path, log: Path, killed_ns: int, *, environment: Path) -> Kil
     opened = open_env(f"{environment}:Logged", api="parallel")
     return Killed(
         turns=len(kept),
-        is_opened=evidence.episodes.num_rows > 0,
+        is_opened=evidence.manifest["status"] == "open",
         is_recovered=sealed.manifest["status"] == "recovered" and len(kept) == _total(sealed),
         is_replayed=replay_evidence(sealed, opened).verified,
         lost_ms=max(lost_ms, 0.0),
