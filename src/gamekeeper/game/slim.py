@@ -65,7 +65,7 @@ def described_slim(env: Any) -> tuple[str, ...]:
     """Lines that tell what `slim` replaced in an environment, or would replace, and what stays."""
     made = slim(env)
     replaced: tuple[str, ...] = getattr(made, "replaced", ())
-    lines = [f"replaced: {name} ({KEPT[name]})" for name in replaced]
+    lines = [f"replaced: {name} ({KEPT[name]})" for name in replaced] or ["replaced: nothing"]
     inside = made
     while type(inside) in FACES:
         inside = inside.env
@@ -73,7 +73,7 @@ def described_slim(env: Any) -> tuple[str, ...]:
         lines.append(f"stays: {type(inside).__module__}.{type(inside).__qualname__}")
         inside = inside.env
     rules = type(inside.unwrapped)
-    return (*(lines or ["replaced: nothing"]), f"rules: {rules.__module__}.{rules.__qualname__}")
+    return (*lines, f"rules: {rules.__module__}.{rules.__qualname__}")
 
 
 def _peeled(env: Any) -> tuple[Any, Promises, tuple[str, ...]]:
@@ -103,8 +103,9 @@ def _peeled(env: Any) -> tuple[Any, Promises, tuple[str, ...]]:
 class SlimToAEC(ToAEC):
     """A Parallel environment in the place of what `parallel_to_aec` and its wrappers made of it.
 
-    The law of `ToAEC`, and: who ended leaves in the order of the names; actions are looked at as
-    the wrappers did, so not at all where there were none for it.
+    The law of `ToAEC`, and: who ended leaves in the order of the names; the environment gets
+    actions in the order in which agents came, whatever its roster does; they are looked at as the
+    wrappers did, so not at all where there were none for it.
     """
 
     def __init__(
@@ -113,6 +114,12 @@ class SlimToAEC(ToAEC):
         """Takes the Parallel environment, what the wrappers promised, and their names."""
         super().__init__(env)
         self.promises, self.replaced = promises, replaced
+        self._came: dict[Any, None] = {}
+
+    def reset(self, seed: int | None = None, options: Mapping[str, Any] | None = None) -> None:
+        """Begins an episode."""
+        super().reset(seed, options)
+        self._came = dict.fromkeys(self.agents)
 
     def step(self, action: Any) -> None:
         """Plays one turn; after the end it is logged and does nothing, as it was."""
@@ -125,6 +132,11 @@ class SlimToAEC(ToAEC):
         """The wrappers' look at an action."""
         bounds = self.promises.bounds
         return True, action if bounds is None else bounded(self, agent, action, bounds)
+
+    def _handed(self, acts: dict[Any, Any]) -> dict[Any, Any]:
+        """The actions, in the order in which the agents came."""
+        self._came = dict.fromkeys(agent for agent in (*self._came, *acts) if agent in acts)
+        return {agent: acts[agent] for agent in self._came}
 
     def _leaving(self, ended: list[Any]) -> list[Any]:
         """Those who ended, by their names."""

@@ -219,7 +219,7 @@ class SlimAEC(AECEnv[Any, Any, Any]):
     def _bounded(self, agent: AgentId, action: Any) -> Any:
         """The action that is played, as the wrapper for bounds would hand it on."""
         bounds = self.promises.bounds
-        if isinstance(action, np.integer) and int(action) in self._ranges[agent]:
+        if isinstance(action, np.integer) and int(action) in self._range_of(agent):
             return action
         return action if bounds is None else bounded(self.env, agent, action, bounds)
 

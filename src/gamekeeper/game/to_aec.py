@@ -179,7 +179,7 @@ class ToAEC(Around, Books):
 
     def __step(self, acts: dict[Any, Any]) -> None:
         """The environment's step, written into the books."""
-        out = self.env.step(acts)
+        out = self.env.step(self._handed(acts))
         observations, rewards, terminations, truncations, infos = out
         roster = self.env.agents
         if self.agents != roster or len(terminations) != len(roster):
@@ -209,6 +209,10 @@ class ToAEC(Around, Books):
         if isinstance(getattr(self.env, "terms", None), dict):
             self.terms.update(self.env.terms)
         self.__turn_over(roster)
+
+    def _handed(self, acts: dict[Any, Any]) -> dict[Any, Any]:
+        """The actions as the environment gets them: in the order of its roster."""
+        return acts
 
     def __admit(
         self, roster: Iterable[Any], terminations: Mapping[Any, Any], truncations: Mapping[Any, Any]
