@@ -54,12 +54,16 @@ ROWS: Final = (
     Row("openspiel", "pyspiel", "openspiel:goofspiel"),
     Row("openspiel", "pyspiel", "openspiel:hanabi", {"players": 3}),
     Row(
-        "magent2", "magent2", "magent2.environments.battle_v4:parallel_env",
+        "magent2",
+        "magent2",
+        "magent2.environments.battle_v4:parallel_env",
         {"map_size": 16, "max_cycles": 60},
     ),
     Row("momaland", "momaland", "momaland:mobeach_v0", {"num_agents": 10, "num_timesteps": 5}),
     Row("momaland", "momaland", "momaland:moconnect4_v0"),
-    Row("pogema", "pogema", f"{DRAMATIS}:pogema"),
+    Row(
+        "pogema", "pogema", "pogema:pogema_v0", {"size": 8, "num_agents": 4, "on_target": "finish"}
+    ),
     Row("jaxmarl", "jaxmarl", "jaxmarl:MPE_simple_spread_v3", tolerance=1e-6),
     Row("jaxmarl", "jaxmarl", "jaxmarl:overcooked", tolerance=1e-6),
     Row("jumanji", "jumanji", "jumanji:RobotWarehouse-v0", tolerance=1e-6),
@@ -74,7 +78,7 @@ ROWS: Final = (
     Row("dsse", "DSSE", "DSSE:DroneSwarmSearch"),
     Row("cogrid", "cogrid", f"{DRAMATIS}:cogrid_overcooked"),
     Row("generals", "generals", f"{DRAMATIS}:generals"),
-    Row("fanorona", "fanorona_aec", "fanorona_aec.env.fanorona:raw_env"),
+    Row("fanorona", "env", "env.fanorona_env:raw_env"),
     Row("frondori", "frondori_football", f"{DRAMATIS}:football"),
 )
 

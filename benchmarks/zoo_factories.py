@@ -50,11 +50,3 @@ def football() -> Any:
     from frondori_football import FootballEnv
 
     return FootballEnv()
-
-
-def pogema(size: int = 8, num_agents: int = 4) -> Any:
-    """POGEMA as a ParallelEnv."""
-    from pogema import GridConfig, pogema_v0
-
-    grid = GridConfig(size=size, num_agents=num_agents, density=0.3, obs_radius=3)
-    return pogema_v0(grid_config=grid, integration="PettingZoo")

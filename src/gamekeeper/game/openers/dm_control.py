@@ -15,7 +15,7 @@ SYNTAX: Final = "dm_control:cartpole/swingup, or dm_control:soccer"
 ORDER: Final = _family.ORDER
 
 SOCCER: Final = "soccer"
-PIP: Final = "shimmy dm-control"
+PIP: Final = "shimmy dm-control imageio packaging"
 
 
 def matches(spec: object) -> bool:

@@ -82,7 +82,7 @@ class SeveralAgents(Guest):
     | who has ended | | no action is asked of it; the list still has one, of its space's zero |
     """
 
-    unknown = (
+    unknown: tuple[str, ...] = (
         "why an episode ended that was over in the tick of the environment's own limit",
         "whether the environment looks at the action of an agent that has ended",
         "whose reward it is, where there is one for all",

@@ -33,7 +33,7 @@ class JaxMarl(Guest):
     there with a tolerance.
     """
 
-    unknown = (
+    unknown: tuple[str, ...] = (
         "why an episode ended that was over in the tick of max_steps",
         "the roster before the end: agents that are done stay in its arrays",
     )

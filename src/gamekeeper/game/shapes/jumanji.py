@@ -40,7 +40,7 @@ class Jumanji(Guest):
     | options | | refused: its reset takes none |
     """
 
-    unknown = (
+    unknown: tuple[str, ...] = (
         "why an episode ended that was over in the tick of the environment's own limit",
         "the bounds of observations, where it declares none",
     )

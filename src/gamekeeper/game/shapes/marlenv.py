@@ -30,7 +30,7 @@ class MarlEnv(Guest):
     | options | | refused: its reset takes none |
     """
 
-    unknown = (
+    unknown: tuple[str, ...] = (
         "which agent ended: there is one end for all",
         "whose reward it is: there is one for all",
         "the bounds of observations",

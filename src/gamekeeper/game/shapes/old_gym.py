@@ -6,6 +6,9 @@ import inspect
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+import numpy as np
+from gymnasium.spaces import Box, MultiBinary, MultiDiscrete
+
 from gamekeeper.errors import SpecError
 from gamekeeper.game.shapes.by_agent import dealt, flags, infos, rewards
 from gamekeeper.game.shapes.guest import Crossing, Given, Guest, limit_of, numbered, wrong_shape
@@ -22,6 +25,7 @@ class OldGym(Guest):
 
     | | kept | changed |
     |---|---|---|
+    | observations | arrays | lists of numbers become arrays of their space's dtype |
     | rewards | one of each agent; one alone is paid to all in full | |
     | done | terminated | truncated where the info has a true `TimeLimit.truncated`, and where all |
     | | | end in the tick of the environment's own limit ("time limit") |
@@ -31,7 +35,7 @@ class OldGym(Guest):
     | who has ended | | no action is asked of it; the list still has one, of its space's zero |
     """
 
-    unknown = (
+    unknown: tuple[str, ...] = (
         "whether an end was a rule's or a limit's, where neither the info nor a limit tells",
         "whether env.seed() reaches all of its randomness",
         "whether the environment looks at the action of an agent that has ended",
@@ -88,7 +92,10 @@ class OldGym(Guest):
 
     def _dealt(self, observations: Any) -> Given:
         values = observations if self._is_list else [observations]
-        return dealt(values, self.possible_agents, "observations")
+        seen = dealt(values, self.possible_agents, "observations")
+        return {
+            agent: _array(value, self.observation_spaces[agent]) for agent, value in seen.items()
+        }
 
     def _infos(self, info: Any) -> dict[str, dict[str, Any]]:
         agents = self.possible_agents
@@ -97,6 +104,13 @@ class OldGym(Guest):
             common = {key: value for key, value in info.items() if key != "n"}
             return {agent: {**common, **own} for agent, own in infos(each, agents).items()}
         return infos(info, agents)
+
+
+def _array(value: Any, space: Any) -> Any:
+    """A list of numbers, which has no dtype, as the array that its space declares."""
+    if isinstance(value, list | tuple) and isinstance(space, Box | MultiBinary | MultiDiscrete):
+        return np.asarray(value, dtype=space.dtype)
+    return value
 
 
 def _parameters(call: Any) -> frozenset[str]:

@@ -32,7 +32,7 @@ class PyMarl(Guest):
     | units that die | live on with the action that the mask leaves them, as in PyMARL | |
     """
 
-    unknown = (
+    unknown: tuple[str, ...] = (
         "which agent ended: units that die are still asked for an action",
         "whose reward it is: there is one for all",
         "whether seeds reach all of its randomness, or any where env.seed takes none",

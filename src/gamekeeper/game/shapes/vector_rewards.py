@@ -96,7 +96,7 @@ class Scalarised(ParallelEnv[Any, Any, Any]):
     All else goes through as it is: roster, spaces, observations, ends, infos, state, rendering.
     """
 
-    unknown = ("which agent earns a component, and whether all share it",)
+    unknown: tuple[str, ...] = ("which agent earns a component, and whether all share it",)
 
     def __init__(
         self, env: Any, names: Sequence[str] | None, weights: Sequence[float] | None
@@ -151,7 +151,7 @@ class Scalarised(ParallelEnv[Any, Any, Any]):
 class ScalarisedTurns(AECEnv[Any, Any, Any]):
     """The same for an environment of turns: `rewards` and what `last` adds up are numbers."""
 
-    unknown = Scalarised.unknown
+    unknown: tuple[str, ...] = Scalarised.unknown
 
     def __init__(
         self, env: Any, names: Sequence[str] | None, weights: Sequence[float] | None
