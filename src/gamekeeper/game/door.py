@@ -62,6 +62,7 @@ class Game:
         self._state: Callable[[], Any] | None = None
         self._state_entry: tuple[Any, str | None] = NO_STATE
         self._pack_state: Pack | None = None
+        self._types: tuple[list[type | None], str] = [], "{}"
         self._known: dict[int, Codec] = {}
         self._info_text = InfoTexts().text
         self._desk: dict[AgentId, tuple[int, Pack, Pack]] = {}
@@ -130,13 +131,21 @@ class Game:
         assert self.sink is not None
         self._open = False
         error, self._failure = self._failure, None
-        seats = self.sink.layout.order
-        types = {seat.name: type_name_of(seat.acts_as) for seat in seats if seat.acts_as}
         end = "failed" if error is not None else end
         self._tape.ends.append(
-            EpisodeEnd(self.episode, end, self.turn, error, self._endings(), to_json(types))
+            EpisodeEnd(self.episode, end, self.turn, error, self._endings(), self._action_types())
         )
         self.sink.keep_up()
+
+    def _action_types(self) -> str:
+        """Of what type each agent's whole-number actions were in this episode, as JSON by agent."""
+        assert self.sink is not None
+        seats = self.sink.layout.order
+        types = [seat.acts_as for seat in seats]
+        if types != self._types[0]:
+            named = {s.name: type_name_of(s.acts_as) for s in seats if s.acts_as is not None}
+            self._types = types, to_json(named)
+        return self._types[1]
 
     def _endings(self) -> str | None:
         """Reasons by agent, where the environment's rules name them."""

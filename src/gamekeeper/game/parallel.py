@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Mapping
+from itertools import repeat
 from time import perf_counter_ns
 from typing import Any, Final
 
@@ -125,6 +126,11 @@ class ParallelGame(Game):
         waiting: list[Any] = []
         self._waiting = waiting
         count = len(agents)
+        if rewards is None:  # reset pays nothing and ends nobody
+            named = [part for part in (observations, infos) if isinstance(part, Mapping)]
+            names = dict.fromkeys([*agents, *(agent for part in named for agent in part)])
+            rewards = dict.fromkeys(names, 0.0)
+            terms = truncs = dict.fromkeys(names, False)
         if (
             observations.__class__
             is rewards.__class__
@@ -141,11 +147,6 @@ class ParallelGame(Game):
                     self._end()
                 return
             self._take_back(waiting)
-        if rewards is None:  # reset pays nothing and ends nobody
-            named = [part for part in (observations, infos) if isinstance(part, Mapping)]
-            names = [*agents, *(agent for part in named for agent in part)]
-            rewards, terms = dict.fromkeys(names, 0.0), dict.fromkeys(names, False)
-            truncs = terms
         self._give_all(agents, observations, rewards, terms, truncs, infos)
 
     def _give_usual(
@@ -251,9 +252,12 @@ class ParallelGame(Game):
             actions = {}
         if list(actions) != self._who:
             return self._moves_out_of_order(actions)
+        payloads = [p(action) for p, action in zip(self._doers, actions.values(), strict=True)]
+        if None not in payloads:
+            return list(zip(range(len(payloads)), payloads, repeat(None)))  # the third is endless
         moves: list[Move] = []
-        for order, (pack, action) in enumerate(zip(self._doers, actions.values(), strict=True)):
-            payload, entry = pack(action), None
+        for order, (payload, action) in enumerate(zip(payloads, actions.values(), strict=True)):
+            entry = None
             if payload is None:
                 payload, entry = self._odd_action(self._who[order], action)
             moves.append((order, payload, entry))
