@@ -74,6 +74,27 @@ def test_recover_of_a_run_without_timings(tmp_path: Path, turns: int, kept: int)
     assert replayed(tmp_path / "run").verified
 
 
+@pytest.mark.parametrize("begun", [False, True])
+def test_recover_of_a_run_without_rows(tmp_path: Path, begun: bool) -> None:
+    """A run that died before any row was written is read, recovered as failed, and verified."""
+    before = set(recorder._OPEN)
+    face = record(Walk(), tmp_path / "run")
+    (one,) = set(recorder._OPEN) - before
+    if begun:
+        face.reset(seed=1)
+    die(one)
+    for path in [*(tmp_path / "run").glob("steps-*"), *(tmp_path / "run").glob("timings-*")]:
+        path.unlink()
+
+    read = load(tmp_path / "run")
+    sealed = recover(tmp_path / "run", status="failed", error="exit code 3")
+
+    assert (0, {}) == (read.steps.num_rows, read.summary.agents)
+    assert ["failed"] * begun == sealed.episodes["end"].to_pylist()
+    assert (0, {}) == (sealed.summary.agent_steps, sealed.summary.agents)
+    assert verify(tmp_path / "run").ok
+
+
 def test_recover_keeps_the_types_of_actions(tmp_path: Path) -> None:
     """A torn first episode is replayed with the very type of actions that was handed over."""
     by_type = ("float(actions.get(agent, 0))", "float(len(repr(actions[agent])))")

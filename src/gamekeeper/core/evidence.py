@@ -20,7 +20,7 @@ from gamekeeper.core.summary import Summary, summarise
 from gamekeeper.core.tables import Tables
 from gamekeeper.core.trace import Spaces, Trace
 
-_NO_STEPS: Final = pa.schema(
+NO_STEPS: Final = pa.schema(  # of a run that ended before its first row: what every run has
     [
         ("episode", pa.int32()),
         ("turn", pa.int32()),
@@ -70,7 +70,7 @@ class Evidence:
     def steps(self) -> pa.Table:
         """One row for each agent's decision, all of them in memory."""
         table = self.tables.table("steps")
-        return table if table is not None and table.num_rows else _NO_STEPS.empty_table()
+        return table if table is not None and table.num_rows else NO_STEPS.empty_table()
 
     @property
     def states(self) -> pa.Table | None:
@@ -126,7 +126,7 @@ class Evidence:
             episode=number,
             header=header,
             # of a run that was killed before its first turn only the key columns are there
-            steps=steps if steps is not None and steps.num_rows else _NO_STEPS.empty_table(),
+            steps=steps if steps is not None and steps.num_rows else NO_STEPS.empty_table(),
             states=self.tables.episode("states", number),
             spaces=self.spaces,
             state_codec=_codec(self.manifest.get("state_space")),

@@ -9,10 +9,12 @@ from typing import Any
 
 import pyarrow as pa
 
+from gamekeeper.core.evidence import NO_STEPS
+from gamekeeper.core.press import EPISODES
 from gamekeeper.errors import BundleError
 from gamekeeper.record.folder import digest_file, inside, reading
 from gamekeeper.record.manifest import MANIFEST, Seal, load_manifest, manifest_digest, seal_of
-from gamekeeper.record.schema import STREAMS, keys_of
+from gamekeeper.record.schema import STREAMS
 from gamekeeper.record.segments import Cut
 from gamekeeper.record.streams import StreamFiles, keep, merge, whole_of
 from gamekeeper.record.table_reader import TableReader
@@ -147,8 +149,7 @@ def _bundle(
     is_sealed: bool,
     cuts: tuple[Cut, ...] = (),
 ) -> Bundle:
-    for name in ("episodes", "steps"):
-        if tables[name] is None:
-            keys = [pa.field(key, pa.int32()) for key in keys_of(name)]
-            tables[name] = pa.schema(keys).empty_table()
+    for name, schema in (("episodes", EPISODES), ("steps", NO_STEPS)):
+        if tables[name] is None:  # it ended before its first row; who reads it finds the columns
+            tables[name] = schema.empty_table()
     return Bundle(folder, manifest, **tables, sealed=is_sealed, cuts=cuts)
