@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from threading import Lock
 from typing import Any, Final
 
 import numpy as np
@@ -69,6 +70,7 @@ class Game:
         self._paid_terms: Callable[[AgentId], Any] | None = None
         if sink is not None:
             self._tape = sink.tape
+            self._tape.lock = Lock()  # the writer cuts it in a thread of its own
             self._paid_terms = _terms_reader(env, sink.layout.terms)
             sink.layout.announce(list(getattr(env, "possible_agents", ())), self._codecs)
 
