@@ -32,6 +32,9 @@ class Tick:
         self.env = env
         self._books: Any = books_of(env)
         self._keeps_books = isinstance(self._books, Books)
+        # our own base class tells infos one by one, so they are asked for all at once
+        asked = ("_masks", "_informs")
+        self._asks_infos = any(getattr(self._books, name, False) is True for name in asked)
         self._actions = TickActions(env, self._books)
         self._rewards = TickRewards(self._books)
         self._gone: dict[Any, Told] = {}  # whose end is told in this tick
@@ -116,9 +119,9 @@ class Tick:
         return {agent: view(agent) for agent in agents}
 
     def _infos(self, agents: Iterable[Any]) -> dict[Any, dict[str, Any]]:
-        """New infos; those of our own base class are asked for, as it tells them one by one."""
+        """New infos, as they are now."""
         books = self._books
-        if getattr(books, "_masks", False) or getattr(books, "_informs", False):
+        if self._asks_infos:
             return {agent: books._info_of(agent) for agent in agents}
         infos = books.infos
         try:

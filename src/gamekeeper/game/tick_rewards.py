@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, Final
 
 from gamekeeper.game.accounts import paid_others, pays_others
@@ -29,17 +29,22 @@ class TickRewards:
         rewards = books.rewards
         if self.has_terms and books.terms:
             self._add_terms(books.terms)
-        paid: Iterable[Any]
         if self._keeps_books:
             paid = books.touched.paid
             if not paid:
                 return totals
-        elif totals is None or len(rewards) <= FEW:
-            paid = rewards
         else:
-            paid = _paid(rewards, actor)
+            paid = rewards
         if totals is None:
             return dict(rewards)
+        if not self._keeps_books and len(rewards) > FEW:
+            own = rewards.get(actor)
+            if pays_others(rewards, own):
+                paid = paid_others(rewards, actor)
+            if own is not None:
+                totals[actor] = totals[actor] + own if actor in totals else own
+            if paid is rewards:
+                return totals
         for agent in paid:
             totals[agent] = totals[agent] + rewards[agent] if agent in totals else rewards[agent]
         return totals
@@ -49,12 +54,3 @@ class TickRewards:
             sums = self.terms.setdefault(agent, {})
             for term, amount in amounts.items():
                 sums[term] = sums.get(term, 0.0) + amount
-
-
-def _paid(rewards: Mapping[Any, Any], actor: AgentId) -> Iterable[Any]:
-    """Whom `rewards` pays; the actor may stand there with 0."""
-    own = rewards.get(actor)
-    if pays_others(rewards, own):
-        others = paid_others(rewards, actor)
-        return [*others, actor] if actor in rewards else others
-    return (actor,) if own else ()

@@ -177,8 +177,23 @@ class ToParallel(Around, Tick, ParallelEnv[Any, Any, Any]):
     def _round(self, actions: Mapping[Any, Any]) -> Totals | None:
         """One turn of everybody; what was paid in them, None where nobody was."""
         books, step, added = self._books, self.env.step, self._rewards.added
-        left = set(self.agents)
         totals: Totals | None = None
+        for place, agent in enumerate(self.agents):
+            if (
+                books.agent_selection != agent
+                or books.terminations[agent]
+                or books.truncations[agent]
+            ):
+                return self._rest_of_round(actions, totals, set(self.agents[place:]))
+            step(actions[agent])
+            totals = added(totals, agent)
+        return totals
+
+    def _rest_of_round(
+        self, actions: Mapping[Any, Any], totals: Totals | None, left: set[Any]
+    ) -> Totals | None:
+        """The turns that are left, where the order isn't the roster's or somebody has ended."""
+        books, step, added = self._books, self.env.step, self._rewards.added
         while left:
             agent = books.agent_selection
             if agent not in left:
