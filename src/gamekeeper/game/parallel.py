@@ -60,7 +60,7 @@ class ParallelGame(Game):
         self._begin(seed, options)
         try:
             out = self.env.reset(**given)
-        except Exception:
+        except (Exception, SystemExit):
             self.fail(traceback.format_exc())
             self.end_episode()
             raise
@@ -85,7 +85,7 @@ class ParallelGame(Game):
         start = perf_counter_ns()
         try:
             out = self.env.step(actions)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             self._raised(moves, type_name_of(type(error)), perf_counter_ns() - start)
             self.fail(traceback.format_exc())
             raise

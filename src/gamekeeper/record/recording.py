@@ -90,7 +90,8 @@ def rollout(
         most_turns: longer episodes are cut; None: 100,000.
         after_turn: called after every turn.
     Raises:
-        EnvError: the environment raised; what was recorded until then is sealed as *failed*.
+        EnvError: the environment raised, or called sys.exit(); what was recorded until then is
+            sealed as *failed*.
         BundleError: the bundle can't be written.
         PolicyError: a policy can't be found, or gave no action.
     """
@@ -111,7 +112,7 @@ def rollout(
         )  # fmt: skip
     except GamekeeperError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:  # an environment is nobody to end this process
         raise _broken(error, game) from error
     if isinstance(sink, Recorder):
         return load(sink.path)
@@ -182,9 +183,12 @@ def _with_own(policies: Choices, env: Any) -> Choices:
     return {**whole, **found} if found else policies
 
 
-def _broken(error: Exception, game: Any) -> EnvError:
+def _broken(error: BaseException, game: Any) -> EnvError:
+    is_exit = isinstance(error, SystemExit)
     return EnvError(
-        f"the environment raised {type(error).__name__}: {error}",
+        f"the environment called sys.exit({error.code!r})"
+        if is_exit
+        else f"the environment raised {type(error).__name__}: {error}",
         where=f"episode {game.episode}, turn {game.turn}",
         mend="the traceback stands above and in the bundle; the rows up to there were kept",
     )

@@ -59,11 +59,6 @@ def record_task(
         return {"error": error_fields(error)}
     except GamekeeperError as error:
         return {"error": error_fields(error)}
-    except SystemExit as error:
-        sys.stderr.write(f"{foreign_traceback(error)}\n")
-        what = f"the environment or a policy called sys.exit({error.code!r})"
-        mend = "raise an ordinary exception instead; the traceback stands above"
-        return {"error": error_fields(EnvError(what, mend=mend))}
     return {"error": None}
 
 

@@ -47,7 +47,7 @@ def replay_trace(
     played, types = crossings(trace), trace.action_types or types or {}
     try:
         game.reset(trace.seed, trace.options)
-    except Exception:  # the episode ended there as failed, and perhaps it did so before
+    except (Exception, SystemExit):  # it ended there as failed, and perhaps it did so before
         return
     for turn in trace.turns:
         if turn.index >= played or not game.env.agents:
@@ -59,7 +59,7 @@ def replay_trace(
             _step(game, trace, turn, agents=agents, cast=cast, types=types)
         except (PolicyError, EvidenceError):  # not the environment's
             raise
-        except Exception:  # the rows say what was raised; only a recorded raise is played on from
+        except (Exception, SystemExit):  # the rows tell; only a recorded raise is played on from
             if not turn.raised:
                 break
         if after_turn is not None:
@@ -111,8 +111,8 @@ def _look_once_more(game: ParallelGame | AECGame, trace: Trace, turn: Turn) -> N
     if any(_was_seen(turn, name, trace) for name in turn.received):
         try:
             game.last()
-        except Exception:  # then the row that was recorded is missing, and the comparison says so
-            return
+        except (Exception, SystemExit):
+            return  # then the row that was recorded is missing, and the comparison says so
 
 
 def _was_seen(turn: Turn, name: str, trace: Trace) -> bool:
