@@ -35,7 +35,12 @@ class Noting:
 def test_episode_k_is_reset_with_its_own_seed(cls: Any) -> None:
     """Whichever episodes are played, in whatever order."""
     env, cast, sink = cls([Turn()]), Noting(), MemorySink()
-    play(game_of(env, sink=sink), cast, [3, 1], seed=7, most_turns=2, options={"a": 1})
+    done: list[int] = []
+    play(
+        game_of(env, sink=sink), cast, [3, 1], seed=7, most_turns=2, options={"a": 1},
+        after_episode=done.append,
+    )  # fmt: skip
+    assert done == [1, 2]
     assert cast.begun == [(7, 3), (7, 1)]
     resets = [call for call in env.calls if call.startswith("reset")]
     assert [f"reset {episode_seed(7, k)} {{'a': 1}}" for k in (3, 1)] == resets

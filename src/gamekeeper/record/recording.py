@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from os import PathLike
 from typing import Any, Final
@@ -75,6 +76,8 @@ def rollout(
     frames: bool = False,
     env_kwargs: Mapping[str, Any] | None = None,
     after_turn: Callable[[], None] | None = None,
+    after_episode: Callable[[int], None] | None = None,
+    while_sealing: Callable[[], AbstractContextManager[object]] = nullcontext,
 ) -> Evidence:
     """Plays episodes with policies and returns them as evidence.
 
@@ -89,6 +92,9 @@ def rollout(
         out: the folder of a bundle; None keeps the evidence in memory.
         most_turns: longer episodes are cut; None: 100,000.
         after_turn: called after every turn.
+        after_episode: called after every episode with how many have been played.
+        while_sealing: a context entered while the bundle is sealed and its seal is checked, which
+            takes a while after a long run.
     Raises:
         EnvError: the environment raised, or called sys.exit(); what was recorded until then is
             sealed as *failed*.
@@ -109,17 +115,25 @@ def rollout(
         _play(
             game, sink, cast, range(episodes), seed=seed, options=options,
             most_turns=MOST_TURNS if most_turns is None else most_turns, after_turn=after_turn,
+            after_episode=after_episode, while_sealing=while_sealing,
         )  # fmt: skip
     except GamekeeperError:
         raise
     except (Exception, SystemExit) as error:  # an environment is nobody to end this process
         raise _broken(error, game) from error
     if isinstance(sink, Recorder):
-        return load(sink.path)
+        with while_sealing():
+            return load(sink.path)
     return sink.evidence(opened.identity, contract=declared, run_seed=seed)
 
 
-def _play(game: Any, sink: Recorder | MemorySink, *players: Any, **options: Any) -> None:
+def _play(
+    game: Any,
+    sink: Recorder | MemorySink,
+    *players: Any,
+    while_sealing: Callable[[], AbstractContextManager[object]],
+    **options: Any,
+) -> None:
     """Plays, and closes environment and bundle whatever happens."""
     try:
         try:
@@ -128,7 +142,8 @@ def _play(game: Any, sink: Recorder | MemorySink, *players: Any, **options: Any)
             game.close()
     finally:
         if isinstance(sink, Recorder):
-            sink.close()
+            with while_sealing():
+                sink.close()
 
 
 def _sink(

@@ -7,8 +7,10 @@ else that is raised here is a fault of ours and comes out as one.
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict
+from threading import Event, Thread
 from time import monotonic
 from typing import Any, Final
 
@@ -23,6 +25,8 @@ from gamekeeper.record.recording import rollout
 
 PROGRESS_S: Final = 0.05
 """Seconds between two reports of progress."""
+BEAT_S: Final = 0.05
+"""Seconds between two signs of life; less than the shortest silence that may be allowed."""
 
 Report = Callable[..., None]
 
@@ -42,7 +46,7 @@ def record_task(
     most_turns: int | None,
     contract: str | None,
 ) -> dict[str, Any]:
-    """Plays and records episodes, as `rollout` does; reports turns on the way.
+    """Plays and records episodes, as `rollout` does; reports turns and episodes on the way.
 
     Returns:
         `{"error": None}`, or the fields of the error that ended it.
@@ -52,6 +56,8 @@ def record_task(
             spec, policies=dict(policies) or "random", episodes=episodes, seed=seed, out=out,
             level=level, contract=contract, options=options, most_turns=most_turns, frames=frames,
             env_kwargs=env_kwargs, after_turn=_counter(report, episodes),
+            after_episode=lambda done: report(episode=done),
+            while_sealing=lambda: _signs_of_life(report),
         )  # fmt: skip
     except EnvError as error:
         if error.__cause__ is not None:
@@ -115,6 +121,24 @@ def error_of(fields: Mapping[str, str]) -> GamekeeperError:
 
 def _space(space: Any) -> dict[str, Any] | None:
     return None if space is None else space_to_json(space)
+
+
+@contextmanager
+def _signs_of_life(report: Report) -> Iterator[None]:
+    """Gives signs of life while nothing foreign runs: sealing a long run takes its time."""
+    is_over = Event()
+
+    def beat() -> None:
+        while not is_over.wait(BEAT_S):
+            report()
+
+    thread = Thread(target=beat, name="gamekeeper-alive", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        is_over.set()
+        thread.join()
 
 
 def _counter(report: Report, episodes: int) -> Callable[[], None]:

@@ -30,6 +30,7 @@ def play(
     options: Mapping[str, Any] | None = None,
     most_turns: int,
     after_turn: Callable[[], None] | None = None,
+    after_episode: Callable[[int], None] | None = None,
 ) -> None:
     """Plays the episodes numbered in `episodes`, each from its own seed.
 
@@ -39,9 +40,10 @@ def play(
         options: handed to every reset.
         most_turns: an episode that is longer is cut.
         after_turn: called after every turn, for progress and signs of life.
+        after_episode: called after every episode with how many have been played.
     """
     turn = _tick_of(game) if isinstance(game, ParallelGame) else _turn_of(game)
-    for episode in episodes:
+    for done, episode in enumerate(episodes, start=1):
         cast.begin(seed, episode)
         game.reset(episode_seed(seed, episode), options)
         for _ in range(most_turns):
@@ -50,6 +52,8 @@ def play(
             if after_turn is not None:
                 after_turn()
         game.end_episode()
+        if after_episode is not None:
+            after_episode(done)
 
 
 def _tick_of(game: ParallelGame) -> Callable[[Cast], bool]:

@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+from pathlib import Path
+from threading import Event
+from typing import Any
+
+import pytest
+
+from gamekeeper.record.bundle import load
+from gamekeeper.record.store import Store
+from gamekeeper.record.tasks import record_task
+from tests.record.plays import write_env
+
+
+def recorded(folder: Path, report: Any, **options: Any) -> dict[str, Any]:
+    """What the recording task returns for three short episodes."""
+    settings: dict[str, Any] = {
+        "spec": f"{write_env(folder)}:Walk",
+        "out": str(folder / "run"),
+        "env_kwargs": {},
+        "policies": {},
+        "episodes": 3,
+        "seed": 0,
+        "options": None,
+        "level": "full",
+        "frames": False,
+        "most_turns": None,
+        "contract": None,
+    }
+    return record_task(report, **{**settings, **options})
+
+
+def test_record_task_reports_episodes(tmp_path: Path) -> None:
+    """Progress knows how many episodes there will be and how many are done."""
+    said: list[dict[str, Any]] = []
+
+    assert recorded(tmp_path, lambda **fields: said.append(fields)) == {"error": None}
+
+    assert said[0] == {"turns": 0, "episodes": 3}
+    assert [fields["episode"] for fields in said if "episode" in fields] == [1, 2, 3]
+
+
+def test_record_task_is_alive_while_it_seals(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A bundle that takes long to seal isn't taken for an environment that hangs."""
+    is_alive, seal = Event(), Store.seal
+
+    def slowly(*given: Any) -> None:
+        is_alive.clear()
+        assert is_alive.wait(30.0)
+        seal(*given)
+
+    monkeypatch.setattr(Store, "seal", slowly)
+
+    assert recorded(tmp_path, lambda **fields: is_alive.set()) == {"error": None}
+    assert load(tmp_path / "run").manifest["status"] == "sealed"
+
+
+@pytest.mark.parametrize(
+    ("edit", "kind", "what"),
+    [
+        ({"spec": "no/such-v0"}, "SpecError", "no/such-v0"),
+        ({"env_kwargs": {"turns": "many"}}, "EnvError", "raised TypeError"),
+    ],
+)
+def test_record_task_returns_errors_as_data(
+    tmp_path: Path, edit: dict[str, Any], kind: str, what: str
+) -> None:
+    """What went wrong on purpose, or in the environment, crosses to the parent as text."""
+    error = recorded(tmp_path, lambda **fields: None, **edit)["error"]
+    assert error["kind"] == kind
+    assert what in error["what"]
