@@ -321,6 +321,32 @@ def test_illegal_move_that_a_wrapper_ends_is_in_the_rows() -> None:
     assert evidence.episodes["end"].to_pylist() == ["ended"]
 
 
+def test_interrupt_in_the_environments_step_leaves_what_was_given() -> None:
+    """Ctrl-C amid a step, its books half written: the episode is cut before that step."""
+
+    class Slow(ScriptedAEC):
+        def step(self, action: Any) -> None:
+            if self.turn == 1:
+                self._cumulative_rewards[self.agent_selection] = 99
+                raise KeyboardInterrupt
+            super().step(action)
+
+    prints = []
+    for cls in (ScriptedAEC, Slow):
+        face, sink = recorded(cls([Turn(pays=((1, 2.0),))]))
+        face.reset(seed=1)
+        face.last()
+        face.step(np.int64(0))
+        face.last()
+        if cls is Slow:
+            with pytest.raises(KeyboardInterrupt):
+                face.step(np.int64(0))
+        evidence = evidence_of(face, sink)
+        prints.append(evidence.fingerprint)
+    assert prints[0] == prints[1]
+    assert list(evidence.trace(0).turns)[-1].received == {B: 2.0}
+
+
 @few
 @given(st.lists(st.integers(0, 3), max_size=3), st.booleans())
 def test_interrupt_amid_the_books_loses_no_row(where: list[int], resumes: bool) -> None:

@@ -52,6 +52,7 @@ class AECGame(Game):
         self._seen: Any = _NEVER  # whose observation was looked at in this turn
         self._seen_payload: Any = None
         self._seen_odd: tuple[str, ...] | None = None
+        self._stood: tuple[Any, ...] | None = None  # what was given, while the crossing is made
 
     @property
     def to_move(self) -> list[AgentId]:
@@ -107,7 +108,7 @@ class AECGame(Game):
         _, pack, _ = self._desk.get(agent) or self._sit(agent)
         payload = pack(observation)
         self._seen_odd = None if payload is not None else (odd("obs", observation),)
-        self._seen_payload, self._seen = payload, agent
+        self._seen_payload, self._seen, self._stood = payload, agent, None
 
     def step(self, action: Any) -> None:
         """One turn of the agent whose turn it is."""
@@ -124,26 +125,27 @@ class AECGame(Game):
             payload = pack(action)
             if payload is None:
                 payload, entry = self._odd_action(agent, action)
+        self._stood = given
         start = perf_counter_ns()
         try:
             self.env.step(action)
         except (Exception, SystemExit) as error:
             wall_ns = perf_counter_ns() - start
             done = 0, payload, None, None, type_name_of(type(error)), entry
-            self._seen, self._is_sure = _NEVER, False
+            self._seen, self._is_sure, self._stood = _NEVER, False, None
             self._put(agent, given, done, [], wall_ns)
             self.fail(traceback.format_exc())
             raise
         wall_ns = perf_counter_ns() - start
         self._failure = None
         self._half = self.turn, agent, given, payload, entry, wall_ns
-        self._seen = _NEVER
+        self._seen, self._stood = _NEVER, None
         self._pay(agent, given, payload, entry, wall_ns)
         self._note(agent)
         self._half = None
 
     def _book(self, turn: int, *crossing: Any) -> None:
-        self._seen, self._is_sure = _NEVER, False
+        self._seen, self._is_sure, self._stood = _NEVER, False, None
         if self.turn == turn:
             self._pay(*crossing)
         self._note(crossing[0])
@@ -294,14 +296,15 @@ class AECGame(Game):
         news = self._news
         if agents and self._seen is not _NEVER:
             agent = self._seen
-            given = self._given(agent, (self._desk.get(agent) or self._sit(agent))[0])
+            index, _, _ = self._desk.get(agent) or self._sit(agent)
+            given = self._stood or self._given(agent, index)  # an interrupted step changes books
             done = _NOTHING_DONE
             news = [other for other in news if other != agent]
         others, theirs = self._other_rows(news, [])
         if not self._is_closed:
             rows = len(done) // len(_NOTHING_DONE) + len(theirs) // len(_NOTHING_DONE)
             self._commit([*given, *others], [*done, *theirs], rows, None)
-        self._news, self._seen = [], _NEVER
+        self._news, self._seen, self._stood = [], _NEVER, None
         over = all(self._terminated.has(agent) or self._truncated.has(agent) for agent in agents)
         self._finish("ended" if over else "cut")
 
