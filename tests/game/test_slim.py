@@ -24,6 +24,7 @@ from pettingzoo.utils.env_logger import EnvLogger
 from gamekeeper.errors import ActionError, OrderError
 from gamekeeper.game.slim import SlimParallel, SlimToAEC, described_slim, slim
 from gamekeeper.game.slim_aec import SlimAEC
+from tests.game.relays import TickRelay, TurnRelay
 from tests.game.ticking import SCRIPTS, Round, Ticks, Turns, aec_rows, parallel_rows, plain
 from tests.game.toys import Pair
 
@@ -171,6 +172,20 @@ def test_slim_environment_draws_the_same_pictures(name: str, kwargs: dict[str, A
     if hasattr(shipped, "state_space"):
         assert shipped.state_space == ours.state_space
         assert np.array_equal(shipped.state(), ours.state())
+
+
+def test_reward_terms_are_told_where_the_shipped_environment_tells_them() -> None:
+    """Wrappers hand them through, converters don't."""
+    assert slim(wrappers.OrderEnforcingWrapper(TurnRelay())).terms == {}
+    for env in (parallel_to_aec(TickRelay()), aec_to_parallel(Ready())):
+        assert not hasattr(env, "terms")
+        assert not hasattr(slim(env), "terms")
+
+
+class Ready(TurnRelay):
+    """Says that it can be played all at once."""
+
+    metadata = {**TurnRelay.metadata, "is_parallelizable": True}  # noqa: RUF012
 
 
 # -- promises

@@ -113,6 +113,8 @@ class SlimToAEC(ToAEC):
     ) -> None:
         """Takes the Parallel environment, what the wrappers promised, and their names."""
         super().__init__(env)
+        if hasattr(self, "terms"):  # the converter doesn't tell reward terms
+            del self.terms
         self.promises, self.replaced = promises, replaced
         self._came: dict[Any, None] = {}
 
@@ -154,6 +156,9 @@ class SlimParallel(ToParallel):
     def __init__(self, env: AECEnv[Any, Any, Any]) -> None:
         """Takes the AEC environment, slim already."""
         super().__init__(env)
+        if self._rewards.has_terms:  # the converter doesn't tell reward terms
+            self._rewards.has_terms = False
+            del self.terms
         self.replaced = (aec_to_parallel_wrapper.__name__, *getattr(env, "replaced", ()))
         self._shown: dict[Any, Any] = {}
 
