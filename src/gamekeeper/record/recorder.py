@@ -15,6 +15,7 @@ from typing import Any, Final
 
 import pyarrow as pa
 
+from gamekeeper.core.block import most_rows
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.evidence import manifest_of
 from gamekeeper.core.layout import Layout
@@ -150,7 +151,9 @@ class Recorder:
             self._let_go()
 
     def _drain(self) -> None:
-        while (reel := take(self.tape, most=FLUSH_TURNS)) is not None:
+        columns = [*self.layout.columns("obs"), *self.layout.columns("action")]
+        rows = most_rows(columns)
+        while (reel := take(self.tape, most=FLUSH_TURNS, most_rows=rows)) is not None:
             self._reel = reel
             pressed = self._press.press(reel)
             self._describe()
