@@ -22,7 +22,7 @@ def env() -> Any:
 def play(env: WarehouseTurns, *actions: int) -> None:
     """The next turns."""
     for action in actions:
-        env._fresh = {}  # the masks that were shown are of before the state was changed by hand
+        env._forget_masks()  # the masks that were shown are of before the state was changed by hand
         env.step(action)
 
 

@@ -62,7 +62,7 @@ def at(env: WarehouseRules, agent: str) -> tuple[int, int]:
 
 def step(env: Warehouse, **actions: int) -> Any:
     """One tick, in which robots without an action do nothing: all that it returns."""
-    env._fresh = {}  # the masks that were shown are of before the state was changed by hand
+    env._forget_masks()  # the masks that were shown are of before the state was changed by hand
     return env.step({a: actions.get(a, NOOP) for a in env.agents})
 
 

@@ -22,6 +22,7 @@ from gamekeeper.core.contract import Contract
 from gamekeeper.core.stream import Stream
 from gamekeeper.errors import ActionError, ContractError
 from gamekeeper.game.legality import copied, judge, refused, tidy_mask
+from gamekeeper.game.reserved import refuse_attributes, refuse_methods, reserved_names
 from gamekeeper.game.snapshot import Snapshot, put_back, take
 from gamekeeper.game.verbs import Verbs, before_reset
 
@@ -33,7 +34,7 @@ FIXED: Final = frozenset(  # never part of a snapshot: they don't change, or are
         "_Books__spaces",
         "_TickEnv__ranges",
         "_TickEnv__spaces",
-        "_declared",
+        "_Authored__declared",
         "action_spaces",
         "observation_spaces",
         "possible_agents",
@@ -58,9 +59,11 @@ class Authored(Verbs):
 
     _masks = _informs = _pardons = False  # whether the class has mask, info, illegal
     _trusts_ranges = True
-    _fresh: dict[Any, Any]  # masks asked since the last crossing
-    _fresh_turn: int  # the turn they hold for: inside a crossing `turns` is one ahead
-    _declared: Contract | None = None
+    _reserved: tuple[str, ...] = ()  # names of the base's own that an author may not take
+    __fresh: dict[Any, Any]  # masks asked since the last crossing
+    __fresh_turn: int  # the turn they hold for: inside a crossing `turns` is one ahead
+    __declared: Contract | None = None
+    __is_checked = False  # no attribute has a name of the base's, as far as the first state went
 
     def __init__(self, *, render_mode: str | None = None, horizon: int | None = None) -> None:
         """Takes what every environment has.
@@ -84,8 +87,14 @@ class Authored(Verbs):
         self.terms, self.endings = {}, {}
 
     def __init_subclass__(cls, **given: Any) -> None:
-        """Looks at which methods the author wrote, and puts the guards in front of them."""
+        """Looks at which methods the author wrote, and puts the guards in front of them.
+
+        Raises:
+            ContractError: one of them has the name of something of the base's.
+        """
         super().__init_subclass__(**given)
+        refuse_methods(cls, root=Authored)
+        cls._reserved = reserved_names(cls)
         cls._masks = cls.mask is not Authored.mask
         cls._informs = cls.info is not Authored.info
         cls._pardons = cls.illegal is not Authored.illegal
@@ -183,11 +192,11 @@ class Authored(Verbs):
         """
         if isinstance(self.contract, Contract):
             return self.contract
-        if self._declared is None and (path := self.contract_path) is not None:
+        if self.__declared is None and (path := self.contract_path) is not None:
             from gamekeeper.game.contract_file import load_contract  # only where there is one
 
-            self._declared = load_contract(path)
-        return self._declared
+            self.__declared = load_contract(path)
+        return self.__declared
 
     # -- copies
 
@@ -224,13 +233,24 @@ class Authored(Verbs):
                 expected="super().__init__(), then possible_agents and both dictionaries of spaces",
                 seen=str(error),
             ) from None
-        self._fresh, self._fresh_turn = {}, -1
+        self._check_names(is_begun=False)
+        self.__fresh, self.__fresh_turn = {}, -1
         last: Stream | None = getattr(self, "rng", None)
         if seed is not None:
             self.rng = Stream(seed)
         else:
             self.rng = Stream(secrets.randbits(63)) if last is None else last.next_episode()
         return self.rng
+
+    def _check_names(self, *, is_begun: bool) -> None:
+        """Looks at an instance's attributes: before its first episode, and once that has begun.
+
+        Raises:
+            ContractError: one of them has the name of something of the base's.
+        """
+        if not self.__is_checked:
+            refuse_attributes(self, self._reserved)
+            self.__is_checked = is_begun
 
     def _limit(self) -> int | None:
         """The horizon: the one given, else the contract's."""
@@ -264,13 +284,17 @@ class Authored(Verbs):
         """An agent's mask now; the author is asked once for it between two crossings."""
         if not self._masks:
             return None
-        still = self._fresh_turn == self.turns
-        if still and agent in self._fresh:
-            return self._fresh[agent]
+        still = self.__fresh_turn == self.turns
+        if still and agent in self.__fresh:
+            return self.__fresh[agent]
         mask = tidy_mask(self.action_space(agent), self.mask(agent), agent)
         if still:
-            self._fresh[agent] = mask
+            self.__fresh[agent] = mask
         return mask
+
+    def _forget_masks(self) -> None:
+        """Masks are asked anew: what they hang on has changed."""
+        self.__fresh, self.__fresh_turn = {}, self.turns
 
     def _info_of(self, agent: Any) -> dict[str, Any]:
         """A new info: what the author tells, and the mask."""

@@ -10,7 +10,8 @@ converter a Parallel environment. A turn costs the same for 2 agents as for 2,04
 - what is read at every turn lies in slots. An instance dictionary that anybody ever looked at
   (pickle, deepcopy, a snapshot) makes each access twice as dear; slots don't notice.
 
-Private names have two underscores: subclasses are strangers' code, and a clash would be silent.
+What no other module needs has two underscores: subclasses are strangers' code, and a clash would be
+silent. Names with one are reserved (`game.reserved`): a TurnEnv that takes one is refused.
 """
 
 from __future__ import annotations

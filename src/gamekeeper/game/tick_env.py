@@ -89,6 +89,7 @@ class TickEnv(Authored, ParallelEnv[Any, Any, Any]):
         self.__limit = self._limit()
         self.__open_tick()
         self.start(rng, dict(options or {}))
+        self._check_names(is_begun=True)
         check_first_state(self.touched)
         self.touched.joined.clear()
         self._learn_spaces(self.agents)
@@ -166,7 +167,7 @@ class TickEnv(Authored, ParallelEnv[Any, Any, Any]):
     def __show(self) -> Given:
         """Everybody's observation and new info; a picture for who watches."""
         agents, view = self.agents, self._view
-        self._fresh, self._fresh_turn = {}, self.turns
+        self._forget_masks()
         observations = {agent: view(agent) for agent in agents}
         if self._masks or self._informs:
             self.infos = {agent: self._info_of(agent) for agent in agents}

@@ -85,6 +85,7 @@ class TurnEnv(Authored, Books):
         shows = self._masks or self._informs or self.render_mode == "human"
         self._open(self.starting_agents(), horizon=self._limit(), shows=shows)
         self.start(rng, dict(options or {}))
+        self._check_names(is_begun=True)
         self._begin(self.first_agent())
 
     def _play(self, agent: Any, action: Any) -> None:
@@ -95,7 +96,7 @@ class TurnEnv(Authored, Books):
 
     def _show(self, agents: Iterable[Any]) -> None:
         """New infos for those whose turn begins and those who came; a picture for who watches."""
-        self._fresh, self._fresh_turn = {}, self.turns
+        self._forget_masks()
         for agent in (*agents, *self.touched.joined):
             self.infos[agent] = self._info_of(agent)
         if self.render_mode == "human":
