@@ -6,12 +6,15 @@ from typing import Any
 
 from hypothesis import given
 from hypothesis import strategies as st
+from pettingzoo.classic import rps_v2, tictactoe_v3
 from pettingzoo.utils.conversions import aec_to_parallel, parallel_to_aec
 
 from gamekeeper.game.open import open_env
+from gamekeeper.game.slim import slim
 from gamekeeper.game.to_aec import ToAEC, to_aec
 from gamekeeper.game.to_parallel import ToParallel, to_parallel
-from tests.game.relays import TickRelay
+from gamekeeper.record.recording import rollout
+from tests.game.relays import TickRelay, TickTickets
 from tests.game.test_to_parallel import by_agent
 from tests.game.ticking import SCRIPTS, Round, Ticks, Turns, aec_rows, parallel_rows, plain
 from tests.game.toys import Pair
@@ -70,6 +73,25 @@ def test_relay_comes_back_as_it_was() -> None:
             seen.append((out[1:], {agent: dict(paid) for agent, paid in env.terms.items()}))
         outcomes.append((seen, env.unwrapped.endings))
     assert outcomes[0] == outcomes[1]
+
+
+def test_evidence_of_a_round_trip_has_the_fingerprint_of_the_original() -> None:
+    """What the door records is the same to the bit, masks, terms and reasons included."""
+    makes: list[Any] = [TickRelay, TickTickets, lambda: Ticks(4, [Round((), (), 1, 1)] * 4)]
+    for make in makes:
+        original = rollout(make, episodes=2, seed=3)
+        back = rollout(lambda make=make: ToParallel(ToAEC(make())), episodes=2, seed=3)
+        assert original.steps.num_rows > 0
+        assert original.fingerprint == back.fingerprint
+
+
+def test_evidence_of_a_slim_environment_has_the_fingerprint_of_the_shipped_one() -> None:
+    """So a recording of one replays on the other."""
+    for make in (tictactoe_v3.env, rps_v2.parallel_env):
+        shipped = rollout(make, episodes=3, seed=5)
+        assert (
+            shipped.fingerprint == rollout(lambda m=make: slim(m()), episodes=3, seed=5).fingerprint
+        )
 
 
 def test_opening_with_another_api_converts() -> None:

@@ -260,7 +260,8 @@ class ToAEC(Around, Books):
         if endings:
             self.__lingering = {agent for agent in live if agent in endings}
             live = [agent for agent in live if agent not in endings]
-        dying = self._leaving(self.touched.ended)
+        ended = self.touched.ended
+        dying = self._leaving(ended) if ended else []
         if self.agents != [*live, *dying]:
             staying = {*live, *dying}
             for agent in self.agents:
@@ -271,7 +272,8 @@ class ToAEC(Around, Books):
 
     def _leaving(self, ended: list[Any]) -> list[Any]:
         """In which order those who ended have their last turns: that of the roster."""
-        return [agent for agent in self.agents if agent in set(ended)] if ended else []
+        leaving = set(ended)
+        return [agent for agent in self.agents if agent in leaving]
 
     def __gap(self, out: tuple[Any, ...]) -> ContractError:
         """Which dictionary of a step lacks which agent."""

@@ -103,8 +103,7 @@ class ToParallel(Around, Tick, ParallelEnv[Any, Any, Any]):
         self.style = style
         self.metadata = getattr(env, "metadata", {})
         self.render_mode = getattr(env, "render_mode", None)
-        if hasattr(env, "possible_agents"):
-            self.possible_agents = env.possible_agents
+        self._list_agents()
         if hasattr(env, "state_space"):
             self.state_space = env.state_space
         if self._rewards.has_terms:
@@ -125,12 +124,18 @@ class ToParallel(Around, Tick, ParallelEnv[Any, Any, Any]):
         """Begins an episode, with the same seed and options: observations, infos."""
         given = {"seed": seed, "options": options}
         self.env.reset(**{name: value for name, value in given.items() if value is not None})
+        self._list_agents()
         self._gone, self._lingering = {}, set()
         self._bury_the_dying()
         self._gone = {}
         agents = self.agents = self._live()
         self._actions.learn(agents)
         return self._observations(agents), self._infos(agents)
+
+    def _list_agents(self) -> None:
+        """Notes the possible agents, which some environments know only once they were reset."""
+        if hasattr(self.env, "possible_agents"):
+            self.possible_agents = self.env.possible_agents
 
     def step(self, actions: Mapping[Any, Any]) -> Step:
         """Plays one tick: observations, rewards, terminations, truncations, infos.
