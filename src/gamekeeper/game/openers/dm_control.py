@@ -1,8 +1,7 @@
-"""`dm_control:cartpole/swingup`: DeepMind's control suite, one agent, or its soccer."""
+"""`dm_control:cartpole/swingup`: a task of DeepMind's control suite, one agent, through Shimmy."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, Final
 
 from gamekeeper.errors import SpecError
@@ -11,7 +10,7 @@ from gamekeeper.game.openers import _family, _packages
 from gamekeeper.game.shapes.gymnasium import guest_of
 
 WORD: Final = "dm_control"
-SYNTAX: Final = "dm_control:cartpole/swingup, or dm_control:soccer"
+SYNTAX: Final = "dm_control:cartpole/swingup"
 ORDER: Final = _family.ORDER
 
 SOCCER: Final = "soccer"
@@ -24,12 +23,26 @@ def matches(spec: object) -> bool:
 
 
 def locate(spec: str, api: str | None) -> Source:
-    """A task of a domain, or soccer; arguments are those of `suite.load`, or of Shimmy's soccer."""
+    """A task of a domain; keyword arguments are those of `suite.load`.
+
+    Raises:
+        DependencyError: a package is missing.
+        SpecError: there is no such task, or it is the soccer, which Shimmy's face can't step: it
+            hands a view of a dictionary on as actions, and no seed.
+    """
     name = _family.rest(spec, WORD) or ""
+    if name == SOCCER:
+        raise SpecError(
+            "soccer has no face that can be stepped and seeded",
+            where=spec,
+            expected="a task of one agent",
+            seen="Shimmy 2.0.1: hands a view of a dictionary on as actions, and no seed",
+            mend="write a ParallelEnv around dm_control.locomotion.soccer",
+        )
     _packages.need(WORD, pip=PIP)
     return Source(
         kind=WORD,
-        factory=_soccer() if name == SOCCER else _task(name),
+        factory=_task(name),
         spec=f"{WORD}:{name}",
         entry_point=f"{WORD}:{name}",
         pip=f"pip install {PIP}",
@@ -47,27 +60,11 @@ def _task(name: str) -> Any:
     shimmy = _packages.need("shimmy.dm_control_compatibility", pip=PIP)
     known = [f"{domain}/{task}" for domain, task in suite.ALL_TASKS]
     if name not in known:
-        raise _family.unknown(name, "dm_control", [*known, SOCCER])
+        raise _family.unknown(name, "dm_control", known)
 
     def build(**kwargs: Any) -> object:
         domain, _, task = name.partition("/")
         env = suite.load(domain, task, **kwargs)
         return guest_of(shimmy.DmControlCompatibilityV0(env), name=name)
-
-    return build
-
-
-def _soccer() -> Any:
-    shimmy = _packages.need("shimmy.dm_control_multiagent_compatibility", pip=PIP)
-
-    def build(**kwargs: Any) -> object:
-        arguments: Mapping[str, Any] = kwargs or {"team_size": 2}
-        if not isinstance(arguments.get("team_size", 2), int):
-            raise SpecError(
-                "a team has no whole number of players",
-                where="team_size",
-                seen=repr(arguments["team_size"]),
-            )
-        return shimmy.DmControlMultiAgentCompatibilityV0(**arguments)
 
     return build

@@ -16,6 +16,8 @@ from gamekeeper.game.shapes.spaces import as_gymnasium, idle, several
 
 TRUNCATED: Final = "TimeLimit.truncated"
 """Where the old Gym's TimeLimit says that it and not a rule ended the episode."""
+EACH: Final = "truncated"
+"""Where ours, offered in this shape, say it of each agent."""
 SEEDS: Final = 2**32
 """Old environments hand their seed to numpy.random.seed, which takes no more."""
 
@@ -27,9 +29,11 @@ class OldGym(Guest):
     |---|---|---|
     | observations | arrays | lists of numbers become arrays of their space's dtype |
     | rewards | one of each agent; one alone is paid to all in full | |
-    | done | terminated | truncated where the info has a true `TimeLimit.truncated`, and where all |
+    | done | terminated | truncated where the info has a true `TimeLimit.truncated` (or a list |
+    | | | `truncated`, of each agent), and where all |
     | | | end in the tick of the environment's own limit ("time limit") |
-    | info | as in Gymnasium's shape; `{"n": [...]}` is one of each agent | |
+    | info | as in Gymnasium's shape; `{"n": [...]}` is one of each agent | beside `n`, what tells |
+    | | | of truncation stands in the flags alone |
     | seeds | the low 32 bits go to `env.seed()` before the reset | |
     | options | | refused: its reset takes none |
     | who has ended | | no action is asked of it; the list still has one, of its space's zero |
@@ -81,7 +85,7 @@ class OldGym(Guest):
         observations, paid, done, info = out[0], out[1], out[2], out[-1]
         ended = flags(done, agents, "done")
         shared = info if isinstance(info, Mapping) else {}
-        said = out[3] if len(out) == 5 else shared.get(TRUNCATED, False)
+        said = out[3] if len(out) == 5 else _said(shared, len(agents))
         cut = flags(said, agents, "truncated")
         if len(out) == 4:  # done holds for both kinds of end, and the info tells which it was
             cut = {agent: cut[agent] and ended[agent] for agent in agents}
@@ -101,9 +105,17 @@ class OldGym(Guest):
         agents = self.possible_agents
         each = info.get("n") if isinstance(info, Mapping) else None
         if isinstance(each, Sequence) and len(each) == len(agents):
-            common = {key: value for key, value in info.items() if key != "n"}
+            flagged = {"n", EACH, TRUNCATED}  # these stand in the flags now
+            common = {key: value for key, value in info.items() if key not in flagged}
             return {agent: {**common, **own} for agent, own in infos(each, agents).items()}
         return infos(info, agents)
+
+
+def _said(info: Mapping[str, Any], count: int) -> Any:
+    """What an info says of truncation: of each agent where it does, else of the episode."""
+    each = info.get(EACH)
+    is_each = isinstance(each, list | tuple) and len(each) == count
+    return each if is_each else info.get(TRUNCATED, False)
 
 
 def _array(value: Any, space: Any) -> Any:

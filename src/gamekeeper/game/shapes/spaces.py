@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import DTypeLike
+from numpy.typing import DTypeLike, NDArray
 
 from gamekeeper.errors import SpecError
 
@@ -53,21 +53,22 @@ def box(low: Any, high: Any, shape: tuple[int, ...], dtype: DTypeLike) -> spaces
     kind = np.dtype(dtype)
     if kind.kind == "b":
         return spaces.Box(0, 1, shape, np.int8)
-    ends = []
-    for bound in (low, high):
-        wide = np.broadcast_to(np.asarray(bound), shape)
-        if kind.kind in "iu":
-            limits = np.iinfo(kind)
-            wide = np.clip(wide.astype(np.float64), limits.min, limits.max)
-            # The largest 64-bit numbers are no doubles: rounding up would leave the dtype.
-            ends.append(
-                np.where(wide >= float(limits.max), limits.max, wide.astype(np.int64)).astype(kind)
-                if kind.itemsize == 8
-                else wide.astype(kind)
-            )
-        else:
-            ends.append(wide.astype(kind))
-    return spaces.Box(ends[0], ends[1], shape, kind.type)
+    ends = (_bound(bound, shape, kind) for bound in (low, high))
+    return spaces.Box(*ends, shape, kind.type)
+
+
+def _bound(bound: Any, shape: tuple[int, ...], kind: np.dtype[Any]) -> NDArray[Any]:
+    """A bound as an array of the dtype; infinities of whole numbers are its ends."""
+    wide = np.broadcast_to(np.asarray(bound), shape)
+    if kind.kind not in "iu":
+        return wide.astype(kind)
+    # As Python's numbers: the largest whole numbers of 64 bits are no doubles.
+    low, high = np.iinfo(kind).min, np.iinfo(kind).max
+    ends = [
+        low if value <= low else high if value >= high else int(value)
+        for value in wide.ravel().tolist()
+    ]
+    return np.array(ends, kind).reshape(shape)
 
 
 def several(space: Any) -> list[Space] | None:
