@@ -47,6 +47,62 @@ def test_horizon_counts_ticks_in_any_order() -> None:
     assert order == [0, 0, 1, 2, 0]  # ticks: 0 | 0 1 2 | 0, the last over as 0 would come again
 
 
+@pytest.mark.parametrize(
+    ("joins", "then", "order"),
+    [
+        (1, {}, [0, 1, 2, 0, 1]),  # ticks: 0 1 | 2 0 1, at the end of the roster
+        (2, {2: 2}, [0, 1, 2, 0, 1]),  # the same; it comes before the first by the task's order
+        (2, {2: 0, 3: 2, 4: 1}, [0, 1, 0, 2, 1]),  # 0 1 | 0 2 1: it comes in the midst
+        (1, {1: 2, 2: 1, 3: 0}, [0, 2, 1, 0, 1, 2]),  # 0 2 1 | 0 1 2: it acts at once
+    ],
+)
+def test_horizon_counts_ticks_where_agents_join(
+    joins: int, then: dict[int, int], order: list[int]
+) -> None:
+    """A tick is over when all who were live as it began had their turn, whoever comes next."""
+
+    class Growing(TurnRelay):
+        def starting_agents(self) -> list[str]:
+            return ["runner_0", "runner_1"]
+
+        def act(self, agent: str, action: int) -> None:
+            if self.turns == joins:
+                self.join("runner_2")
+
+        def next_agent(self, agent: str) -> str:
+            chosen = then.get(self.turns)
+            return super().next_agent(agent) if chosen is None else f"runner_{chosen}"
+
+    env = Growing(3, max_cycles=2)
+    env.reset(seed=0)
+    played = []
+    while not env.endings:
+        played.append(int(env.agent_selection[-1]))
+        env.step(0)
+    assert played == order
+
+
+def test_horizon_does_not_wait_for_who_has_ended() -> None:
+    """A tick is over although an agent ended before its turn in it, and another one joined."""
+
+    class Losing(TurnRelay):
+        def starting_agents(self) -> list[str]:
+            return ["runner_0", "runner_1"]
+
+        def act(self, agent: str, action: int) -> None:
+            if self.turns == 1:
+                self.truncate("runner_1", "lost")
+                self.join("runner_2")
+
+    env = Losing(3, max_cycles=2)
+    env.reset(seed=0)
+    played = []
+    while set(env.endings.values()) != {"lost", "horizon"}:
+        played.append(int(env.agent_selection[-1]))
+        env.step(None if env.truncations[env.agent_selection] else 0)
+    assert played == [0, 1, 2, 0]  # ticks: 0, and 1's last turn | 2 0
+
+
 @pytest.mark.parametrize("horizon", [0, -1, 1.5, True])
 def test_horizon_is_a_number_of_ticks(horizon: Any) -> None:
     """What can't be a number of ticks is refused as the environment is built."""

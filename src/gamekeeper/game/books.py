@@ -52,6 +52,7 @@ class Books(Verbs, AECEnv[Any, Any, Any]):
         "__chooses",
         "__circle",
         "__crossed",
+        "__due",
         "__ended",
         "__limit",
         "__paid",
@@ -81,7 +82,8 @@ class Books(Verbs, AECEnv[Any, Any, Any]):
     __spaces: dict[Any, Space[Any]]
     __ranges: dict[Any, range]
     __waiting: list[Any]  # who has ended and is still in the roster, the next to leave at the end
-    __acted: dict[Any, int]  # in which tick each agent had its last turn; kept under a limit only
+    __acted: set[Any]  # who had a turn in this tick; kept under a limit only, like the next
+    __due: set[Any]  # who was live as this tick began and had no turn in it yet
     __then: Any  # whose turn it is once those who wait have left
 
     _trusts_ranges = True  # False where a number in its range may still be refused (masks)
@@ -130,8 +132,9 @@ class Books(Verbs, AECEnv[Any, Any, Any]):
 
         Args:
             agents: the roster to begin with, in order.
-            horizon: ticks after which everybody is truncated. A tick is over once the turn comes to
-                an agent that already had one in it; in a fixed order: once round.
+            horizon: ticks after which everybody is truncated. A tick is over once all who were live
+                as it began have had a turn or ended, or the turn comes to an agent that already had
+                one in it. In a fixed order: once round; who joins begins with the next tick.
             shows: whether `_show` is called.
         Raises:
             ContractError: there are no agents, or one stands there twice or isn't a possible agent.
@@ -149,7 +152,7 @@ class Books(Verbs, AECEnv[Any, Any, Any]):
         self.terms, self.endings, self.touched = {}, {}, Touched()
         self.__paid, self.__ended = self.touched.paid, self.touched.ended
         self.__waiting, self.__then, self.__stirred = [], None, False
-        self.__limit, self.__tick, self.__acted = horizon, 0, {}
+        self.__limit, self.__tick, self.__acted, self.__due = horizon, 0, set(), set(roster)
         self.__shows = shows
         self.__chooses = type(self).next_agent is not Books.next_agent
         self.turns = 0
@@ -294,20 +297,28 @@ class Books(Verbs, AECEnv[Any, Any, Any]):
             while then in endings:
                 then = self.__after[then]
         if self.__limit is not None:
-            acted = self.__acted
-            acted[agent] = self.__tick
-            if acted.get(then) == self.__tick:
-                self.__tick += 1
-                if self.__tick == self.__limit:
-                    for name in self.agents:
-                        if name not in endings:
-                            self.truncate(name, HORIZON)
+            acted, due = self.__acted, self.__due
+            acted.add(agent)
+            due.discard(agent)
+            due.difference_update(ended)
+            if then in acted or not due:
+                self.__end_tick()
         if not ended:
             return then
         self.__then = then
         self.__waiting = sorted(ended, key=self.__circle.place.__getitem__, reverse=True)
         self.__stirred = True
         return self.__waiting[-1]
+
+    def __end_tick(self) -> None:
+        """Counts a tick; at the limit everybody left is truncated."""
+        self.__tick += 1
+        if self.__tick == self.__limit:
+            for name in self.agents:
+                if name not in self.endings:
+                    self.truncate(name, HORIZON)
+        self.__acted.clear()
+        self.__due = set(self.agents).difference(self.__ended)
 
     def __bury(self, agent: AgentId, action: Any) -> None:
         """The last turn of one that has ended: it leaves the roster, and nobody is paid."""

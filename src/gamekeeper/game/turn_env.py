@@ -37,7 +37,8 @@ class TurnEnv(Authored, Books):
     seed the first one is drawn from the operating system; `self.rng.seed` tells it.
 
     `horizon` ticks, or those of the contract that the class names (`contract = "relay.toml"` beside
-    its file), end the episode; a tick is over once the turn comes to an agent that had one in it.
+    its file), end the episode; a tick is over once all who were live as it began had a
+    turn or ended, or the turn comes to one who had one in it; who joins begins with the next.
     `snapshot()` puts the running environment aside and `restore()` takes it up again; deepcopy and
     pickle work too.
 
