@@ -53,8 +53,7 @@ def box(low: Any, high: Any, shape: tuple[int, ...], dtype: DTypeLike) -> spaces
     kind = np.dtype(dtype)
     if kind.kind == "b":
         return spaces.Box(0, 1, shape, np.int8)
-    ends = (_bound(bound, shape, kind) for bound in (low, high))
-    return spaces.Box(*ends, shape, kind.type)
+    return spaces.Box(_bound(low, shape, kind), _bound(high, shape, kind), shape, kind.type)
 
 
 def _bound(bound: Any, shape: tuple[int, ...], kind: np.dtype[Any]) -> NDArray[Any]:
