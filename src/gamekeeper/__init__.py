@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from gamekeeper.core.contract import Contract
     from gamekeeper.game.opened import Env
     from gamekeeper.game.tick_env import TickEnv
+    from gamekeeper.game.to_aec import to_aec
+    from gamekeeper.game.to_parallel import to_parallel
     from gamekeeper.game.turn_env import TurnEnv
     from gamekeeper.record.bundle import load
     from gamekeeper.record.diff import diff
@@ -32,6 +34,8 @@ __all__ = [
     "record",
     "replay",
     "rollout",
+    "to_aec",
+    "to_parallel",
 ]
 
 _HOMES: Final = {
@@ -43,24 +47,31 @@ _HOMES: Final = {
     "record": "gamekeeper.record.recording",
     "replay": "gamekeeper.record.replay",
     "rollout": "gamekeeper.record.recording",
+    "to_aec": "gamekeeper.game.to_aec",
+    "to_parallel": "gamekeeper.game.to_parallel",
 }
 """The module that holds a name which loads when it is first used."""
 
 
-def make(spec: object, /, **kwargs: Any) -> Env:
+def make(spec: object, /, *, slim: bool = True, **kwargs: Any) -> Env:
     """A live AECEnv or ParallelEnv from an id, `module:factory`, `file.py:factory` or a factory.
 
-    `parallel:` or `aec:` in front of a text asks for an API.
+    `parallel:` or `aec:` in front of a text asks for an API. Where PettingZoo's own wrappers and
+    converters stand around the rules, one face with the same promises takes their place and is
+    faster; `gamekeeper show ENV` says what is replaced.
 
     Args:
         spec: what to open.
+        slim: False: as it ships.
         **kwargs: handed to the factory.
     Raises:
         SpecError: nothing can be opened under that name; says what was looked for.
     """
+    from gamekeeper.game import slim as slimming
     from gamekeeper.game.open import open_env
 
-    return open_env(spec, **kwargs).env
+    env = open_env(spec, **kwargs).env
+    return slimming.slim(env) if slim else env
 
 
 def draft_contract(spec: object, /, **kwargs: Any) -> Contract:

@@ -59,6 +59,25 @@ def test_verify_compares_with_a_fingerprint(
     assert (code, found["matches"], found["ok"]) == (1, False, False)
 
 
+@pytest.mark.parametrize("given", ["f6d28b", "", "f" * 65, "runs/demo", "x" * 64])
+def test_verify_tells_what_is_no_fingerprint(
+    line_run: Path, capfd: pytest.CaptureFixture[str], given: str
+) -> None:
+    """A fingerprint that was copied wrongly says nothing of the run: exit code 2."""
+    code, _, err = said(capfd, "verify", line_run, "--fingerprint", given)
+    assert code == 2
+    assert "this is no fingerprint" in err
+
+
+def test_verify_takes_a_fingerprint_as_run_shows_it(
+    line_run: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Cut, with dots after it, in capitals, with a space: it is the same one."""
+    shown = f" {gk.load(line_run).fingerprint[:16].upper()}... "
+    code, _, _ = said(capfd, "verify", line_run, "--fingerprint", shown)
+    assert code == 0
+
+
 def test_recover_leaves_a_sealed_run_alone(
     line_run: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -74,7 +93,7 @@ def test_show_tells_what_a_run_is(line_run: Path, capfd: pytest.CaptureFixture[s
     evidence = gk.load(line_run)
     code, out, _ = said(capfd, "show", line_run)
     assert code == 0
-    for text in ("two_robot_line_v0 (parallel)", "sealed", "random", evidence.fingerprint):
+    for text in ("two_robot_line_v0 (parallel)", "two_robot_line.py:make", "sealed", "random", evidence.fingerprint):
         assert text in out
     assert [line.split()[0] for line in out.splitlines()[-2:]] == ["picker", "carrier"]
     code, found = document(capfd, "show", line_run)
@@ -92,3 +111,15 @@ def test_no_bundle_is_wrong_use(
     code, out, err = said(capfd, command, tmp_path)
     assert (code, out) == (2, "")
     assert err.startswith("BundleError: ")
+
+
+def test_show_tells_what_an_environment_is_made_of(capfd: pytest.CaptureFixture[str]) -> None:
+    """Of a shipped environment: which wrappers one face replaces, and whose the rules are."""
+    code, found = document(capfd, "show", "classic/tictactoe-v3")
+    assert code == 0
+    assert [line.partition(" (")[0] for line in found["made_of"]] == [
+        "replaced: OrderEnforcingWrapper",
+        "replaced: AssertOutOfBoundsWrapper",
+        "replaced: TerminateIllegalWrapper",
+        "rules: pettingzoo.classic.tictactoe.tictactoe.raw_env",
+    ]

@@ -21,6 +21,8 @@ PUBLIC = [
     "record",
     "replay",
     "rollout",
+    "to_aec",
+    "to_parallel",
 ]
 TEXTS = [path for path in kept_files() if path.suffix == ".md" and "decisions" not in path.parts]
 

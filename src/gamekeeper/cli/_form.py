@@ -26,6 +26,7 @@ class Form:
         is_declared: somebody wrote the contract.
         agents: a line for each.
         questions: what is still open.
+        made_of: lines on its wrappers: which of them `gk.make` replaces, which stay.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Form:
     is_declared: bool
     agents: tuple[AgentSpec, ...]
     questions: tuple[Question, ...]
+    made_of: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """The document that `gamekeeper contract --json` prints."""
@@ -85,7 +87,14 @@ def _form(value: Any) -> Form:
         Question(**{**each, "path": tuple(each["path"]), "lines": tuple(each["lines"])})
         for each in value["questions"]
     ]
-    return Form(value["name"], contract, value["is_declared"], tuple(agents), tuple(questions))
+    return Form(
+        value["name"],
+        contract,
+        value["is_declared"],
+        tuple(agents),
+        tuple(questions),
+        tuple(value["made_of"]),
+    )
 
 
 def _space(described: Any) -> Any:

@@ -1,10 +1,14 @@
-"""`gamekeeper show RUN`: what a bundle holds, fact by fact and agent by agent."""
+"""`gamekeeper show RUN`: what a bundle holds; `show ENV`: what an environment is made of."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
-from gamekeeper.cli._options import RunArgument
+import typer
+
+from gamekeeper.cli._form import look_at
+from gamekeeper.cli._options import SILENCE_S, KwargsOption, TimeoutOption, json_object
 from gamekeeper.cli._screen import Answer, Screen
 
 if TYPE_CHECKING:
@@ -13,11 +17,55 @@ if TYPE_CHECKING:
 ORDER: Final = 110
 
 
-def command(screen: Screen, run: RunArgument) -> Answer:
-    """Shows what a run holds, fact by fact and agent by agent.
+ThingArgument = Annotated[
+    str,
+    typer.Argument(
+        metavar="RUN|ENV", show_default=False, help="The folder of evidence, or an environment."
+    ),
+]
 
-    Also of a run that is still being recorded, or was killed.
+
+def command(
+    screen: Screen,
+    thing: ThingArgument,
+    kwargs: KwargsOption = None,
+    timeout: TimeoutOption = SILENCE_S,
+) -> Answer:
+    """Shows what a run holds, agent by agent, or what an environment is made of.
+
+    Also of a run that is still being recorded, or was killed. Of an environment, which wrappers
+    `gk.make` replaces by one face with the same promises, and which stay.
     """
+    if Path(thing).is_dir():
+        return _show_run(screen, Path(thing))
+    return _show_env(screen, thing, kwargs, timeout)
+
+
+def _show_env(screen: Screen, env: str, kwargs: str | None, timeout: float) -> Answer:
+    from gamekeeper.report.text import brief_card
+
+    form = look_at(
+        env,
+        env_kwargs=json_object(kwargs, option="--kwargs"),
+        contract=None,
+        silence_s=timeout,
+    )
+    screen.show(
+        brief_card(
+            form.contract,
+            form.agents,
+            name=form.name,
+            open_questions=len(form.questions),
+            width=screen.width,
+        )
+    )
+    screen.show("\nMade of")
+    for line in form.made_of:
+        screen.show(f"  {line}")
+    return Answer({**form.to_json(), "made_of": list(form.made_of)})
+
+
+def _show_run(screen: Screen, run: Path) -> Answer:
     from gamekeeper.record.bundle import load
     from gamekeeper.report.text import errors_text, facts_text, summary_text
 

@@ -21,6 +21,7 @@ from gamekeeper.game.construct import foreign_traceback
 from gamekeeper.game.declared import declared_contract
 from gamekeeper.game.draft import agent_specs, draft_contract, draft_questions
 from gamekeeper.game.open import open_env
+from gamekeeper.game.slim import described_slim
 from gamekeeper.record.recording import rollout
 
 PROGRESS_S: Final = 0.05
@@ -74,8 +75,8 @@ def contract_task(
     """Opens an environment and looks at its game form, without a reset or a step.
 
     Returns:
-        `contract` (declared or drafted), `is_declared`, `agents` with their spaces, `questions`;
-        or the fields of the `error` that was in the way.
+        `contract` (declared or drafted), `is_declared`, `agents` with their spaces, `questions`,
+        `made_of` (its wrappers: which are replaced by `gk.make`, which stay); or the fields of the `error` that was in the way.
     """
     try:
         opened = open_env(spec, **env_kwargs)
@@ -84,6 +85,7 @@ def contract_task(
             form = declared if declared is not None else draft_contract(opened.env)
             specs = agent_specs(opened.env, form)
             questions = draft_questions(opened.env, form)
+            made_of = described_slim(opened.env)
         finally:
             opened.env.close()
     except GamekeeperError as error:
@@ -102,6 +104,7 @@ def contract_task(
             for each in specs
         ],
         "questions": [asdict(question) for question in questions],
+        "made_of": list(made_of),
     }
 
 
