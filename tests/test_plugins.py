@@ -64,6 +64,13 @@ def test_load_adds_third_parties_after_the_built_ins(site: Path) -> None:
     assert loaded.found["farm-thing"] == 3
 
 
+def test_load_of_a_group_without_built_ins(site: Path) -> None:
+    """Third parties' alone, where the built-ins register themselves."""
+    (site / "lone_toys.py").write_text("THING = 4\n")
+    distribution(site, "lone_toys", "lone-thing = lone_toys:THING")
+    assert plugins.load("gamekeeper.toys").found == {"lone-thing": 4}
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [

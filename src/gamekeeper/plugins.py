@@ -37,7 +37,7 @@ class Plugins:
     broken: tuple[BrokenPlugin, ...] = ()
 
 
-def load(group: str, package: str) -> Plugins:
+def load(group: str, package: str | None = None) -> Plugins:
     """Every module of a built-in package, and what entry points of a group name.
 
     A built-in is a module, under the last part of its name; modules whose name starts with an
@@ -47,7 +47,8 @@ def load(group: str, package: str) -> Plugins:
 
     Args:
         group: the group of entry points, such as `gamekeeper.openers`.
-        package: the package with the built-ins, such as `gamekeeper.game.openers`.
+        package: the package with the built-ins, such as `gamekeeper.game.openers`; None: there are
+            none.
 
     Raises:
         ImportError: a built-in can't be imported; that is a fault of this installation, so it is
@@ -55,9 +56,8 @@ def load(group: str, package: str) -> Plugins:
     """
     found: dict[str, object] = {}
     broken: list[BrokenPlugin] = []
-    for info in sorted(pkgutil.iter_modules(importlib.import_module(package).__path__)):
-        if not info.name.startswith("_"):
-            found[info.name] = importlib.import_module(f"{package}.{info.name}")
+    for name in [] if package is None else _modules(package):
+        found[name] = importlib.import_module(f"{package}.{name}")
     for entry in sorted(entry_points(group=group), key=lambda entry: (entry.name, entry.value)):
         if entry.name in found:
             broken.append(_broken(entry, "its name is taken; names need their own prefix"))
@@ -70,6 +70,11 @@ def load(group: str, package: str) -> Plugins:
         except BaseException as error:  # also SystemExit: foreign code, run only to look at it
             broken.append(_broken(entry, _said(error), "".join(traceback.format_exception(error))))
     return Plugins(MappingProxyType(found), tuple(broken))
+
+
+def _modules(package: str) -> list[str]:
+    names = [info.name for info in pkgutil.iter_modules(importlib.import_module(package).__path__)]
+    return sorted(name for name in names if not name.startswith("_"))
 
 
 def _broken(entry: EntryPoint, error: str, trace: str = "") -> BrokenPlugin:

@@ -41,6 +41,21 @@ def test_registration_imports_no_task():
     assert done.stdout.split() == []
 
 
+def test_opening_a_task_imports_no_other():
+    """An id is resolved by the registry; the tasks that weren't asked for stay unread."""
+    code = (
+        "import sys; from gamekeeper.game.open import open_env; open_env('two_robot_line');"
+        "print(*[m for m in sys.modules if m.startswith('gamekeeper.envs.')])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, check=True
+    )
+    assert "gamekeeper.envs.two_robot_line" in done.stdout.split()
+    assert not {f"gamekeeper.envs.{name}" for name in ("handover", "warehouse")} & set(
+        done.stdout.split()
+    )
+
+
 @pytest.mark.parametrize(("name", "api"), TASKS.items())
 def test_task_opens_by_its_short_name(name, api):
     """`handover` alone opens the task in its own API, with its contract, and three policies."""

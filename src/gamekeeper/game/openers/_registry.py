@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import importlib
-import importlib.util
 import re
 from collections.abc import Iterable
 from typing import Final
@@ -19,16 +18,15 @@ from gamekeeper.game.opened import NotHereError, Source
 from gamekeeper.plugins import BrokenPlugin
 
 OURS: Final = "gamekeeper"
-"""The namespace of our own environments, and the package whose modules register them."""
+"""The namespace of our own environments."""
 
 _VERSION: Final = re.compile(r"[-_]v(\d+)$")
 
 
 def with_ours() -> tuple[BrokenPlugin, ...]:
     """Our environments and those of third parties stand in the registries, but for broken ones."""
-    if importlib.util.find_spec(f"{OURS}.envs") is None:
-        return ()
-    return plugins.load(f"{OURS}.envs", f"{OURS}.envs").broken
+    importlib.import_module(f"{OURS}.envs")  # registers them; each is imported when it is made
+    return plugins.load(f"{OURS}.envs").broken
 
 
 def canonical(env_id: str) -> str:
@@ -92,7 +90,9 @@ def unknown(env_id: str, broken: Iterable[BrokenPlugin] = ()) -> NotHereError:
     other_versions = sorted(known for known in ids() if _VERSION.sub("", known) == name)
     tails = {known.rpartition("/")[2]: known for known in ids()}
     moved = _moved(env_id)
-    close = nearest(env_id, ids()) or nearest(env_id.rpartition("/")[2], tails)
+    tail = env_id.rpartition("/")[2]
+    # a whole name in another namespace is nearer than a half one in the same
+    close = nearest(env_id, [tails[tail]] if tail in tails else ids()) or nearest(tail, tails)
     seen = (
         f"there is {', '.join(other_versions)}"
         if other_versions
