@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import zip_longest
 from typing import Final
@@ -12,6 +11,7 @@ from gamekeeper.core.contract import Contract, Question
 from gamekeeper.core.places import one_line
 from gamekeeper.core.questions import open_questions
 from gamekeeper.report.card_rows import Section, card_sections
+from gamekeeper.report.columns import columns_of, filled, wrapped
 from gamekeeper.report.space_text import space_text
 
 NARROWEST: Final = 40
@@ -128,12 +128,12 @@ def _title(contract: Contract) -> str:
 def _columns(section: Section, width: int) -> Iterator[str]:
     """Rows in aligned columns; a cell too wide for its column goes on below."""
     rows = [section.head, *section.rows] if section.head else [*section.rows]
-    natural = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    natural = [max(map(columns_of, column)) for column in zip(*rows, strict=True)]
     widths = _fitted(natural, width - INDENT - GAP * (len(natural) - 1))
     for row in rows:
         cells = [_wrapped(cell, columns, "", "") for cell, columns in zip(row, widths, strict=True)]
         for parts in zip_longest(*cells, fillvalue=""):
-            padded = (part.ljust(columns) for part, columns in zip(parts, widths, strict=True))
+            padded = (filled(part, columns) for part, columns in zip(parts, widths, strict=True))
             yield (" " * INDENT + (" " * GAP).join(padded)).rstrip()
 
 
@@ -147,9 +147,7 @@ def _fitted(natural: list[int], room: int) -> list[int]:
 
 
 def _wrapped(text: str, width: int, first: str, rest: str) -> list[str]:
-    lines = textwrap.wrap(
-        text, width, initial_indent=first, subsequent_indent=rest, break_on_hyphens=False
-    )
+    lines = wrapped(text, width, first=first, rest=rest)
     return [line.rstrip() for line in lines] or [first.rstrip()]
 
 

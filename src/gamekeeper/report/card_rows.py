@@ -33,6 +33,8 @@ CONFLICTS: Final = {
     "random": "random: drawn",
     "ordered": "ordered: who acts first has it",
 }
+HORIZON: Final = "horizon"
+"""What the base classes call the ending at the time limit."""
 ILLEGAL: Final = {
     "error": "an illegal action is an error",
     "penalty": "an illegal action costs a penalty",
@@ -57,16 +59,12 @@ class Section:
 
 def card_sections(contract: Contract, agents: tuple[AgentSpec, ...]) -> tuple[Section, ...]:
     """The sections that have something to say, in the order of a contract."""
-    schedule = contract.schedule
-    ending_rows = [(name, _ending(ending)) for name, ending in contract.endings.items()]
-    if schedule.horizon is not None:
-        ending_rows.append(("horizon", f"after {schedule.horizon} ticks: truncation, of all"))
     found = (
         ("Agents", _agents(agents), ("name", "role", "observes", "acts")),
         ("Roles", ((name, _role(name, role)) for name, role in contract.roles.items()), ()),
         ("Schedule", _schedule(contract), ()),
         ("Rewards", _rewards(contract), ()),
-        ("Endings", ending_rows, ()),
+        ("Endings", _endings(contract), ()),
         ("Seeds", _seeds(contract), ()),
         ("Infos", ((name, _info(field)) for name, field in contract.infos.items()), ()),
         ("Knobs", ((name, _knob(knob)) for name, knob in contract.knobs.items()), ()),
@@ -148,6 +146,16 @@ def _term(term: RewardTerm) -> str:
         who = "the earner" if term.payee == ("earner",) else " and ".join(term.payee)
         says.append(f"paid to {who}")
     return ", ".join(says)
+
+
+def _endings(contract: Contract) -> Iterator[Row]:
+    """Every ending; the horizon once, whether it is named among them, scheduled, or both."""
+    ticks = contract.schedule.horizon
+    limit = "" if ticks is None else f"after {ticks} ticks: "
+    for name, ending in contract.endings.items():
+        yield name, (limit if name == HORIZON else "") + _ending(ending)
+    if limit and HORIZON not in contract.endings:
+        yield HORIZON, f"{limit}truncation, of all"
 
 
 def _ending(ending: Ending) -> str:

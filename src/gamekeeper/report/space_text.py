@@ -7,8 +7,8 @@ from typing import Any, Final
 import numpy as np
 from gymnasium import spaces
 
-LIMIT: Final = 60
-"""Characters of a space in a line of a card."""
+LIMIT: Final = 240
+"""Characters of a space in a cell of a card; a nested one takes several lines."""
 FEW: Final = 6
 """As many numbers of a MultiDiscrete are written out."""
 DEEPEST: Final = 8

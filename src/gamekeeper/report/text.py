@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
@@ -13,6 +12,7 @@ import numpy as np
 from gamekeeper.core.canon import from_json, to_json
 from gamekeeper.core.places import one_line
 from gamekeeper.report.card import card_text
+from gamekeeper.report.columns import columns_of, filled, wrapped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -46,7 +46,7 @@ def brief_card(
     blocks = [title, *(text for text in sections if text.partition("\n")[0] in BRIEF)]
     if open_questions:
         asked = f"{open_questions} things are not declared, so they are not judged."
-        blocks.append("\n".join(_wrapped(asked, width, INDENT)))
+        blocks.append("\n".join(wrapped(asked, width, first=INDENT, rest=INDENT)))
     return "\n\n".join(blocks)
 
 
@@ -86,10 +86,10 @@ def facts_text(evidence: Evidence, *, width: int) -> str:
     contract = "none" if manifest.get("contract") is None else evidence.contract.name or "unnamed"
     facts = [
         ("environment", f"{environment.get('name')} ({environment.get('api')})"),
-        ("opened as", str(environment.get("path") or environment.get("entry_point"))),
+        ("opened as", _opened_as(environment)),
         ("arguments", to_json(environment.get("kwargs") or {})),
         ("contract", contract),
-        ("status", str(manifest.get("status", "in memory"))),
+        ("status", _status(evidence)),
         ("episodes", f"{counted(evidence.summary)}; {_ends(evidence)}"),
         ("seed", "none" if manifest.get("seed") is None else str(manifest["seed"])),
         ("policies", _policies(evidence)),
@@ -123,7 +123,9 @@ def divergence_text(
 
 def cause_text(cause: str | None, *, width: int) -> str:
     """What a divergence comes from; empty where nobody can tell."""
-    return "\n".join(["Cause", *_wrapped(one_line(cause), width, INDENT)]) if cause else ""
+    if not cause:
+        return ""
+    return "\n".join(["Cause", *wrapped(one_line(cause), width, first=INDENT, rest=INDENT)])
 
 
 def versions_text(versions: Mapping[str, Sequence[str | None]], *, width: int) -> str:
@@ -147,25 +149,19 @@ def table_lines(
         width: columns that no line exceeds, as far as the other columns leave room.
         right: numbers of the columns that stand at the right.
     """
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    widths = [max(map(columns_of, column)) for column in zip(*rows, strict=True)]
     before = sum(widths[:-1]) + len(GAP) * (len(widths) - 1) + len(INDENT)
     room = max(width - before, 16)
     for row in rows:
         cells = [
-            cell.rjust(columns) if place in right else cell.ljust(columns)
+            filled(cell, columns, right=place in right)
             for place, (cell, columns) in enumerate(zip(row[:-1], widths[:-1], strict=True))
         ]
-        first, *more = _wrapped(row[-1], room, "") or [""]
+        first, *more = wrapped(row[-1], room) or [""]
         if len(row) - 1 in right:
-            first = first.rjust(widths[-1])
+            first = filled(first, widths[-1], right=True)
         yield (INDENT + GAP.join([*cells, first])).rstrip()
         yield from (" " * before + line for line in more)
-
-
-def _wrapped(text: str, width: int, indent: str) -> list[str]:
-    return textwrap.wrap(
-        text, width, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False
-    )
 
 
 def _values(divergence: Divergence) -> tuple[str, str]:
@@ -214,6 +210,22 @@ def _cut(one: str, two: str) -> tuple[str, str]:
         f"{before}{one[start:end]}{after * (end < len(one))}",
         f"{before}{two[start:end]}{after * (end < len(two))}",
     )
+
+
+def _opened_as(environment: Mapping[str, Any]) -> str:
+    """What opens the environment again: a file with its place, or an object that is gone."""
+    entry = str(environment.get("entry_point"))
+    if environment.get("kind") == "object":
+        return f"{entry}, an object in memory"
+    path = environment.get("path")
+    return entry if path is None else f"{path}:{entry.rpartition(':')[2]}"
+
+
+def _status(evidence: Evidence) -> str:
+    status = str(evidence.manifest.get("status", "in memory"))
+    if status != "open":
+        return status
+    return f"open: still being recorded, or killed; then `gamekeeper recover {evidence.path}`"
 
 
 def _ends(evidence: Evidence) -> str:
