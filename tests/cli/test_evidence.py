@@ -93,7 +93,13 @@ def test_show_tells_what_a_run_is(line_run: Path, capfd: pytest.CaptureFixture[s
     evidence = gk.load(line_run)
     code, out, _ = said(capfd, "show", line_run)
     assert code == 0
-    for text in ("two_robot_line_v0 (parallel)", "two_robot_line.py:make", "sealed", "random", evidence.fingerprint):
+    for text in (
+        "two_robot_line_v0 (parallel)",
+        "two_robot_line.py:make",
+        "sealed",
+        "random",
+        evidence.fingerprint,
+    ):
         assert text in out
     assert [line.split()[0] for line in out.splitlines()[-2:]] == ["picker", "carrier"]
     code, found = document(capfd, "show", line_run)

@@ -141,6 +141,8 @@ def test_folders_are_numbered(tmp_path: Path) -> None:
         ("aec:mpe2.simple_spread_v3:env", "simple_spread_v3"),
         ("path/to/two_robot_line.py:make", "two_robot_line"),
         ("parallel:./my env.py", "my_env"),
+        ("src/my_task/env.py:MyTask", "my_task"),
+        ("env.py", "env"),
         ("warehouse", "warehouse"),
         ("../..", "run"),
         ("", "run"),

@@ -46,8 +46,8 @@ PolicyOption: TypeAlias = Annotated[
     typer.Option(
         "--policy",
         metavar="[AGENT|ROLE=]POLICY",
-        help="random (the default), first-legal, noop, module:callable, file.py:callable. "
-        "Repeatable.",
+        help="random (the default), first-legal, noop, reference (where the task has one), "
+        "module:callable, file.py:callable. Repeatable.",
     ),
 ]
 EpisodesOption: TypeAlias = Annotated[

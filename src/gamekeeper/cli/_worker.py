@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 RUNS: Final = Path("runs")
 """Where evidence goes that has no folder of its own."""
 MEGABYTE: Final = 1_000_000
+NAMELESS: Final = ("env.py", "environment.py", "__init__.py", "main.py")
+"""Files that are called so in every package: the folder says which one it is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -195,11 +197,13 @@ def name_of(spec: str) -> str:
     """The name of an environment in what a user typed, fit for a folder.
 
     `butterfly/pistonball-v6`: pistonball-v6; `mpe2.simple_spread_v3:parallel_env`:
-    simple_spread_v3; `path/to/line.py:make`: line.
+    simple_spread_v3; `path/to/line.py:make`: line; `src/my_task/env.py:MyTask`: my_task.
     """
     bare = re.sub(r"^(parallel|aec):", "", spec.strip())
     place = re.sub(r":[^:/\\]*$", "", bare)
-    last = re.split(r"[/\\]", place)[-1]
+    *folders, last = re.split(r"[/\\]", place)
+    if last in NAMELESS and folders:
+        last = f"{folders[-1]}.py"
     last = last.removesuffix(".py") if last.endswith(".py") else last.rpartition(".")[2]
     return re.sub(r"[^\w.-]+", "_", last).strip("._-") or "run"
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from gamekeeper.record.replay import Replay
 
 ORDER: Final = 40
+UNSEALED: Final = "none, as the run was never sealed"
 SAME_VERSIONS: Final = "The versions are those of the recording."
 
 PoliciesOption = Annotated[
@@ -77,6 +78,8 @@ def show_replayed(
 
     width = screen.width - len(indent)
     shown = replayed.fingerprint[:digits] + "..." * (digits is not None)
+    if not replayed.fingerprint:
+        shown = UNSEALED
     if replayed.verified:
         screen.verdict(f"verified: fingerprint {shown}", "good", indent=indent)
     elif replayed.divergence is not None:
