@@ -173,3 +173,22 @@ def test_card_json_is_plain_data_that_holds_the_contract():
         "action_space": "Discrete(5)",
     }
     assert {"key", "ask", "answer", "hint"} == set(data["questions"][0])
+
+
+@pytest.mark.parametrize(
+    ("declared", "row"),
+    [
+        ("[schedule]\nhorizon = 9", "after 9 ticks: truncation, of all"),
+        ("[endings]\nhorizon = { kind = 'truncation', owner = 'agent' }", "of the one agent"),
+        (
+            "[schedule]\nhorizon = 9\n"
+            "[endings]\nhorizon = { kind = 'truncation', owner = 'agent' }",
+            "after 9 ticks: truncation, of the one agent",
+        ),
+    ],
+)
+def test_card_tells_the_horizon_once(declared: str, row: str) -> None:
+    """Scheduled, named as an ending, or both: one row with all that is known of it."""
+    card = card_text(Contract.parse(declared), questions=())
+    assert card.count("horizon") == 1
+    assert row in card
