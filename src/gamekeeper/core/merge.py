@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from gamekeeper.core.press import EPISODES
 
@@ -19,10 +21,26 @@ def table_of(batches: Sequence[pa.RecordBatch]) -> pa.Table:
 
 def merged_episodes(batches: Sequence[pa.RecordBatch]) -> pa.Table:
     """One row for each episode from its row at the start and, once it ended, the one at its end."""
-    merged: dict[int, dict[str, Any]] = {}
-    for batch in batches:
-        for row in batch.to_pylist():
-            known = merged.setdefault(row["episode"], {})
-            known.update({name: value for name, value in row.items() if value is not None})
-    rows = [merged[episode] for episode in sorted(merged)]
-    return pa.Table.from_pylist(rows, schema=EPISODES)
+    return merge(pa.Table.from_batches(batches, EPISODES))
+
+
+def merge(table: pa.Table, *, counts: npt.NDArray[np.bool_] | None = None) -> pa.Table:
+    """One row for each episode, sorted: of each column the last value that isn't null.
+
+    Args:
+        table: rows with an `episode` in each, in the order of writing.
+        counts: [rows] whether a row counts; the first of an episode always does. None: all do.
+    """
+    table = table.combine_chunks()
+    ids, first, place = np.unique(
+        table["episode"].to_numpy(), return_index=True, return_inverse=True
+    )
+    use = np.ones(table.num_rows, bool) if counts is None else counts.copy()
+    use[first] = True
+    columns = []
+    for column in table.columns:
+        last = np.full(len(ids), -1, np.int64)
+        rows = np.flatnonzero(np.asarray(pc.is_valid(column)) & use)
+        np.maximum.at(last, place[rows], rows)
+        columns.append(column.take(pa.array(last, mask=last < 0)))
+    return pa.table(columns, schema=table.schema)

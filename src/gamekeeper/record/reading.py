@@ -16,7 +16,7 @@ from gamekeeper.record.folder import digest_file, inside, reading
 from gamekeeper.record.manifest import MANIFEST, Seal, load_manifest, manifest_digest, seal_of
 from gamekeeper.record.schema import STREAMS
 from gamekeeper.record.segments import Cut
-from gamekeeper.record.streams import StreamFiles, keep, merge, whole_of
+from gamekeeper.record.streams import StreamFiles, keep, merge_whole, whole_of
 from gamekeeper.record.table_reader import TableReader
 
 
@@ -126,7 +126,7 @@ def _read_open(folder: Path, manifest: dict[str, Any], *, salvage: bool) -> Bund
         if table is not None and name != "episodes":
             tables[name] = table.filter(keep(whole, name, table))
     if tables["episodes"] is not None:
-        tables["episodes"] = merge(tables["episodes"], whole)
+        tables["episodes"] = merge_whole(tables["episodes"], whole)
     cuts = tuple(cut for stream in streams.values() for cut in stream.cuts)
     return _bundle(folder, manifest, tables, is_sealed=False, cuts=cuts)
 

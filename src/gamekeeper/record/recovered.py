@@ -17,7 +17,7 @@ from gamekeeper.record.manifest import FORMAT_VERSION, load_manifest
 from gamekeeper.record.schema import STREAMS, plain_batch, plain_schema
 from gamekeeper.record.seal import commit
 from gamekeeper.record.segments import Cut
-from gamekeeper.record.streams import StreamFiles, keep, merge, whole_of
+from gamekeeper.record.streams import StreamFiles, keep, merge_whole, whole_of
 from gamekeeper.record.table_writer import write_table
 from gamekeeper.record.whole import Whole
 
@@ -93,4 +93,4 @@ def _kept(stream: StreamFiles, schema: pa.Schema, whole: Whole) -> Iterator[pa.R
 
 
 def _merged(found: pa.Table | None, whole: Whole) -> pa.Table | None:
-    return None if found is None else merge(found, whole)
+    return None if found is None else merge_whole(found, whole)

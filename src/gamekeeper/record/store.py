@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import pyarrow as pa
 
+from gamekeeper.core.merge import merge
 from gamekeeper.errors import BundleError
 from gamekeeper.record.claim import claim
 from gamekeeper.record.folder import NEW_FLAGS, inside, system_error, write_all
@@ -32,7 +33,7 @@ from gamekeeper.record.schema import (
 )
 from gamekeeper.record.seal import FRAMES, commit
 from gamekeeper.record.segment_writer import SegmentWriter
-from gamekeeper.record.streams import StreamFiles, merge
+from gamekeeper.record.streams import StreamFiles
 from gamekeeper.record.table_writer import write_table
 
 __all__ = ["FORMAT_VERSION", "Bundle", "Store", "annotate", "read", "read_notes", "seal_recovered"]

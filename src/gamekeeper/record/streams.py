@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from gamekeeper.core.merge import merge
 from gamekeeper.errors import BundleError
 from gamekeeper.record.folder import inside, reading
 from gamekeeper.record.limits import check_memory, row_bytes
@@ -134,28 +135,17 @@ def keep(whole: Whole, stream: str, batch: pa.RecordBatch | pa.Table) -> pa.Arra
     return pa.array(kept(*key_arrays(batch, stream, where=stream)))
 
 
-def merge(table: pa.Table, whole: Whole | None = None) -> pa.Table:
-    """One row an episode, sorted: of each column the last value that isn't null.
+def merge_whole(table: pa.Table, whole: Whole) -> pa.Table:
+    """One row an episode, as `merge` has it; a row that tells an end needs that many whole turns.
 
     Args:
         table: the rows of the stream in the order of writing.
-        whole: whole turns; a row that tells an end which they don't reach is left out.
     """
-    table = table.combine_chunks()
     episode, _ = key_arrays(table, "episodes", where="episodes")
-    ids, first, place = np.unique(episode, return_index=True, return_inverse=True)
-    counts = np.ones(len(episode), bool)
-    if whole is not None and "turns" in table.column_names:
-        turns = table["turns"].fill_null(0).to_numpy()
-        at, _ = whole.place(episode)
-        counts = (turns <= whole.turns[at]) | (np.arange(len(episode)) == first[place])
-    columns = []
-    for column in table.columns:
-        last = np.full(len(ids), -1, np.int64)
-        rows = np.flatnonzero(np.asarray(pc.is_valid(column)) & counts)
-        np.maximum.at(last, place[rows], rows)
-        columns.append(column.take(pa.array(last, mask=last < 0)))
-    return pa.table(columns, schema=table.schema)
+    if "turns" not in table.column_names:
+        return merge(table)
+    at, _ = whole.place(episode)
+    return merge(table, counts=table["turns"].fill_null(0).to_numpy() <= whole.turns[at])
 
 
 def _keys(stream: str, batches: Iterable[pa.RecordBatch]) -> tuple[Keys, Keys, Keys]:
