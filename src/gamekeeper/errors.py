@@ -7,6 +7,7 @@ GamekeeperError
 ├── ActionError (ValueError)        an action is outside its space, or from an agent not in turn
 ├── OrderError (AttributeError)     a call came before reset or after the end
 ├── EnvError (RuntimeError)         the environment raised, hung or died while Gamekeeper ran it
+├── DrawError (ValueError)          a seed can't name random numbers, or nothing can be drawn
 ├── EvidenceError (ValueError)      evidence can't be written, read or trusted
 │   └── BundleError (OSError)       the files of a bundle are missing, damaged or in the way
 ├── TrustError (PermissionError)    evidence asks for code that nobody allowed to run
@@ -30,7 +31,13 @@ class GamekeeperError(Exception):
     def __init__(
         self, what: str, *, where: str = "", expected: str = "", seen: str = "", mend: str = ""
     ) -> None:
-        self.what, self.where, self.expected, self.seen, self.mend = what, where, expected, seen, mend
+        self.what, self.where, self.expected, self.seen, self.mend = (
+            what,
+            where,
+            expected,
+            seen,
+            mend,
+        )
         places = [("where", where), ("expected", expected), ("seen", seen)]
         middle = "   ".join(f"{name}: {text}" for name, text in places if text)
         lines = [what, f"  {middle}" if middle else "", f"  mend: {mend}" if mend else ""]
@@ -59,6 +66,10 @@ class OrderError(GamekeeperError, AttributeError):
 
 class EnvError(GamekeeperError, RuntimeError):
     """The environment raised, hung or died while Gamekeeper ran it."""
+
+
+class DrawError(GamekeeperError, ValueError):
+    """A seed can't name random numbers, or a draw has nothing to choose from."""
 
 
 class EvidenceError(GamekeeperError, ValueError):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.random import SeedSequence
 
 from gamekeeper.core.seeds import episode_seed, policy_rng
-from gamekeeper.errors import EvidenceError
+from gamekeeper.errors import DrawError
 
 numbers = st.integers(0, 2**80)
 names = st.text(max_size=12)
@@ -88,7 +88,7 @@ def test_seeds_take_numpys_whole_numbers() -> None:
 @pytest.mark.parametrize("wrong", [-1, 1.0, "0", None])
 def test_seeds_refuse_what_is_no_whole_number_from_zero(wrong: object) -> None:
     """A wrong seed is named, whichever function it is given to."""
-    with pytest.raises(EvidenceError, match="run_seed"):
+    with pytest.raises(DrawError, match="run_seed"):
         episode_seed(wrong, 0)  # type: ignore[arg-type]
-    with pytest.raises(EvidenceError, match="episode"):
+    with pytest.raises(DrawError, match="episode"):
         policy_rng(0, wrong, "a")  # type: ignore[arg-type]

@@ -14,7 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamekeeper.core.philox import STEP, log_of, normal_of, philox4x32, unit_of
-from gamekeeper.core.stream import DrawError, Stream
+from gamekeeper.core.stream import Stream
+from gamekeeper.errors import DrawError
 
 SEEDS = st.integers(0, 2**64 - 1)
 WORDS = st.integers(0, 2**32 - 1)

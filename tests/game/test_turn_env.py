@@ -11,8 +11,8 @@ from pettingzoo.test import api_test, max_cycles_test, render_test, seed_test, s
 from pettingzoo.utils import wrappers
 from pettingzoo.utils.conversions import aec_to_parallel
 
-from gamekeeper.core.stream import DrawError, Stream
-from gamekeeper.errors import ActionError, ContractError, OrderError
+from gamekeeper.core.stream import Stream
+from gamekeeper.errors import ActionError, ContractError, DrawError, OrderError
 from gamekeeper.game.turn_env import TurnEnv
 from tests.game import relays
 from tests.game.relays import TickRelay, TurnRelay, TurnTickets, played

@@ -16,7 +16,7 @@ from numpy.random import PCG64, Generator, SeedSequence
 from numpy.random.bit_generator import ISeedSequence
 from numpy.typing import NDArray
 
-from gamekeeper.errors import EvidenceError
+from gamekeeper.errors import DrawError
 
 EPISODE_SEED_BITS: Final = 31
 """Environments hand seeds to C code and old generators that take a signed 32-bit integer."""
@@ -36,7 +36,7 @@ def episode_seed(run_seed: int, episode: int) -> int:
         episode: number of the episode in its run, from 0.
 
     Raises:
-        EvidenceError: a number is negative or no whole number.
+        DrawError: a number is negative or no whole number.
     Source: numpy.random.SeedSequence (O'Neill's seed_seq hash), whose output NumPy keeps stable.
     """
     run_seed, episode = _whole(run_seed, "run_seed"), _whole(episode, "episode")
@@ -58,7 +58,7 @@ def policy_rng(run_seed: int, episode: int, agent: object) -> Generator:
         agent: the agent's identity; its `str` counts.
 
     Raises:
-        EvidenceError: a number is negative or no whole number.
+        DrawError: a number is negative or no whole number.
     """
     numbers = b"%d,%d," % (_whole(run_seed, "run_seed"), _whole(episode, "episode"))
     name = str(agent).encode("utf-8", "surrogatepass")
@@ -71,11 +71,11 @@ def _whole(number: int, name: str) -> int:
     try:
         number = index(number)
     except TypeError:
-        raise EvidenceError(
+        raise DrawError(
             f"{name} is no whole number", where=name, expected="an integer >= 0", seen=repr(number)
         ) from None
     if number < 0:
-        raise EvidenceError(
+        raise DrawError(
             f"{name} is negative", where=name, expected="an integer >= 0", seen=str(number)
         )
     return number
@@ -93,5 +93,5 @@ class _Words(ISeedSequence):
         # Little-endian on every machine; PCG64 asks for four 64-bit words, all that there are.
         words = np.frombuffer(self._digest, np.dtype(dtype).newbyteorder("<"))
         if n_words > len(words):
-            raise EvidenceError(f"a digest has {len(words)} words, {n_words} were asked for")
+            raise DrawError(f"a digest has {len(words)} words, {n_words} were asked for")
         return words[:n_words].astype(dtype, copy=False)

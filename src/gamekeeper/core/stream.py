@@ -20,17 +20,13 @@ from operator import index
 from typing import Any, Final, SupportsIndex, TypeVar
 
 from gamekeeper.core.philox import SPAN, WORD, normal_of, philox4x32, unit_of
-from gamekeeper.errors import GamekeeperError
+from gamekeeper.errors import DrawError
 
 T = TypeVar("T")
 
 SEEDS: Final = 1 << 64
 WIDEST: Final = 1 << 63  # a kernel's integers are 64 bits wide, with a sign
 NO_WORDS: Final = (0, 0, 0, 0)
-
-
-class DrawError(GamekeeperError, ValueError):
-    """A draw was asked from nothing, or from bounds that contradict each other."""
 
 
 class Stream:
