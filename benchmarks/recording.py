@@ -1,7 +1,7 @@
 """What recording adds to a step, against the bare environment, paired in one run.
 
-Prints a JSON line for each task: medians over interleaved segments, in microseconds of wall time per
-agent-step, closing the bundle included; ratios are of paired segments.
+Prints a JSON line for each task: medians over interleaved segments, in microseconds of wall time
+per agent-step, closing the bundle included; ratios are of paired segments.
 
     python benchmarks/recording.py [--tasks line,aec,spread,pistonball] [--segments 15]
 """
@@ -16,7 +16,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
@@ -29,9 +29,9 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 class Documented(AECEnv):
-    """Trivial rules in the pattern that PettingZoo documents: rewards cleared and accumulated each turn."""
+    """Trivial rules in PettingZoo's documented pattern: rewards cleared and added up each turn."""
 
-    metadata = {"name": "documented_v0", "is_parallelizable": False}
+    metadata: ClassVar = {"name": "documented_v0", "is_parallelizable": False}
 
     def __init__(self, n: int, turns: int) -> None:
         self.possible_agents = [f"agent_{i}" for i in range(n)]
@@ -43,12 +43,15 @@ class Documented(AECEnv):
         self.view = np.zeros(4, np.float32)
 
     def observation_space(self, agent: str) -> Any:
+        """The space of an agent."""
         return self.observation_spaces[agent]
 
     def action_space(self, agent: str) -> Any:
+        """The space of an agent."""
         return self.action_spaces[agent]
 
     def reset(self, seed: int | None = None, options: Any = None) -> None:
+        """A new episode."""
         self.agents = self.possible_agents[:]
         self.rewards = dict.fromkeys(self.agents, 0)
         self._cumulative_rewards = dict.fromkeys(self.agents, 0)
@@ -60,9 +63,11 @@ class Documented(AECEnv):
         self.turn = 0
 
     def observe(self, agent: str) -> Any:
+        """The same array always."""
         return self.view
 
     def step(self, action: Any) -> None:
+        """One turn."""
         agent = self.agent_selection
         if self.terminations[agent] or self.truncations[agent]:
             self._was_dead_step(action)
@@ -80,7 +85,7 @@ class Documented(AECEnv):
 class Ours(gk.TurnEnv):
     """The same rules on our base class."""
 
-    metadata = {"name": "ours_v0"}
+    metadata: ClassVar = {"name": "ours_v0"}
 
     def __init__(self, n: int, turns: int) -> None:
         super().__init__()
@@ -92,12 +97,15 @@ class Ours(gk.TurnEnv):
         self.view = np.zeros(4, np.float32)
 
     def start(self, rng: Any, options: Any) -> None:
+        """A new episode."""
         self.turn = 0
 
     def observe(self, agent: str) -> Any:
+        """The same array always."""
         return self.view
 
     def act(self, agent: str, action: int) -> None:
+        """One turn."""
         self.pay(agent, float(action - 1))
         self.turn += 1
         if self.turn >= self.turn_limit:
@@ -167,7 +175,9 @@ def _pistonball() -> Any:
     return pistonball_v6.parallel_env(render_mode="rgb_array")
 
 
-def measure(make: Callable[[], Any], player: Callable[..., int], turns: int, folder: Path, kind: str) -> float:
+def measure(
+    make: Callable[[], Any], player: Callable[..., int], turns: int, folder: Path, kind: str
+) -> float:
     """Seconds per agent-step of one segment, from a fresh environment to a closed one."""
     env = make()
     if kind != "bare":
@@ -200,7 +210,11 @@ def main() -> None:
                     if segment:
                         times[kind].append(seconds * 1e6)
         bare = times["bare"]
-        row: dict[str, Any] = {"figure": "recording", "task": name, "bare_us": round(statistics.median(bare), 2)}
+        row: dict[str, Any] = {
+            "figure": "recording",
+            "task": name,
+            "bare_us": round(statistics.median(bare), 2),
+        }
         for kind in kinds[1:]:
             pairs = list(zip(times[kind], bare, strict=True))
             row[f"{kind}_added_us"] = round(statistics.median(a - b for a, b in pairs), 2)

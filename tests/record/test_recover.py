@@ -89,9 +89,9 @@ def test_recover_of_a_run_without_rows(tmp_path: Path, begun: bool) -> None:
     read = load(tmp_path / "run")
     sealed = recover(tmp_path / "run", status="failed", error="exit code 3")
 
-    assert (0, {}) == (read.steps.num_rows, read.summary.agents)
+    assert (read.steps.num_rows, read.summary.agents) == (0, {})
     assert ["failed"] * begun == sealed.episodes["end"].to_pylist()
-    assert (0, {}) == (sealed.summary.agent_steps, sealed.summary.agents)
+    assert (sealed.summary.agent_steps, sealed.summary.agents) == (0, {})
     assert verify(tmp_path / "run").ok
 
 

@@ -1,1 +1,1 @@
-"""Pure data and functions: no file, clock, print, environment variable or randomness of their own."""
+"""Pure data and functions: no file, clock, print, environment variable or own randomness."""

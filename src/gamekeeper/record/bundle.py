@@ -15,7 +15,7 @@ from gamekeeper.record.sealed import SealedTables
 
 
 def load(path: str | PathLike[str], *, check: bool = True, salvage: bool = False) -> Evidence:
-    """The evidence in a bundle, also of one that is still recorded or was killed, up to its last whole turn.
+    """The evidence in a bundle; of one still recorded or killed, up to its last whole turn.
 
     Rows of a sealed bundle are read when they are looked at, an episode at a time.
 

@@ -73,8 +73,8 @@ class Recorder:
             "level": level,
             "run_seed": run_seed,
         }
-        # pyarrow imports pandas, where it is installed, with the first array that it makes. That takes
-        # from 0.3 s to seconds: here nothing waits for it, in the first flush turns would.
+        # pyarrow imports pandas, where it is installed, with the first array that it makes. That
+        # takes from 0.3 s to seconds: here nothing waits for it, in the first flush turns would.
         pa.array([0])
         self._store = Store.create(path, manifest_of(layout=self.layout, **self._facts))
         self._press = Press(self.layout, self.rings.open, level=level, volatile=volatile)

@@ -199,11 +199,11 @@ def _with_own(policies: Choices, env: Any) -> Choices:
 
 
 def _broken(error: BaseException, game: Any) -> EnvError:
-    is_exit = isinstance(error, SystemExit)
+    raised = f"raised {type(error).__name__}: {error}"
+    if isinstance(error, SystemExit):
+        raised = f"called sys.exit({error.code!r})"
     return EnvError(
-        f"the environment called sys.exit({error.code!r})"
-        if is_exit
-        else f"the environment raised {type(error).__name__}: {error}",
+        f"the environment {raised}",
         where=f"episode {game.episode}, turn {game.turn}",
         mend="the traceback stands above and in the bundle; the rows up to there were kept",
     )

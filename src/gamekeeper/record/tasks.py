@@ -76,7 +76,8 @@ def contract_task(
 
     Returns:
         `contract` (declared or drafted), `is_declared`, `agents` with their spaces, `questions`,
-        `made_of` (its wrappers: which are replaced by `gk.make`, which stay); or the fields of the `error` that was in the way.
+        `made_of` (its wrappers: which are replaced by `gk.make`, which stay); or the fields of the
+        `error` that was in the way.
     """
     try:
         opened = open_env(spec, **env_kwargs)
