@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import secrets
 from collections.abc import Callable, Mapping
 from types import ModuleType
@@ -46,12 +47,12 @@ class JaxMarl(Guest):
         self._key: Any = None
         self._state: Any = None
         self._last: Given = {}
-        agents = [str(agent) for agent in env.agents]
+        self._own = {str(agent): agent for agent in env.agents}  # some are numbers
         self._masks: Callable[[Any], Mapping[str, Any]] | None = self._masks_of(env)
         self._settle(
-            agents,
-            [_space(env.observation_space, agent) for agent in agents],
-            [_space(env.action_space, agent) for agent in agents],
+            list(self._own),
+            [_space(env.observation_space, own) for own in self._own.values()],
+            [_space(env.action_space, own) for own in self._own.values()],
             limit=limit_of(env),
         )
 
@@ -67,20 +68,19 @@ class JaxMarl(Guest):
         return self._seen(observations), dict(self._infos({}))
 
     def _play(self, actions: Given) -> Crossing:
-        agents = self.possible_agents
         # Who has ended has a place in the arrays still, and its last action stays in it.
         self._last |= actions
-        chosen = {agent: np.asarray(action) for agent, action in self._last.items()}
+        chosen = {self._own[agent]: np.asarray(done) for agent, done in self._last.items()}
         observations, self._state, paid, dones, info = self._step(
             self._next_key(), self._state, chosen
         )
         over = bool(dones[ALL])
-        ended = {agent: bool(dones.get(agent, over)) for agent in agents}
+        ended = {agent: bool(dones.get(own, over)) for agent, own in self._own.items()}
         return Crossing(
             self._seen(observations),
-            {agent: float(paid[agent]) for agent in agents},
+            {agent: float(paid[own]) for agent, own in self._own.items()},
             ended,
-            {agent: over and not ended[agent] for agent in agents},
+            {agent: over and not done for agent, done in ended.items()},
             self._infos(info),
         )
 
@@ -92,19 +92,19 @@ class JaxMarl(Guest):
         return key
 
     def _seen(self, observations: Mapping[str, Any]) -> Given:
-        return {agent: numpy_of(self._jax, observations[agent]) for agent in self.possible_agents}
+        return {agent: numpy_of(self._jax, observations[own]) for agent, own in self._own.items()}
 
     def _infos(self, info: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         told = numpy_of(self._jax, dict(info))
         masks = None if self._masks is None else self._masks(self._state)
         infos: dict[str, dict[str, Any]] = {}
-        for agent in self.possible_agents:
-            own = infos[agent] = {
-                key: value[agent] if isinstance(value, Mapping) and agent in value else value
+        for agent, own in self._own.items():
+            info_of = infos[agent] = {
+                str(key): value[own] if isinstance(value, Mapping) and own in value else value
                 for key, value in told.items()
             }
             if masks is not None:
-                own[MASK] = np.array(masks[agent], dtype=np.int8)
+                info_of[MASK] = np.array(masks[own], dtype=np.int8)
         return infos
 
     def _masks_of(self, env: Any) -> Callable[[Any], Mapping[str, Any]] | None:
@@ -127,8 +127,6 @@ def numpy_of(jax: ModuleType, tree: Any) -> Any:
     return jax.tree_util.tree_map(np.array, tree)
 
 
-def _space(ask: Callable[[str], Any], agent: str) -> Space:
-    try:
-        return as_gymnasium(ask(agent))
-    except TypeError:  # some of its environments have one space, and ask for no agent
-        return as_gymnasium(ask())  # type: ignore[call-arg]
+def _space(ask: Callable[..., Any], agent: object) -> Space:
+    # Some of its environments have one space for all, and a method that takes no agent.
+    return as_gymnasium(ask(agent) if inspect.signature(ask).parameters else ask())

@@ -34,8 +34,9 @@ def as_gymnasium(space: Any) -> Space:
     if "MultiBinary" in kinds:
         return spaces.MultiBinary(space.n)
     if "Box" in kinds:
-        return box(space.low, space.high, tuple(space.shape), np.dtype(space.dtype))
-    parts = getattr(space, "spaces", None)
+        shape = np.ravel(space.shape).astype(int).tolist()  # a single length stands for its tuple
+        return box(space.low, space.high, tuple(shape), np.dtype(space.dtype))
+    parts = space if isinstance(space, Mapping) else getattr(space, "spaces", None)
     if isinstance(parts, Mapping):
         return spaces.Dict({str(name): as_gymnasium(part) for name, part in parts.items()})
     if isinstance(parts, list | tuple):
