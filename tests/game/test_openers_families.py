@@ -318,3 +318,11 @@ def test_box_without_bounds_holds_the_ends_of_its_dtype(dtype: str) -> None:
 def test_idle_action_lies_in_its_space(space: Any) -> None:
     """What stands in a list for an agent that has ended is an action that its space knows."""
     assert space.contains(idle(space))
+
+
+def test_family_names_whose_environment_it_is() -> None:
+    """An identity has the guest's own versions, and an installed family needs no leave to run."""
+    pytest.importorskip("pyspiel", reason="open_spiel isn't installed")
+    identity = open_env("openspiel:tic_tac_toe").identity
+    assert "shimmy" in identity["versions"]
+    assert distrust(identity) is None

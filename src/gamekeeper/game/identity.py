@@ -126,7 +126,10 @@ def _digest(file: str) -> bytes | None:
 
 
 def _class_of(env: Env) -> type:
+    """The class that has the rules; of an environment of another shape, the guest's own."""
     try:
-        return type(env.unwrapped)
+        inner = env.unwrapped
+        guest = getattr(inner, "guest", inner)
+        return type(getattr(guest, "unwrapped", guest))
     except Exception:  # a wrapper of the environment's own that keeps no such attribute
         return type(env)

@@ -8,6 +8,7 @@ from gamekeeper.game.factory import find_factory
 from gamekeeper.game.installed import distrust_module
 from gamekeeper.game.load import current_folder_last, load_module, within
 from gamekeeper.game.opened import Source
+from gamekeeper.game.openers import _family
 
 SYNTAX: Final = "module:factory"
 ORDER: Final = 90
@@ -18,6 +19,8 @@ def matches(spec: object) -> bool:
     if not isinstance(spec, str):
         return False
     module, colon, name = spec.partition(":")
+    if colon and module in _family.words():  # `jaxmarl:` and the like say whose environment it is
+        return False
     parts = module.split(".") + (name.split(".") if colon else [])
     return all(part.isidentifier() for part in parts) and not module.endswith(".py")
 
