@@ -14,13 +14,17 @@ from pettingzoo import ParallelEnv
 print("printed on import")  # noqa: T201  # the noise that stdout is kept clean of
 
 
+class PanicError(BaseException):
+    """As Python sees a panic of code in Rust: no Exception."""
+
+
 class RoughEnv(ParallelEnv):
     """Two agents are paid 1.0 a tick until `length` ticks are over.
 
     Args:
         length: ticks of an episode.
         how: what goes wrong: `raise`, `hang`, `exit` (sys.exit), `die` (os._exit), `segfault`,
-            `init` (while it is built), or nothing.
+            `panic` (no Exception, as of Rust), `interrupt`, `init` (while it is built), or nothing.
         after: a folder; it goes wrong at the first tick that finds recorded rows there.
         tick_s: how long a tick takes, in seconds.
         is_loud: it prints to stdout in three ways.
@@ -88,6 +92,10 @@ class RoughEnv(ParallelEnv):
     def _go_wrong(self) -> None:
         if self.how == "raise":
             raise RuntimeError("the gripper is stuck")
+        if self.how == "panic":
+            raise PanicError("unreachable grip")
+        if self.how == "interrupt":
+            raise KeyboardInterrupt
         if self.how == "hang":
             time.sleep(1000)
         if self.how == "exit":

@@ -1,5 +1,6 @@
 import json
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -11,7 +12,7 @@ import pytest
 
 import gamekeeper as gk
 from gamekeeper.cli._worker import evidence_folder, name_of
-from tests.cli.lines import LINE, ROUGH, SURROUNDINGS, document, failing, rough, said
+from tests.cli.lines import LINE, ROUGH, SURROUNDINGS, document, failing, rough, run_apart, said
 from tests.cli.rough_env import has_turns
 
 AGENT_FIELDS = ["return_mean", "length_mean", "share", "idle", "endings"]
@@ -58,6 +59,7 @@ def test_text_shows_each_agent_and_no_average(capfd: pytest.CaptureFixture[str])
     ("how", "seen"),
     [
         ("raise", "RuntimeError: the gripper is stuck"),
+        ("panic", "PanicError: unreachable grip"),
         ("hang", "no sign of life for 5 s"),
         ("exit", "sys.exit(4)"),
         ("die", "exit code 3"),
@@ -79,9 +81,51 @@ def test_environment_that_fails_leaves_sealed_evidence(
     assert last["end"] == "failed"
     assert seen in last["error"] or how == "exit"
     assert evidence.steps.num_rows > 0
-    if how in ("raise", "hang", "exit"):
+    if how in ("raise", "panic", "hang", "exit"):
         assert "_go_wrong" in last["error"]
     assert said(capfd, "verify", tmp_path / "run")[0] == 0
+
+
+def test_environment_that_interrupts_itself_is_told(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A KeyboardInterrupt that nobody sent is the environment's: exit code 1, no fault of ours."""
+    code, found = document(capfd, *failing("interrupt", tmp_path / "run"))
+    assert (code, found["error"]["kind"]) == (1, "EnvError")
+    assert "KeyboardInterrupt" in found["error"]["what"]
+    assert "_go_wrong" in found["error"]["seen"]
+
+
+def test_death_before_the_first_flush_is_told_by_show(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A run that has no episode to hold the reason of its end still names it."""
+    (tmp_path / "timings-0").write_text("so that it dies at once")
+    line = [*rough(how="die", after=str(tmp_path)), "--out", tmp_path / "run"]
+    assert said(capfd, "record", *line)[0] == 1
+    code, found = document(capfd, "show", tmp_path / "run")
+    assert (code, found["status"]) == (0, "failed")
+    assert "exit code 3" in found["errors"][-1]["error"]
+    assert "exit code 3" in said(capfd, "show", tmp_path / "run")[1]
+
+
+def test_full_disk_is_told_and_what_was_written_replays(tmp_path: Path) -> None:
+    """Exit code 2; the run is sealed as far as it came; its end isn't put on the environment."""
+
+    def small_disk() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
+
+    line = [*rough(length=400), "--episodes", 100, "--out", "run", "--json"]
+    ended = run_apart("record", *line, cwd=tmp_path, preexec_fn=small_disk)
+    assert ended.returncode == 2, ended.stderr
+    error = json.loads(ended.stdout)["error"]
+    assert (error["kind"], "ulimit -f" in error["mend"]) == ("BundleError", True)
+    evidence = gk.load(tmp_path / "run")
+    assert evidence.manifest["status"] == "failed"
+    last = evidence.episodes.to_pylist()[-1]
+    assert last["end"] != "failed"
+    assert "too large" in last["error"]
+    assert gk.replay(tmp_path / "run", allow_import=True).verified
 
 
 @pytest.mark.parametrize(

@@ -138,14 +138,19 @@ def error_in(outcome: Outcome) -> GamekeeperError | None:
         return EnvError(
             "the environment ended its process",
             seen=outcome.error or "",
-            mend="the last turn in the evidence is the one before; a debugger or faulthandler "
-            "shows where",
+            mend="the evidence may lack its last 0.1 s; the stack, where Python could still tell "
+            "it, is in `gamekeeper show RUN --json`",
         )
     if outcome.status == "hung":
         return EnvError(
             "the environment hangs",
             seen=outcome.error or "",
             mend="allow it more time with --timeout, or mend what it waits for",
+        )
+    if outcome.status == "raised" and (outcome.error or "").startswith("KeyboardInterrupt"):
+        return EnvError(
+            "the environment raised KeyboardInterrupt, and nobody had interrupted it",
+            seen=outcome.traceback or "",
         )
     raise WorkerFault(outcome.traceback or outcome.error or outcome.status)
 
@@ -167,8 +172,14 @@ def _sealed(out: Path, outcome: Outcome, error: GamekeeperError | None) -> Evide
         return evidence
     if error is None:
         return recover(out, status="sealed")
-    told = [error.what, error.seen, outcome.traceback or ""]
-    return recover(out, status="failed", error="\n".join(filter(None, told)))
+    # The last line says what it was, as in a traceback of Python.
+    told = [outcome.traceback, f"{error.what}: {error.seen}".removesuffix(": ")]
+    return recover(
+        out,
+        status="failed",
+        error="\n".join(filter(None, told)),
+        is_theirs=isinstance(error, EnvError),
+    )
 
 
 @contextmanager

@@ -81,7 +81,11 @@ def _show_run(screen: Screen, run: Path) -> Answer:
 
 def _errors(evidence: Evidence) -> list[dict[str, Any]]:
     rows = evidence.episodes.select(["episode", "error"]).to_pylist()
-    return [row for row in rows if row["error"] is not None]
+    errors = [row for row in rows if row["error"] is not None]
+    of_run = evidence.manifest.get("error")
+    if of_run and not errors:  # it ended before the first turn was written
+        return [{"episode": None, "error": of_run}]
+    return errors
 
 
 def _document(evidence: Evidence, errors: list[dict[str, Any]]) -> dict[str, Any]:

@@ -70,7 +70,9 @@ class AECGame(Game):
         self._begin(seed, options)
         try:
             self.env.reset(**given)
-        except (Exception, SystemExit):
+        except KeyboardInterrupt:
+            raise
+        except BaseException:  # a panic of Rust code is no Exception
             self.fail(traceback.format_exc())
             self.end_episode()
             raise
@@ -129,7 +131,9 @@ class AECGame(Game):
         start = perf_counter_ns()
         try:
             self.env.step(action)
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             wall_ns = perf_counter_ns() - start
             done = 0, payload, None, None, type_name_of(type(error)), entry
             self._seen, self._is_sure, self._stood = _NEVER, False, None

@@ -60,7 +60,9 @@ class ParallelGame(Game):
         self._begin(seed, options)
         try:
             out = self.env.reset(**given)
-        except (Exception, SystemExit):
+        except KeyboardInterrupt:
+            raise
+        except BaseException:  # a panic of Rust code is no Exception
             self.fail(traceback.format_exc())
             self.end_episode()
             raise
@@ -85,7 +87,9 @@ class ParallelGame(Game):
         start = perf_counter_ns()
         try:
             out = self.env.step(actions)
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             self._raised(moves, type_name_of(type(error)), perf_counter_ns() - start)
             self.fail(traceback.format_exc())
             raise

@@ -117,9 +117,9 @@ def rollout(
             most_turns=MOST_TURNS if most_turns is None else most_turns, after_turn=after_turn,
             after_episode=after_episode, while_sealing=while_sealing,
         )  # fmt: skip
-    except GamekeeperError:
+    except (GamekeeperError, KeyboardInterrupt):
         raise
-    except (Exception, SystemExit) as error:  # an environment is nobody to end this process
+    except BaseException as error:  # an environment is nobody to end this process
         raise _broken(error, game) from error
     if isinstance(sink, Recorder):
         with while_sealing():

@@ -17,13 +17,19 @@ from gamekeeper.record.verify import digest_again
 
 
 def recover(
-    path: str | PathLike[str], *, status: str = "recovered", error: str | None = None
+    path: str | PathLike[str],
+    *,
+    status: str = "recovered",
+    error: str | None = None,
+    is_theirs: bool = True,
 ) -> Evidence:
     """Seals an open bundle whose recorder is gone; its last episode is kept as *torn*.
 
     Args:
         status: "recovered", "sealed" or "failed".
         error: why the last episode could not go on; it then counts as failed.
+        is_theirs: the error is the environment's, which a replay has to come to again; one of the
+            disk leaves the episode *torn*.
     Raises:
         BundleError: there is no bundle, or it is still being recorded.
     """
@@ -37,7 +43,8 @@ def recover(
         if row["end"] is None:
             row |= {"end": "torn", "turns": _turns(evidence, row)}
     if error is not None and rows:
-        rows[-1] |= {"end": "failed", "error": rows[-1]["error"] or error}
+        end = "failed" if is_theirs else rows[-1]["end"]
+        rows[-1] |= {"end": end, "error": rows[-1]["error"] or error}
     episodes = pa.Table.from_pylist(rows, schema=EPISODES)
     manifest: dict[str, Any] = {
         **evidence.manifest,

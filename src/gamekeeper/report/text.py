@@ -103,7 +103,11 @@ def facts_text(evidence: Evidence, *, width: int) -> str:
 
 def errors_text(errors: Sequence[Mapping[str, Any]], *, width: int) -> str:
     """The errors that episodes ended with, the last line of each; a traceback's, as a rule."""
-    rows = [(f"episode {each['episode']}", one_line(_last_line(each["error"]))) for each in errors]
+    rows = [
+        ("run" if each["episode"] is None else f"episode {each['episode']}",
+         one_line(_last_line(each["error"])))
+        for each in errors
+    ]  # fmt: skip
     return "\n".join(table_lines(rows, width=width))
 
 

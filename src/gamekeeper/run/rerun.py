@@ -47,7 +47,9 @@ def replay_trace(
     played, types = crossings(trace), trace.action_types or types or {}
     try:
         game.reset(trace.seed, trace.options)
-    except (Exception, SystemExit):  # it ended there as failed, and perhaps it did so before
+    except KeyboardInterrupt:
+        raise
+    except BaseException:  # it ended there as failed, and perhaps it did so before
         return
     for turn in trace.turns:
         if turn.index >= played or not game.env.agents:
@@ -57,9 +59,9 @@ def replay_trace(
             break
         try:
             _step(game, trace, turn, agents=agents, cast=cast, types=types)
-        except (PolicyError, EvidenceError):  # not the environment's
+        except (PolicyError, EvidenceError, KeyboardInterrupt):  # not the environment's
             raise
-        except (Exception, SystemExit):  # the rows tell; only a recorded raise is played on from
+        except BaseException:  # the rows tell; only a recorded raise is played on from
             if not turn.raised:
                 break
         if after_turn is not None:
@@ -111,7 +113,9 @@ def _look_once_more(game: ParallelGame | AECGame, trace: Trace, turn: Turn) -> N
     if any(_was_seen(turn, name, trace) for name in turn.received):
         try:
             game.last()
-        except (Exception, SystemExit):
+        except KeyboardInterrupt:
+            raise
+        except BaseException:
             return  # then the row that was recorded is missing, and the comparison says so
 
 
