@@ -22,6 +22,9 @@ from gamekeeper.cli import main
 from tests.surface.sources import ROOT
 
 duckdb = pytest.importorskip("duckdb")
+pytest.importorskip(
+    "pandas"
+)  # a page reads evidence with it; loaded before workers lose sight of it
 
 PAGES = sorted(
     [ROOT / "README.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "docs/tasks").glob("*.md")]
@@ -99,6 +102,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "my_env.py").write_text(text, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
+    hidden = tmp_path / "hidden"
+    hidden.mkdir()
+    # pyarrow imports pandas where it can, which takes a worker longer than all it has to do here.
+    (hidden / "pandas.py").write_text("raise ImportError('hidden by the tests')", encoding="utf-8")
+    monkeypatch.syspath_prepend(hidden)
     gk.rollout("two_robot_line", episodes=2, out="runs/demo")
     return tmp_path
 
