@@ -18,6 +18,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: those after the program's name; None: this process's.
     """
+    from gamekeeper.run.pandas_later import pandas_can_wait
+
+    pandas_can_wait()
     from gamekeeper.cli._app import run_line
 
     return run_line(arguments)
