@@ -1,11 +1,13 @@
 import json
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 import gamekeeper as gk
 from gamekeeper.cli._form import Form
-from gamekeeper.cli.run import contract_file
+from gamekeeper.cli.run import contract_file, is_near
 from gamekeeper.core.contract import Contract
 from tests.cli.lines import LINE, failing, said
 
@@ -77,3 +79,21 @@ def test_run_of_a_failing_environment_exits_1(
 def test_contract_is_best_written_where_it_is_found(env: str, file: str) -> None:
     """The next command writes a contract beside the environment's file, where there is one."""
     assert contract_file(env, Form("line_v0", Contract(), False, (), ())) == file
+
+
+@pytest.mark.parametrize(
+    ("near", "one", "two"),
+    [
+        (True, 0.1 + 0.2, 0.3),
+        (True, np.array([1e6, np.nan]), np.array([1e6 + 0.5, np.nan])),
+        (False, 0.9, 0.1),
+        (False, np.array([0.5]), np.array([0.5, 0.5])),
+        (False, 3, 3.0),
+        (False, "left", "right"),
+        (False, None, 0.0),
+        (False, [[1.0], [1.0, 2.0]], [1.0]),
+    ],
+)
+def test_tolerance_is_advised_for_what_arithmetic_may_do(near: bool, one: Any, two: Any) -> None:
+    """What nearly agrees may come from another machine; what else differs is to be mended."""
+    assert is_near(one, two) is near

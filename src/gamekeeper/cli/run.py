@@ -30,6 +30,7 @@ from gamekeeper.cli.record import exit_code, record_document, say_end
 from gamekeeper.cli.replay import replay_code, show_replayed
 
 if TYPE_CHECKING:
+    from gamekeeper.core.divergence import Divergence
     from gamekeeper.core.evidence import Evidence
     from gamekeeper.record.replay import Replay
 
@@ -37,6 +38,8 @@ ORDER: Final = 10
 INDENT: Final = "  "
 SHOWN_DIGITS: Final = 16
 """Of the fingerprint in the verdict; all of it stands below, where it fits into 80 columns."""
+NEAR: Final = "1e-6"
+"""Differences up to here, absolute or relative, come from arithmetic; larger ones from rules."""
 MOST_AGENTS: Final = 24
 """Agents whose rows are shown; `gamekeeper show` has them all."""
 
@@ -130,8 +133,7 @@ def show_next(
     if replayed is None:
         command = f"gamekeeper show {quote(str(evidence.path))}"
     elif replayed.divergence is not None:
-        named = f"{quote(str(evidence.path))}{_env_option(env, evidence)}"
-        command = f"gamekeeper replay {named} --tolerance 1e-6"
+        command = _after_divergence(env, evidence, replayed.divergence)
     elif not form.is_declared:
         command = f"gamekeeper contract {quote(env)} --out {quote(contract_file(env, form))}"
     else:
@@ -139,6 +141,27 @@ def show_next(
     screen.show(f"\nEvidence  {evidence.path}")
     screen.show(f"  fingerprint  {evidence.fingerprint}")
     screen.show(f"Next      {command}")
+
+
+def _after_divergence(env: str, evidence: Evidence, divergence: Divergence) -> str:
+    """Replaying with a tolerance where numbers nearly agree; else a run once it is mended."""
+    if not is_near(divergence.recorded, divergence.replayed):
+        return f"gamekeeper run {quote(env)}   # once it is mended"
+    named = f"{quote(str(evidence.path))}{_env_option(env, evidence)}"
+    return f"gamekeeper replay {named} --tolerance {NEAR}"
+
+
+def is_near(one: Any, two: Any) -> bool:
+    """Whether the values differ as floating point does between machines, and no more."""
+    import numpy as np
+
+    try:
+        ones, twos = np.asarray(one), np.asarray(two)
+        is_float = ones.dtype.kind == twos.dtype.kind == "f" and ones.shape == twos.shape
+        near = float(NEAR)
+        return is_float and bool(np.allclose(ones, twos, rtol=near, atol=near, equal_nan=True))
+    except (TypeError, ValueError):  # values of no one shape
+        return False
 
 
 def contract_file(env: str, form: Form) -> str:
