@@ -89,5 +89,8 @@ def _write(out: Path, text: str) -> None:
         ) from None
     except OSError as error:
         raise GamekeeperError(
-            "the file can't be written", where=str(out), seen=error.strerror or str(error)
+            "the file can't be written",
+            where=str(out),
+            seen=error.strerror or str(error),
+            mend="make its folder first, or name a place that you may write to",
         ) from None

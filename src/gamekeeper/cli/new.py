@@ -202,5 +202,8 @@ def _write(folder: Path, files: dict[str, str]) -> None:
                 file.write(text)
     except OSError as error:
         raise GamekeeperError(
-            "the package can't be written", where=str(folder), seen=error.strerror or str(error)
+            "the package can't be written",
+            where=str(folder),
+            seen=error.strerror or str(error),
+            mend="name a folder that you may write to with --out",
         ) from None
