@@ -97,6 +97,15 @@ def test_policies_choose_again(rough_run: Path, capfd: pytest.CaptureFixture[str
     assert (code, found["verified"]) == (0, True)
 
 
+def test_own_policies_of_a_trusted_environment_choose_again(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """`reference` of a task that is installed is as trusted as the task: nobody is asked."""
+    gk.rollout("two_robot_line", policies="reference", episodes=1, out=tmp_path / "run")
+    code, found = document(capfd, "replay", tmp_path / "run", "--policies")
+    assert (code, found.get("verified")) == (0, True)
+
+
 @pytest.mark.parametrize("run", ["nowhere", "."])
 def test_no_bundle_is_wrong_use(
     run: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]

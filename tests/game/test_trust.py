@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from gamekeeper.errors import SpecError
+from gamekeeper.errors import PolicyError, SpecError
 from gamekeeper.game.open import distrust, open_env
-from gamekeeper.game.policy import distrust_policy
+from gamekeeper.game.policy import distrust_policy, resolve
 from tests.game.toys import PARALLEL_TEXT, Pair
 
 Install = Callable[..., str]
@@ -184,11 +184,23 @@ def test_distrust_gives_a_reason_for_files_and_objects(tmp_path: Path) -> None:
     assert "in memory" in str(distrust(open_env(lambda: Pair()).identity))
 
 
-def test_distrust_policy_lets_only_the_built_ins_through() -> None:
+def test_distrust_policy_lets_only_bare_words_through() -> None:
     """Whoever reruns policies from evidence is asked before code that it names is run."""
-    assert [distrust_policy(name) for name in ("random", "first-legal", "noop")] == [None] * 3
-    for name in ("os:system", "field.py:act", "Random", ""):
+    words = ("random", "first-legal", "noop", "reference")
+    assert [distrust_policy(name) for name in words] == [None] * 4
+    for name in ("os:system", "field.py:act", "random:", ":", "C:\\field.py:act"):
         assert "code" in str(distrust_policy(name))
+
+
+@pytest.mark.parametrize("word", ["os", "field.py", "os.system", "./field.py", "", "../field"])
+def test_bare_word_never_loads_code(
+    word: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is let through unasked is looked up among policies, never among modules or files."""
+    (tmp_path / "field.py").write_text("raise SystemExit('was run')")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(PolicyError, match="no policy called"):
+        resolve(word)
 
 
 OPENER = """

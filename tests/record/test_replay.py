@@ -294,12 +294,12 @@ def test_replay_says_that_policies_have_no_seed(tmp_path: Path) -> None:
 
 
 def test_replay_cannot_open_an_object_again(tmp_path: Path) -> None:
-    """An environment object needs to be named; then it verifies."""
+    """An environment object needs to be named, which no trust replaces; then it verifies."""
     env = record(Walk(), tmp_path / "run")
     step_through(env, seed=1)
     env.close()
 
-    result = replay(tmp_path / "run", allow_import=True)
+    result = replay(tmp_path / "run")
 
     assert result.reason == "the environment was an object in memory; name it with --env"
     path = write_env(tmp_path)

@@ -88,8 +88,12 @@ def resolve(choice: Choice, *, schemes: Mapping[str, Scheme] | None = None) -> C
 
 
 def distrust_policy(name: str) -> str | None:
-    """Why evidence may not have a policy run unasked; None for what Gamekeeper brings."""
-    return None if name in _built_ins() else f"the policy {name!r} is code that evidence names"
+    """Why evidence may not have a policy run unasked; None for a bare word.
+
+    A word is a policy that Gamekeeper brings, or one of the environment's own (`reference`), which
+    is trusted as far as the environment is; only a name with a colon can lead anywhere else.
+    """
+    return None if ":" not in name else f"the policy {name!r} is code that evidence names"
 
 
 def parse_choices(texts: Iterable[str]) -> dict[str, str]:

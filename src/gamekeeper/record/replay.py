@@ -115,10 +115,10 @@ def replay(
     """
     evidence = load(path)
     run, fingerprint = str(path), evidence.fingerprint
-    _check_trust(evidence, env=env, policies=policies, allow_import=allow_import)
     reason = _untellable(evidence, env=env, policies=policies)
-    if reason is not None:
+    if reason is not None:  # before anybody is asked to trust what can't be replayed anyway
         return Replay(run, False, None, fingerprint, None, reason)
+    _check_trust(evidence, env=env, policies=policies, allow_import=allow_import)
     arguments = {"path": run, "tolerance": tolerance, "policies": policies, "env": env}
     outcome = run_task(TASK, arguments, silence_s=timeout_s, on_message=on_message)
     if outcome.status == "interrupted":
@@ -151,7 +151,9 @@ def _check_trust(
     if allow_import:
         return
     reason = None if env is not None else distrust(_identity(evidence))
+    mend = "if you trust it, say --allow-import; or name the environment yourself with --env"
     if reason is None and policies:
+        mend = "if you trust it, say --allow-import"
         names = {name for names in _all_policies(evidence) for name in names.values()}
         reason = next(filter(None, map(distrust_policy, sorted(names))), None)
     if reason is not None:
@@ -159,7 +161,7 @@ def _check_trust(
             "replaying this run would execute code that its evidence names",
             where=str(evidence.path),
             seen=reason,
-            mend="if you trust it, say --allow-import; or name the environment yourself with --env",
+            mend=mend,
         )
 
 
