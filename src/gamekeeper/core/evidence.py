@@ -44,7 +44,7 @@ IDENTITY: Final = (
 )  # what of an environment's identity the fingerprint covers
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Evidence:
     """A recorded run. Tables are pyarrow's; the bundle's page says what their columns are.
 
@@ -146,6 +146,11 @@ class Evidence:
         where = "in memory" if self.path is None else str(self.path)
         name = self.manifest.get("environment", {}).get("name")
         return f"{self.episodes.num_rows} episodes of {name} ({where})\n{self.summary}"
+
+    def __repr__(self) -> str:
+        where = "in memory" if self.path is None else f"in {str(self.path)!r}"
+        name = self.manifest.get("environment", {}).get("name")
+        return f"<Evidence of {name}, {self.episodes.num_rows} episodes, {where}>"
 
     def _repr_html_(self) -> str:
         return self.summary.to_html()

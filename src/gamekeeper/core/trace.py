@@ -40,7 +40,7 @@ class Spaces:
     action: Codec | None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Turn:
     """One turn of a trace: what agents were given, what they did, what that crossing paid them.
 
@@ -61,6 +61,11 @@ class Turn:
     raised: Mapping[AgentName, str]
     _trace: Trace
     _rows: range
+
+    def __repr__(self) -> str:
+        return (
+            f"<Turn {self.index}: {', '.join(self.order) or 'nobody'} acted, {len(self.live)} live>"
+        )
 
     @cached_property
     def observations(self) -> Mapping[AgentName, Any]:
@@ -109,7 +114,7 @@ class Turn:
         return self._trace.state(self.index)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Trace:
     """One episode: its header and its columns.
 
@@ -133,6 +138,11 @@ class Trace:
     base: str | None = None
     change: Mapping[str, Any] | None = None
     _cache: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Trace of episode {self.episode}, seed {self.seed}, {self.header.get('turns')} turns>"
+        )
 
     @property
     def seed(self) -> int | None:

@@ -11,6 +11,7 @@ import weakref
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
 from os import PathLike
+from pathlib import Path
 from typing import Any, Final
 
 import pyarrow as pa
@@ -76,7 +77,9 @@ class Recorder:
         # pyarrow imports pandas, where it is installed, with the first array that it makes. That
         # takes from 0.3 s to seconds: here nothing waits for it, in the first flush turns would.
         pa.array([0])
-        self._store = Store.create(path, manifest_of(layout=self.layout, **self._facts))
+        # absolute: whoever steps may change the working directory before the bundle is sealed
+        manifest = manifest_of(layout=self.layout, **self._facts)
+        self._store = Store.create(Path(path).absolute(), manifest)
         self._press = Press(self.layout, self.rings.open, level=level, volatile=volatile)
         self._episodes: list[pa.RecordBatch] = []
         self._frames: deque[tuple[int, int, Any]] = deque()

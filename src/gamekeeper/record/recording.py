@@ -6,13 +6,14 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from os import PathLike
+from pathlib import Path
 from typing import Any, Final
 
 from gamekeeper.core.canon import to_json
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.evidence import Evidence
 from gamekeeper.core.layout import role
-from gamekeeper.errors import EnvError, GamekeeperError
+from gamekeeper.errors import EnvError, EvidenceError, GamekeeperError
 from gamekeeper.game.cast import Cast, Choices, assign
 from gamekeeper.game.declared import declared_contract
 from gamekeeper.game.faces import AECFace, ParallelFace, face_of, game_of
@@ -100,7 +101,12 @@ def rollout(
             sealed as *failed*.
         BundleError: the bundle can't be written.
         PolicyError: a policy can't be found, or gave no action.
+        EvidenceError: there is no episode to play.
     """
+    if episodes < 1:
+        raise EvidenceError(
+            "nothing is to be played", where="episodes", expected="at least 1", seen=str(episodes)
+        )
     opened = open_env(spec, **dict(env_kwargs or {}))
     try:
         declared = declared_contract(contract, opened)
@@ -123,7 +129,7 @@ def rollout(
         raise _broken(error, game) from error
     if isinstance(sink, Recorder):
         with while_sealing():
-            return load(sink.path)
+            return replace(load(sink.path), path=Path(str(out)))
     return sink.evidence(opened.identity, contract=declared, run_seed=seed)
 
 

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from os import PathLike
+from pathlib import PurePath
 from typing import Any, Final
 
 import pyarrow as pa
@@ -89,7 +90,7 @@ class Replay:
 
 
 def replay(
-    path: str | PathLike[str],
+    path: str | PathLike[str] | Evidence,
     *,
     tolerance: float | None = None,
     policies: bool = False,
@@ -101,6 +102,7 @@ def replay(
     """Plays a recorded run again in a fresh process and compares every row.
 
     Args:
+        path: the folder of a run, or evidence that was loaded from one.
         tolerance: numbers that differ by no more, absolutely or relative to the larger one, count
             as equal.
         policies: also choose anew: the recorded policies decide in place of the recorded actions.
@@ -112,7 +114,9 @@ def replay(
     Raises:
         TrustError: the evidence names code that nobody allowed to run.
         BundleError: there is no bundle, or it is damaged.
+        EvidenceError: the evidence is in memory alone.
     """
+    path = _folder_of(path) if isinstance(path, Evidence) else path
     evidence = load(path)
     run, fingerprint = str(path), evidence.fingerprint
     reason = _untellable(evidence, env=env, policies=policies)
@@ -143,6 +147,17 @@ def _received(value: Mapping[str, Any]) -> Replay:
         return Replay(**value)
     values = {side: from_json(compact(where[side])) for side in ("recorded", "replayed")}
     return Replay(**{**value, "divergence": Divergence(**{**where, **values})})
+
+
+def _folder_of(evidence: Evidence) -> PurePath:
+    """The folder of a run that was loaded; what is in memory alone can't be handed to a process."""
+    if evidence.path is None:
+        raise EvidenceError(
+            "the evidence is in memory alone, and a replay runs in a process of its own",
+            where="gk.replay",
+            mend="record with out='runs/...' and replay that folder",
+        )
+    return evidence.path
 
 
 def _check_trust(

@@ -1,0 +1,50 @@
+"""Edges of recording and replaying that users come upon."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import gamekeeper as gk
+from gamekeeper.errors import EvidenceError
+
+LINE = f"{Path(__file__).parents[2] / 'examples' / 'two_robot_line.py'}:make"
+MEET = {"picker": 2, "carrier": 0}
+
+
+def test_recording_outlives_a_change_of_the_working_directory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A relative path means the folder that it meant when recording began."""
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path)
+    env = gk.record(gk.make(LINE), "run")
+    env.reset(seed=1)
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    while env.agents:
+        env.step(MEET)
+    env.close()
+    assert gk.load(tmp_path / "run").manifest["status"] == "sealed"
+
+
+def test_rollout_of_no_episode_is_refused() -> None:
+    """As the command line does."""
+    with pytest.raises(EvidenceError, match="nothing is to be played"):
+        gk.rollout(LINE, episodes=0)
+
+
+def test_evidence_traces_and_turns_are_shown_in_one_line() -> None:
+    """At a prompt nobody wants to see all columns."""
+    evidence = gk.rollout(LINE, episodes=1)
+    trace = next(iter(evidence.traces))
+    turn = next(iter(trace.turns))
+    for thing in (evidence, trace, turn):
+        assert len(repr(thing).splitlines()) == 1
+        assert len(repr(thing)) < 100
+
+
+def test_replay_says_why_it_takes_no_evidence_in_memory() -> None:
+    """Evidence that lies in no folder can't be handed to a process of its own."""
+    with pytest.raises(EvidenceError, match="in memory alone"):
+        gk.replay(gk.rollout(LINE, episodes=1))
