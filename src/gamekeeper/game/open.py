@@ -161,9 +161,8 @@ def _locate(spec: object, api: str | None, *, shown: object) -> Source:
         )
     raise SpecError(
         f"no environment can be found as {shown!r}",
-        expected=_forms(opener for _, opener in openers),
         seen=_looks(misses) or f"a {type(spec).__qualname__} of another form",
-        mend="name it in one of these forms",
+        mend=f"name it in one of these forms:{_forms(opener for _, opener in openers)}",
     )
 
 
@@ -176,7 +175,7 @@ def _forms(openers: Iterable[Opener]) -> str:
         if not isinstance(part, Opener)
     ]
     notes = "".join(f"\n    ({note})" for note in left_out)
-    return " · ".join(opener.SYNTAX for opener in openers) + notes
+    return "".join(f"\n    {opener.SYNTAX}" for opener in openers) + notes
 
 
 def _looks(misses: Iterable[NotHereError]) -> str:
