@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from gamekeeper.errors import DependencyError
+from gamekeeper.errors import DependencyError, EvidenceError
 from gamekeeper.record.bundle import load
 from gamekeeper.record.frames import encode_frame
 from gamekeeper.record.recording import rollout
+from gamekeeper.record.replay import replay
 from tests.record.walks import Walk
 
 
@@ -92,3 +93,38 @@ def test_frames_are_none_where_nothing_is_rendered(tmp_path: Path) -> None:
 
     assert not (tmp_path / "run" / "frames").exists()
     assert load(tmp_path / "run").episodes.num_rows == 1
+
+
+def test_frames_choose_a_render_mode_and_record_it(tmp_path: Path) -> None:
+    """Who asks for frames need not know render modes; the replay opens the environment likewise."""
+    evidence = rollout(
+        "two_robot_line", episodes=1, most_turns=3, out=tmp_path / "run", frames=True
+    )
+
+    assert evidence.manifest["environment"]["kwargs"] == {"render_mode": "rgb_array"}
+    assert {path.suffix for path in (tmp_path / "run" / "frames").iterdir()} == {".png"}
+    assert replay(tmp_path / "run").verified
+
+
+def test_frames_in_a_mode_that_was_chosen_stay_so(tmp_path: Path) -> None:
+    """A render mode among the arguments is the user's word."""
+    kwargs = {"render_mode": "ansi"}
+    rollout("two_robot_line", episodes=1, most_turns=3, out=tmp_path / "run", frames=True,
+            env_kwargs=kwargs)  # fmt: skip
+
+    assert {path.suffix for path in (tmp_path / "run" / "frames").iterdir()} == {".txt"}
+
+
+@pytest.mark.parametrize("modes", [[], ["human"], ["rgb_array"]])
+def test_frames_that_cannot_be_taken_are_refused_in_time(tmp_path: Path, modes: list[str]) -> None:
+    """No run without the frames that were asked for: no mode, or a factory that takes none."""
+
+    def make() -> Walk:
+        env = Walk()
+        env.render_mode = None
+        env.metadata = {**Walk.metadata, "render_modes": modes}
+        return env
+
+    with pytest.raises(EvidenceError, match="no frames can be taken"):
+        rollout(make, episodes=1, out=tmp_path / "run", frames=True)
+    assert not (tmp_path / "run").exists()

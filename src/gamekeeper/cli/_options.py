@@ -61,7 +61,12 @@ LevelOption: TypeAlias = Annotated[
     typer.Option("--level", help="digest: observations as digests only, the same fingerprint."),
 ]
 FramesOption: TypeAlias = Annotated[
-    bool, typer.Option("--frames", help="Also render once a turn, into RUN/frames.")
+    bool,
+    typer.Option(
+        "--frames",
+        help="Also render once a turn, into RUN/frames; as rgb_array, else ansi, unless --kwargs "
+        "names a render_mode.",
+    ),
 ]
 TurnsOption: TypeAlias = Annotated[
     int | None,

@@ -21,6 +21,7 @@ from gamekeeper.game.open import Opened, open_env
 from gamekeeper.game.policy import EVERYONE, resolve
 from gamekeeper.record.bundle import load
 from gamekeeper.record.recorder import Recorder
+from gamekeeper.record.rendered import open_rendered
 from gamekeeper.run.memory import MemorySink
 from gamekeeper.run.play import play
 
@@ -91,6 +92,8 @@ def rollout(
         episodes: how many.
         seed: of the run.
         out: the folder of a bundle; None keeps the evidence in memory.
+        frames: also render() once a turn, into `frames/`; `render_mode` is chosen where it isn't
+            among `env_kwargs`.
         most_turns: longer episodes are cut; None: 100,000.
         after_turn: called after every turn.
         after_episode: called after every episode with how many have been played.
@@ -107,7 +110,8 @@ def rollout(
         raise EvidenceError(
             "nothing is to be played", where="episodes", expected="at least 1", seen=str(episodes)
         )
-    opened = open_env(spec, **dict(env_kwargs or {}))
+    given = dict(env_kwargs or {})
+    opened = open_rendered(spec, given) if frames else open_env(spec, **given)
     try:
         declared = declared_contract(contract, opened)
         cast = cast_of(policies, opened.env, declared)  # may refuse: no folder yet
