@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -379,3 +380,18 @@ def test_replay_closes_the_environment_it_was_handed(tmp_path: Path) -> None:
     replay_evidence(load(tmp_path / "run"), opened)
 
     assert closed == [True]
+
+
+def test_replay_renders_where_the_recording_did(tmp_path: Path) -> None:
+    """What rendering leaves in later observations is there again; without it, that would differ."""
+    shaken = (
+        ("render_mode = None", 'render_mode = "ansi"\n    shown = 0'),
+        ("        return {agent: self.rng.normal(size=3) for agent in self.agents}",
+         "        return {agent: self.rng.normal(size=3) + self.shown for agent in self.agents}\n\n"
+         "    def render(self):\n        self.shown += 1\n        return str(self.turn)"),
+    )  # fmt: skip
+    played(tmp_path, *shaken, frames=True)
+    assert replay(tmp_path / "run", allow_import=True).verified
+
+    shutil.rmtree(tmp_path / "run" / "frames")
+    assert replay(tmp_path / "run", allow_import=True).verified

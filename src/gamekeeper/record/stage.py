@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from gamekeeper.core.canon import from_json, is_exact
@@ -36,6 +37,15 @@ def compact(plain: object) -> str:
     return json.dumps(plain, separators=(",", ":"), ensure_ascii=False)
 
 
+class _Unkept(MemorySink):
+    """Lets frames go: that they are rendered is what matters."""
+
+    __slots__ = ()
+
+    def frame(self, episode: int, turn: int, frame: Any) -> None:
+        """Drops a frame."""
+
+
 class Stage:
     """Plays recorded episodes again in one environment, one after the other."""
 
@@ -44,12 +54,15 @@ class Stage:
     ) -> None:
         """Sets up `opened` as it was set up for `evidence`."""
         self._evidence, self._opened, self._after_turn = evidence, opened, after_turn
-        self._sink = MemorySink(
+        self._sink = _Unkept(
             terms=tuple(evidence.manifest.get("terms") or ()),
             volatile=evidence.contract.volatile_infos(),
         )
         self._game = game_of(
-            opened.env, sink=self._sink, state=evidence.tables.table("states") is not None
+            opened.env,
+            sink=self._sink,
+            frames=_was_rendered(evidence),
+            state=evidence.tables.table("states") is not None,
         )
 
     def play(self, trace: Trace, cast: Cast | None = None) -> Trace:
@@ -82,6 +95,14 @@ class Stage:
 
     def _kept(self) -> Evidence:
         return self._sink.evidence(self._opened.identity, contract=self._evidence.contract)
+
+
+def _was_rendered(evidence: Evidence) -> bool:
+    """Whether frames were taken: render() may leave traces in what agents see (pistonball's do)."""
+    seal = evidence.manifest.get("seal") or {}  # names them even where they were taken away since
+    if any(name.startswith("frames/") for name in seal.get("files", ())):
+        return True
+    return evidence.path is not None and (Path(evidence.path) / "frames").is_dir()
 
 
 def _check_actions(trace: Trace) -> None:
