@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -85,8 +86,8 @@ def test_workers_leave_no_descriptor_and_no_zombie() -> None:
     ways = ["crash", "raise_speechless", "read_input", "return_a_set", "recurse"] * 10
     assert len([run(way) for way in ways]) == 50
     assert before == descriptors()
-    with pytest.raises(ChildProcessError):
-        os.waitpid(-1, os.WNOHANG)
+    with suppress(ChildProcessError):  # none at all, or some of another test's that still runs
+        assert os.waitpid(-1, os.WNOHANG) == (0, 0)
 
 
 def test_workers_end_what_a_task_left_behind(fifo: Path) -> None:
