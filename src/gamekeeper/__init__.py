@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from gamekeeper.core.contract import Contract
-    from gamekeeper.game.opened import Env
+    from gamekeeper.game.opening.opened import Env
     from gamekeeper.game.tick_env import TickEnv
     from gamekeeper.game.to_aec import to_aec
     from gamekeeper.game.to_parallel import to_parallel
@@ -67,7 +67,7 @@ def make(spec: object, /, *, slim: bool = True, **kwargs: Any) -> Env:
     Raises:
         SpecError: nothing can be opened under that name; says what was looked for.
     """
-    from gamekeeper.game import slim as slimming
+    from gamekeeper.game.converting import slim as slimming
     from gamekeeper.game.open import open_env
 
     env = open_env(spec, **kwargs).env

@@ -4,9 +4,9 @@ from gymnasium import spaces
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamekeeper.core.agent_spec import AgentSpec, agent_spec, as_action
 from gamekeeper.core.contract import Contract
-from gamekeeper.core.contract_parts import frozen
+from gamekeeper.core.contract.agent_spec import AgentSpec, agent_spec, as_action
+from gamekeeper.core.contract.parts import frozen
 from gamekeeper.errors import ContractError
 
 BOX = spaces.Box(-1, 1, (2,), np.float32)

@@ -19,8 +19,8 @@ from gymnasium.spaces import GraphInstance
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamekeeper.core import canon_write
 from gamekeeper.core.canon import Opaque, drop, from_json, is_exact, shown, to_json, type_name
+from gamekeeper.core.canon import write as canon_write
 from gamekeeper.errors import EvidenceError
 from tests.core.sameness import same
 
@@ -237,7 +237,7 @@ def test_canon_does_not_depend_on_the_hash_seed() -> None:
         "print(to_json({'live': set(names), 'sides': {frozenset({a, 'b', 1}): a for a in names},"
         " 'who': dict.fromkeys(set(names), 1.5)}))"
     )
-    source = str(Path(canon_write.__file__).parents[2])
+    source = str(Path(canon_write.__file__).parents[3])
     texts = {
         subprocess.run(
             [sys.executable, "-c", code],

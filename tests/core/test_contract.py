@@ -20,7 +20,7 @@ from gamekeeper.core.contract import (
     Schedule,
     Seeds,
 )
-from gamekeeper.core.contract_parts import (
+from gamekeeper.core.contract.parts import (
     AFTER_END,
     CONFLICTS,
     ENDING_KINDS,
@@ -29,8 +29,8 @@ from gamekeeper.core.contract_parts import (
     ORDERS,
     RESERVED,
 )
-from gamekeeper.core.contract_read import DTYPES
-from gamekeeper.core.questions import open_questions
+from gamekeeper.core.contract.questions import open_questions
+from gamekeeper.core.contract.read import DTYPES
 from gamekeeper.errors import ContractError
 
 WAREHOUSE = """\

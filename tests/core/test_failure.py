@@ -2,7 +2,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamekeeper.core.failure import Failure
+from gamekeeper.core.contract.failure import Failure
 from gamekeeper.errors import ContractError
 
 VALUES = {"deliveries": 2, "return": -1.5, "picker.grasps": 4, "met": True, "ending": "battery"}

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamekeeper.core.pattern import exact, is_exact, matches, overlap
+from gamekeeper.core.contract.pattern import exact, is_exact, matches, overlap
 
 patterns = st.text("ab*?[]!-", max_size=7)
 names = st.text("ab-![]*", max_size=6)

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 
-from gamekeeper.core.agent_spec import AgentSpec
 from gamekeeper.core.contract import Contract
-from gamekeeper.core.questions import open_questions
+from gamekeeper.core.contract.agent_spec import AgentSpec
+from gamekeeper.core.contract.questions import open_questions
 
 WHOLE = """
 name = "a_v0"

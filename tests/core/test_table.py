@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamekeeper.core.table import Table
+from gamekeeper.core.contract.table import Table
 
 rows = st.dictionaries(st.text(max_size=3), st.integers())
 

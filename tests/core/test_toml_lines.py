@@ -3,7 +3,7 @@ import tomllib
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamekeeper.core.toml_lines import key_lines
+from gamekeeper.core.contract.toml_lines import key_lines
 
 TEXT = (
     """\

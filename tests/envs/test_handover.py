@@ -12,7 +12,7 @@ from pettingzoo.test.state_test import test_state as check_state
 from pettingzoo.test.state_test import test_state_space as check_state_space
 
 import gamekeeper.envs  # noqa: F401  # registers the tasks
-from gamekeeper.core.questions import open_questions
+from gamekeeper.core.contract.questions import open_questions
 from gamekeeper.envs.handover import GIVER, RECEIVER, Handover
 from gamekeeper.envs.handover_policies import GRASP, REACH, RELEASE, RETRACT, WAIT
 from gamekeeper.envs.knobs import LABELS

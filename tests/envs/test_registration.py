@@ -5,7 +5,7 @@ import pettingzoo
 import pytest
 
 import gamekeeper.envs  # noqa: F401  # registers the tasks
-from gamekeeper.core.questions import open_questions
+from gamekeeper.core.contract.questions import open_questions
 from gamekeeper.game.draft import agent_specs
 from gamekeeper.game.open import open_env
 

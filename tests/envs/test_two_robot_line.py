@@ -13,7 +13,7 @@ from pettingzoo.test import (
 from pettingzoo.utils.conversions import parallel_to_aec
 
 import gamekeeper.envs  # noqa: F401  # registers the tasks
-from gamekeeper.core.questions import open_questions
+from gamekeeper.core.contract.questions import open_questions
 from gamekeeper.envs.knobs import LABELS
 from gamekeeper.envs.two_robot_line import KNOBS, TwoRobotLine
 from gamekeeper.errors import SpecError

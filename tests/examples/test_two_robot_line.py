@@ -5,7 +5,7 @@ import pytest
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 from examples.two_robot_line import make
-from gamekeeper.core.agent_spec import AgentSpec
+from gamekeeper.core.contract.agent_spec import AgentSpec
 from gamekeeper.game.contract_file import load_contract
 from gamekeeper.game.draft import agent_specs, draft_contract, open_questions
 

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamekeeper.errors import ActionError, ContractError, OrderError
-from gamekeeper.game.circle import Circle
+from gamekeeper.game.authoring.circle import Circle
 from gamekeeper.game.turn_env import TurnEnv
 from tests.game.scripted import (
     SCRIPTS,

@@ -12,7 +12,7 @@ from numpy.random import Generator
 
 from gamekeeper.core.seeds import policy_rng
 from gamekeeper.errors import ActionError, PolicyError
-from gamekeeper.game.cast import Cast, assign
+from gamekeeper.game.casting.cast import Cast, assign
 
 AGENTS = ["picker_0", "picker_1", "carrier_0"]
 FOUR = spaces.Discrete(4)

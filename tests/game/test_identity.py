@@ -10,7 +10,7 @@ import pytest
 
 from gamekeeper.errors import SpecError
 from gamekeeper.game.open import open_env, reopen
-from gamekeeper.game.opened import Opened
+from gamekeeper.game.opening.opened import Opened
 from tests.game.toys import PARALLEL_TEXT
 
 Write = Callable[..., str]

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamekeeper.errors import PolicyError
-from gamekeeper.game.cast import Cast, assign
+from gamekeeper.game.casting.cast import Cast, assign
 
 DISCRETE = spaces.Discrete
 SPACES = [

@@ -8,7 +8,7 @@ import pytest
 
 from gamekeeper.core.stream import Stream
 from gamekeeper.errors import ContractError
-from gamekeeper.game.reserved import reserved_names
+from gamekeeper.game.authoring.reserved import reserved_names
 from gamekeeper.game.tick_env import TickEnv
 from gamekeeper.game.turn_env import TurnEnv
 from tests.game.relays import TickRelay, TurnRelay

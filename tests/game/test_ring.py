@@ -15,9 +15,9 @@ from hypothesis.extra import numpy as npst
 
 from gamekeeper.core.press import Press
 from gamekeeper.core.tape import Place
-from gamekeeper.game import ring as ring_module
+from gamekeeper.game.capture import ring as ring_module
+from gamekeeper.game.capture.ring import Ring, Rings
 from gamekeeper.game.faces import face_of, game_of
-from gamekeeper.game.ring import Ring, Rings
 from gamekeeper.run.memory import MemorySink
 from tests.game.door_games import (
     IDENTITY,

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from pettingzoo.classic import rps_v2, tictactoe_v3
 from pettingzoo.utils.conversions import aec_to_parallel, parallel_to_aec
 
+from gamekeeper.game.converting.slim import slim
 from gamekeeper.game.open import open_env
-from gamekeeper.game.slim import slim
 from gamekeeper.game.to_aec import ToAEC, to_aec
 from gamekeeper.game.to_parallel import ToParallel, to_parallel
 from gamekeeper.record.recording import rollout

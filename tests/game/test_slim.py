@@ -22,8 +22,8 @@ from pettingzoo.utils.conversions import aec_to_parallel, parallel_to_aec
 from pettingzoo.utils.env_logger import EnvLogger
 
 from gamekeeper.errors import ActionError, OrderError
-from gamekeeper.game.slim import SlimParallel, SlimToAEC, described_slim, slim
-from gamekeeper.game.slim_aec import SlimAEC
+from gamekeeper.game.converting.slim import SlimParallel, SlimToAEC, described_slim, slim
+from gamekeeper.game.converting.slim_aec import SlimAEC
 from tests.game.relays import TickRelay, TurnRelay
 from tests.game.ticking import SCRIPTS, Round, Ticks, Turns, aec_rows, parallel_rows, plain
 from tests.game.toys import Pair

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gamekeeper.game.stillness import generators, is_still
+from gamekeeper.game.capture.stillness import generators, is_still
 
 
 class Holder:

@@ -204,7 +204,7 @@ def test_bare_word_never_loads_code(
 
 
 OPENER = """
-from gamekeeper.game.opened import NotHereError, Source
+from gamekeeper.game.opening.opened import NotHereError, Source
 from tests.game.toys import Pair
 
 SYNTAX = "barn:NAME"

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from gamekeeper.record.store import Store
+from gamekeeper.record.files.store import Store
 
 AGENTS = ("carrier_0", "picker_0")
 

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from gamekeeper.record.manifest import MANIFEST, manifest_digest, render
+from gamekeeper.record.files.manifest import MANIFEST, manifest_digest, render
 
 
 def reseal(run: Path, **entries: Any) -> None:

@@ -19,10 +19,10 @@ from gymnasium import spaces
 from gamekeeper.errors import BundleError, EvidenceError
 from gamekeeper.record import recorder as recorders
 from gamekeeper.record.bundle import load
+from gamekeeper.record.files.store import Store
 from gamekeeper.record.recorder import FLUSH_TURNS, MOST_TURNS, Recorder
 from gamekeeper.record.recording import record
 from gamekeeper.record.recover import recover
-from gamekeeper.record.store import Store
 from gamekeeper.record.verify import verify
 from tests.record.plays import WALKS, played, step_through
 from tests.record.walks import Walk

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from gamekeeper.errors import BundleError, EvidenceError
-from gamekeeper.record.manifest import render
-from gamekeeper.record.seal import check_seal, verify_notes
-from gamekeeper.record.store import Store, annotate, read, read_notes
+from gamekeeper.record.files.manifest import render
+from gamekeeper.record.files.seal import check_seal, verify_notes
+from gamekeeper.record.files.store import Store, annotate, read, read_notes
 from tests.record import bundles
 
 

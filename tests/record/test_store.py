@@ -4,9 +4,9 @@ import pyarrow as pa
 import pytest
 
 from gamekeeper.errors import BundleError, EvidenceError
-from gamekeeper.record import roller, store
-from gamekeeper.record.seal import check_seal
-from gamekeeper.record.store import Store, read
+from gamekeeper.record.files import roller, store
+from gamekeeper.record.files.seal import check_seal
+from gamekeeper.record.files.store import Store, read
 from tests.record import bundles
 
 

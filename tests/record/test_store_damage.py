@@ -14,14 +14,14 @@ import pyarrow.parquet as pq
 import pytest
 
 from gamekeeper.errors import BundleError
-from gamekeeper.record import limits
-from gamekeeper.record.limits import check_growth
-from gamekeeper.record.manifest import DEPTH, render
-from gamekeeper.record.seal import commit
-from gamekeeper.record.segment_reader import SegmentReader
-from gamekeeper.record.store import read, seal_recovered
-from gamekeeper.record.table_reader import TableReader
-from gamekeeper.record.table_writer import write_table
+from gamekeeper.record.files import limits
+from gamekeeper.record.files.limits import check_growth
+from gamekeeper.record.files.manifest import DEPTH, render
+from gamekeeper.record.files.seal import commit
+from gamekeeper.record.files.segment_reader import SegmentReader
+from gamekeeper.record.files.store import read, seal_recovered
+from gamekeeper.record.files.table_reader import TableReader
+from gamekeeper.record.files.table_writer import write_table
 from tests.record import bundles
 
 

@@ -10,13 +10,13 @@ from pathlib import Path
 import pytest
 
 from gamekeeper.errors import BundleError, EvidenceError
-from gamekeeper.record import folder
-from gamekeeper.record.store import Store, read
+from gamekeeper.record.files import folder
+from gamekeeper.record.files.store import Store, read
 from tests.record import bundles
 
 FULL = """
 import resource, sys
-from gamekeeper.record.store import Store, read
+from gamekeeper.record.files.store import Store, read
 from gamekeeper.errors import BundleError
 from tests.record import bundles
 store = Store.create(sys.argv[1], {}, segment_bytes=int(sys.argv[3]))
@@ -84,7 +84,7 @@ def test_create_says_what_the_system_refused(
         raise OSError(code, os.strerror(code))
 
     # Permission bits don't bind the superuser, who often runs tests in containers.
-    monkeypatch.setattr("gamekeeper.record.claim.write_all", refuse)
+    monkeypatch.setattr("gamekeeper.record.files.claim.write_all", refuse)
     with pytest.raises(BundleError, match=os.strerror(code)) as caught:
         Store.create(tmp_path / "b", {})
     assert folder.MENDS[code] == caught.value.mend
@@ -111,7 +111,8 @@ def test_second_recorder_is_refused(tmp_path: Path) -> None:
 def test_one_of_many_recorders_gets_the_folder(tmp_path: Path) -> None:
     """Started at once on one folder, one process gets it, and the others get a BundleError."""
     script = (
-        "import sys; from gamekeeper.record.store import Store; from gamekeeper.errors import *\n"
+        "import sys\n"
+        "from gamekeeper.record.files.store import Store; from gamekeeper.errors import *\n"
         "sys.stdout.write('ready\\n'); sys.stdout.flush(); sys.stdin.readline()\n"
         "try: Store.create(sys.argv[1], {})\n"
         "except BundleError: print('refused')\n"
@@ -157,7 +158,7 @@ def test_append_on_a_full_disk_keeps_whole_batches(
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     with monkeypatch.context() as patch:
-        patch.setattr("gamekeeper.record.segment_writer.write_all", half)
+        patch.setattr("gamekeeper.record.files.segment_writer.write_all", half)
         with pytest.raises(BundleError, match="No space left") as caught:
             made.append("steps", bundles.steps(1, 0, 2))
     assert "free some space" in caught.value.mend

@@ -16,17 +16,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamekeeper.errors import BundleError
-from gamekeeper.record import seal as seal_module
-from gamekeeper.record.seal import check_seal
-from gamekeeper.record.segment_reader import SegmentReader
-from gamekeeper.record.segment_writer import SegmentWriter
-from gamekeeper.record.store import Bundle, Store, read, seal_recovered
-from gamekeeper.record.whole import whole_turns
+from gamekeeper.record.files import seal as seal_module
+from gamekeeper.record.files.seal import check_seal
+from gamekeeper.record.files.segment_reader import SegmentReader
+from gamekeeper.record.files.segment_writer import SegmentWriter
+from gamekeeper.record.files.store import Bundle, Store, read, seal_recovered
+from gamekeeper.record.files.whole import whole_turns
 from tests.record import bundles
 
 APPENDING = """
 import os, sys
-from gamekeeper.record.store import Store
+from gamekeeper.record.files.store import Store
 from tests.record import bundles
 store = Store.create(sys.argv[1], {}, segment_bytes=int(sys.argv[2]))
 store.append("episodes", bundles.begin(0))
@@ -216,7 +216,7 @@ def _drafts(store: Store) -> dict[str, tuple[Path, int, str]]:
     """What sealing has written just before it gives the files their names."""
     found: dict[str, tuple[Path, int, str]] = {}
     original = seal_module.commit
-    module = sys.modules["gamekeeper.record.store"]
+    module = sys.modules["gamekeeper.record.files.store"]
     try:
         module.commit = lambda _folder, _manifest, files: found.update(files)  # type: ignore
         store._seal({})
@@ -305,7 +305,7 @@ def test_bundle_sealed_while_it_is_read_is_read_sealed(
     """Segments that vanish in the middle of reading don't make the run look empty."""
     store = Store.create(tmp_path / "b", {})
     bundles.fill(store)
-    module = sys.modules["gamekeeper.record.reading"]
+    module = sys.modules["gamekeeper.record.files.reading"]
     original = module._read_open
 
     def read_late(*arguments: object, **options: object) -> Bundle:

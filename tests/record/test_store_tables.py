@@ -12,12 +12,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamekeeper.record import table_writer
-from gamekeeper.record.segment_reader import SegmentReader
-from gamekeeper.record.segment_writer import SegmentWriter
-from gamekeeper.record.store import read
-from gamekeeper.record.table_reader import TableReader
-from gamekeeper.record.table_writer import write_table
+from gamekeeper.record.files import table_writer
+from gamekeeper.record.files.segment_reader import SegmentReader
+from gamekeeper.record.files.segment_writer import SegmentWriter
+from gamekeeper.record.files.store import read
+from gamekeeper.record.files.table_reader import TableReader
+from gamekeeper.record.files.table_writer import write_table
 from tests.record import bundles
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from gamekeeper.record.bundle import load
-from gamekeeper.record.store import Store
+from gamekeeper.record.files.store import Store
 from gamekeeper.record.tasks import record_task
 from tests.record.plays import write_env
 

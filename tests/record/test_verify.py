@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from gamekeeper.errors import BundleError
 from gamekeeper.record.bundle import load
-from gamekeeper.record.folder import digest_file
+from gamekeeper.record.files.folder import digest_file
 from gamekeeper.record.recorder import Recorder
 from gamekeeper.record.verify import digest_again, verify
 from tests.record.plays import played

@@ -6,9 +6,9 @@ from gymnasium import spaces
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamekeeper.core.agent_spec import AgentSpec
 from gamekeeper.core.contract import Contract, Question
-from gamekeeper.core.questions import open_questions
+from gamekeeper.core.contract.agent_spec import AgentSpec
+from gamekeeper.core.contract.questions import open_questions
 from gamekeeper.report.card import card_json, card_markdown, card_text, card_toml
 
 CONTRACT = Contract.parse(

@@ -1,7 +1,7 @@
 import pytest
 
 from gamekeeper.core.contract import Contract
-from gamekeeper.core.questions import open_questions
+from gamekeeper.core.contract.questions import open_questions
 from gamekeeper.errors import ContractError
 from gamekeeper.report.scaffold.advice import advise
 from gamekeeper.report.scaffold.answers import Answers, plan_of

@@ -80,7 +80,7 @@ def test_rule_finds(rule: Rule, module: str, source: str) -> None:
         (misplaced_imports, "gamekeeper.audit.specimens.clean", "from pettingzoo import AECEnv"),
         (impurities, "gamekeeper.core.seeds", "rng = np.random.Generator(np.random.PCG64(seed))"),
         (impurities, "gamekeeper.core.canon", "from io import BytesIO\nfrom os import PathLike"),
-        (impurities, "gamekeeper.record.store", "import os, time\nopen('x')"),
+        (impurities, "gamekeeper.record.files.store", "import os, time\nopen('x')"),
     ],
 )
 def test_rule_lets_pass(rule: Rule, module: str, source: str) -> None:

@@ -11,9 +11,9 @@ from gamekeeper.cli._worker import error_in
 from gamekeeper.run.workers import run_task
 
 if TYPE_CHECKING:
-    from gamekeeper.core.agent_spec import AgentSpec
     from gamekeeper.core.contract import Contract
-    from gamekeeper.core.question import Question
+    from gamekeeper.core.contract.agent_spec import AgentSpec
+    from gamekeeper.core.contract.question import Question
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,9 +69,9 @@ def look_at(
 
 
 def _form(value: Any) -> Form:
-    from gamekeeper.core.agent_spec import agent_spec
     from gamekeeper.core.contract import Contract
-    from gamekeeper.core.question import Question
+    from gamekeeper.core.contract.agent_spec import agent_spec
+    from gamekeeper.core.contract.question import Question
 
     contract = Contract.from_json(value["contract"])
     agents = [
@@ -98,6 +98,6 @@ def _form(value: Any) -> Form:
 
 
 def _space(described: Any) -> Any:
-    from gamekeeper.core.space_json import space_from_json
+    from gamekeeper.core.space.plain import space_from_json
 
     return None if described is None else space_from_json(described)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from gamekeeper.core.stream import Stream
 from gamekeeper.errors import SpecError
-from gamekeeper.game.construct import nearest
+from gamekeeper.game.opening.construct import nearest
 
 FLOOR, WALL, SHELF, HAND_OVER, DOCK, CHARGER = LETTERS = ".#shdc"
 CLOSED: Final = (WALL, SHELF)

@@ -60,7 +60,7 @@ from gamekeeper.envs.warehouse_moves import ACTIONS, HANDLE, NOOP, Robot, refuse
 from gamekeeper.envs.warehouse_policies import greedy, lazy, reference
 from gamekeeper.envs.warehouse_sight import Sight, state_of, state_space
 from gamekeeper.errors import SpecError
-from gamekeeper.game.authored import Authored
+from gamekeeper.game.authoring.authored import Authored
 from gamekeeper.game.tick_env import TickEnv
 
 DELIVERY: Final = 1.0

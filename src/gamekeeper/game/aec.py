@@ -17,10 +17,9 @@ from time import perf_counter_ns
 from typing import Any, Final
 
 from gamekeeper.core.tape import Place
-from gamekeeper.game.accounts import books_of, entry_of, paid_others, pays_others, reward_in
-from gamekeeper.game.door import AgentId, Game
-from gamekeeper.game.flags import Flags
-from gamekeeper.game.oddity import (
+from gamekeeper.game.capture.accounts import books_of, entry_of, paid_others, pays_others, reward_in
+from gamekeeper.game.capture.flags import Flags
+from gamekeeper.game.capture.oddity import (
     BOOLS,
     EXACT,
     REALS,
@@ -30,6 +29,7 @@ from gamekeeper.game.oddity import (
     reward_of,
     type_name_of,
 )
+from gamekeeper.game.door import AgentId, Game
 
 _NEVER: Final = object()
 _NOTHING_DONE: Final = (None, None, None, None, None, None)

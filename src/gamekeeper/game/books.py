@@ -23,9 +23,9 @@ from gymnasium.spaces import Space
 from pettingzoo import AECEnv
 
 from gamekeeper.errors import ActionError, OrderError
-from gamekeeper.game.circle import Circle
-from gamekeeper.game.legality import judge, learn_ranges, refused
-from gamekeeper.game.verbs import (
+from gamekeeper.game.authoring.circle import Circle
+from gamekeeper.game.authoring.legality import judge, learn_ranges, refused
+from gamekeeper.game.authoring.verbs import (
     HORIZON,
     AgentId,
     Touched,

@@ -9,7 +9,7 @@ from typing import Any
 
 from gamekeeper.core.contract import Contract
 from gamekeeper.game.contract_file import load_contract
-from gamekeeper.game.opened import Opened
+from gamekeeper.game.opening.opened import Opened
 
 
 def declared_contract(

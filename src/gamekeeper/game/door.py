@@ -25,11 +25,11 @@ from gamekeeper.core.layout import Seat
 from gamekeeper.core.space import Codec
 from gamekeeper.core.tape import EpisodeEnd, EpisodeStart, cut_back
 from gamekeeper.errors import EvidenceError
-from gamekeeper.game.infos import InfoTexts
-from gamekeeper.game.oddity import odd, odd_type, type_name_of
-from gamekeeper.game.packers import Pack, action_packer, observation_packer, other_whole
-from gamekeeper.game.sink import Sink
-from gamekeeper.game.stillness import is_still
+from gamekeeper.game.capture.infos import InfoTexts
+from gamekeeper.game.capture.oddity import odd, odd_type, type_name_of
+from gamekeeper.game.capture.packers import Pack, action_packer, observation_packer, other_whole
+from gamekeeper.game.capture.sink import Sink
+from gamekeeper.game.capture.stillness import is_still
 
 __all__ = ["AgentId", "Game", "Pack", "Sink", "type_name_of"]
 

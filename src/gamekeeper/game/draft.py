@@ -9,12 +9,12 @@ from typing import Any, Final, TypeAlias
 from gymnasium import spaces
 from pettingzoo import AECEnv, ParallelEnv
 
-from gamekeeper.core.agent_spec import AgentSpec, Space, agent_spec
 from gamekeeper.core.contract import Contract, Question, Role
-from gamekeeper.core.contract_parts import RESERVED
-from gamekeeper.core.contract_values import can_be_told
-from gamekeeper.core.pattern import exact, matches
-from gamekeeper.core.questions import open_questions
+from gamekeeper.core.contract.agent_spec import AgentSpec, Space, agent_spec
+from gamekeeper.core.contract.parts import RESERVED
+from gamekeeper.core.contract.pattern import exact, matches
+from gamekeeper.core.contract.questions import open_questions
+from gamekeeper.core.contract.values import can_be_told
 from gamekeeper.errors import ContractError
 
 __all__ = ["agent_specs", "draft_contract", "draft_questions", "open_questions"]

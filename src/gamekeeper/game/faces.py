@@ -8,9 +8,9 @@ from typing import Any, ClassVar, Final
 
 from pettingzoo import AECEnv, ParallelEnv
 
-from gamekeeper.game.accounts import books_of
 from gamekeeper.game.aec import AECGame, BooksGame
 from gamekeeper.game.books import Books
+from gamekeeper.game.capture.accounts import books_of
 from gamekeeper.game.door import AgentId, Game
 from gamekeeper.game.parallel import ParallelGame
 

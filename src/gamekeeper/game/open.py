@@ -10,9 +10,18 @@ from typing import Any, Final
 from gamekeeper import plugins
 from gamekeeper.core.canon import from_json, is_exact
 from gamekeeper.errors import GamekeeperError, SpecError
-from gamekeeper.game.construct import build, foreign
-from gamekeeper.game.identity import identity_of, spec_of
-from gamekeeper.game.opened import APIS, Env, NotHereError, Opened, Opener, Source, api_of, convert
+from gamekeeper.game.opening.construct import build, foreign
+from gamekeeper.game.opening.identity import identity_of, spec_of
+from gamekeeper.game.opening.opened import (
+    APIS,
+    Env,
+    NotHereError,
+    Opened,
+    Opener,
+    Source,
+    api_of,
+    convert,
+)
 
 __all__ = ["GROUP", "Opened", "distrust", "open_env", "reopen"]
 

@@ -9,8 +9,8 @@ from time import perf_counter_ns
 from typing import Any, Final
 
 from gamekeeper.core.tape import GIVEN, Place
+from gamekeeper.game.capture.oddity import MISSING, flag_of, odd, reward_of, type_name_of
 from gamekeeper.game.door import AgentId, Game, Pack
-from gamekeeper.game.oddity import MISSING, flag_of, odd, reward_of, type_name_of
 
 Move = tuple[int | None, Any, tuple[str, ...] | None]  # order, packed action, odd
 NO_MOVE: Final[Move] = (None, None, None)

@@ -12,10 +12,10 @@ from numpy.random import Generator
 
 from gamekeeper import plugins
 from gamekeeper.errors import PolicyError, SpecError
-from gamekeeper.game.construct import foreign, nearest
-from gamekeeper.game.identity import source_digest
-from gamekeeper.game.load import load_file, load_module, split_file
-from gamekeeper.game.seat import SeatedPolicy
+from gamekeeper.game.casting.seat import SeatedPolicy
+from gamekeeper.game.opening.construct import foreign, nearest
+from gamekeeper.game.opening.identity import source_digest
+from gamekeeper.game.opening.load import load_file, load_module, split_file
 
 GROUP: Final = "gamekeeper.policies"
 _PACKAGE: Final = "gamekeeper.game.policies"

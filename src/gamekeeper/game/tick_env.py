@@ -9,9 +9,9 @@ from gymnasium.spaces import Space
 from pettingzoo import ParallelEnv
 
 from gamekeeper.errors import ActionError
-from gamekeeper.game.authored import Authored
-from gamekeeper.game.legality import learn_ranges
-from gamekeeper.game.verbs import (
+from gamekeeper.game.authoring.authored import Authored
+from gamekeeper.game.authoring.legality import learn_ranges
+from gamekeeper.game.authoring.verbs import (
     HORIZON,
     AgentId,
     Touched,

@@ -10,9 +10,9 @@ from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils.conversions import aec_to_parallel_wrapper
 
 from gamekeeper.errors import ContractError, SpecError
-from gamekeeper.game.around import Around
+from gamekeeper.game.authoring.verbs import TERMINATED, TRUNCATED, AgentId, before_reset
 from gamekeeper.game.books import Books
-from gamekeeper.game.verbs import TERMINATED, TRUNCATED, AgentId, before_reset
+from gamekeeper.game.converting.around import Around
 
 REWARDS: Final = (float, int, np.generic, np.ndarray)  # an array: a reward of several objectives
 PARTS: Final = ("observations", "rewards", "terminations", "truncations")

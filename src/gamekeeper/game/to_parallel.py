@@ -11,11 +11,11 @@ from pettingzoo.utils.wrappers import OrderEnforcingWrapper
 
 from gamekeeper.core.contract import Contract
 from gamekeeper.errors import ContractError, SpecError
-from gamekeeper.game.around import Around
-from gamekeeper.game.tick import Step, Tick
-from gamekeeper.game.tick_rewards import Totals
+from gamekeeper.game.authoring.verbs import AgentId, before_reset
+from gamekeeper.game.converting.around import Around
+from gamekeeper.game.converting.tick import Step, Tick
+from gamekeeper.game.converting.tick_rewards import Totals
 from gamekeeper.game.to_aec import ToAEC
-from gamekeeper.game.verbs import AgentId, before_reset
 
 DECLARED: Final = "as declared"
 STYLES: Final = ("cycle", "turn")

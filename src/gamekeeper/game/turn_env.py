@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from gamekeeper.game.authored import Authored
+from gamekeeper.game.authoring.authored import Authored
 from gamekeeper.game.books import Books
 
 

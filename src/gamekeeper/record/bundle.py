@@ -7,11 +7,11 @@ from pathlib import Path
 
 from gamekeeper.core.evidence import Evidence
 from gamekeeper.core.tables import MemoryTables, Tables
-from gamekeeper.record.folder import reading
-from gamekeeper.record.manifest import MANIFEST, load_manifest, seal_of
-from gamekeeper.record.reading import check_sealed, read
-from gamekeeper.record.schema import STREAMS
-from gamekeeper.record.sealed import SealedTables
+from gamekeeper.record.files.folder import reading
+from gamekeeper.record.files.manifest import MANIFEST, load_manifest, seal_of
+from gamekeeper.record.files.reading import check_sealed, read
+from gamekeeper.record.files.schema import STREAMS
+from gamekeeper.record.files.sealed import SealedTables
 
 
 def load(path: str | PathLike[str], *, check: bool = True, salvage: bool = False) -> Evidence:

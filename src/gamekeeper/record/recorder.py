@@ -24,12 +24,12 @@ from gamekeeper.core.merge import merged_episodes
 from gamekeeper.core.press import LEVELS, Press
 from gamekeeper.core.tape import GIVEN, TURN, Place, Reel, Tape, take
 from gamekeeper.errors import BundleError, EvidenceError, GamekeeperError
+from gamekeeper.game.capture.ring import Rings
 from gamekeeper.game.door import type_name_of
-from gamekeeper.game.ring import Rings
-from gamekeeper.record.folder import replace
+from gamekeeper.record.files.folder import replace
+from gamekeeper.record.files.manifest import FORMAT_VERSION, MANIFEST, render
+from gamekeeper.record.files.store import Store
 from gamekeeper.record.frames import encode_frame
-from gamekeeper.record.manifest import FORMAT_VERSION, MANIFEST, render
-from gamekeeper.record.store import Store
 
 FLUSH_S: Final = 0.04
 FLUSH_TURNS: Final = 4096

@@ -14,7 +14,7 @@ from gamekeeper.core.contract import Contract
 from gamekeeper.core.evidence import Evidence
 from gamekeeper.core.layout import role
 from gamekeeper.errors import EnvError, EvidenceError, GamekeeperError
-from gamekeeper.game.cast import Cast, Choices, assign
+from gamekeeper.game.casting.cast import Cast, Choices, assign
 from gamekeeper.game.declared import declared_contract
 from gamekeeper.game.faces import AECFace, ParallelFace, face_of, game_of
 from gamekeeper.game.open import Opened, open_env

@@ -12,7 +12,7 @@ from gamekeeper.core.divergence import crossings
 from gamekeeper.core.evidence import Evidence, fingerprints
 from gamekeeper.core.press import EPISODES
 from gamekeeper.record.bundle import load
-from gamekeeper.record.recovered import seal_recovered
+from gamekeeper.record.files.recovered import seal_recovered
 from gamekeeper.record.verify import digest_again
 
 

@@ -17,7 +17,7 @@ from gamekeeper.core.evidence import IDENTITY, Evidence, fingerprints
 from gamekeeper.core.trace import Trace
 from gamekeeper.errors import EvidenceError, PolicyError, SpecError, TrustError
 from gamekeeper.game.open import distrust
-from gamekeeper.game.opened import Opened
+from gamekeeper.game.opening.opened import Opened
 from gamekeeper.game.policy import distrust_policy
 from gamekeeper.record.bundle import load
 from gamekeeper.record.cause import cause_of

@@ -13,7 +13,7 @@ from gamekeeper.core.trace import Trace
 from gamekeeper.errors import EvidenceError
 from gamekeeper.game.faces import game_of
 from gamekeeper.game.open import open_env, reopen
-from gamekeeper.game.opened import Opened
+from gamekeeper.game.opening.opened import Opened
 from gamekeeper.run.memory import MemorySink
 from gamekeeper.run.play import Cast
 from gamekeeper.run.rerun import replay_trace

@@ -15,13 +15,13 @@ from time import monotonic
 from typing import Any, Final
 
 from gamekeeper import errors
-from gamekeeper.core.space_json import space_to_json
+from gamekeeper.core.space.plain import space_to_json
 from gamekeeper.errors import EnvError, GamekeeperError
-from gamekeeper.game.construct import foreign_traceback
+from gamekeeper.game.converting.slim import described_slim
 from gamekeeper.game.declared import declared_contract
 from gamekeeper.game.draft import agent_specs, draft_contract, draft_questions
 from gamekeeper.game.open import open_env
-from gamekeeper.game.slim import described_slim
+from gamekeeper.game.opening.construct import foreign_traceback
 from gamekeeper.record.recording import rollout
 
 PROGRESS_S: Final = 0.05

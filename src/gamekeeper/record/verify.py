@@ -19,9 +19,9 @@ from gamekeeper.core.press import add_infos, state_digests
 from gamekeeper.core.trace import digests_of
 from gamekeeper.errors import BundleError, GamekeeperError
 from gamekeeper.record.bundle import load
-from gamekeeper.record.folder import read_bounded, reading
-from gamekeeper.record.manifest import FORMAT_VERSION, MANIFEST, MANIFEST_BYTES, load_manifest
-from gamekeeper.record.seal import Damage, check_seal, verify_notes
+from gamekeeper.record.files.folder import read_bounded, reading
+from gamekeeper.record.files.manifest import FORMAT_VERSION, MANIFEST, MANIFEST_BYTES, load_manifest
+from gamekeeper.record.files.seal import Damage, check_seal, verify_notes
 
 
 @dataclass(frozen=True, slots=True)

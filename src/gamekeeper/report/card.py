@@ -6,10 +6,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import zip_longest
 from typing import Final
 
-from gamekeeper.core.agent_spec import AgentSpec
 from gamekeeper.core.contract import Contract, Question
-from gamekeeper.core.places import one_line
-from gamekeeper.core.questions import open_questions
+from gamekeeper.core.contract.agent_spec import AgentSpec
+from gamekeeper.core.contract.places import one_line
+from gamekeeper.core.contract.questions import open_questions
 from gamekeeper.report.card_rows import Section, card_sections
 from gamekeeper.report.columns import columns_of, filled, wrapped
 from gamekeeper.report.space_text import space_text

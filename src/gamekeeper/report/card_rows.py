@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from itertools import groupby
 from typing import Final
 
-from gamekeeper.core.agent_spec import AgentSpec
 from gamekeeper.core.contract import Contract, Ending, InfoField, Knob, RewardTerm, Role
-from gamekeeper.core.contract_parts import NONE, patterns, plain
-from gamekeeper.core.contract_toml import value_text
-from gamekeeper.core.places import one_line
+from gamekeeper.core.contract.agent_spec import AgentSpec
+from gamekeeper.core.contract.parts import NONE, patterns, plain
+from gamekeeper.core.contract.places import one_line
+from gamekeeper.core.contract.toml import value_text
 from gamekeeper.report.space_text import space_text
 
 Row = tuple[str, ...]

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from gamekeeper.core.canon import from_json, to_json
-from gamekeeper.core.places import one_line
+from gamekeeper.core.contract.places import one_line
 from gamekeeper.report.card import card_text
 from gamekeeper.report.columns import columns_of, filled, wrapped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from gamekeeper.core.agent_spec import AgentSpec
     from gamekeeper.core.contract import Contract
+    from gamekeeper.core.contract.agent_spec import AgentSpec
     from gamekeeper.core.divergence import Divergence
     from gamekeeper.core.evidence import Evidence
     from gamekeeper.core.summary import Summary

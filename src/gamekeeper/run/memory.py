@@ -16,7 +16,7 @@ from gamekeeper.core.merge import merged_episodes, table_of
 from gamekeeper.core.press import Press, Pressed
 from gamekeeper.core.tables import MemoryTables
 from gamekeeper.core.tape import TURN, Tape, take
-from gamekeeper.game.ring import Rings
+from gamekeeper.game.capture.ring import Rings
 
 MOST_TURNS: Final = 4096  # on the tape before they become columns
 

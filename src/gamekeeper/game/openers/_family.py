@@ -9,10 +9,10 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from gamekeeper.errors import SpecError
-from gamekeeper.game.construct import nearest
-from gamekeeper.game.factory import find_factory
-from gamekeeper.game.load import current_folder_last, load_file, split_file, within
 from gamekeeper.game.openers import _packages
+from gamekeeper.game.opening.construct import nearest
+from gamekeeper.game.opening.factory import find_factory
+from gamekeeper.game.opening.load import current_folder_last, load_file, split_file, within
 
 ORDER: Final = 45
 """Words are read before `module:factory`, which has the same form."""

@@ -8,9 +8,9 @@ from types import ModuleType
 from typing import Final
 
 from gamekeeper.errors import DependencyError, SpecError
-from gamekeeper.game.installed import owner_of
-from gamekeeper.game.load import load_module
-from gamekeeper.game.opened import NotHereError
+from gamekeeper.game.opening.installed import owner_of
+from gamekeeper.game.opening.load import load_module
+from gamekeeper.game.opening.opened import NotHereError
 
 PIP: Final = {"gym": "gym==0.26.2", "pyspiel": "shimmy open-spiel", "shimmy": "shimmy open-spiel"}
 """What provides a module that is called otherwise."""

@@ -12,9 +12,9 @@ import pettingzoo
 
 from gamekeeper import plugins
 from gamekeeper.errors import SpecError
-from gamekeeper.game.construct import nearest
-from gamekeeper.game.load import load_module
-from gamekeeper.game.opened import NotHereError, Source
+from gamekeeper.game.opening.construct import nearest
+from gamekeeper.game.opening.load import load_module
+from gamekeeper.game.opening.opened import NotHereError, Source
 from gamekeeper.plugins import BrokenPlugin
 
 OURS: Final = "gamekeeper"

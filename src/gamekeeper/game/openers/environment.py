@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from gamekeeper.game.opened import Source, api_of
+from gamekeeper.game.opening.opened import Source, api_of
 
 SYNTAX: Final = "an environment object"
 ORDER: Final = 0

@@ -6,8 +6,8 @@ import sys
 from collections.abc import Callable
 from typing import Final
 
-from gamekeeper.game.load import FILE_MODULE
-from gamekeeper.game.opened import Source, api_of
+from gamekeeper.game.opening.load import FILE_MODULE
+from gamekeeper.game.opening.opened import Source, api_of
 
 SYNTAX: Final = "a factory callable"
 ORDER: Final = 10

@@ -7,9 +7,9 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Final
 
-from gamekeeper.game.factory import find_factory
-from gamekeeper.game.load import first_on_path, load_file, split_file, within
-from gamekeeper.game.opened import Source
+from gamekeeper.game.opening.factory import find_factory
+from gamekeeper.game.opening.load import first_on_path, load_file, split_file, within
+from gamekeeper.game.opening.opened import Source
 
 SYNTAX: Final = "path/to/file.py:factory"
 ORDER: Final = 20

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from gamekeeper.errors import SpecError
-from gamekeeper.game.installed import distrust_module
-from gamekeeper.game.load import split_file
-from gamekeeper.game.opened import Source
 from gamekeeper.game.openers import _family, _packages
+from gamekeeper.game.opening.installed import distrust_module
+from gamekeeper.game.opening.load import split_file
+from gamekeeper.game.opening.opened import Source
 from gamekeeper.game.shapes.old_gym import OldGym
 
 WORD: Final = "gym"

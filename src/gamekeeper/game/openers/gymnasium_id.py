@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Final
 
-from gamekeeper.game.installed import distrust_module
-from gamekeeper.game.opened import Source
 from gamekeeper.game.openers import _family
 from gamekeeper.game.openers.gymnasium import source_of_id
+from gamekeeper.game.opening.installed import distrust_module
+from gamekeeper.game.opening.opened import Source
 
 SYNTAX: Final = "rware:rware-tiny-2ag-v2"
 ORDER: Final = 80

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any, Final
 
 from gamekeeper.errors import SpecError
-from gamekeeper.game.installed import distrust_module
-from gamekeeper.game.load import split_file
-from gamekeeper.game.opened import Source
 from gamekeeper.game.openers import _family
+from gamekeeper.game.opening.installed import distrust_module
+from gamekeeper.game.opening.load import split_file
+from gamekeeper.game.opening.opened import Source
 from gamekeeper.game.shapes.marlenv import MarlEnv
 
 WORD: Final = "marlenv"

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Final
 
-from gamekeeper.game.factory import find_factory
-from gamekeeper.game.installed import distrust_module
-from gamekeeper.game.load import current_folder_last, load_module, within
-from gamekeeper.game.opened import Source
 from gamekeeper.game.openers import _family
+from gamekeeper.game.opening.factory import find_factory
+from gamekeeper.game.opening.installed import distrust_module
+from gamekeeper.game.opening.load import current_folder_last, load_module, within
+from gamekeeper.game.opening.opened import Source
 
 SYNTAX: Final = "module:factory"
 ORDER: Final = 90

@@ -7,9 +7,9 @@ import pkgutil
 from collections.abc import Sequence
 from typing import Any, Final
 
-from gamekeeper.game.factory import find_factory
-from gamekeeper.game.opened import Source, api_of
 from gamekeeper.game.openers import _family, _packages
+from gamekeeper.game.opening.factory import find_factory
+from gamekeeper.game.opening.opened import Source, api_of
 from gamekeeper.game.shapes.vector_rewards import Scalarised, ScalarisedTurns
 
 WORD: Final = "momaland"

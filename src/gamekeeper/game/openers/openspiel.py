@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any, Final
 
 from gamekeeper.errors import SpecError
-from gamekeeper.game.opened import Source
 from gamekeeper.game.openers import _family, _packages
+from gamekeeper.game.opening.opened import Source
 
 WORD: Final = "openspiel"
 SYNTAX: Final = "openspiel:tic_tac_toe"

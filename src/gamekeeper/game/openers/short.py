@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from typing import Final
 
-from gamekeeper.game.opened import Source
 from gamekeeper.game.openers import _registry
+from gamekeeper.game.opening.opened import Source
 
 SYNTAX: Final = "warehouse"
 ORDER: Final = 40

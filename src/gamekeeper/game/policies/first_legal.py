@@ -9,8 +9,8 @@ import numpy as np
 from gymnasium import spaces
 
 from gamekeeper.errors import PolicyError
-from gamekeeper.game.mask import for_sample, reader
-from gamekeeper.game.seat import Seat, Start, masks_blamed_on
+from gamekeeper.game.casting.mask import for_sample, reader
+from gamekeeper.game.casting.seat import Seat, Start, masks_blamed_on
 
 VERSION: Final = "1"
 """Changes when it would choose other actions."""

@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium.spaces import Dict, Space, Tuple
 
 from gamekeeper.errors import PolicyError
-from gamekeeper.game.seat import Seat, Start
+from gamekeeper.game.casting.seat import Seat, Start
 
 VERSION: Final = "1"
 """Changes when it would choose other actions."""

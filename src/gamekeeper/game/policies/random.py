@@ -10,8 +10,8 @@ from gymnasium.spaces import Box, Discrete, Space
 from numpy.random import Generator
 
 from gamekeeper.errors import PolicyError
-from gamekeeper.game.mask import Reader, for_sample, legal_flags, reader
-from gamekeeper.game.seat import Player, Seat, Start, masks_blamed_on
+from gamekeeper.game.casting.mask import Reader, for_sample, legal_flags, reader
+from gamekeeper.game.casting.seat import Player, Seat, Start, masks_blamed_on
 
 VERSION: Final = "1"
 """Changes when the same seed would draw other actions."""

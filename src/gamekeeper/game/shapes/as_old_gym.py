@@ -8,7 +8,7 @@ import numpy as np
 from gymnasium.spaces import Space
 
 from gamekeeper.errors import ActionError, EnvError, OrderError
-from gamekeeper.game.opened import Env, convert
+from gamekeeper.game.opening.opened import Env, convert
 from gamekeeper.game.shapes.old_gym import TRUNCATED
 
 

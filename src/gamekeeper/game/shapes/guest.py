@@ -10,7 +10,7 @@ from gymnasium.spaces import Space
 from pettingzoo import ParallelEnv
 
 from gamekeeper.core.contract import Contract
-from gamekeeper.core.contract_parts import RewardTerm, Schedule
+from gamekeeper.core.contract.parts import RewardTerm, Schedule
 from gamekeeper.errors import ActionError, EnvError, OrderError
 from gamekeeper.game.draft import draft_contract
 

@@ -11,7 +11,7 @@ from gymnasium.spaces import Space
 from pettingzoo import AECEnv, ParallelEnv
 
 from gamekeeper.core.contract import Contract
-from gamekeeper.core.contract_parts import RewardTerm
+from gamekeeper.core.contract.parts import RewardTerm
 from gamekeeper.errors import EnvError, SpecError
 from gamekeeper.game.draft import draft_contract
 

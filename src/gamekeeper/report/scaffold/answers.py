@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol, TypeVar
 
-from gamekeeper.core.contract_parts import APIS, CONFLICTS, ORDERS
+from gamekeeper.core.contract.parts import APIS, CONFLICTS, ORDERS
 from gamekeeper.errors import SpecError
 from gamekeeper.report.scaffold.advice import Advice, advise
 from gamekeeper.report.scaffold.plan import (

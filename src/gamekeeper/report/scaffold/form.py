@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 from gamekeeper.core.contract import Contract
-from gamekeeper.core.contract_parts import (
+from gamekeeper.core.contract.failure import Failure
+from gamekeeper.core.contract.parts import (
     Ending,
     InfoField,
     Plain,
@@ -14,7 +15,6 @@ from gamekeeper.core.contract_parts import (
     Schedule,
     Seeds,
 )
-from gamekeeper.core.failure import Failure
 from gamekeeper.report.scaffold.plan import HORIZON, Form, Plan, RolePlan
 
 

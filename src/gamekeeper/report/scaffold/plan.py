@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from gamekeeper.core.contract_parts import ENDING_KINDS, KINDS, RESERVED
+from gamekeeper.core.contract.parts import ENDING_KINDS, KINDS, RESERVED
 from gamekeeper.errors import SpecError
 
 WORD: Final = re.compile(r"[a-z][a-z0-9_]*")

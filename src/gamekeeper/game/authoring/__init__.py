@@ -1,0 +1,1 @@
+"""What the base classes for authors are made of."""

@@ -1,0 +1,1 @@
+"""How the door captures: packing, odd values, flags, rings."""

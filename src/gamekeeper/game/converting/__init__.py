@@ -1,0 +1,1 @@
+"""What the converters and the slim stack are made of."""

@@ -1,0 +1,56 @@
+"""What every conversion hands on to the environment inside it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gymnasium.spaces import Space
+
+from gamekeeper.game.authoring.verbs import AgentId
+
+
+class Around:
+    """Spaces, state, picture and end of the environment inside, which stands in `env`."""
+
+    __slots__ = ()
+
+    env: Any
+    possible_agents: list[Any]
+
+    @property
+    def unwrapped(self) -> Any:
+        """The environment under all conversions and wrappers."""
+        return self.env.unwrapped
+
+    def observation_space(self, agent: AgentId) -> Space[Any]:
+        """The environment's own observation space of an agent."""
+        return self.env.observation_space(agent)  # type: ignore[no-any-return]
+
+    def action_space(self, agent: AgentId) -> Space[Any]:
+        """The environment's own action space of an agent."""
+        return self.env.action_space(agent)  # type: ignore[no-any-return]
+
+    @property
+    def observation_spaces(self) -> dict[Any, Space[Any]]:
+        """The observation spaces of all possible agents."""
+        return {agent: self.observation_space(agent) for agent in self.possible_agents}
+
+    @property
+    def action_spaces(self) -> dict[Any, Space[Any]]:
+        """The action spaces of all possible agents."""
+        return {agent: self.action_space(agent) for agent in self.possible_agents}
+
+    def state(self) -> Any:
+        """The environment's own state."""
+        return self.env.state()
+
+    def render(self) -> Any:
+        """The environment's own picture."""
+        return self.env.render()
+
+    def close(self) -> None:
+        """Closes the environment."""
+        self.env.close()
+
+    def __str__(self) -> str:
+        return str(self.env)

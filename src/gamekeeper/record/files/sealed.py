@@ -1,0 +1,75 @@
+"""The tables of a sealed bundle, read from Parquet an episode at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from gamekeeper.core.tables import episode_rows, kind_of
+from gamekeeper.record.files.table_reader import TableReader
+
+KEPT_GROUPS: Final = 2  # of each stream: an episode may begin in one row group and end in the next
+
+
+class SealedTables:
+    """The streams of a sealed bundle.
+
+    A whole stream is in memory only when it is asked for; an episode needs the row groups that hold
+    it. The last row groups read are kept, because episodes are mostly read in their order.
+    """
+
+    def __init__(self, folder: Path, streams: Collection[str]) -> None:
+        """Opens the Parquet files of `streams` in `folder`."""
+        self._readers = {name: TableReader(folder / f"{name}.parquet", name) for name in streams}
+        self._bounds: dict[str, Any] = {}
+        self._kept: dict[str, dict[int, pa.Table]] = {}
+
+    def table(self, stream: str, *, without: Collection[str] = ()) -> pa.Table | None:
+        """A whole stream, but for columns of the kinds in `without`.
+
+        Raises:
+            BundleError: the file is damaged, or holds more than this machine should be asked for.
+        """
+        reader = self._readers.get(stream)
+        if reader is None:
+            return None
+        if not without:
+            return reader.read()
+        return reader.read(columns={n for n in reader.schema.names if kind_of(n) not in without})
+
+    def episode(self, stream: str, episode: int) -> pa.Table | None:
+        """The rows of one episode of a stream.
+
+        Raises:
+            BundleError: the file is damaged.
+        """
+        reader = self._readers.get(stream)
+        if reader is None:
+            return None
+        first, last = self._group_bounds(stream, reader)
+        groups = np.flatnonzero((first <= episode) & (episode <= last)).tolist()
+        tables = [self._group(stream, reader, number) for number in groups]
+        return episode_rows(pa.concat_tables(tables or [reader.schema.empty_table()]), episode)
+
+    def _group_bounds(self, stream: str, reader: TableReader) -> Any:
+        """The first and the last episode of each row group, [2, groups]."""
+        if stream not in self._bounds:
+            bounds = []
+            for number in range(reader.groups):
+                found = pc.min_max(reader.read(columns={"episode"}, groups=[number])["episode"])
+                bounds.append((found["min"].as_py(), found["max"].as_py()))
+            self._bounds[stream] = np.array(bounds, np.int64).reshape(-1, 2).T
+        return self._bounds[stream]
+
+    def _group(self, stream: str, reader: TableReader, number: int) -> pa.Table:
+        kept = self._kept.setdefault(stream, {})
+        if number not in kept:
+            while len(kept) >= KEPT_GROUPS:
+                kept.pop(next(iter(kept)))
+            kept[number] = reader.read(groups=[number])
+        return kept[number]
