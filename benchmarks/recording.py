@@ -155,12 +155,14 @@ def _size(space: Any) -> Callable[[float], Any]:
 def tasks() -> Iterator[tuple[str, Callable[[], Any], Callable[..., int], int]]:
     """Name, factory, player and turns of a segment."""
     line = f"{ROOT / 'examples' / 'two_robot_line.py'}:make"
-    yield "two_robot_line", lambda: gk.make(line), play_parallel, 20_000
+    yield "two_robot_line", lambda: gk.make(line), play_parallel, 100_000
     for n in (2, 8, 32, 128, 512):
-        yield f"aec_ours_{n}", lambda n=n: Ours(n, 20_000), play_aec, 20_000
-        yield f"aec_documented_{n}", lambda n=n: Documented(n, 20_000), play_aec, 20_000
-    yield "spread", _spread, play_parallel, 1_500
-    yield "pistonball", _pistonball, play_parallel, 120
+        turns = 200_000
+        yield f"aec_ours_{n}", lambda n=n, t=turns: Ours(n, t), play_aec, turns
+        turns = 200_000 if n < 32 else 20_000
+        yield f"aec_documented_{n}", lambda n=n, t=turns: Documented(n, t), play_aec, turns
+    yield "spread", _spread, play_parallel, 10_000
+    yield "pistonball", _pistonball, play_parallel, 250
 
 
 def _spread() -> Any:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import zlib
 from pathlib import Path
+from typing import Final
 
 import pyarrow as pa
 
@@ -15,11 +16,14 @@ from gamekeeper.record.files.messages import (
 )
 from gamekeeper.record.files.segments import CRC, END, NO_CRC
 
+# Below it zstd takes 20 us a column to begin with, and the Parquet file compresses all of it anyway.
+WORTH_BYTES: Final = 1 << 18
+
 
 class SegmentWriter:
     """Appends batches of one schema to a new file; after `write` returns no kill loses them."""
 
-    __slots__ = ("_crc", "_descriptor", "_options", "path", "schema", "size")
+    __slots__ = ("_crc", "_descriptor", "_large", "_small", "path", "schema", "size")
 
     def __init__(self, path: Path, schema: pa.Schema) -> None:
         self.path, self.schema = path, schema
@@ -27,9 +31,10 @@ class SegmentWriter:
         self._crc = 0
         # The writer's thread is the one that may use a second core: a pool of threads for a batch
         # of some hundred kB takes more from the environment than it gives.
-        self._options = pa.ipc.IpcWriteOptions(
+        self._large = pa.ipc.IpcWriteOptions(
             compression=pa.Codec("zstd", compression_level=1), use_threads=False
         )
+        self._small = pa.ipc.IpcWriteOptions(use_threads=False)
         try:
             self._descriptor = os.open(path, NEW_FLAGS, 0o666)
         except OSError as error:
@@ -42,7 +47,8 @@ class SegmentWriter:
             BundleError: the disk refuses; the file then ends with the last whole batch.
         """
         sink = pa.BufferOutputStream()
-        with pa.ipc.new_stream(sink, self.schema, options=self._options) as writer:
+        options = self._large if batch.nbytes >= WORTH_BYTES else self._small
+        with pa.ipc.new_stream(sink, self.schema, options=options) as writer:
             writer.write_batch(batch, custom_metadata={CRC[:-1]: CRC + NO_CRC})
         stream = memoryview(sink.getvalue()).cast("B")[: -len(END)]
         head = PREFIX + metadata_size(stream[:PREFIX])  # a schema message has no body
