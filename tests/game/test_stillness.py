@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import random
+import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -108,3 +110,17 @@ def test_cycles_end() -> None:
     env = Holder()
     env.me, env.list = env, [env]
     assert is_still(env, lambda: 1)
+
+
+def test_looking_leaves_instances_as_fast_as_they_were() -> None:
+    """The instance dictionary of an environment isn't made by the look: that would slow it."""
+
+    class Env:
+        def __init__(self) -> None:
+            self.rng = np.random.default_rng(1)
+
+    env = Env()
+    before = sys.getsizeof(env), len(gc.get_referents(env))
+    assert is_still(env, lambda: None)
+    assert (sys.getsizeof(env), len(gc.get_referents(env))) == before
+    assert not any(isinstance(part, dict) for part in gc.get_referents(env))
