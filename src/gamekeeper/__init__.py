@@ -69,9 +69,12 @@ def make(spec: object, /, *, slim: bool = True, **kwargs: Any) -> Env:
     """
     from gamekeeper.game.converting import slim as slimming
     from gamekeeper.game.open import open_env
+    from gamekeeper.game.opening.origins import remember
 
-    env = open_env(spec, **kwargs).env
-    return slimming.slim(env) if slim else env
+    opened = open_env(spec, **kwargs)
+    env = slimming.slim(opened.env) if slim else opened.env
+    remember(env, opened.identity)
+    return env
 
 
 def draft_contract(spec: object, /, **kwargs: Any) -> Contract:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import gc
 from pathlib import Path
 
 import pytest
 
 import gamekeeper as gk
 from gamekeeper.errors import EvidenceError
+from gamekeeper.game.opening import origins
 
 LINE = f"{Path(__file__).parents[2] / 'examples' / 'two_robot_line.py'}:make"
 MEET = {"picker": 2, "carrier": 0}
@@ -48,3 +50,25 @@ def test_replay_says_why_it_takes_no_evidence_in_memory() -> None:
     """Evidence that lies in no folder can't be handed to a process of its own."""
     with pytest.raises(EvidenceError, match="in memory alone"):
         gk.replay(gk.rollout(LINE, episodes=1))
+
+
+def test_recording_of_a_made_environment_replays_by_its_name(tmp_path: Path) -> None:
+    """What `gk.make` opened by name is no nameless object when it is recorded."""
+    env = gk.record(gk.make("classic/tictactoe-v3"), tmp_path / "run")
+    env.reset(seed=1)
+    for _ in env.agent_iter():
+        observation, _, terminated, truncated, _ = env.last()
+        done = terminated or truncated
+        env.step(None if done else int(observation["action_mask"].argmax()))
+    env.close()
+    assert gk.replay(tmp_path / "run").verified
+
+
+def test_origin_is_forgotten_with_its_environment() -> None:
+    """Nothing keeps an environment alive, and no later object inherits its name."""
+    env = gk.make("classic/tictactoe-v3")
+    key = id(env)
+    assert key in origins._ORIGINS
+    del env
+    gc.collect()
+    assert key not in origins._ORIGINS

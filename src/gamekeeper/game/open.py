@@ -22,6 +22,7 @@ from gamekeeper.game.opening.opened import (
     api_of,
     convert,
 )
+from gamekeeper.game.opening.origins import origin_of
 
 __all__ = ["GROUP", "Opened", "distrust", "open_env", "reopen"]
 
@@ -67,7 +68,7 @@ def open_env(spec: object, /, *, api: str | None = None, **kwargs: Any) -> Opene
         env=env,
         api=used,
         spec=f"{prefix}{source.spec}",
-        identity=_identified(source, env, kwargs),
+        identity=origin_of(env) or _identified(source, env, kwargs),
         make=None if source.is_single else _maker(source, used, kwargs, first=built),
     )
 

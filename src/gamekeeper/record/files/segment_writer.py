@@ -16,7 +16,7 @@ from gamekeeper.record.files.messages import (
 )
 from gamekeeper.record.files.segments import CRC, END, NO_CRC
 
-# Below it zstd takes 20 us a column to begin with, and the Parquet file compresses all of it anyway.
+# Below it zstd's 20 us a column don't pay: the Parquet file compresses all of it anyway.
 WORTH_BYTES: Final = 1 << 18
 
 
