@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+from gymnasium.spaces import Box, Discrete
+from pettingzoo import ParallelEnv
 
 import gamekeeper as gk
 from gamekeeper.errors import EvidenceError
 from gamekeeper.game.opening import origins
+from gamekeeper.record.verify import verify
 
 LINE = f"{Path(__file__).parents[2] / 'examples' / 'two_robot_line.py'}:make"
 MEET = {"picker": 2, "carrier": 0}
@@ -72,3 +78,59 @@ def test_origin_is_forgotten_with_its_environment() -> None:
     del env
     gc.collect()
     assert key not in origins._ORIGINS
+
+
+class Painted(ParallelEnv[str, Any, Any]):
+    """A large `state()`; its third step raises once."""
+
+    metadata = {"name": "painted_v0"}  # noqa: RUF012  # as PettingZoo declares it
+
+    def __init__(self) -> None:
+        self.possible_agents = ["painter"]
+        self.state_space = Box(0, 255, (100, 120), np.uint8)
+
+    def observation_space(self, agent: str) -> Any:
+        return Discrete(9)
+
+    def action_space(self, agent: str) -> Any:
+        return Discrete(2)
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        self.agents, self.steps, self.canvas = ["painter"], 0, np.zeros((120, 100), np.uint8)
+        return {"painter": np.int64(0)}, {"painter": {}}
+
+    def state(self) -> Any:
+        return self.canvas.T
+
+    def step(self, actions: Any) -> Any:
+        self.steps += 1
+        if self.steps == 3:
+            raise RuntimeError("out of paint")
+        self.canvas[self.steps] = self.steps
+        over = self.steps >= 6
+        if over:
+            self.agents = []
+        parts = [np.int64(0), 0.0, over, False, {}]
+        return tuple({"painter": part} for part in parts)
+
+
+def painted(env: Any) -> None:
+    """One episode; who steps goes on after the raise."""
+    env.reset(seed=1)
+    while env.agents:
+        with contextlib.suppress(RuntimeError):
+            env.step({"painter": np.int64(1)})
+
+
+def test_large_states_are_put_aside_and_come_back(tmp_path: Path) -> None:
+    """States go through the ring as images do, each once, also past a step that raised."""
+    env = gk.record(Painted(), tmp_path / "run")
+    for _ in range(40):
+        painted(env)
+    env.close()
+    traces = list(gk.load(tmp_path / "run").traces)
+    assert len(traces) == 40
+    for trace in traces:
+        states = [turn.state for turn in trace.turns]
+        assert [None if s is None else int(s.max()) for s in states] == [0, 1, 2, None, 4, 5, 6]
+    assert verify(tmp_path / "run").ok

@@ -107,7 +107,9 @@ def block_of(reel: Reel, layout: Layout, *, open_large: Opener) -> Block:
     )
 
 
-def state_cells(layout: Layout, payloads: list[Any]) -> list[tuple[Column, Cells]]:
+def state_cells(
+    layout: Layout, payloads: list[Any], open_large: Opener
+) -> list[tuple[Column, Cells]]:
     """Payloads of `state()`, turn by turn, as columns."""
     columns = layout.state.columns if layout.state is not None else ()
     parts = (
@@ -116,13 +118,9 @@ def state_cells(layout: Layout, payloads: list[Any]) -> list[tuple[Column, Cells
         else [[None if p is None else p[k] for p in payloads] for k in range(len(columns))]
     )
     return [
-        (column, _column(column, part, _unopened))
+        (column, _column(column, part, open_large))
         for column, part in zip(columns, parts, strict=True)
     ]
-
-
-def _unopened(place: int, out: NDArray[np.uint8]) -> None:
-    raise AssertionError("a state is never put aside")
 
 
 def _ranks(index: NDArray[np.intp], names: list[str]) -> NDArray[np.int32]:

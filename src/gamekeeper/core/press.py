@@ -108,7 +108,7 @@ class Press:
             return None
         numbers, turns, payloads, odd = (list(column) for column in zip(*with_state, strict=True))
         episode, turn = np.array(numbers, np.int32), np.array(turns, np.int32)
-        cells = state_cells(self.layout, payloads)
+        cells = state_cells(self.layout, payloads, self.open_large)
         digests = state_digests(turn, cells, odd)
         for number in sorted(set(episode.tolist())):
             self._open[number].add_states(digests[episode == number])

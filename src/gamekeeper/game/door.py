@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from gamekeeper.core.canon import to_json, type_name
 from gamekeeper.core.layout import Seat
 from gamekeeper.core.space import Codec
-from gamekeeper.core.tape import EpisodeEnd, EpisodeStart, cut_back
+from gamekeeper.core.tape import EpisodeEnd, EpisodeStart, Place, cut_back
 from gamekeeper.errors import EvidenceError
 from gamekeeper.game.capture.infos import InfoTexts
 from gamekeeper.game.capture.oddity import odd, odd_type, type_name_of
@@ -165,6 +165,8 @@ class Game:
 
     def fail(self, error: str) -> None:
         """Notes why the episode in progress can't go on; it ends as *failed*."""
+        if self._state_entry[0].__class__ is Place:  # its slot went with the turn that raised
+            self._state_entry = NO_STATE
         self._failure = error
 
     # -- the turn
@@ -250,7 +252,7 @@ class Game:
         if self._pack_state is None:
             self.sink.layout.take_state(self._state_codec(state))
             side = self.sink.layout.state
-            self._pack_state = _no_state if side is None else side.codec.pack_one or side.codec.pack
+            self._pack_state = observation_packer(side, self.sink)
         packed = self._pack_state(state)
         return (packed, None) if packed is not None else (None, "{" + odd("state", state) + "}")
 
@@ -322,7 +324,3 @@ def _box_of(state: NDArray[Any]) -> Box:
         return Box(-np.inf, np.inf, state.shape, dtype)
     limits = (False, True) if kind == "b" else (np.iinfo(dtype).min, np.iinfo(dtype).max)
     return Box(*limits, state.shape, dtype)
-
-
-def _no_state(state: object) -> None:
-    return

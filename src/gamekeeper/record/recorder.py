@@ -188,7 +188,8 @@ class Recorder:
         """After a failure: a step that waits for a slot of a ring gets one, and then the error."""
         reel = self._reel  # perhaps half opened; slots that are free twice do no harm any more
         while not self._closing:
-            for item in reel.given[1::GIVEN] if reel is not None else ():
+            held = () if reel is None else (*reel.given[1::GIVEN], *reel.turns[4::TURN])
+            for item in held:
                 if item.__class__ is Place:
                     self.rings.release(item)
             reel = take(self.tape, most=FLUSH_TURNS)

@@ -39,6 +39,8 @@ from gamekeeper.record.files.table_writer import write_table
 __all__ = ["FORMAT_VERSION", "Bundle", "Store", "annotate", "read", "read_notes", "seal_recovered"]
 
 SEGMENT_BYTES: Final = 64 << 20
+# Times as much before compression: images shrink so far that only closing would roll them.
+RAW: Final = 2
 ROLLED: Final = ("steps", "states", "timings")  # episodes are merged first, so they wait
 
 
@@ -57,6 +59,7 @@ class Store:
         self._counts = dict.fromkeys(STREAMS, 0)
         self._schemas: dict[str, pa.Schema] = {}
         self._seen: dict[str, tuple[pa.Schema, pa.Schema]] = {}  # last checked, with its plain form
+        self._raw: dict[str, int] = {}  # bytes before compression in the open segment
         self._last: dict[str, tuple[int, int]] = {}  # episode and turn
         self._roller = Roller(folder, ROLLED)
         self._is_open = True
@@ -106,7 +109,9 @@ class Store:
         writer = self._writer(stream, schema)
         writer.write(plain_batch(batch, writer.schema))
         self._last[stream] = last
-        if writer.size >= self._segment_bytes:
+        self._raw[stream] = self._raw.get(stream, 0) + batch.nbytes
+        if writer.size >= self._segment_bytes or self._raw[stream] >= RAW * self._segment_bytes:
+            self._raw[stream] = 0
             self._roll(stream)
 
     def add_note(self, record: dict[str, Any]) -> None:
