@@ -17,7 +17,7 @@ from gamekeeper.run.memory import MemorySink
 IDENTITY = {"name": "given_v0", "api": "parallel", "kwargs": {}}
 
 
-class Given(ParallelEnv):  # type: ignore[type-arg, misc]
+class Given(ParallelEnv):  # type: ignore[type-arg, misc]  # PettingZoo ships no types
     """Gives each agent the values that a test hands in, tick after tick."""
 
     metadata: ClassVar[dict[str, Any]] = {"name": "given_v0"}

@@ -84,7 +84,7 @@ def test_large_observations_come_from_where_they_were_put_or_as_bytes() -> None:
     layout = layout_of(IMAGE)
     opened: list[int] = []
 
-    def open_large(place: int, out: np.ndarray) -> None:  # type: ignore[type-arg]
+    def open_large(place: int, out: np.ndarray) -> None:  # type: ignore[type-arg]  # any array
         opened.append(place)
         out[:] = 7
 

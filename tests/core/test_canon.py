@@ -100,7 +100,7 @@ class Hostile:
     def __getattr__(self, name: str) -> Any:
         raise RuntimeError("no attributes")
 
-    __hash__ = None  # type: ignore[assignment]
+    __hash__ = None  # type: ignore[assignment]  # unhashable on purpose
 
 
 class LyingMeta(type):

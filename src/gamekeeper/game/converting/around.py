@@ -24,10 +24,12 @@ class Around:
 
     def observation_space(self, agent: AgentId) -> Space[Any]:
         """The environment's own observation space of an agent."""
+        # the environment's answer, whatever it is
         return self.env.observation_space(agent)  # type: ignore[no-any-return]
 
     def action_space(self, agent: AgentId) -> Space[Any]:
         """The environment's own action space of an agent."""
+        # the environment's answer, whatever it is
         return self.env.action_space(agent)  # type: ignore[no-any-return]
 
     @property
