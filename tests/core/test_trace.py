@@ -164,6 +164,6 @@ def test_unseeded_and_option_headers_read_back() -> None:
     )
     assert trace.seed is None
     assert trace.options == {"k": (1,)}
-    assert trace.at(3, "a", "rewards") == "episode 0, turn 3, rewards['a']"
+    assert str(trace.at(3, "a", "rewards")) == "episode 0, turn 3, rewards['a']"
     assert len(trace) == 2
     assert not trace.is_digest

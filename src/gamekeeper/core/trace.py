@@ -19,6 +19,7 @@ from gamekeeper.core.canon import from_json
 from gamekeeper.core.digest import SIZE, row_digests
 from gamekeeper.core.layout import Column
 from gamekeeper.core.space import Codec
+from gamekeeper.core.where import Where
 
 AgentName = str
 MASK: Final = "action_mask"
@@ -172,13 +173,10 @@ class Trace:
         """Whether digests stand in place of the observations."""
         return "digest" in self.steps.schema.names
 
-    def at(self, turn: Turn | int, agent: AgentName | None = None, field: str = "") -> str:
+    def at(self, turn: Turn | int | None, agent: AgentName | None = None, field: str = "") -> Where:
         """A place in this trace, as findings and errors name it."""
         number = turn.index if isinstance(turn, Turn) else turn
-        key = f"{field}[{agent!r}]" if agent is not None else field
-        return ", ".join(
-            part for part in (f"episode {self.episode}", f"turn {number}", key) if part
-        )
+        return Where(self.header.get("probe", ""), self.episode, number, agent, field)
 
     def __len__(self) -> int:
         turns = self._list("turn")
@@ -187,6 +185,14 @@ class Trace:
     @property
     def turns(self) -> Iterator[Turn]:
         """The turns in their order; the last may hold closing rows only, given but not acted on."""
+        kept = self._cache.get("turns")
+        return self._walk() if kept is None else iter(kept)
+
+    def keep_turns(self) -> None:
+        """Keeps the turns once they are made, for the many who will read them."""
+        self._cached("turns", lambda: list(self._walk()))
+
+    def _walk(self) -> Iterator[Turn]:
         numbers = self._list("turn")
         for number, group in groupby(range(len(numbers)), key=numbers.__getitem__):
             rows = list(group)

@@ -114,7 +114,7 @@ def _check_actions(trace: Trace) -> None:
         if "value" in action and not is_exact(compact(action["value"])):
             raise EvidenceError(
                 "an action was an object that no text can build again",
-                where=trace.at(turn, agent, "action"),
+                where=str(trace.at(turn, agent, "action")),
                 seen=compact(action["value"])[:200],
                 mend="act with values of the action space",
             )

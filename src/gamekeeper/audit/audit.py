@@ -1,0 +1,110 @@
+"""`gk.audit`: whether an environment keeps its contract, and what breaks it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from os import PathLike
+from typing import Any, Final
+
+from gamekeeper.audit.check import Check, selected
+from gamekeeper.audit.gather import Gathering, gather, lab_of
+from gamekeeper.audit.judge import judge
+from gamekeeper.audit.measured import PROBES, measured
+from gamekeeper.audit.reproduce import Bench, verdict_of
+from gamekeeper.audit.result import Audit
+from gamekeeper.audit.snippet import home
+from gamekeeper.core.contract import Contract
+from gamekeeper.errors import EvidenceError
+from gamekeeper.game.declared import declared_contract
+from gamekeeper.game.open import Opened, open_env
+
+BUDGET: Final = 20_000
+"""Environment steps of an audit, unless told."""
+QUICK: Final = 3_000
+"""Environment steps of a quick audit."""
+SHRINKING: Final = 0.25
+"""Part of the budget that may be spent on top of it to shrink findings."""
+MOST_SECONDS: Final = 600.0
+"""An audit ends here, whatever its budget; what wasn't seen by then is unseen."""
+
+OnProbe = Callable[[str, int, int], None]
+
+
+def audit_here(
+    spec: object,
+    *,
+    contract: Contract | str | PathLike[str] | None = None,
+    budget: int = BUDGET,
+    seed: int = 0,
+    select: Sequence[str] = (),
+    ignore: Sequence[str] = (),
+    env_kwargs: Mapping[str, Any] | None = None,
+    seconds: float = MOST_SECONDS,
+    died: Mapping[str, str] | None = None,
+    on_probe: OnProbe | None = None,
+) -> Audit:
+    """Audits in this process; see `gamekeeper.audit.front.audit`.
+
+    Args:
+        seconds: of wall time; a cap, as verdicts only repeat where it isn't reached.
+        died: probes in which the process of an earlier try ended, and what was said of it.
+        on_probe: called with a probe's name, its place and their number.
+    """
+    begun_s = time.monotonic()
+    if budget < 1:
+        raise EvidenceError(
+            "nothing can be seen", where="budget", expected="1 step at least", seen=str(budget)
+        )
+    wanted = selected(tuple(select), tuple(ignore))
+    kwargs = dict(env_kwargs or {})
+    opened = open_env(spec, **kwargs)
+    try:
+        declared = declared_contract(contract, opened)
+        lab = lab_of(
+            opened, declared, spec=spec, kwargs=kwargs, seed=seed, budget=budget,
+            deadline_s=begun_s + seconds,
+        )  # fmt: skip
+        needs = {name for each in wanted.values() for name in each.needs}
+        if not select:
+            needs.update(PROBES)
+        gathering = gather(lab, needs, died=died or {}, on_probe=on_probe or _nothing)
+        bench = Bench(
+            gathering, declared or Contract(), home(opened.spec, opened.identity, kwargs),
+            int(budget * SHRINKING),
+        )  # fmt: skip
+        return _judged(wanted, opened, bench, begun_s=begun_s, seed=seed)
+    finally:
+        if opened.make is not None:
+            opened.env.close()
+
+
+def _judged(
+    wanted: Mapping[str, Check], opened: Opened, bench: Bench, *, begun_s: float, seed: int
+) -> Audit:
+    gathering: Gathering = bench.gathering
+    evidence = gathering.gathered()
+    judging_s = time.perf_counter()
+    judged = [judge(each, bench.contract, evidence, gathering.broken) for each in wanted.values()]
+    form = measured(bench.contract, evidence)
+    shrinking_s = time.perf_counter()
+    verdicts = tuple(verdict_of(each, bench) for each in judged)
+    timings = {
+        **gathering.seconds,
+        "judging": shrinking_s - judging_s,
+        "shrinking": time.perf_counter() - shrinking_s,
+    }
+    return Audit(
+        environment=opened.spec,
+        api=opened.api,
+        seconds=time.monotonic() - begun_s,
+        steps=gathering.lab.meter.steps,
+        seed=seed,
+        verdicts=verdicts,
+        measured=form,
+        timings=timings,
+    )
+
+
+def _nothing(name: str, place: int, count: int) -> None:
+    """Nobody looks on."""

@@ -1,0 +1,1 @@
+"""Checks: pure functions from contract and evidence to occasions, one file each."""

@@ -1,0 +1,43 @@
+"""GK402."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from gamekeeper.audit.check import HIGH, Occasion, check
+from gamekeeper.core.contract import Contract
+from gamekeeper.core.gathered import Gathered
+
+
+def _allowed(contract: Contract, evidence: Gathered) -> str | None:
+    is_allowed = contract.after_end == "allowed"
+    return "the contract allows rewards after the end" if is_allowed else None
+
+
+@check(
+    "GK402",
+    needs=("rollout",),
+    severity=HIGH,
+    mend='pay an agent 0 once it has ended, or declare rewards.after_end = "allowed"',
+    applies=_allowed,
+)
+def rewards_stop_at_the_end(contract: Contract, evidence: Gathered) -> Iterator[Occasion]:
+    """An agent that has ended is paid nothing more.
+
+    Learners bootstrap past the end and credit the wrong action with a reward that comes later.
+    """
+    for trace in evidence["rollout"]:
+        ended: frozenset[str] = frozenset()
+        for turn in trace.turns:
+            ended |= turn.ended
+            for agent in sorted(ended):
+                paid = turn.rewards.get(agent, 0.0)
+                yield Occasion(
+                    trace.at(turn, agent, "rewards"), paid == 0.0, 0.0, paid,
+                    proof=_proof(evidence.api, agent),
+                )  # fmt: skip
+
+
+def _proof(api: str, agent: str) -> str:
+    rewards = "rewards" if api == "parallel" else "env.rewards"
+    return f"assert {rewards}.get({agent!r}, 0) == 0, {rewards}"

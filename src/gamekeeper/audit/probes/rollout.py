@@ -1,0 +1,56 @@
+"""Rollouts from several seeds with random legal actions, long enough to see endings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Final
+
+from gamekeeper.audit.lab import Lab, Saw
+from gamekeeper.run.episode import Play
+
+SHARE: Final = 6.0
+PLAYS: Final = 8
+"""Episodes at least, however long."""
+SHORT_PLAYS: Final = 16
+"""Further episodes, where the first ones ended early and left steps to spend."""
+
+
+def plays(lab: Lab) -> Iterator[Play]:
+    """First a few that may be long, then more while there are steps left."""
+    turns = max(lab.ration // PLAYS, 20)
+    for k in range(PLAYS + SHORT_PLAYS):
+        yield Play(seed=lab.seed + k, stream=k, most_turns=turns)
+
+
+def look(lab: Lab, play: Play) -> Iterator[Saw]:
+    """The trace, and what raised.
+
+    Facts:
+        `raised`: a call raised; `Failed` as a dictionary.
+        `selected`: (AEC) whom `agent_selection` named before each turn and after the last, with
+            whether it stood in `agents`: a list of [name, bool].
+        `agents`: the roster after the reset and after each crossing, a list of lists.
+        `over`: whether the episode ended by itself.
+    """
+    rosters: list[list[str]] = []
+    selected: list[tuple[str | None, bool]] = []
+
+    def watch(turn: int, env: Any, out: Any) -> None:
+        agents = env.agents
+        rosters.append([str(agent) for agent in agents])
+        if lab.api == "aec" and agents:
+            chosen = getattr(env, "agent_selection", None)
+            selected.append((None if chosen is None else str(chosen), chosen in agents))
+
+    played = lab.play(play, watch=watch)
+    yield played.trace
+    yield lab.fact("agents", rosters, field="agents")
+    yield lab.fact("over", played.is_over)
+    if lab.api == "aec":
+        yield lab.fact("selected", selected, field="agent_selection")
+    if played.failed is not None:
+        failed = played.failed
+        value = {"call": failed.call, "kind": failed.kind, "text": failed.text}
+        yield lab.fact(
+            "raised", {**value, "traceback": failed.traceback}, turn=failed.turn, field="raised"
+        )

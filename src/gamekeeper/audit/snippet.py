@@ -1,0 +1,115 @@
+"""Snippets: the shortest way to see a finding again, as a Python program that raises meanwhile."""
+
+from __future__ import annotations
+
+import keyword
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import PurePath
+from typing import Any
+
+from gamekeeper.audit.literal import literal
+from gamekeeper.core.proof import Proof
+from gamekeeper.run.episode import Play
+
+WIDTH = 96
+"""A list of actions longer than this stands turn by turn."""
+
+
+@dataclass(frozen=True, slots=True)
+class Home:
+    """How a program gets the environment.
+
+    Attributes:
+        imports: lines at the top.
+        make: an expression that builds an instance; empty where nothing can.
+    """
+
+    imports: tuple[str, ...]
+    make: str
+
+
+def home(spec: str, identity: Mapping[str, Any], kwargs: Mapping[str, Any]) -> Home:
+    """How to build the environment, with PettingZoo alone where that is possible."""
+    kind, entry = identity.get("kind"), str(identity.get("entry_point"))
+    is_converted = spec.startswith(("aec:", "parallel:"))
+    module, _, factory = entry.partition(":")
+    given = ", ".join(f"{name}={literal(value)}" for name, value in kwargs.items())
+    if kind in ("object", "factory"):
+        return Home((), "")
+    if kind == "module" and not is_converted and factory.isidentifier():
+        return Home((f"from {module} import {factory} as build",), f"build({given})")
+    if kind == "file" and not is_converted and factory.isidentifier():
+        path = PurePath(str(identity["path"]))
+        if path.stem.isidentifier() and not keyword.iskeyword(path.stem):
+            lines = ("import sys", f"sys.path.insert(0, {str(path.parent)!r})")
+            return Home((*lines, f"from {path.stem} import {factory} as build"), f"build({given})")
+    rest = f", {given}" if given else ""
+    return Home(("import gamekeeper as gk",), f"gk.make({spec!r}, slim=False{rest})")
+
+
+def snippet(
+    where: Home, api: str, play: Play, proof: Proof | None, *, title: str, shows: str
+) -> str:
+    """A program that plays `play` and raises as long as the fault is there.
+
+    Args:
+        where: how to get the environment.
+        api: `aec` or `parallel`.
+        play: its actions are on paper.
+        proof: the last lines; None: they only print.
+        title: the check, in one line.
+        shows: what is expected and what is seen, for a comment.
+    """
+    proof = proof or Proof("# look at what stands in these: the finding says what is wrong")
+    imports = [*where.imports, "import numpy as np", *(f"import {name}" for name in proof.imports)]
+    made = f"    return {where.make}" if where.make else "    return ...  # your environment"
+    lines = [
+        f"# {title}",
+        *(f"# {line}" for line in shows.splitlines()),
+        *imports,
+        "",
+        "def make():",
+        made,
+        "",
+        f"SEED = {play.seed!r}",
+        f"ACTIONS = {_actions(play, api)}",
+        "",
+        *(_course(api, play) if proof.plays else ()),
+        *proof.lines.splitlines(),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _actions(play: Play, api: str) -> str:
+    turns = list(play.actions or ())
+    texts = [literal(dict(each) if api == "parallel" else _only(each)) for each in turns]
+    line = "[" + ", ".join(texts) + "]"
+    if len(line) <= WIDTH:
+        return line
+    if len(set(texts)) == 1:
+        return f"[{texts[0]}] * {len(texts)}"
+    return "[\n" + "".join(f"    {text},\n" for text in texts) + "]"
+
+
+def _only(actions: Mapping[Any, Any]) -> Any:
+    return next(iter(actions.values()), None)
+
+
+def _course(api: str, play: Play) -> list[str]:
+    options = "" if play.options is None else f", options={literal(play.options)}"
+    reset = f"env.reset(seed=SEED{options})"
+    if api == "parallel":
+        return [
+            "env = make()",
+            f"observations, infos = {reset}",
+            "for actions in ACTIONS:",
+            "    observations, rewards, terminations, truncations, infos = env.step(actions)",
+        ]
+    return [
+        "env = make()",
+        reset,
+        "for action in ACTIONS:",
+        "    env.last()",
+        "    env.step(action)",
+    ]
