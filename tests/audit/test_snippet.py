@@ -68,5 +68,7 @@ def test_home_needs_pettingzoo_alone_where_it_can() -> None:
     assert home("mpe2.simple_spread_v3:parallel_env", module, {"N": 2}) == Home(
         ("from mpe2.simple_spread_v3 import parallel_env as build",), "build(N=2)"
     )
+    shipped = {"kind": "id", "entry_point": "classic/go-v5", "api": "aec"}
+    assert home("classic/go-v5", shipped, {}).make == "pettingzoo.make('aec', 'classic/go-v5')"
     assert "gk.make('warehouse'" in home("warehouse", {"kind": "id"}, {}).make
     assert home("<object>", {"kind": "object"}, {}).make == ""

@@ -6,14 +6,16 @@ import keyword
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import PurePath
-from typing import Any
+from typing import Any, Final
 
 from gamekeeper.audit.literal import literal
 from gamekeeper.core.proof import Proof
 from gamekeeper.run.episode import Play
 
-WIDTH = 96
+WIDTH: Final = 96
 """A list of actions longer than this stands turn by turn."""
+SHIPPED: Final = ("atari", "butterfly", "classic", "sisl")
+"""Namespaces that PettingZoo itself registers; for others something must be imported first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +34,7 @@ class Home:
 def home(spec: str, identity: Mapping[str, Any], kwargs: Mapping[str, Any]) -> Home:
     """How to build the environment, with PettingZoo alone where that is possible."""
     kind, entry = identity.get("kind"), str(identity.get("entry_point"))
-    is_converted = spec.startswith(("aec:", "parallel:"))
+    is_converted = spec.startswith(("aec:", "parallel:"))  # by us, not by its own factory
     module, _, factory = entry.partition(":")
     given = ", ".join(f"{name}={literal(value)}" for name, value in kwargs.items())
     if kind in ("object", "factory"):
@@ -45,6 +47,9 @@ def home(spec: str, identity: Mapping[str, Any], kwargs: Mapping[str, Any]) -> H
             lines = ("import sys", f"sys.path.insert(0, {str(path.parent)!r})")
             return Home((*lines, f"from {path.stem} import {factory} as build"), f"build({given})")
     rest = f", {given}" if given else ""
+    if kind == "id" and entry.partition("/")[0] in SHIPPED:
+        api = str(identity["api"])
+        return Home(("import pettingzoo",), f"pettingzoo.make({api!r}, {entry!r}{rest})")
     return Home(("import gamekeeper as gk",), f"gk.make({spec!r}, slim=False{rest})")
 
 
