@@ -11,6 +11,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
+    from gamekeeper.audit.front import audit
     from gamekeeper.core.contract import Contract
     from gamekeeper.game.opening.opened import Env
     from gamekeeper.game.tick_env import TickEnv
@@ -27,6 +28,7 @@ __all__ = [
     "Contract",
     "TickEnv",
     "TurnEnv",
+    "audit",
     "diff",
     "draft_contract",
     "load",
@@ -42,6 +44,7 @@ _HOMES: Final = {
     "Contract": "gamekeeper.game.contract_file",  # importing it gives Contract its `load`
     "TickEnv": "gamekeeper.game.tick_env",
     "TurnEnv": "gamekeeper.game.turn_env",
+    "audit": "gamekeeper.audit.front",
     "diff": "gamekeeper.record.diff",
     "load": "gamekeeper.record.bundle",
     "record": "gamekeeper.record.recording",

@@ -14,6 +14,7 @@ PUBLIC = [
     "Contract",
     "TickEnv",
     "TurnEnv",
+    "audit",
     "diff",
     "draft_contract",
     "load",

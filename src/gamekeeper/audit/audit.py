@@ -14,7 +14,9 @@ from gamekeeper.audit.measured import PROBES, measured
 from gamekeeper.audit.reproduce import Bench, verdict_of
 from gamekeeper.audit.result import Audit
 from gamekeeper.audit.snippet import home
+from gamekeeper.audit.source import source_of
 from gamekeeper.core.contract import Contract
+from gamekeeper.core.contract.agent_spec import AgentSpec
 from gamekeeper.errors import EvidenceError
 from gamekeeper.game.declared import declared_contract
 from gamekeeper.game.open import Opened, open_env
@@ -103,7 +105,16 @@ def _judged(
         verdicts=verdicts,
         measured=form,
         timings=timings,
+        agents={name: _spaces(spec) for name, spec in gathering.lab.agents.items()},
+        declared=bench.contract.to_json() or None,
+        source=source_of(opened.env),
     )
+
+
+def _spaces(spec: AgentSpec) -> dict[str, str]:
+    """The spaces in words; what the environment didn't tell before the first reset is empty."""
+    spaces = {"observation_space": spec.observation_space, "action_space": spec.action_space}
+    return {name: "" if space is None else str(space) for name, space in spaces.items()}
 
 
 def _nothing(name: str, place: int, count: int) -> None:

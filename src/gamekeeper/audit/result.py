@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from html import escape
 from typing import Any
 
 from gamekeeper.core.verdict import SEVERITIES, Verdict
@@ -22,6 +23,9 @@ class Audit:
         verdicts: one for each check, by id.
         measured: the game form as it was seen, beside what is declared.
         timings: seconds by probe, and for judging and shrinking.
+        agents: the roster, each with `observation_space` and `action_space` in words.
+        declared: the contract as plain data; None where there was none.
+        source: `class`, `file` and `line` of the rules, as far as they are known.
     """
 
     environment: str
@@ -32,6 +36,9 @@ class Audit:
     verdicts: tuple[Verdict, ...]
     measured: Mapping[str, Any] = field(default_factory=dict)
     timings: Mapping[str, float] = field(default_factory=dict)
+    agents: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    declared: Mapping[str, Any] | None = None
+    source: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def broken(self) -> tuple[Verdict, ...]:
@@ -43,6 +50,14 @@ class Audit:
     def ok(self) -> bool:
         """No promise was broken, and every check could do its work."""
         return all(each.outcome not in ("broken", "error") for each in self.verdicts)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many checks came to each outcome."""
+        found: dict[str, int] = {}
+        for each in self.verdicts:
+            found[each.outcome] = found.get(each.outcome, 0) + 1
+        return found
 
     def of(self, id: str) -> Verdict:  # the word that everybody uses for it
         """The verdict of one check.
@@ -64,14 +79,17 @@ class Audit:
             "verdicts": [each.to_json() for each in self.verdicts],
             "measured": dict(self.measured),
             "timings": {name: round(value, 3) for name, value in self.timings.items()},
+            "agents": {name: dict(each) for name, each in self.agents.items()},
+            "declared": None if self.declared is None else dict(self.declared),
+            "source": dict(self.source),
         }
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Audit:
         """The audit from its document."""
-        names = ("environment", "api", "seconds", "steps", "seed", "measured", "timings")
         verdicts = tuple(map(Verdict.from_json, data["verdicts"]))
-        return cls(verdicts=verdicts, **{name: data[name] for name in names})
+        rest = {name: data[name] for name in cls.__slots__ if name != "verdicts"}
+        return cls(verdicts=verdicts, **rest)
 
     def __str__(self) -> str:
         lines = [f"{self.environment} ({self.api}): " + ("ok" if self.ok else "broken")]
@@ -79,11 +97,34 @@ class Audit:
             lines.append(f"  {each.id} {each.severity}: {each.claim}")
             lines += [f"      {at.where}: expected {at.expected}, seen {at.seen}"
                       for at in each.findings[:1]]  # fmt: skip
-        counts: dict[str, int] = {}
-        for each in self.verdicts:
-            counts[each.outcome] = counts.get(each.outcome, 0) + 1
-        lines.append("  " + ", ".join(f"{n} {name}" for name, n in sorted(counts.items())))
+        counts = self.counts
+        told = (f"{n} {name.replace('_', ' ')}" for name, n in sorted(counts.items()))
+        lines.append("  " + ", ".join(told))
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        """For notebooks: the same, the broken promises as a table."""
+        title, *_, counted = str(self).splitlines()
+        rows = [
+            (each.id, each.severity, each.claim, *_first(each)) for each in self.broken
+        ]  # fmt: skip
+        head = ("check", "severity", "promise", "where", "expected", "seen")
+        lines = [_row(head, "th"), *(_row(row, "td") for row in rows)] if rows else []
+        table = f"<table>{''.join(lines)}</table>" if lines else ""
+        return f"<b>{escape(title)}</b>{table}<p>{escape(counted.strip())}</p>"
+
+
+def _first(verdict: Verdict) -> tuple[str, str, str]:
+    """Where a promise was broken first, what was expected there and what was seen."""
+    if not verdict.findings:
+        return "", "", ""
+    finding = verdict.findings[0]
+    return finding.where, finding.expected, finding.seen
+
+
+def _row(cells: tuple[str, ...], tag: str) -> str:
+    inner = "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells)
+    return f"<tr>{inner}</tr>"
 
 
 def _missing(id: str) -> Verdict:  # the word that everybody uses for it
