@@ -45,6 +45,7 @@ def audit_here(
     seconds: float = MOST_SECONDS,
     died: Mapping[str, str] | None = None,
     on_probe: OnProbe | None = None,
+    beat: Callable[[], None] | None = None,
 ) -> Audit:
     """Audits in this process; see `gamekeeper.audit.front.audit`.
 
@@ -52,6 +53,7 @@ def audit_here(
         seconds: of wall time; a cap, as verdicts only repeat where it isn't reached.
         died: probes in which the process of an earlier try ended, and what was said of it.
         on_probe: called with a probe's name, its place and their number.
+        beat: called at every step, as a sign of life.
     """
     begun_s = time.monotonic()
     if budget < 1:
@@ -65,11 +67,9 @@ def audit_here(
         declared = declared_contract(contract, opened)
         lab = lab_of(
             opened, declared, spec=spec, kwargs=kwargs, seed=seed, budget=budget,
-            deadline_s=begun_s + seconds,
+            deadline_s=begun_s + seconds, beat=beat,
         )  # fmt: skip
-        needs = {name for each in wanted.values() for name in each.needs}
-        if not select:
-            needs.update(PROBES)
+        needs = needed(wanted, is_all=not select)
         gathering = gather(lab, needs, died=died or {}, on_probe=on_probe or _nothing)
         bench = Bench(
             gathering, declared or Contract(), home(opened.spec, opened.identity, kwargs),
@@ -79,6 +79,11 @@ def audit_here(
     finally:
         if opened.make is not None:
             opened.env.close()
+
+
+def needed(wanted: Mapping[str, Check], *, is_all: bool) -> set[str]:
+    """The probes that these checks read; where all are asked, also those of the measured form."""
+    return {name for each in wanted.values() for name in each.needs} | set(PROBES if is_all else ())
 
 
 def _judged(

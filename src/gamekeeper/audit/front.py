@@ -135,7 +135,7 @@ def audit_task(
 
     declared = Contract.from_json(contract) if isinstance(contract, dict) else contract
     try:
-        found = audit_here(spec, contract=declared, on_probe=on_probe, **options)
+        found = audit_here(spec, contract=declared, on_probe=on_probe, beat=report, **options)
     except GamekeeperError as error:
         return {"error": error_fields(error), "audit": None}
     return {"error": None, "audit": found.to_json()}

@@ -83,13 +83,14 @@ def lab_of(
     seed: int,
     budget: int,
     deadline_s: float | None = None,
+    beat: Callable[[], None] | None = None,
 ) -> Lab:
     """The bench for an environment that is open and wasn't reset yet."""
     declared = contract or Contract()
     agents = {each.name: each for each in agent_specs(opened.env, declared)}
     return Lab(
         probe="", opened=opened, spec=spec, kwargs=kwargs, api=opened.api, contract=declared,
-        agents=agents, seed=seed, ration=budget, meter=Meter(deadline_s),
+        agents=agents, seed=seed, ration=budget, meter=Meter(deadline_s, beat=beat),
     )  # fmt: skip
 
 

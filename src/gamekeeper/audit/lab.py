@@ -51,14 +51,23 @@ class Probe(Protocol):
 
 @dataclass(slots=True)
 class Meter:
-    """Counts steps of the environment, and stops everything at a time of the wall clock."""
+    """Counts steps of the environment, and stops everything at a time of the wall clock.
+
+    Attributes:
+        deadline_s: of the monotonic clock; None: there is none.
+        steps: taken so far.
+        beat: called at each count, as a sign of life.
+    """
 
     deadline_s: float | None = None
     steps: int = 0
+    beat: Callable[[], None] | None = None
 
     def count(self, steps: int = 1) -> None:
         """Counts; raises `Stopped` once the time is up."""
         self.steps += steps
+        if self.beat is not None:
+            self.beat()
         if self.deadline_s is not None and time.monotonic() > self.deadline_s:
             raise Stopped
 
