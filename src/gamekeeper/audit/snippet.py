@@ -30,6 +30,17 @@ class Home:
     imports: tuple[str, ...]
     make: str
 
+    def given(self, options: Mapping[str, Any]) -> str:
+        """The expression with more keyword arguments, which stand last."""
+        if not options or not self.make:
+            return self.make
+        start = self.make.removesuffix(")")
+        more = [f"{name}={literal(value)}" for name, value in options.items()]
+        if any(f"{name}=" in start for name in options):  # the user's own gives way
+            more = [f"**{{**dict({start.partition('(')[2]}), **dict({', '.join(more)})}}"]
+            start = f"{start.partition('(')[0]}("
+        return f"{start}{'' if start.endswith('(') else ', '}{', '.join(more)})"
+
 
 def home(spec: str, identity: Mapping[str, Any], kwargs: Mapping[str, Any]) -> Home:
     """How to build the environment, with PettingZoo alone where that is possible."""
@@ -68,14 +79,14 @@ def snippet(
     """
     proof = proof or Proof("# look at what stands in these: the finding says what is wrong")
     imports = [*where.imports, "import numpy as np", *(f"import {name}" for name in proof.imports)]
-    made = f"    return {where.make}" if where.make else "    return ...  # your environment"
+    made = where.given(proof.options) or "...  # your environment"
     lines = [
         f"# {title}",
         *(f"# {line}" for line in shows.splitlines()),
         *imports,
         "",
         "def make():",
-        made,
+        f"    return {made}",
         "",
         f"SEED = {play.seed!r}",
         f"ACTIONS = {_actions(play, api)}",

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,8 +20,10 @@ class Proof:
         lines: Python.
         plays: False: nothing is played before; the lines do it all, from `make()` on.
         imports: modules that the lines need, beside numpy.
+        options: what `make()` hands to the factory, beside the user's own arguments.
     """
 
     lines: str
     plays: bool = True
     imports: tuple[str, ...] = ()
+    options: Mapping[str, Any] = field(default_factory=dict)
