@@ -12,7 +12,7 @@ import numpy as np
 
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.trace import Trace
-from gamekeeper.errors import GamekeeperError
+from gamekeeper.errors import ActionError, GamekeeperError, OrderError, PolicyError
 from gamekeeper.game.capture.oddity import type_name_of
 from gamekeeper.game.door import AgentId
 from gamekeeper.game.faces import game_of
@@ -25,6 +25,8 @@ Actions = Mapping[AgentId, Any]
 """What agents did at one turn; in an AEC environment the one in turn, None where it was dead."""
 
 _IDLE: Final = Hooks()
+_SAYS_SOMETHING: Final = (PolicyError, ActionError, OrderError)
+"""Errors of ours that say something of the environment: of its masks, or of its own rules."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +53,7 @@ class Failed:
     """A call that raised in a play.
 
     Attributes:
-        call: `reset`, `last` or `step`.
+        call: `reset`, `last`, `step`, `look`, or `policy`, which couldn't choose (its mask).
         turn: how many crossings came before.
         kind: the exception's type.
         text: what it said.
@@ -118,7 +120,7 @@ def perform(
         state: also keep `state()`.
         on_step: called before every step; what it raises ends the play and comes out here.
     Raises:
-        GamekeeperError: a policy couldn't choose.
+        GamekeeperError: Gamekeeper itself can't go on.
     """
     declared = contract or Contract()
     sink = MemorySink(terms=tuple(declared.rewards), volatile=declared.volatile_infos())
@@ -178,9 +180,11 @@ class _Course:
                     break
                 self._on_step()
                 self._turn(turn)
-        except (GamekeeperError, KeyboardInterrupt, Stopped):
+        except (KeyboardInterrupt, Stopped):
             raise
         except BaseException as error:  # whatever foreign code raises is evidence
+            if isinstance(error, GamekeeperError) and not isinstance(error, _SAYS_SOMETHING):
+                raise
             text = "".join(traceback.format_exception(error, limit=-12))
             kind = type_name_of(type(error))
             return Failed(self._call, self._game.turn, kind, str(error)[:500], text)
@@ -228,6 +232,7 @@ class _Course:
 
     def _chosen(self, agent: AgentId, observation: Any, info: Any) -> Any:
         assert self._cast is not None, "a play without actions needs a cast"
+        self._call = "policy"
         return self._cast.act(agent, observation, info)
 
 
