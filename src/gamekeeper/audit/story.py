@@ -1,0 +1,71 @@
+"""Proofs that tell a play twice, as it is and with something meddled in, and compare the two."""
+
+from __future__ import annotations
+
+from gamekeeper.core.proof import Proof
+
+_PARALLEL = '''\
+def story(meddle):
+    """All that a play gives, with `meddle` called between its steps."""
+    env = make()
+    out = env.reset(seed=SEED)
+    told = [copy.deepcopy(out)]
+    meddle(env, out)
+    for actions in ACTIONS:
+        out = env.step(copy.deepcopy(actions))
+        told.append(copy.deepcopy(out))
+        meddle(env, out)
+    return told
+'''
+_AEC = '''\
+def story(meddle):
+    """All that a play gives, with `meddle` called between its steps."""
+    env = make()
+    env.reset(seed=SEED)
+    told = []
+    for action in [*ACTIONS, None]:
+        if not env.agents:
+            break
+        meddle(env, None)
+        told.append((env.agent_selection, copy.deepcopy(env.last()){part}))
+        if len(told) <= len(ACTIONS):
+            env.step(copy.deepcopy(action))
+            told.append(dict(env.rewards))
+    return told
+'''
+OVERWRITE = """\
+def overwrite(value):
+    if isinstance(value, np.ndarray) and value.flags.writeable:
+        value[...] = value == 0
+    for item in value.values() if isinstance(value, dict) else ():
+        overwrite(item)
+    for item in value if isinstance(value, (list, tuple)) else ():
+        overwrite(item)
+"""
+"""Defines `overwrite` for a snippet: as `gamekeeper.run.handed.overwrite` does."""
+
+
+def story_proof(
+    api: str, meddling: str, *, idle: str = "pass", first: str = "", infos: bool = True
+) -> Proof:
+    """Raises while the same actions go another way once `meddling` stands between the steps.
+
+    Args:
+        api: `aec` or `parallel`.
+        meddling: Python over `env` and (Parallel) `out`, what reset or step returned.
+        idle: what stands there in the play that it is compared with.
+        first: lines before all others.
+        infos: in an AEC environment, whether infos are compared too.
+    """
+    told = _PARALLEL if api == "parallel" else _AEC.replace("{part}", "" if infos else "[:4]")
+    lines = (
+        f"{first}{told}\n"
+        f"def meddle(env, out):\n{_indented(meddling)}\n"
+        f"def leave(env, out):\n{_indented(idle)}\n"
+        "np.testing.assert_equal(story(meddle), story(leave))"
+    )
+    return Proof(lines, plays=False, imports=("copy",))
+
+
+def _indented(lines: str) -> str:
+    return "".join(f"    {line}\n" for line in lines.splitlines())

@@ -1,0 +1,90 @@
+"""Calls that only look, made once more between the turns than they would be."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+from numpy.random import Generator
+
+from gamekeeper.run.change import Change, Hooks
+
+
+def _observe(env: Any) -> None:
+    for agent in list(env.agents):
+        env.observe(agent)
+
+
+def _last(env: Any) -> None:
+    if env.agents:
+        env.last()
+
+
+def _state(env: Any) -> None:
+    env.state()
+
+
+def _render(env: Any) -> None:
+    env.render()
+
+
+def _spaces(env: Any) -> None:
+    for agent in list(env.agents):
+        env.observation_space(agent)
+        env.action_space(agent)
+
+
+def _sample(env: Any) -> None:
+    for agent in list(env.agents):
+        env.action_space(agent).sample()
+        env.observation_space(agent).sample()
+
+
+def _attributes(env: Any) -> None:
+    str(env)
+    for name in ("num_agents", "max_num_agents", "metadata", "unwrapped"):
+        getattr(env, name, None)
+
+
+CALLS: Final[dict[str, Callable[[Any], None]]] = {
+    "observe": _observe,
+    "last": _last,
+    "state": _state,
+    "render": _render,
+    "spaces": _spaces,
+    "sample": _sample,
+    "attributes": _attributes,
+}
+"""Each kind of call, as it is made on an environment."""
+
+
+@dataclass(frozen=True, slots=True)
+class ExtraCalls(Change):
+    """Makes calls that only look, after the reset and after every crossing.
+
+    Attributes:
+        calls: kinds of `CALLS`; what one of them raises is passed over.
+    """
+
+    calls: tuple[str, ...]
+
+    def start(self, rng: Generator) -> Hooks:
+        """The hooks; they draw nothing."""
+        return _Calling(self.calls)
+
+
+class _Calling(Hooks):
+    def __init__(self, calls: tuple[str, ...]) -> None:
+        self._calls = [CALLS[name] for name in calls]
+
+    def between(self, turn: int, env: Any) -> None:
+        """Calls; whatever an extra call raises, the play goes on: others look at that."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            for call in self._calls:
+                try:
+                    call(env)
+                except Exception:  # foreign code: a call that isn't offered at this turn
+                    continue
