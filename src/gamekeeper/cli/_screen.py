@@ -60,6 +60,11 @@ class Screen:
             text = _coloured(text)
         self._write(f"{text.rstrip()}\n")
 
+    def program(self, text: str) -> None:
+        """Writes code as it is, so that it can be copied."""
+        if not self.is_json:
+            self._write(f"{text.rstrip()}\n")
+
     def verdict(self, text: str, manner: str, *, indent: str = "") -> None:
         """Writes a result whose first line is the verdict: `good`, `bad` or `unsure`."""
         if self.is_json:

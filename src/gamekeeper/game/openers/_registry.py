@@ -47,6 +47,15 @@ def ids() -> set[str]:
     return {*pettingzoo.aec_registry, *pettingzoo.parallel_registry}
 
 
+def apis() -> dict[str, tuple[str, ...]]:
+    """Every registered id with the APIs it is registered for."""
+    registries = {"Parallel": pettingzoo.parallel_registry, "AEC": pettingzoo.aec_registry}
+    return {
+        env_id: tuple(name for name, registry in registries.items() if env_id in registry)
+        for env_id in sorted(ids())
+    }
+
+
 def source_of(env_id: str, api: str | None) -> Source:
     """The source of a registered id; the parallel one where both APIs have it, unless told.
 
