@@ -153,7 +153,9 @@ def _reason_against(probe: Probe, lab: Lab) -> str | None:
         return f"only for {'AEC' if api == 'aec' else 'Parallel'} environments"
     if getattr(probe, "FRESH", False) and not lab.can_make:
         return "a second instance is needed, and only an object was handed over"
-    return None
+    against = getattr(probe, "against", None)
+    reason: str | None = None if against is None else against(lab)
+    return reason
 
 
 def _probe(gathering: Gathering, name: str, probe: Probe, ration: int) -> None:

@@ -6,6 +6,8 @@ A probe is a module in `audit/probes/` (or an entry point of `gamekeeper.probes`
     look(lab, play): yields a `Fact`, `Twin` or `Trace` for all that it saw in one play
     plays(lab): optional; the plays to look at, `lab.plays(3, runs=2)` unless told
     API, FRESH: optional; only for this API; only where more than one instance can be had
+    against(lab): optional; why it can't look here, or None
+    TRIES: optional; how many shorter plays are tried for one finding, where a look is dear
 
 `look` is asked again with shorter plays (their actions on paper) to find the shortest way to see
 something again, so it may depend on nothing but its play.

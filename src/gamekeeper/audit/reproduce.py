@@ -64,13 +64,14 @@ def _shortest(check: Check, occasion: Occasion, play: Play, bench: Bench) -> tup
         return play, occasion
     lab = bench.gathering.lab.for_probe(name, bench.steps_left)
     lab.number = occasion.where.play
+    most_tries = getattr(probe, "TRIES", MOST_TRIES)
     tries = 0
     best = play, occasion
 
     def still(shorter: Play) -> bool:
         nonlocal tries, best
         tries += 1
-        if tries > MOST_TRIES or bench.steps_left <= 0:
+        if tries > most_tries or bench.steps_left <= 0:
             return False
         begun = lab.meter.steps
         try:
