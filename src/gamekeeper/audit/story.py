@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Final
+
+from gamekeeper.core.canon import shown
+from gamekeeper.core.divergence import Divergence
 from gamekeeper.core.proof import Proof
+
+LATE: Final = ("reward", "raised", "rows", "order")
+"""Fields that are made by their turn's crossing: they are seen once it is over."""
+WORDS: Final = {"obs": "observation", "received": "reward", "live": "roster"}
 
 _PARALLEL = '''\
 def story(meddle):
@@ -69,3 +77,18 @@ def story_proof(
 
 def _indented(lines: str) -> str:
     return "".join(f"    {line}\n" for line in lines.splitlines())
+
+
+def parting_words(parting: Divergence) -> str:
+    """In words where a play went another way, with both values where they are short."""
+    field = WORDS.get(parting.field, parting.field)
+    whose = "" if parting.agent is None else f" of {parting.agent!r}"
+    one, other = shown(parting.recorded), shown(parting.replayed)
+    is_short = len(one) + len(other) < 60 and "\n" not in one + other and one != other
+    values = f" is {other} in place of {one}" if is_short else " is another"
+    return f"at turn {parting.turn} the {field}{whose}{values}"
+
+
+def crossings_of(parting: Divergence) -> int | None:
+    """How many steps must have been made until the parting can be seen."""
+    return None if parting.turn is None else parting.turn + (parting.field in LATE)

@@ -38,4 +38,3 @@ class _Overwriting(Hooks):
         for action in self._given.values():
             overwrite(action)
         self._given.clear()
-
