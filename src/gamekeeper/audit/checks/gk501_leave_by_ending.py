@@ -8,6 +8,11 @@ from gamekeeper.audit.check import HIGH, Occasion, check
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.gathered import Gathered
 
+PROOF = """\
+gone = [agent for agent in ACTIONS[-1] if agent not in env.agents]
+silent = [a for a in gone if not terminations.get(a) and not truncations.get(a)]
+assert not silent, silent"""
+
 
 @check(
     "GK501",
@@ -15,37 +20,35 @@ from gamekeeper.core.gathered import Gathered
     severity=HIGH,
     mend="set the agent's termination or truncation in the step that takes it out of `agents`, "
     "or declare may_leave for its role",
+    api="parallel",
 )
 def agents_leave_by_ending(contract: Contract, evidence: Gathered) -> Iterator[Occasion]:
-    """An agent leaves `agents` only once it has terminated or truncated.
+    """An agent leaves `agents` only once it has terminated or truncated, and the flag says so.
 
     A learner that sees no end waits for an agent that never acts again, and bootstraps from
     nothing.
+
+    Bad: `self.agents.remove(walker)`, while `terminations[walker]` is False.
+
+    Good: `terminations[walker] = True` in the step that removes it.
     """
     for trace in evidence["rollout"]:
         live: frozenset[str] = frozenset()
         ended: set[str] = set()
         for turn in trace.turns:
             ended |= turn.ended
-            now = turn.live if evidence.api == "parallel" else live
-            for agent in sorted(live - now):
-                if not _may_leave(contract, agent):
-                    yield Occasion(
-                        trace.at(turn, agent, "agents"), agent in ended,
-                        "a termination or a truncation", "it is gone without either",
-                        proof=_proof(agent),
-                    )  # fmt: skip
-            live = now
+            left = live - turn.live
+            if turn.live or len(left) == 1 or not left & turn.ended:  # else it is GK502's
+                for agent in sorted(left):
+                    if not _may_leave(contract, agent):
+                        yield Occasion(
+                            trace.at(turn, agent, "agents"), agent in ended,
+                            "a termination or a truncation", "it is gone without either",
+                            proof=PROOF,
+                        )  # fmt: skip
+            live = turn.live
 
 
 def _may_leave(contract: Contract, agent: str) -> bool:
     name = contract.role_of(agent)
     return bool(name is not None and contract.roles[name].may_leave)
-
-
-def _proof(agent: str) -> str:
-    return (
-        f"gone = {agent!r} not in env.agents\n"
-        f"flags = terminations.get({agent!r}), truncations.get({agent!r})\n"
-        f"assert not gone or any(flags), flags"
-    )
