@@ -88,6 +88,7 @@ def snippet(
         "def make():",
         f"    return {made}",
         "",
+        *(("def plain():", f"    return {where.make}", "") if "plain()" in proof.lines else ()),
         f"SEED = {play.seed!r}",
         f"ACTIONS = {_actions(play, api)}",
         "",

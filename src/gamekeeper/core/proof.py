@@ -20,7 +20,8 @@ class Proof:
         lines: Python.
         plays: False: nothing is played before; the lines do it all, from `make()` on.
         imports: modules that the lines need, beside numpy.
-        options: what `make()` hands to the factory, beside the user's own arguments.
+        options: what `make()` hands to the factory, beside the user's own arguments; `plain()`
+            is then an instance without them.
     """
 
     lines: str

@@ -1,0 +1,33 @@
+"""What checks share that look at twins: an occasion for each that the sham doesn't explain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+from gamekeeper.core.canon import shown
+from gamekeeper.core.divergence import Divergence
+from gamekeeper.core.gathered import Twin
+from gamekeeper.core.occasion import Occasion
+from gamekeeper.core.proof import Proof
+
+FIELDS: Final = {"reward": "rewards", "action": "actions", "obs": "observations"}
+FAR: Final = 1 << 60
+
+
+def judged(twin: Twin, expected: str, proof: Proof | None = None) -> Iterator[Occasion]:
+    """Whether the twin goes as its base does; nothing where the sham already parts from it."""
+    found, noise = twin.divergence, twin.noise
+    if noise is not None and (found is None or _turn(noise) <= _turn(found)):
+        return
+    if found is None:
+        yield Occasion(twin.base.at(None), True, expected, "the same", proof=proof)
+        return
+    name, _, _ = found.field.partition(".")
+    where = twin.base.at(found.turn, found.agent, FIELDS.get(name, name))
+    recorded, replayed = shown(found.recorded), shown(found.replayed)
+    yield Occasion(where, False, f"{expected}: {recorded}", replayed, proof=proof)
+
+
+def _turn(divergence: Divergence) -> int:
+    return FAR if divergence.turn is None else divergence.turn
