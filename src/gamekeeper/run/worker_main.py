@@ -65,16 +65,18 @@ class Channel:
                 unsent = unsent[os.write(self._fd, unsent) :]
             self._last_s = time.monotonic()
 
-    def order(self) -> dict[str, Any]:
-        """Reads what is to be done; ends the process where the parent is gone before it said so."""
+    def order(self) -> Any:
+        """Reads the next message: what is to be done; where the parent is gone, the process ends.
+
+        Whoever asks for more than one answers each before the next is sent.
+        """
         read = b""
         while not read.endswith(b"\n"):
             chunk = os.read(self._fd, 1 << 16)
             if not chunk:
                 os._exit(1)
             read += chunk
-        order: dict[str, Any] = json.loads(read)
-        return order
+        return json.loads(read)
 
 
 def encoded(kind: str, content: object) -> bytes:

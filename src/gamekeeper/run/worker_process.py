@@ -47,8 +47,17 @@ class WorkerProcess:
         "_stacks_fd", "_unsent",
     )  # fmt: skip
 
-    def __init__(self, order: Mapping[str, object], environment: Mapping[str, str]) -> None:
+    def __init__(
+        self,
+        order: Mapping[str, object],
+        environment: Mapping[str, str],
+        *,
+        pass_fds: tuple[int, ...] = (),
+    ) -> None:
         """Starts the worker; `order` is what `worker_main` reads first.
+
+        Args:
+            pass_fds: descriptors that it inherits under their own numbers.
 
         Raises:
             GamekeeperError: no process can be started.
@@ -60,7 +69,7 @@ class WorkerProcess:
         self._cut = bytearray()
         self._stacks = bytearray()
         try:
-            self._start(environment)
+            self._start(environment, pass_fds)
         except OSError as error:
             raise GamekeeperError(
                 "a worker process can't be started",
@@ -69,7 +78,7 @@ class WorkerProcess:
                 mend="raise this account's limits (ulimit -n, ulimit -u), or end some programs",
             ) from error
 
-    def _start(self, environment: Mapping[str, str]) -> None:
+    def _start(self, environment: Mapping[str, str], pass_fds: tuple[int, ...]) -> None:
         ours, theirs = socket.socketpair()
         stacks, their_stacks = os.pipe()
         try:
@@ -80,7 +89,7 @@ class WorkerProcess:
                 stdin=subprocess.DEVNULL,
                 stdout=_error_stream(),  # what foreign code prints is no result of ours
                 stderr=_error_stream(),
-                pass_fds=passed,
+                pass_fds=(*passed, *pass_fds),
                 env=environment,
                 start_new_session=True,
             )
@@ -97,6 +106,18 @@ class WorkerProcess:
         self._selector = selectors.DefaultSelector()
         self._selector.register(ours, selectors.EVENT_READ | selectors.EVENT_WRITE)
         self._selector.register(stacks, selectors.EVENT_READ)
+
+    def send(self, message: object) -> None:
+        """Sends one more message; the task reads it with `report.order()`.
+
+        Raises:
+            TypeError, ValueError: JSON can't carry it.
+        """
+        self._unsent = memoryview(bytes(self._unsent) + json.dumps(message).encode() + b"\n")
+        both = selectors.EVENT_READ | selectors.EVENT_WRITE
+        with suppress(KeyError):  # its end of the channel is closed: the exit code tells
+            self._selector.modify(self._channel, both)
+            self._pump(0.0)
 
     def messages(self, wait_s: float) -> list[tuple[str, Any]]:
         """Messages since the last call; where there are none, waits up to `wait_s` for some.

@@ -1,0 +1,5 @@
+"""Vector environments: many copies of one environment, stepped together; `gk.vector.make`."""
+
+from gamekeeper.vector.front import make
+
+__all__ = ["make"]

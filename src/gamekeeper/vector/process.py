@@ -1,0 +1,269 @@
+"""The process engine: copies shared out to workers, arrays in memory that all of them see.
+
+Only what no array holds crosses as messages. Waiting is waiting for a message: nobody spins. A
+worker's death or hang is named with the copy that it was stepping.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Final
+
+from gamekeeper.core.canon import from_json, to_json
+from gamekeeper.core.contract import Contract
+from gamekeeper.errors import EnvError, SpecError
+from gamekeeper.game.converting.slim import slim
+from gamekeeper.game.open import open_env
+from gamekeeper.game.opening.construct import foreign_traceback, said_by
+from gamekeeper.run.worker_process import WorkerProcess
+from gamekeeper.vector.arrays import SharedMemory, arrays_in, attached, part, size_of
+from gamekeeper.vector.block import Autoreset, Block, Said
+from gamekeeper.vector.form import Form, form_of
+from gamekeeper.vector.serial import block_of
+
+TASK: Final = "gamekeeper.vector.process:block_task"
+TICK_S: Final = 0.1
+"""How often an interrupt is looked for while a worker is silent."""
+START_S: Final = 120.0
+"""How long building a worker's copies may take without a sign of life."""
+
+
+@dataclass(slots=True)
+class _Worker:
+    """One worker and the copies that it steps."""
+
+    process: WorkerProcess
+    first: int
+    last: int
+    is_gone: bool = False
+
+
+class ProcessEngine:
+    """Steps copies in processes of their own."""
+
+    def __init__(
+        self,
+        spec: object,
+        kwargs: Mapping[str, Any],
+        form: Form,
+        contract: Contract | None,
+        *,
+        num_envs: int,
+        workers: int,
+        autoreset: Autoreset,
+        wants_infos: bool,
+        timeout_s: float,
+        goes_on: bool,
+    ) -> None:
+        """Starts the workers, and waits until each has built its copies.
+
+        Raises:
+            SpecError: the environment can't be named in another process.
+            EnvError: a copy can't be built there.
+        """
+        if not isinstance(spec, str):
+            raise SpecError(
+                "another process can't build what is in memory here",
+                where="spec",
+                expected="a text: module:factory, file.py:factory, or an id",
+                seen=repr(spec)[:200],
+                mend="name the factory, or use engine='serial'",
+            )
+        plan = form.plan(num_envs)
+        self._shared = SharedMemory(size_of(plan))
+        self.arrays = arrays_in(self._shared.memory, plan)
+        self.failed: dict[int, str] = {}
+        self._timeout_s, self._goes_on = timeout_s, goes_on
+        self._workers: list[_Worker] = []
+        common = {
+            "spec": spec, "kwargs": to_json(dict(kwargs)), "plan": plan, "fd": self._shared.fd,
+            "contract": None if contract is None else contract.to_json(), "slots": num_envs,
+            "autoreset": autoreset, "wants_infos": wants_infos,
+        }  # fmt: skip
+        try:
+            for first, last in _shares(num_envs, min(workers, num_envs)):
+                self._workers.append(self._started(first, last, common))
+            self._gather(START_S)
+        except BaseException:
+            self.close()
+            raise
+
+    def _started(self, first: int, last: int, common: Mapping[str, Any]) -> _Worker:
+        order = {
+            "task": TASK,
+            "arguments": {"first": first, "last": last, **common},
+            "path": [str(entry) for entry in sys.path],
+            "memory_bytes": None,
+        }
+        process = WorkerProcess(order, dict(os.environ), pass_fds=(self._shared.fd,))
+        return _Worker(process, first, last)
+
+    def reset(self, seed: int, options: Any) -> Said:
+        """Begins a run in every worker."""
+        self._tell({"do": "reset", "seed": seed, "options": to_json(options)})
+        return self._gather(self._timeout_s)
+
+    def step(self) -> Said:
+        """One step of every copy."""
+        self._tell({"do": "step"})
+        return self._gather(self._timeout_s)
+
+    def _tell(self, message: Mapping[str, Any]) -> None:
+        for worker in self._workers:
+            if not worker.is_gone:
+                worker.process.send(message)
+
+    def _gather(self, timeout_s: float) -> Said:
+        """Waits for every worker's answer."""
+        said = Said()
+        for worker in self._workers:
+            if worker.is_gone:
+                continue
+            answer = self._answer(worker, timeout_s)
+            if answer is None:
+                continue
+            for e, text in answer.get("infos", {}).items():
+                said.infos[worker.first + int(e)] = _infos(text)
+            for e, text in answer.get("final", {}).items():
+                said.final[worker.first + int(e)] = _infos(text)
+        return said
+
+    def _answer(self, worker: _Worker, timeout_s: float) -> dict[str, Any] | None:
+        """What a worker said; None where it is gone and the others go on."""
+        last_s = time.monotonic()
+        while True:
+            has_ended = worker.process.has_ended()
+            for kind, content in worker.process.messages(0.0 if has_ended else TICK_S):
+                last_s = time.monotonic()
+                if kind == "report" and "error" in content:
+                    self._lose(worker, content["error"], content["traceback"])
+                    return None
+                if kind == "report":
+                    return dict(content)
+                if kind == "raised":
+                    self._lose(worker, content["error"], content["traceback"])
+                    return None
+            if has_ended:
+                code = worker.process.end()
+                how = f"killed by signal {-code}" if code < 0 else f"exit code {code}"
+                self._lose(worker, f"its process died: {how}", worker.process.dumped() or "")
+                return None
+            if time.monotonic() - last_s > timeout_s:
+                stacks = worker.process.dump() or ""
+                self._lose(worker, f"it gave no sign of life for {timeout_s:g} s", stacks)
+                return None
+
+    def _lose(self, worker: _Worker, how: str, traceback: str) -> None:
+        """A worker is gone: that ends it all, or its copies alone.
+
+        Raises:
+            EnvError: nobody asked to go on, or nobody is left.
+        """
+        e = worker.first + int(self.arrays["cursor"][worker.first])
+        worker.is_gone = True
+        worker.process.end()
+        text = f"copy {e}: {how}"
+        self.failed |= dict.fromkeys(range(worker.first, worker.last), text)
+        for name, array in part(self.arrays, slice(worker.first, worker.last)).items():
+            if name.startswith(("obs.", "mask.", "live", "rewards", "terminated", "truncated")):
+                array[...] = 0
+        if not self._goes_on or all(each.is_gone for each in self._workers):
+            self.close()
+            raise EnvError(
+                text,
+                where=f"env {e}, in the worker of envs {worker.first} to {worker.last - 1}",
+                seen=f"\n{traceback}" if traceback else "",
+                mend="step it alone to see more, or make with on_failure='go_on'",
+            )
+
+    def close(self) -> None:
+        """Ends every worker; its copies are closed there first."""
+        for worker in self._workers:
+            if not worker.is_gone:
+                worker.process.send({"do": "close"})
+        for worker in self._workers:
+            if not worker.is_gone:
+                worker.is_gone = True
+                deadline = time.monotonic() + 5.0
+                while not worker.process.has_ended() and time.monotonic() < deadline:
+                    worker.process.messages(0.01)
+            with worker.process:
+                pass
+        self._workers = []
+        self._shared.close()
+
+
+def _infos(text: str) -> dict[Any, Any]:
+    """Infos by agent, as a worker wrote them."""
+    found: Any = from_json(text)
+    return dict(found)
+
+
+def _shares(count: int, workers: int) -> list[tuple[int, int]]:
+    """Slots from first to before last, shared out as evenly as they can be."""
+    bounds = [count * w // workers for w in range(workers + 1)]
+    return list(pairwise(bounds))
+
+
+# -- in a worker
+
+
+def block_task(
+    report: Any,
+    *,
+    spec: str,
+    kwargs: str,
+    plan: list[Any],
+    fd: int,
+    contract: Any,
+    first: int,
+    last: int,
+    slots: int,
+    autoreset: Autoreset,
+    wants_infos: bool,
+) -> None:
+    """Builds copies `first` to before `last`, and steps them whenever it is told to."""
+    memory = attached(fd, size_of(plan))
+    os.close(fd)
+    arrays = part(arrays_in(memory, plan), slice(first, last))
+    given: dict[str, Any] = from_json(kwargs)  # type: ignore[assignment]  # the parent wrote a dict
+    opened = open_env(spec, **given)
+    assert opened.make is not None
+    declared = None if contract is None else Contract.from_json(contract)
+    doors = [slim(opened.env)]
+    for _ in range(last - first - 1):
+        doors.append(slim(opened.make()))
+        report()
+    out = opened.env.reset(seed=0)
+    infos = out[1] if opened.api == "parallel" else opened.env.infos
+    block = block_of(
+        doors, arrays, form_of(opened.env, opened.api, declared, infos), first=first, slots=slots,
+        autoreset=autoreset, wants_infos=wants_infos, after_env=report,
+    )  # fmt: skip
+    report(ready=True)
+    while True:
+        message = report.order()
+        if message["do"] == "close":
+            block.close()
+            return
+        _obey(report, block, message, wants_infos)
+
+
+def _obey(report: Any, block: Block, message: Mapping[str, Any], wants_infos: bool) -> None:
+    try:
+        if message["do"] == "reset":
+            options: Any = from_json(message["options"])
+            said = block.reset(message["seed"], options)
+        else:
+            said = block.step()
+    except Exception as error:  # the environment's; the process stays, its parent decides
+        report(error=said_by(error), traceback=foreign_traceback(error))
+        return
+    final = {str(e): to_json(infos) for e, infos in said.final.items()}
+    infos = {str(e): to_json(given) for e, given in said.infos.items()} if wants_infos else {}
+    report(final=final, infos=infos)

@@ -1,0 +1,140 @@
+"""A block of AEC copies: each step is one turn of whoever's turn it is in each copy.
+
+A dead agent's None turn is no step of anybody's: it is made at once, what it still had to be told
+(its last observation and info) is kept with what is final.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from gamekeeper.game.door import AgentId
+from gamekeeper.vector.block import Block, Said, put_mask
+from gamekeeper.vector.form import getter
+
+
+class AECBlock(Block):
+    """Copies of an AEC environment."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        """See `Block`."""
+        super().__init__(*arguments, **options)
+        self._envs = [
+            getattr(door, "env", door) if hasattr(door, "sink") else door for door in self.doors
+        ]
+        self._told: list[dict[AgentId, Any]] = [{} for _ in self.doors]
+        self._ended: list[set[tuple[str, AgentId]]] = [set() for _ in self.doors]
+        self._leaves = [
+            [(getter(leaf.path), i) for i, leaf in enumerate(group.observed)]
+            for group in self.form.groups
+        ]
+        self._givens = [name for name in self._arrays if name.startswith(("obs.", "mask."))]
+
+    def _begin(self, e: int, said: Said) -> None:
+        self._reset_door(e)
+        self._told[e], self._ended[e] = {}, set()
+        self._find_live(e)
+        self._turn_of_the_living(e, said, {})
+
+    def step(self) -> Said:
+        """One turn in every copy; a copy that is over begins anew, when `autoreset` says so."""
+        said, arrays = Said(), self._arrays
+        for name in ("rewards", "terminated", "truncated"):
+            arrays[name][...] = 0
+        fresh, turns = arrays["over"].tolist(), arrays["turn"].tolist()
+        actions = [read() for read in self._actions]
+        for e in range(len(self.doors)):
+            arrays["cursor"][0] = e
+            if fresh[e]:
+                arrays["over"][e] = False
+                self._episodes[e] += self._slots
+                self._begin(e, said)
+                continue
+            row = actions[self._group_of[turns[e]]][e]
+            self.doors[e].step(row)
+            paid: dict[AgentId, float] = {}
+            self._note(e, paid)
+            self._turn_of_the_living(e, said, paid)
+            for agent, reward in paid.items():
+                arrays["rewards"][e, self._column[agent]] = reward
+            self._after_env()
+        return said
+
+    def _note(self, e: int, paid: dict[AgentId, float]) -> None:
+        """What the last crossing paid, and whom it ended."""
+        env = self._envs[e]
+        if any(env.rewards.values()):
+            for agent, reward in env.rewards.items():
+                if reward:
+                    paid[agent] = paid.get(agent, 0.0) + float(reward)
+        column, ended = self._column, self._ended[e]
+        for name in ("terminated", "truncated"):
+            flags: Mapping[AgentId, Any] = getattr(env, _FLAGS[name])
+            if True in flags.values():
+                for agent, flag in flags.items():
+                    if flag and (name, agent) not in ended:
+                        ended.add((name, agent))
+                        self._arrays[name][e, column[agent]] = True
+
+    def _turn_of_the_living(self, e: int, said: Said, paid: dict[AgentId, float]) -> None:
+        """Makes the None turns of the dead, then shows what the agent in turn is given."""
+        env, door = self._envs[e], self.doors[e]
+        while env.agents:
+            agent = env.agent_selection
+            observation, _, terminated, truncated, info = door.last()
+            if not (terminated or truncated):
+                self._find_live(e)
+                self._show(e, agent, observation, info, said)
+                return
+            self._told[e][agent] = (observation, info)
+            door.step(None)
+            self._note(e, paid)
+        self._over(e, said)
+
+    def _find_live(self, e: int) -> None:
+        env, row = self._envs[e], self._arrays["live"][e]
+        if len(env.agents) == self._count and not self._ended[e]:
+            row[...] = True
+            return
+        row[...] = False
+        for agent in env.agents:
+            is_dead = env.terminations.get(agent) or env.truncations.get(agent)
+            row[self._column[agent]] = not is_dead
+
+    def _show(self, e: int, agent: AgentId, observation: Any, info: Any, said: Said) -> None:
+        column = self._column[agent]
+        g = self._group_of[column]
+        if len(self.form.groups) > 1:
+            for name in self._givens:
+                self._arrays[name][e] = 0
+        for get, i in self._leaves[g]:
+            self._arrays[f"obs.{g}.{i}"][e] = get(observation)
+        self._arrays["turn"][e] = column
+        if self.form.groups[g].flags:
+            mask = self.form.masks[agent](observation, info)
+            if mask is not None:
+                put_mask(self._arrays[f"mask.{g}"][e], mask)
+        if self._wants_infos:
+            said.infos[e] = {agent: info}
+
+    def _over(self, e: int, said: Said) -> None:
+        arrays = self._arrays
+        for g, group in enumerate(self.form.groups):
+            for get, i in self._leaves[g]:
+                final = arrays[f"final.{g}.{i}"]
+                final[e] = 0
+                for a, agent in enumerate(group.agents):
+                    if agent in self._told[e]:
+                        final[e, a] = get(self._told[e][agent][0])
+        said.final[e] = {agent: told[1] for agent, told in self._told[e].items()}
+        for name in self._givens:
+            arrays[name][e] = 0
+        arrays["live"][e] = False
+        arrays["over"][e] = self.autoreset == "next_step"
+        if self.autoreset == "same_step":
+            self._episodes[e] += self._slots
+            self._begin(e, said)
+
+
+_FLAGS: Final = {"terminated": "terminations", "truncated": "truncations"}

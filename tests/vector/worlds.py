@@ -1,0 +1,129 @@
+"""Small environments with all that a vector environment has to cope with."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+import gamekeeper as gk
+
+
+class Camp(gk.TickEnv):
+    """Scouts and a cook with other spaces; one scout leaves early; masks stand in infos."""
+
+    metadata = {"name": "camp_v0"}  # noqa: RUF012
+
+    def __init__(self, length: int = 6) -> None:
+        super().__init__()
+        self.length = length
+        self.possible_agents = ["scout_0", "scout_1", "cook"]
+        scout = spaces.Dict({"at": spaces.Box(-9, 9, (2,), np.float32), "n": spaces.Discrete(9)})
+        cook = spaces.Box(0, 255, (3,), np.uint8)
+        self.observation_spaces = {"scout_0": scout, "scout_1": scout, "cook": cook}
+        self.action_spaces = {
+            "scout_0": spaces.Discrete(3),
+            "scout_1": spaces.Discrete(3),
+            "cook": spaces.MultiDiscrete([2, 3]),
+        }
+
+    def start(self, rng: Any, options: dict[str, Any]) -> None:
+        """Draws where things are."""
+        self.rng, self.time = rng, 0
+        self.at = {agent: rng.integers(5) for agent in self.possible_agents}
+        self.leaves = 2 + rng.integers(self.length)
+
+    def tick(self, actions: dict[str, Any]) -> None:
+        """Pays by what was done; one scout leaves early, a reward comes with it."""
+        self.time += 1
+        for agent, action in actions.items():
+            self.at[agent] = (self.at[agent] + int(np.sum(action)) + self.rng.integers(2)) % 9
+            self.pay(agent, float(self.at[agent]))
+        if self.time == self.leaves and "scout_0" in actions:
+            self.terminate("scout_0", "tired")
+        if self.time >= self.length + self.leaves:
+            for agent in actions:
+                self.truncate(agent, "night")
+
+    def observe(self, agent: str) -> Any:
+        """Dictionaries for scouts, bytes for the cook."""
+        if agent == "cook":
+            return np.array([self.at["cook"], self.time, 255], np.uint8)
+        place = np.array([self.at[agent], self.time - 4], np.float32)
+        return {"at": np.clip(place, -9, 9), "n": np.int64(self.at[agent] % 9)}
+
+    def mask(self, agent: str) -> Any:
+        """Not all is always legal."""
+        if agent == "cook":
+            return np.array([1, 1], np.int8), np.array([1, 0, 1], np.int8)
+        return np.array([1, self.at[agent] % 2, 1], np.int8)
+
+
+class Walk(gk.TickEnv):
+    """Two agents of one kind with continuous actions; one of them may fall at any tick."""
+
+    metadata = {"name": "walk_v0"}  # noqa: RUF012
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.possible_agents = ["a", "b"]
+        self.observation_spaces = dict.fromkeys(
+            self.possible_agents, spaces.Box(-np.inf, np.inf, (2,), np.float32)
+        )
+        self.action_spaces = dict.fromkeys(
+            self.possible_agents, spaces.Box(-1, 1, (2,), np.float32)
+        )
+
+    def start(self, rng: Any, options: dict[str, Any]) -> None:
+        """Both at the origin."""
+        self.rng, self.time = rng, 0
+        self.at = {agent: np.zeros(2) for agent in self.possible_agents}
+
+    def tick(self, actions: dict[str, Any]) -> None:
+        """Walks; falls with probability 0.1, is stopped after ten ticks."""
+        self.time += 1
+        for agent, action in actions.items():
+            self.at[agent] += action
+            self.pay(agent, float(self.at[agent][0]))
+            if self.rng.uniform() < 0.1:
+                self.terminate(agent, "fell")
+            elif self.time >= 10:
+                self.truncate(agent, "time")
+
+    def observe(self, agent: str) -> Any:
+        """Where it is."""
+        return self.at[agent].astype(np.float32)
+
+
+class Raises(Walk):
+    """Breaks in its first tick."""
+
+    def tick(self, actions: dict[str, Any]) -> None:
+        """Raises."""
+        super().tick(actions)
+        if self.time == 1:
+            raise ValueError("the bridge is out")
+
+
+class Hangs(Walk):
+    """Never comes back from its first tick."""
+
+    def tick(self, actions: dict[str, Any]) -> None:
+        """Waits for ever."""
+        super().tick(actions)
+        while self.time == 1:
+            pass
+
+
+class Dies(Walk):
+    """Kills its process in the first tick."""
+
+    def tick(self, actions: dict[str, Any]) -> None:
+        """Ends the process without a word."""
+        import os
+        import signal
+
+        super().tick(actions)
+        if self.time == 1:
+            os.kill(os.getpid(), signal.SIGKILL)
