@@ -1,0 +1,169 @@
+"""Spaces asked for before the reset, after it, along a play and after another reset."""
+
+from __future__ import annotations
+
+import inspect
+import pickle
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from gymnasium.spaces import Space
+
+from gamekeeper.audit.lab import Called, Lab, Saw
+from gamekeeper.core.canon import shown, type_name
+from gamekeeper.core.fact import Fact
+from gamekeeper.core.space.misfit import misfits
+from gamekeeper.core.space.sound import faults, kept, same
+from gamekeeper.run.episode import Play
+
+SHARE: Final = 1.0
+MOST_TURNS: Final = 60
+EVERY: Final = 8
+"""Turns from one look at the live agents' spaces and infos to the next."""
+MOST_OBSERVED: Final = 240
+"""Observations of others that are looked at in one play."""
+MOST_AGENTS: Final = 64
+"""Live agents whose spaces are asked for again and again; of a crowd the first ones."""
+SIDES: Final = ("observation", "action")
+
+
+def plays(lab: Lab) -> Iterator[Play]:
+    """Two short ones."""
+    return lab.plays(2, most_turns=MOST_TURNS)
+
+
+def look(lab: Lab, play: Play) -> Iterator[Saw]:
+    """What spaces are there and whether they stay the same; what others than the mover observe.
+
+    Facts:
+        `space`: asked for twice in a row: `which` (observation, action), `when` (before reset,
+            live, again), `space` or None, `failed`, `type`, `is_same` object.
+        `unlike`: a space beside what it was first: `was` and `now` as text, `is_same`.
+        `sound`: (once for each space) `faults` of its making, in words.
+        `attribute`: (once for each space) what the dictionary `observation_spaces` or
+            `action_spaces` says beside the method: `dictionary`, `method`, `is_same`.
+        `observed`: (AEC) `observe` of a live agent that isn't in turn: `failed`, or `misfits` as a
+            list of [kind, path, expected, seen, test].
+        `info`: a live agent's info: why it can't be pickled, or None.
+    """
+    env = lab.env()
+    watch = _Watch(lab, env)
+    if lab.can_make:
+        watch.ask_all(list(getattr(env, "possible_agents", None) or ()), "before reset", 0)
+    played = lab.play(play, env, watch=watch, state=False)
+    if played.failed is None:
+        after = None if play.seed is None else play.seed + 1
+        if lab.call("reset", env.reset, seed=after).failed is None:
+            lab.meter.count()
+            watch.ask_all(list(env.agents), "again", None)
+    yield from watch.facts
+
+
+@dataclass(slots=True)
+class _Watch:
+    """Looks at the spaces now and then."""
+
+    lab: Lab
+    env: Any
+    facts: list[Fact] = field(default_factory=list)
+    _first: dict[tuple[str, Any], Any] = field(default_factory=dict)
+    _sound: set[int] = field(default_factory=set)
+    _roster: list[Any] = field(default_factory=list)
+    _observed: int = 0
+
+    def __call__(self, turn: int, env: Any, out: Any) -> None:
+        """After the reset and after every crossing."""
+        roster = list(env.agents)
+        if roster != self._roster or turn % EVERY == 0:
+            self._roster = roster
+            self.ask_all(roster[:MOST_AGENTS], "live", turn)
+            self._look_at_infos(turn, out, roster)
+        if self.lab.api == "aec" and self._observed < MOST_OBSERVED:
+            self._observe(turn, roster)
+
+    def ask_all(self, agents: list[Any], when: str, turn: int | None) -> None:
+        """Asks for both spaces of every agent, twice in a row."""
+        for agent in agents:
+            for which in SIDES:
+                self._ask(agent, which, when, turn)
+
+    def _ask(self, agent: Any, which: str, when: str, turn: int | None) -> None:
+        name = f"{which}_space"
+        one, other = (_quietly(self.lab, name, getattr(self.env, name), agent) for _ in range(2))
+        space = one.value if isinstance(one.value, Space) else None
+        said = None if one.failed is None else f"{one.failed.kind}: {one.failed.text}"
+        self._note(
+            "space", turn, agent, name, which=which, when=when, space=space, failed=said,
+            type=type_name(one.value), is_same=one.value is other.value,
+        )  # fmt: skip
+        if space is None:
+            return
+        first = self._first.setdefault((which, agent), kept(space))
+        if first is not None and when != "before reset":
+            alike = same(first, space)
+            if alike is not None:
+                self._note(
+                    "unlike", turn, agent, name, was=shown(first), now=shown(space), is_same=alike
+                )
+        if id(space) not in self._sound:
+            self._sound.add(id(space))
+            self._note("sound", turn, agent, name, faults=faults(space, sample=which == "action"))
+            self._compare_attribute(agent, which, space, turn)
+
+    def _compare_attribute(self, agent: Any, which: str, space: Any, turn: int | None) -> None:
+        """The dictionary of spaces, where the environment itself has one that names the agent."""
+        name = f"{which}_spaces"
+        beside = inspect.getattr_static(self.env, name, None)
+        if isinstance(beside, dict) and isinstance(beside.get(agent), Space):
+            alike = same(beside[agent], space)
+            if alike is not None:
+                self._note(
+                    "attribute", turn, agent, name,
+                    dictionary=shown(beside[agent]), method=shown(space), is_same=alike,
+                )  # fmt: skip
+
+    def _observe(self, turn: int, roster: list[Any]) -> None:
+        chosen = getattr(self.env, "agent_selection", None)
+        for agent in roster:
+            space = self._space(agent)
+            if agent == chosen or space is None:
+                continue
+            self._observed += 1
+            seen = self.lab.call("observe", self.env.observe, agent)
+            if seen.failed is not None:
+                said = f"{seen.failed.kind}: {seen.failed.text}"
+                self._note("observed", turn, agent, "observe", failed=said, misfits=[])
+                continue
+            found = [
+                [each.kind, each.path, each.expected, each.seen, each.test]
+                for each in misfits(space, seen.value)
+            ]
+            self._note("observed", turn, agent, "observe", failed=None, misfits=found)
+
+    def _space(self, agent: Any) -> Any:
+        asked = _quietly(self.lab, "observation_space", self.env.observation_space, agent)
+        return asked.value if isinstance(asked.value, Space) else None
+
+    def _look_at_infos(self, turn: int, out: Any, roster: list[Any]) -> None:
+        infos = getattr(self.env, "infos", None) if self.lab.api == "aec" else None
+        if isinstance(out, tuple | list) and len(out) in (2, 5):
+            infos = out[-1]
+        if not isinstance(infos, dict):
+            return
+        for agent in roster:
+            if isinstance(infos.get(agent), dict):
+                done = self.lab.call("pickle", pickle.dumps, infos[agent])
+                why = None if done.failed is None else f"{done.failed.kind}: {done.failed.text}"
+                self._note("info", turn, agent, "infos", unpicklable=why)
+
+    def _note(self, name: str, turn: int | None, agent: Any, place: str, **value: Any) -> None:
+        self.facts.append(self.lab.fact(name, value, turn=turn, agent=agent, field=place))
+
+
+def _quietly(lab: Lab, name: str, function: Any, *arguments: Any) -> Called:
+    """Calls without the warning of PettingZoo's own method, which reads the dictionaries."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return lab.call(name, function, *arguments)
