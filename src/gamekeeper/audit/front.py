@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike, fspath
 from typing import Any, Final
@@ -69,7 +70,10 @@ def audit(
         return audit_here(spec, contract=contract, on_probe=on_probe, **asked)
     asked["contract"] = _crossing(contract)
     died: dict[str, str] = {}
+    deadline_s = time.monotonic() + seconds
     while len(died) <= MOST_DEATHS:
+        # After the time was up a last try still judges what the earlier ones died of.
+        asked["seconds"] = max(deadline_s - time.monotonic(), 0.0)
         value = _tried(spec, asked, died, silence_s, memory_bytes, on_probe)
         if value is not None:
             return value

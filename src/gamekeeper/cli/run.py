@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import re
 from shlex import quote
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
+import typer
+
+from gamekeeper.cli._audit import audit_code, audit_with_progress
+from gamekeeper.cli._document import error_document
 from gamekeeper.cli._form import Form, look_at
 from gamekeeper.cli._options import (
     EPISODES,
@@ -25,9 +29,10 @@ from gamekeeper.cli._options import (
     TurnsOption,
 )
 from gamekeeper.cli._screen import Answer, Screen
-from gamekeeper.cli._worker import Recorded, evidence_folder, plan_of, record_in_worker
+from gamekeeper.cli._worker import Plan, Recorded, evidence_folder, plan_of, record_in_worker
 from gamekeeper.cli.record import exit_code, record_document, say_end
 from gamekeeper.cli.replay import replay_code, show_replayed
+from gamekeeper.errors import GamekeeperError
 
 if TYPE_CHECKING:
     from gamekeeper.core.divergence import Divergence
@@ -42,6 +47,14 @@ NEAR: Final = "1e-6"
 """Differences up to here, absolute or relative, come from arithmetic; larger ones from rules."""
 MOST_AGENTS: Final = 24
 """Agents whose rows are shown; `gamekeeper show` has them all."""
+AUDIT_S: Final = 20.0
+"""Longest time of the audit that comes first, in seconds; what nobody saw by then is unseen."""
+MOST_BROKEN: Final = 5
+"""Broken promises that are shown; `gamekeeper audit` has them all, with programs."""
+
+AuditOption = Annotated[
+    bool, typer.Option("--no-audit", help="Record at once, without a quick audit first.")
+]
 
 
 def command(
@@ -59,11 +72,13 @@ def command(
     most_turns: TurnsOption = None,
     timeout: TimeoutOption = SILENCE_S,
     memory: MemoryOption = None,
+    no_audit: AuditOption = False,
 ) -> Answer:
-    """Card, recording, replay and each agent's part, in one go.
+    """Card, quick audit, recording, replay and each agent's part, in one go.
 
     Where --out holds evidence already, a new folder beside it is taken (FOLDER-2, ...). Exit code
-    0: recorded and verified. 1: the environment failed, or its replay diverged. 2: can't tell.
+    0: nothing is broken, recorded and verified. 1: a promise is broken (it is recorded all the
+    same), the environment failed, or its replay diverged. 2: can't tell.
     """
     plan = plan_of(
         env, policy=policy, episodes=episodes, seed=seed, level=level, frames=frames,
@@ -72,6 +87,9 @@ def command(
     with screen.progress("opening"):
         form = look_at(env, env_kwargs=plan.env_kwargs, contract=contract, silence_s=timeout)
     show_form(screen, form)
+    audited = None
+    if not no_audit:
+        audited = audit_here(screen, plan, timeout=timeout, memory_mb=memory, kwargs=kwargs)
     with evidence_folder(out, spec=env, is_renamed=True) as folder:
         if out is not None and folder != out:
             screen.note(f"note: {out} holds something already; this run goes to {folder}")
@@ -84,7 +102,49 @@ def command(
     is_whole = recorded.error is None and not recorded.is_interrupted
     replayed = replay_here(screen, recorded, timeout=timeout) if is_whole else None
     show_next(screen, env, form, recorded, replayed)
-    return Answer(_document(form, recorded, replayed), _code(recorded, replayed))
+    document = _document(form, audited, recorded, replayed)
+    return Answer(document, _code(audited, recorded, replayed))
+
+
+def audit_here(
+    screen: Screen, plan: Plan, *, timeout: float, memory_mb: int | None, kwargs: str | None
+) -> dict[str, Any]:
+    """Audits within a few seconds, and shows in as many lines what that came to.
+
+    Returns:
+        The audit's document; where the audit itself was given up, its `error`.
+    """
+    try:
+        found = audit_with_progress(
+            screen, plan.spec, contract=plan.contract, quick=True, seed=plan.seed,
+            env_kwargs=plan.env_kwargs, seconds=AUDIT_S, silence_s=min(timeout, AUDIT_S),
+            memory_mb=memory_mb,
+        ).to_json()  # fmt: skip
+    except GamekeeperError as error:  # recording meets it too, and keeps evidence of it
+        screen.error(f"{type(error).__name__}: {error}")
+        screen.show("\nAudited  given up")
+        return {"error": error_document(error)}
+    show_audited(screen, found, kwargs=kwargs, contract=plan.contract)
+    return found
+
+
+def show_audited(
+    screen: Screen, document: dict[str, Any], *, kwargs: str | None, contract: str | None
+) -> None:
+    """Shows the counts, the worst of what is broken, and the command that tells all of it."""
+    from gamekeeper.report.audit_text import brief_rows, counts_text
+    from gamekeeper.report.text import table_lines
+
+    screen.show(f"\nAudited  {document['steps']:,} steps: {counts_text(document)}")
+    rows = brief_rows(document, most=MOST_BROKEN)
+    if not rows:
+        return
+    for line in table_lines(rows, width=screen.width):
+        screen.show(line)
+    command = f"gamekeeper audit {quote(document['environment'])}"
+    command += f" --kwargs {quote(kwargs)}" if kwargs else ""
+    command += f" --contract {quote(contract)}" if contract else ""
+    screen.show(f"{INDENT}all of it, with programs that show it:  {command}")
 
 
 def show_form(screen: Screen, form: Form) -> None:
@@ -176,12 +236,18 @@ def _env_option(env: str, evidence: Evidence) -> str:
     return "" if is_id else f" --env {quote(env)}"
 
 
-def _document(form: Form, recorded: Recorded, replayed: Replay | None) -> dict[str, Any]:
+def _document(
+    form: Form, audited: dict[str, Any] | None, recorded: Recorded, replayed: Replay | None
+) -> dict[str, Any]:
     record = record_document(recorded)
     replay = None if replayed is None else replayed.to_json()
-    document = {"contract": form.to_json(), "record": record, "replay": replay}
+    document = {"contract": form.to_json(), "audit": audited, "record": record, "replay": replay}
     return {**document, "error": record["error"]} if "error" in record else document
 
 
-def _code(recorded: Recorded, replayed: Replay | None) -> int:
-    return exit_code(recorded) or (0 if replayed is None else replay_code(replayed))
+def _code(audited: dict[str, Any] | None, recorded: Recorded, replayed: Replay | None) -> int:
+    """The recording's, the replay's or the audit's, whichever is worst."""
+    told = exit_code(recorded) or (0 if replayed is None else replay_code(replayed))
+    if told or audited is None or "error" in audited:
+        return told
+    return audit_code(audited, strict=False)

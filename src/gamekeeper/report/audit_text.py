@@ -66,6 +66,13 @@ def broken_blocks(audit: Document, *, width: int, least: str = "low") -> Iterato
             yield f"Broken: {severity}", "\n\n".join(_finding(each, width) for each in found)
 
 
+def brief_rows(audit: Document, *, most: int) -> list[tuple[str, str, str]]:
+    """Id, severity and claim of the worst broken promises, and how many more there are."""
+    found = verdicts_of(audit, "broken")
+    rows = [(each["id"], each["severity"], _short(each["claim"])) for each in found[:most]]
+    return rows if len(found) <= most else [*rows, ("", "", f"and {len(found) - most} more")]
+
+
 def _finding(verdict: Document, width: int) -> str:
     """One broken promise: the claim, the first place in full, the others named."""
     lines = _claim(verdict, width)
