@@ -10,6 +10,7 @@ from gamekeeper.core.fact import Fact
 from gamekeeper.core.gathered import Gathered
 from gamekeeper.core.proof import Proof
 from gamekeeper.core.stats import holm
+from gamekeeper.run.changes.action_order import ORDERS
 
 LEVEL = 0.01
 """Chance of calling a mere change of draws an outcome, over all looks together."""
@@ -86,8 +87,6 @@ def _seen(fact: Fact) -> str:
 
 def proof_of_order(order: str) -> Proof:
     """Lines that play the actions in their order and in another, and compare what came of it."""
-    from gamekeeper.run.changes.action_order import ORDERS
-
     return Proof(
         "def outcomes(order):\n"
         "    env, found = make(), []\n"

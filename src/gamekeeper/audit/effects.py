@@ -1,0 +1,118 @@
+"""What one replaced action changed: for whom, in what, how much later."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+
+from gamekeeper.core.gathered import Twin
+from gamekeeper.core.trace import Trace, Turn
+
+On: TypeAlias = Literal["observation", "reward", "ending"]
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """One look at whether an action changed something.
+
+    Attributes:
+        source: whose action was replaced.
+        target: whose observation, reward or ending was looked at.
+        on: which of them.
+        lag: 0: in the crossing of that action, or in what it was shown next; then turns later.
+        is_changed: whether it differs from what it was.
+    """
+
+    source: str
+    target: str
+    on: On
+    lag: int
+    is_changed: bool
+
+
+def effects(twin: Twin) -> Iterator[Effect]:
+    """Every look that a twin with one replaced action gives, as far as its sham is the same."""
+    source, start = str(twin.change["agent"]), int(twin.change["turn"])
+    later = int(twin.change["later"])
+    end = _last_equal(twin)
+    base, changed = by_turn(twin.base, start, end), by_turn(twin.trace, start, end)
+    names = sorted({name for turn in base.values() for name in turn.agents})
+    for turn in sorted(base.keys() & changed.keys()):
+        one, two = base[turn], changed[turn]
+        if turn > start + later + 1:
+            return
+        if one.order and two.order and turn <= start + later:
+            for name in names:
+                paid = one.rewards.get(name, 0.0), two.rewards.get(name, 0.0)
+                yield Effect(source, name, "reward", turn - start, _differ(*paid))
+        if turn == start:
+            continue
+        for name in names:
+            is_changed = (name in one.ended) != (name in two.ended)
+            yield Effect(source, name, "ending", turn - start - 1, is_changed)
+            if name in one.observations and name in two.observations:
+                values = one.observations[name], two.observations[name]
+                yield Effect(source, name, "observation", turn - start - 1, _differ(*values))
+
+
+def by_turn(trace: Trace, start: int, end: int | None = None) -> dict[int, Turn]:
+    """The turns from `start` on, by number; those before `end`."""
+    return {
+        turn.index: turn
+        for turn in trace.turns
+        if turn.index >= start and (end is None or turn.index < end)
+    }
+
+
+def ticks(trace: Trace) -> list[range]:
+    """The turns of an AEC play by ticks: one ends before somebody acts a second time in it."""
+    starts, acted = [0], set[str]()
+    last = 0
+    for turn in trace.turns:
+        if acted & set(turn.order):
+            starts.append(turn.index)
+            acted = set()
+        acted |= set(turn.order)
+        last = turn.index
+    return [range(start, end) for start, end in pairwise([*starts, last + 1])]
+
+
+def changed_numbers(one: Any, two: Any) -> frozenset[int]:
+    """The places of the numbers that differ in two values of one form."""
+    left, right = np.array(_flat(one)), np.array(_flat(two))
+    if left.shape != right.shape:
+        return frozenset()
+    same = (left == right) | (np.isnan(left) & np.isnan(right))
+    return frozenset(np.flatnonzero(~same).tolist())
+
+
+def _last_equal(twin: Twin) -> int | None:
+    """Turns from here on differ although nothing was changed; None: there is no such turn."""
+    noise = twin.noise
+    return None if noise is None else (noise.turn or 0)
+
+
+def _differ(one: Any, two: Any) -> bool:
+    if isinstance(one, dict) and isinstance(two, dict):
+        return one.keys() != two.keys() or any(_differ(one[key], two[key]) for key in one)
+    if isinstance(one, list | tuple) and isinstance(two, list | tuple):
+        return len(one) != len(two) or any(map(_differ, one, two))
+    if isinstance(one, np.ndarray) or isinstance(two, np.ndarray):
+        left, right = np.asarray(one), np.asarray(two)
+        is_float = left.dtype.kind == right.dtype.kind == "f"
+        return not np.array_equal(left, right, equal_nan=is_float)
+    return bool(one != two) and not (one != one and two != two)
+
+
+def _flat(value: Any) -> Sequence[float]:
+    if isinstance(value, dict):
+        return [number for key in sorted(value) for number in _flat(value[key])]
+    if isinstance(value, list | tuple):
+        return [number for each in value for number in _flat(each)]
+    if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
+        return value.astype(np.float64).ravel().tolist()
+    return [float(value)] if isinstance(value, bool | int | float | np.number) else []
