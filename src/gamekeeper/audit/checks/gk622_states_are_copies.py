@@ -15,7 +15,7 @@ from gamekeeper.core.gathered import Gathered
     needs=("written",),
     severity=HIGH,
     mend="return a copy from state(): `return self.world.copy()`",
-    applies=none_of("state", "it has no state() that hands out arrays"),
+    applies=none_of("state", "it has no state() that only looks and hands out arrays"),
 )
 def written_states_change_nothing(contract: Contract, evidence: Gathered) -> Iterator[Occasion]:
     """Writing into what state() handed out doesn't change the game.

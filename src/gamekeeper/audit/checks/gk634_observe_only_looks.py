@@ -21,7 +21,7 @@ from gamekeeper.core.gathered import Gathered
 def observing_changes_nothing(contract: Contract, evidence: Gathered) -> Iterator[Occasion]:
     """Calling observe() again, for every agent, doesn't change the game.
 
-    Loggers, wrappers and centralised learners observe more often than the loop does. Where observe()
+    Loggers, wrappers and centralised learners observe more often than the loop. Where observe()
     draws from the game's generator or advances something, the game depends on who is watching.
 
     Bad:

@@ -61,9 +61,9 @@ def _entry(agent: Any, before: Any, after: Any) -> dict[str, Any]:
 def _compared(lab: Lab, play: Play, paper: list[dict[Any, Any]]) -> Saw:
     """Steps with actions of its own and compares them after each step."""
     env = lab.env()
-    looks, changed, turn = 0, None, None
+    looks, changed = 0, None
     lab.call("reset", env.reset, **_reset(play))
-    for turn, each in enumerate(paper):
+    for each in paper:
         own = {agent: _again(action) for agent, action in each.items()}
         handed: Any = own
         if lab.api == "aec":
@@ -79,7 +79,7 @@ def _compared(lab: Lab, play: Play, paper: list[dict[Any, Any]]) -> Saw:
             break
     agent = None if changed is None else changed["agent"]
     value = {"looks": looks, "changed": changed}
-    seen_at = None if changed is None else turn
+    seen_at = None if changed is None else looks - 1
     return lab.fact("handed", value, turn=seen_at, agent=agent, field="actions")
 
 

@@ -1,0 +1,168 @@
+"""Copies of an environment in mid-play go on beside the original, with the same actions."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, Final
+
+from gamekeeper.audit.lab import Called, Lab, Saw
+from gamekeeper.core.contract import Contract
+from gamekeeper.run.episode import Play, actions_of
+from gamekeeper.run.handed import is_same, snapshot
+
+SHARE: Final = 0.6
+WAYS: Final[Mapping[str, Callable[[Any], Any]]] = {
+    "deepcopy": copy.deepcopy,
+    "pickle": lambda env: pickle.loads(pickle.dumps(env)),
+}
+Told = list[tuple[str, Any, Any]]
+"""By and by what was given: what it is, whose, a snapshot."""
+
+
+def plays(lab: Lab) -> Iterator[Play]:
+    """One play, some six times over; copies are made in its middle."""
+    return lab.plays(1, runs=6, most_turns=60)
+
+
+def look(lab: Lab, play: Play) -> Iterator[Saw]:
+    """Copies at half of the play; then the copy goes on, then the original.
+
+    Facts:
+        `copied`: in one way (the field: `deepcopy`, `pickle`): `refused`: None, or what was raised
+            where it lets itself not be copied, or where the copy can't be stepped; `copy` and
+            `original`: None, or in words what each of them gave otherwise than a play of which no
+            copy was made. The fact's turn is the first at which one of them did.
+    """
+    base = lab.play(play, state=False)
+    paper = base.play.actions or ()
+    if not paper:
+        return
+    half = len(paper) // 2
+    told, again = _whole(lab, play, paper), _whole(lab, play, paper)
+    if _parting(told[half:], again[half:]) is not None:  # it differs by itself
+        return
+    for way, duplicate in WAYS.items():
+        env = lab.env()
+        _begin(lab, env, play)
+        _tell(lab, env, paper[:half])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            made = lab.call(way, duplicate, env)
+        yield _beside(lab, way, (env, made), paper, told, half)
+
+
+def _beside(
+    lab: Lab, way: str, pair: tuple[Any, Called], paper: Sequence[Any], told: list[Told], half: int
+) -> Saw:
+    """What the copy and then the original come to."""
+    env, made = pair
+    value: dict[str, Any] = {"refused": None, "copy": None, "original": None}
+    if made.failed is not None:
+        value["refused"] = f"{made.failed.kind}: {made.failed.text}"
+        return lab.fact("copied", value, field=way)
+    if not getattr(made.value, "agents", None):  # as EzPickle does: the arguments are kept alone
+        value["refused"] = "the copy begins anew: it wants a reset"
+        return lab.fact("copied", value, field=way)
+    ours = _tell(lab, made.value, paper[half:])
+    theirs = _tell(lab, env, paper[half:])
+    lab.call("close", made.value.close)
+    if ours and ours[0][0][0] == "raises" and told[half][0][0] != "raises":
+        value["refused"] = f"the copy can't be stepped: {ours[0][0][2]}"
+    turns = []
+    for name, gave in (("copy", ours), ("original", theirs)):
+        parting = _parting(told[half:], gave)
+        if parting is not None and not (name == "copy" and value["refused"]):
+            turns.append(half + parting[0] + 1)
+            value[name] = f"{parting[1]} at turn {turns[-1]}"
+    return lab.fact("copied", value, turn=min(turns, default=None), field=way)
+
+
+def _whole(lab: Lab, play: Play, paper: Sequence[Any]) -> list[Told]:
+    env = lab.env()
+    _begin(lab, env, play)
+    return _tell(lab, env, paper)
+
+
+def _begin(lab: Lab, env: Any, play: Play) -> None:
+    given = {"seed": play.seed, "options": play.options}
+    lab.call("reset", env.reset, **{key: item for key, item in given.items() if item is not None})
+
+
+def _tell(lab: Lab, env: Any, paper: Sequence[Any]) -> list[Told]:
+    """Steps, and tells of each step all that it gave."""
+    told = []
+    for actions in actions_of(paper):
+        told.append(_step(lab, env, dict(actions)))
+        if told[-1][0][0] == "raises" or not env.agents:
+            break
+    return told
+
+
+def _step(lab: Lab, env: Any, actions: dict[Any, Any]) -> Told:
+    contract = lab.contract
+    gave: Told = []
+    if lab.api == "aec":
+        last = lab.call("last", env.last)
+        gave.append(("last()", env.agent_selection, _quiet(last.value, contract)))
+    done = lab.step(env, actions if lab.api == "parallel" else next(iter(actions.values()), None))
+    if done.failed is not None:
+        return [("raises", None, f"{done.failed.kind}: {done.failed.text}")]
+    if lab.api == "aec":
+        gave.append(("rewards", None, snapshot(dict(env.rewards))))
+    elif isinstance(done.value, tuple) and len(done.value) == 5:
+        names = ("observations", "rewards", "terminations", "truncations")
+        pairs = zip(names, done.value, strict=False)
+        gave += [(name, None, snapshot(part)) for name, part in pairs]
+        infos = done.value[4]
+        if isinstance(infos, dict):
+            gave.append(("infos", None, {a: _without(i, contract) for a, i in infos.items()}))
+    state = lab.call("state", getattr(env, "state", None)) if env.agents else Called()
+    if state.failed is None:
+        gave.append(("state()", None, snapshot(state.value)))
+    return gave
+
+
+def _quiet(last: Any, contract: Contract) -> Any:
+    """What `last()` gave, without fields of the info that may differ between equal plays."""
+    if not isinstance(last, tuple) or len(last) != 5:
+        return snapshot(last)
+    return snapshot((*last[:4], _without(last[4], contract)))
+
+
+def _without(info: Any, contract: Contract) -> Any:
+    volatile = contract.volatile_infos()
+    if not isinstance(info, dict):
+        return snapshot(info)
+    return snapshot({key: item for key, item in info.items() if key not in volatile})
+
+
+def _parting(told: list[Told], other: list[Told]) -> tuple[int, str] | None:
+    """The first step that gave something else, and what."""
+    for turn, (one, two) in enumerate(zip(told, other, strict=False)):
+        for (name, agent, value), (name_2, agent_2, value_2) in zip(one, two, strict=False):
+            if name != name_2:
+                return turn, str(value_2) if name_2 == "raises" else f"{name} is missing"
+            if agent != agent_2 or not is_same_copy(value, value_2):
+                return turn, f"{name} differs" if agent == agent_2 else "agent_selection differs"
+        if len(one) != len(two):
+            return turn, "there is more or less of it"
+    if len(told) != len(other):
+        return min(len(told), len(other)), "the episode has another length"
+    return None
+
+
+def is_same_copy(one: Any, other: Any) -> bool:
+    """Whether two snapshots are the same; objects that can't be copied aren't compared."""
+    return is_same(_bare(one), _bare(other))
+
+
+def _bare(value: Any) -> Any:
+    """A snapshot with its objects that couldn't be copied left out."""
+    if isinstance(value, dict):
+        return {key: _bare(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_bare(item) for item in value]
+    return None if type(value).__name__ == "Opaque" else value
