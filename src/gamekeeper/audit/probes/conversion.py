@@ -18,8 +18,7 @@ API: Final = "aec"
 def plays(lab: Lab) -> Iterator[Play]:
     """Plays in ticks; each tick is a turn of every agent."""
     agents = max(len(lab.agents), 1)
-    for play in lab.plays(3, runs=2 * agents, most_turns=60):
-        yield play
+    yield from lab.plays(3, runs=2 * agents, most_turns=60)
 
 
 def look(lab: Lab, play: Play) -> Iterator[Saw]:
@@ -46,6 +45,7 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
         return
     played = lab.play(play, made.value, state=False)
     ticks = len(played.play.actions or ())
+    lab.meter.count(ticks * max(len(lab.agents) - 1, 0))  # a tick is a step of each of them
     failed = None if played.failed is None else f"{played.failed.kind}: {played.failed.text}"
     value = {"said": True, "failed": failed, "ticks": ticks}
     turn = None if played.failed is None else ticks

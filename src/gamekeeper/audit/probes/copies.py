@@ -96,7 +96,7 @@ def _tell(lab: Lab, env: Any, paper: Sequence[Any]) -> list[Told]:
     told = []
     for actions in actions_of(paper):
         told.append(_step(lab, env, dict(actions)))
-        if told[-1][0][0] == "raises" or not env.agents:
+        if told[-1][0][0] == "raises" or not getattr(env, "agents", None):
             break
     return told
 
@@ -106,12 +106,15 @@ def _step(lab: Lab, env: Any, actions: dict[Any, Any]) -> Told:
     gave: Told = []
     if lab.api == "aec":
         last = lab.call("last", env.last)
-        gave.append(("last()", env.agent_selection, _quiet(last.value, contract)))
+        if last.failed is not None:
+            return [("raises", None, f"{last.failed.kind}: {last.failed.text}")]
+        agent = getattr(env, "agent_selection", None)
+        gave.append(("last()", agent, _quiet(last.value, contract)))
     done = lab.step(env, actions if lab.api == "parallel" else next(iter(actions.values()), None))
     if done.failed is not None:
         return [("raises", None, f"{done.failed.kind}: {done.failed.text}")]
     if lab.api == "aec":
-        gave.append(("rewards", None, snapshot(dict(env.rewards))))
+        gave.append(("rewards", None, snapshot(getattr(env, "rewards", None))))
     elif isinstance(done.value, tuple) and len(done.value) == 5:
         names = ("observations", "rewards", "terminations", "truncations")
         pairs = zip(names, done.value, strict=False)
@@ -119,7 +122,7 @@ def _step(lab: Lab, env: Any, actions: dict[Any, Any]) -> Told:
         infos = done.value[4]
         if isinstance(infos, dict):
             gave.append(("infos", None, {a: _without(i, contract) for a, i in infos.items()}))
-    state = lab.call("state", getattr(env, "state", None)) if env.agents else Called()
+    state = lab.call("state", getattr(env, "state", None))
     if state.failed is None:
         gave.append(("state()", None, snapshot(state.value)))
     return gave
