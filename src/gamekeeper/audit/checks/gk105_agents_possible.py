@@ -35,7 +35,7 @@ def only_possible_agents_take_part(contract: Contract, evidence: Gathered) -> It
 
     Good: `possible_agents` lists as many guests as can ever come, and `agents` those who are there.
     """
-    possible: set[str] = set()
+    possible = set(evidence.agents)
     for fact in evidence.facts("surface", "possible_agents"):
         stages = [fact.value["before"], *fact.value["turns"], fact.value["again"]]
         possible.update(name for names in stages for name in names or ())
@@ -57,7 +57,7 @@ def _strangers_in_dictionaries(evidence: Gathered, possible: set[str]) -> Iterat
         for each in given(trace):
             if not each.turn.index:
                 continue
-            strangers = [a for a in each.turn.agents if a not in possible and a not in each.before]
+            strangers = [a for a in each.turn.agents if a not in possible and not _is_spelt(a)]
             for agent in strangers:
                 for part in sorted(each.has(agent) - FREE):
                     yield Occasion(
@@ -66,6 +66,11 @@ def _strangers_in_dictionaries(evidence: Gathered, possible: set[str]) -> Iterat
                     )  # fmt: skip
             if not strangers:
                 yield Occasion(trace.at(each.turn, None, "agents"), True)
+
+
+def _is_spelt(agent: str) -> bool:
+    """The name is no text, and spelt in another way where the agents were asked for."""
+    return agent.startswith(("{", "["))
 
 
 def _proof(part: str) -> str:

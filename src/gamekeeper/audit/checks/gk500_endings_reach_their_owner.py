@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Set
+from typing import Final
 
 from gamekeeper.audit.check import HIGH, Occasion, check
 from gamekeeper.audit.checks._rosters import plays_with_rosters
@@ -10,16 +11,17 @@ from gamekeeper.core.contract import Contract
 from gamekeeper.core.gathered import Gathered
 from gamekeeper.core.trace import Trace, Turn
 
-KINDS = {"termination": "terminated", "truncation": "truncated"}
-PROOF = {}
-PROOF["parallel"] = """\
+KINDS: Final = {"termination": "terminated", "truncation": "truncated"}
+PROOF: Final = {
+    "parallel": """\
 ended = [a for a in terminations if terminations[a] or truncations.get(a)]
 going_on = [a for a in env.agents if a not in ended]
-assert not (ended and going_on), (ended, going_on)"""
-PROOF["aec"] = """\
+assert not (ended and going_on), (ended, going_on)""",
+    "aec": """\
 ended = [a for a in env.agents if env.terminations[a] or env.truncations[a]]
 going_on = [a for a in env.agents if a not in ended]
-assert not (ended and going_on), (ended, going_on)"""
+assert not (ended and going_on), (ended, going_on)""",
+}
 
 
 def _undeclared(contract: Contract, evidence: Gathered) -> str | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from gamekeeper.audit.check import HIGH, Occasion, check
+from gamekeeper.audit.checks._endings import ended_in, is_twofold
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.gathered import Gathered
 
@@ -36,9 +37,11 @@ def agents_leave_by_ending(contract: Contract, evidence: Gathered) -> Iterator[O
         live: frozenset[str] = frozenset()
         ended: set[str] = set()
         for turn in trace.turns:
-            ended |= turn.ended
+            new = ended_in(turn)
+            ended |= new
             left = live - turn.live
-            if turn.live or len(left) == 1 or not left & turn.ended:  # else it is GK502's
+            is_over = not turn.live and len(left) > 1 and bool(left & new)  # GK502 looks at it
+            if not is_over and not is_twofold(turn):
                 for agent in sorted(left):
                     if not _may_leave(contract, agent):
                         yield Occasion(

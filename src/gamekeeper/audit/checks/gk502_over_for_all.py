@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from gamekeeper.audit.check import HIGH, Occasion, check
+from gamekeeper.audit.checks._endings import ended_in, is_twofold
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.gathered import Gathered
 
@@ -36,12 +37,13 @@ def the_episode_is_over_for_those_who_ended(
     for trace in evidence["rollout"]:
         live: frozenset[str] = frozenset()
         for turn in trace.turns:
-            if live and not turn.live and live & turn.ended:
-                silent = sorted(live - turn.ended)
+            ended = ended_in(turn) & live
+            if ended and not turn.live and not is_twofold(turn):
+                silent = sorted(live - ended)
                 yield Occasion(
                     trace.at(turn, silent[0] if silent else None, "agents"), not silent,
                     "a termination or a truncation of everybody",
-                    f"{', '.join(sorted(live & turn.ended))} ended, and {', '.join(silent)} "
+                    f"{', '.join(sorted(ended))} ended, and {', '.join(silent)} "
                     "stopped without either",
                     proof=PROOF,
                 )  # fmt: skip

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from gamekeeper.audit.check import HIGH, Occasion, check
+from gamekeeper.audit.checks._endings import ended_in
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.gathered import Gathered
 
@@ -33,9 +34,10 @@ def the_ended_are_out_of_agents(contract: Contract, evidence: Gathered) -> Itera
     """
     for trace in evidence["rollout"]:
         for turn in trace.turns:
-            if not turn.ended or not turn.index:
+            ended = ended_in(turn)
+            if not ended or not turn.index:
                 continue
-            still = sorted(turn.ended & turn.live)
+            still = sorted(ended & turn.live)
             yield Occasion(
                 trace.at(turn, still[0] if still else None, "agents"), not still,
                 "only those who go on", f"{', '.join(still)} ended, and stays", proof=PROOF,

@@ -7,6 +7,8 @@ from typing import Any
 from gamekeeper.audit.specimens._rovers import Rovers
 
 BREAKS = ("GK501",)
+ALSO = ("GK502",)
+"""Where the horizon truncates the others in the same step, the roster is emptied over it."""
 
 
 class SilentLeave(Rovers):
