@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Annotated, Any, Final, Literal
 
 import typer
 
+from gamekeeper.cli._audit import audit_with_progress
 from gamekeeper.cli._document import document_text
 from gamekeeper.cli._form import Form, look_at
 from gamekeeper.cli._options import (
@@ -15,6 +17,7 @@ from gamekeeper.cli._options import (
     EnvArgument,
     KwargsOption,
     OutFileOption,
+    SeedOption,
     TimeoutOption,
     json_object,
 )
@@ -30,6 +33,10 @@ FormatOption = Annotated[
         "--format", help="Otherwise as the suffix of --out says, or text.", show_default=False
     ),
 ]
+MeasureOption = Annotated[
+    bool,
+    typer.Option("--measure", help="Also play it, and propose what was measured as answers."),
+]
 
 
 def command(
@@ -39,41 +46,55 @@ def command(
     out: OutFileOption = None,
     contract: ContractOption = None,
     kwargs: KwargsOption = None,
+    measure: MeasureOption = False,
+    seed: SeedOption = 0,
     timeout: TimeoutOption = SILENCE_S,
 ) -> Answer:
     """Shows the game form, and asks for what nobody declared.
 
-    Who acts, observes, is paid and ends, and when. The environment is opened, not stepped.
-    Write a draft to fill in with --out my_env.toml: beside my_env.py it is found by itself.
+    Who acts, observes, is paid and ends, and when. The environment is opened, not stepped, unless
+    --measure plays it to propose answers. Write a draft to fill in with --out my_env.toml: beside
+    my_env.py it is found by itself.
     """
-    form = look_at(
-        env,
-        env_kwargs=json_object(kwargs, option="--kwargs"),
-        contract=contract,
-        silence_s=timeout,
-    )
+    env_kwargs = json_object(kwargs, option="--kwargs")
+    form = look_at(env, env_kwargs=env_kwargs, contract=contract, silence_s=timeout)
+    audited: dict[str, Any] = {}
+    if measure:
+        audited = audit_with_progress(
+            screen, env, contract=None if contract is None else str(contract), seed=seed,
+            env_kwargs=env_kwargs, silence_s=timeout,
+        ).to_json()  # fmt: skip
     chosen = format or SUFFIXES.get("" if out is None else out.suffix, "text")
-    text = _written(form, chosen, width=screen.width)
+    text = _written(form, chosen, width=screen.width, audited=audited)
     if out is None:
         screen.show(text)
     else:
         _write(out, text)
         screen.note(f"written: {out}")
     written = {} if out is None else {"out": str(out)}
-    return Answer({**form.to_json(), **written})
+    measured = {"measured": audited["measured"]} if audited else {}
+    return Answer({**form.to_json(), **measured, **written})
 
 
-def _written(form: Form, chosen: str, *, width: int) -> str:
+def _written(form: Form, chosen: str, *, width: int, audited: Mapping[str, Any]) -> str:
     from gamekeeper.report.card import card_markdown, card_text, card_toml
+    from gamekeeper.report.measured_draft import draft_note, measured_questions
+    from gamekeeper.report.measured_text import measured_text
 
     parts = form.contract, form.agents
     if chosen == "json":
         return f"{document_text(form.to_json())}\n"
     if chosen == "toml":
-        return card_toml(*parts, questions=form.questions)
+        if not audited:
+            return card_toml(*parts, questions=form.questions)
+        note = draft_note(steps=audited["steps"], seed=audited["seed"])
+        asked = measured_questions(form.questions, audited["measured"])
+        return note + card_toml(*parts, questions=asked)
     if chosen == "md":
         return card_markdown(*parts, questions=form.questions)
-    return card_text(*parts, width=width, questions=form.questions)
+    text = card_text(*parts, width=width, questions=form.questions)
+    measured = measured_text(audited, width=width) if audited else ""
+    return f"{text}\n{measured}\n" if measured else text
 
 
 def _write(out: Path, text: str) -> None:
