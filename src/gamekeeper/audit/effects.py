@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -66,19 +65,6 @@ def by_turn(trace: Trace, start: int, end: int | None = None) -> dict[int, Turn]
         for turn in trace.turns
         if turn.index >= start and (end is None or turn.index < end)
     }
-
-
-def ticks(trace: Trace) -> list[range]:
-    """The turns of an AEC play by ticks: one ends before somebody acts a second time in it."""
-    starts, acted = [0], set[str]()
-    last = 0
-    for turn in trace.turns:
-        if acted & set(turn.order):
-            starts.append(turn.index)
-            acted = set()
-        acted |= set(turn.order)
-        last = turn.index
-    return [range(start, end) for start, end in pairwise([*starts, last + 1])]
 
 
 def changed_numbers(one: Any, two: Any) -> frozenset[int]:

@@ -1,0 +1,1 @@
+"""The parts of the game form as it was measured, a module each. Pure."""
