@@ -1,0 +1,189 @@
+"""state() at every turn, asked twice, in a used instance, and after other actions."""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+from gymnasium.spaces import Space
+
+from gamekeeper.audit.lab import Called, Lab, Saw
+from gamekeeper.audit.probes._moves import moves
+from gamekeeper.core.canon import to_json
+from gamekeeper.core.divergence import compare
+from gamekeeper.core.trace import Trace
+from gamekeeper.game.capture.oddity import type_name_of
+from gamekeeper.run.episode import Play, Played
+
+SHARE: Final = 1.0
+MOST_TURNS: Final = 24
+TRIAL_TURNS: Final = (0, 1, 2, 3, 4, 5, 7, 9)
+"""Turns at which other actions are tried."""
+
+
+def plays(lab: Lab) -> Iterator[Play]:
+    """Two; each again in the used instance, and in part with other actions."""
+    yield from lab.plays(2, runs=4, most_turns=MOST_TURNS)
+
+
+def look(lab: Lab, play: Play) -> Iterator[Saw]:
+    """What state() says, beside what its space declares.
+
+    Facts:
+        `state`: whether it is there: `is_there`, `space` (its text, or None), `shape` and `dtype`
+            of the space where it has them.
+        `states`: `moves` (turns at which somebody's observation changed) and `answers` by turn; an
+            answer has `turn`, `over`, `failed`, `kind`, `dtype`, `shape`, `is_within` (the bounds
+            of the space; None without one), `has_nan`, `digest`, `again` (digest of a second one).
+        `used`: `turn` of the first other state in the second of two equal episodes of an instance;
+            None where there is none. Only where a state asked twice is the same.
+        `late`: trials with other actions at one turn, in which observations changed at once:
+            `trials`, of them states that changed `at_once` and `later`; the last of them as
+            `turn` and `other` actions.
+    """
+    env = lab.env()
+    recorder = Recorder(lab, env)
+    base = lab.play(play, env, watch=recorder, state=False)
+    answers = recorder.answers
+    space = recorder.space
+    is_there = bool(answers) and not str(answers[0]["failed"]).startswith("NotImplementedError")
+    yield lab.fact(
+        "state",
+        {
+            "is_there": is_there,
+            "space": None if space is None else str(space),
+            "shape": getattr(space, "shape", None),
+            "dtype": None if getattr(space, "dtype", None) is None else str(space.dtype),  # type: ignore[union-attr]  # it has one
+        },
+    )
+    if not is_there:
+        return
+    yield lab.fact("states", {"moves": moves(base.trace), "answers": answers}, field="state")
+    if all(answer["digest"] == answer["again"] for answer in answers):
+        yield from _used(lab, base, answers, env)
+    yield from _late(lab, base, answers, env)
+
+
+class Recorder:
+    """Asks for the state twice after the reset and after every crossing."""
+
+    def __init__(self, lab: Lab, env: Any) -> None:
+        self.answers: list[dict[str, Any]] = []
+        self._lab = lab
+        space = lab.call("state_space", getattr, env, "state_space", None).value
+        self.space = space if isinstance(space, Space) else None
+
+    def __call__(self, turn: int, env: Any, out: Any) -> None:
+        """One moment."""
+        called = self._lab.call("state", env.state)
+        answer = _answer(called, self.space)
+        again = self._lab.call("state", env.state)
+        self.answers.append(
+            {"turn": turn, "over": not env.agents, **answer, "again": _digest(again.value)}
+        )
+
+
+def _answer(called: Called, space: Space[Any] | None) -> dict[str, Any]:
+    value, failed = called.value, called.failed
+    is_array = isinstance(value, np.ndarray | np.generic)
+    return {
+        "failed": None if failed is None else f"{failed.kind}: {failed.text}",
+        "kind": type_name_of(type(value)),
+        "dtype": value.dtype.name if is_array else None,
+        "shape": list(value.shape) if is_array else None,
+        "is_within": None if space is None or failed is not None else _is_within(value, space),
+        "has_nan": bool(is_array and value.dtype.kind == "f" and np.isnan(value).any()),
+        "digest": _digest(value),
+    }
+
+
+def _is_within(value: Any, space: Space[Any]) -> bool | None:
+    """Whether it is in the space but for dtype and shape, which are looked at apart."""
+    low, high = getattr(space, "low", None), getattr(space, "high", None)
+    if low is None or high is None:
+        return bool(space.contains(value))
+    if not isinstance(value, np.ndarray) or value.shape != space.shape or value.dtype.kind in "OUS":
+        return None
+    return bool((value >= low).all() and (value <= high).all())
+
+
+def _digest(value: Any) -> str:
+    if isinstance(value, np.ndarray) and value.dtype != object:
+        head = f"{value.dtype}{value.shape}".encode()
+        return hashlib.blake2b(head + value.tobytes(), digest_size=16).hexdigest()
+    return hashlib.blake2b(to_json(value).encode(), digest_size=16).hexdigest()
+
+
+def _used(lab: Lab, base: Played, answers: list[dict[str, Any]], env: Any) -> Iterator[Saw]:
+    """The same play once more in the same instance; looked at where all else is equal."""
+    again = Recorder(lab, env)
+    used = lab.play(base.play, env, watch=again, state=False)
+    volatile = lab.contract.volatile_infos()
+    if compare(base.trace, used.trace, volatile=volatile).divergence is None:
+        pairs = zip(answers, again.answers, strict=False)
+        turn = next((a["turn"] for a, b in pairs if a["digest"] != b["digest"]), None)
+        yield lab.fact("used", {"turn": turn}, field="used")
+
+
+def _late(lab: Lab, base: Played, answers: list[dict[str, Any]], env: Any) -> Iterator[Saw]:
+    """Other actions at one turn: when do observations show them, and when does the state?"""
+    actions = base.play.actions or ()
+    digests = {answer["turn"]: answer["digest"] for answer in answers}
+    trials = at_once = later = 0
+    last: dict[str, Any] = {"turn": None, "other": None}
+    for turn in TRIAL_TURNS:
+        if turn + 1 >= len(actions):
+            break
+        other = _others(env, base.trace, turn, actions[turn], seed=lab.seed)
+        tried = (*actions[:turn], other, actions[turn + 1])
+        watch = Recorder(lab, env)
+        played = lab.play(
+            replace(base.play, actions=tried, most_turns=len(tried)), env, watch=watch, state=False
+        )
+        if not _parts_at(base.trace, played.trace, turn + 1):
+            continue
+        now = {answer["turn"]: answer["digest"] for answer in watch.answers}
+        trials += 1
+        at_once += now.get(turn + 1) != digests.get(turn + 1)
+        is_later = turn + 2 in now and now[turn + 2] != digests.get(turn + 2)
+        later += is_later
+        last = {"turn": turn, "other": other} if is_later else last
+    yield lab.fact(
+        "late", {"trials": trials, "at_once": at_once, "later": later, **last}, field="late"
+    )
+
+
+def _others(
+    env: Any, trace: Trace, turn: int, actions: Mapping[Any, Any], *, seed: int
+) -> dict[Any, Any]:
+    """Other legal actions for all that act at a turn, drawn from copies of their spaces."""
+    masks = next((each.masks for each in trace.turns if each.index == turn), {})
+    others: dict[Any, Any] = {}
+    for agent, action in actions.items():
+        others[agent] = action
+        if action is None:
+            continue
+        space = copy.deepcopy(env.action_space(agent))
+        space.seed(seed + turn)
+        mask = masks.get(str(agent))
+        for _ in range(8):
+            drawn = space.sample() if mask is None else space.sample(np.asarray(mask, np.int8))
+            if to_json(drawn) != to_json(action):
+                others[agent] = drawn
+                break
+    return others
+
+
+def _parts_at(base: Trace, other: Trace, turn: int) -> bool:
+    """Whether observations are equal before `turn`, and some of those given at it differ."""
+    for left, right in zip(base.turns, other.turns, strict=False):
+        if left.index > turn or left.index != right.index:
+            return False
+        seen, now = dict(left.observations), dict(right.observations)
+        if to_json(seen) != to_json(now):
+            return left.index == turn and seen.keys() == now.keys()
+    return False
