@@ -15,8 +15,6 @@ Measured = Mapping[str, Any]
 
 CONFLICTS: Final = {"none": "joint rule", "draws": "joint rule", "outcome": "ordered"}
 """What would have to be declared where the order of the action dictionary matters so much."""
-HINTS: Final = {"rewards": "reward", "endings": "endings", "schedule": "schedule"}
-"""Keys of `measured` that help with the questions of a section."""
 LONGEST: Final = 200
 """Characters of what was measured, in a comment."""
 
@@ -46,10 +44,7 @@ def _measured(question: Question, measured: Measured) -> Question:
     if value is not None:
         hint = f"measured; else {question.answer}" + (f"; {question.hint}" if question.hint else "")
         return replace(question, answer=value_text(value), hint=hint)
-    key = HINTS.get(question.path[0]) if len(question.path) > 1 else None
-    seen = words(measured.get(key)) if key is not None else ""
-    if question.path == ("why",) and measured.get("why"):
-        seen = str(measured["why"])
+    seen = _hint(question.path, measured)
     if not seen:
         return question
     seen = seen if len(seen) <= LONGEST else f"{seen[:LONGEST]}..."
@@ -69,15 +64,25 @@ def _answer(path: tuple[str, ...], measured: Measured) -> Any:
             schedule = measured.get("schedule")
             order = schedule.get("order") if isinstance(schedule, Mapping) else schedule
             return order if order in ORDERS else None
-        case ("roles", role, "symmetric"):
-            symmetric = measured.get("symmetric")
-            by_role = symmetric.get(role) if isinstance(symmetric, Mapping) else symmetric
-            return _plain(by_role, bool)
     return None
 
 
+def _hint(path: tuple[str, ...], measured: Measured) -> str:
+    """What was measured that helps with the answer; empty where nothing does."""
+    match path:
+        case ("why",):
+            return str(measured.get("why") or "")
+        case ("roles", role, "symmetric"):
+            by_role = measured.get("symmetric")
+            return words(by_role.get(role)) if isinstance(by_role, Mapping) else ""
+        case ("schedule", "stages" | "order"):
+            return words(measured.get("schedule"))
+        case ("rewards" | "endings" as section, _):
+            return words(measured.get("reward" if section == "rewards" else section))
+    return ""
+
+
 def _plain(value: Any, kind: type) -> Any:
-    """The value where it is of that kind; inside a table its `value`."""
-    bare = value.get("value") if isinstance(value, Mapping) else value
-    is_bool = isinstance(bare, bool)
-    return bare if isinstance(bare, kind) and (kind is bool or not is_bool) else None
+    """The value where it is of that kind; a truth value is no number."""
+    is_meant = kind is bool or not isinstance(value, bool)
+    return value if isinstance(value, kind) and is_meant else None

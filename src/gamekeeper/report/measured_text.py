@@ -24,6 +24,16 @@ DECLARED: Final[Mapping[str, tuple[tuple[str, ...], ...]]] = {
     "symmetric": (("roles", "*", "symmetric"),),
 }
 """Where a contract declares what stands under a key of `measured`; `*`: by each name."""
+BY_AGENT: Final = "by_agent"
+LEFT_OUT: Final = ("positive", "negative")
+"""Figures by agent that only the JSON document has."""
+SPOKEN: Final = {
+    "most_in_a_round": "most in a round",
+    "fewest_in_a_round": "fewest",
+    "zero_sum": "zero-sum",
+    "after_end": "after the end",
+}
+"""Keys that are said otherwise than they are written; names of agents and roles stay."""
 SIGNS: Final = {"observation": "o", "reward": "r", "ending": "e"}
 MOST_AGENTS: Final = 8
 """Agents of whom a matrix is shown."""
@@ -32,10 +42,19 @@ MOST_COLUMNS: Final = 150
 
 
 def measured_text(audit: Document, *, width: int) -> str:
-    """A table of measured beside declared, who moves whom, and which API fits; empty if nothing."""
+    """Measured beside declared, agent by agent, who moves whom, which API fits; empty if nothing.
+
+    Args:
+        audit: the audit's document.
+        width: columns that no line exceeds, as far as names allow.
+    """
     measured, declared = audit["measured"], audit.get("declared") or {}
     rows = [
-        (key.replace("_", " "), words(value), words(declared_as(declared, key)) or "not declared")
+        (
+            key.replace("_", " "),
+            words(value) or "not seen",
+            words(declared_as(declared, key)) or "not declared",
+        )
         for key, value in measured.items()
         if key not in APART
     ]
@@ -43,13 +62,33 @@ def measured_text(audit: Document, *, width: int) -> str:
     if rows:
         head = ("", "measured", "declared")
         parts.append("\n".join(["Measured beside declared", *_three([head, *rows], width)]))
-    influence = influence_text(measured.get("influence") or (), width=width)
-    parts += [influence] if influence else []
+    parts += [agents_text(measured, width=width)]
+    parts += [influence_text(measured.get("influence") or (), width=width)]
     if measured.get("advice"):
         api = {"aec": "AEC", "parallel": "Parallel"}.get(measured["advice"], measured["advice"])
         why = one_line(f"{api}: {measured.get('why', '')}".removesuffix(": "))
         parts.append("\n".join(["Advice", *wrapped(why, width, first=INDENT, rest=INDENT)]))
-    return "\n\n".join(parts)
+    return "\n\n".join(filter(None, parts))
+
+
+def agents_text(measured: Document, *, width: int) -> str:
+    """What was measured of each agent: a row for each of the first ones; empty if nothing was."""
+    tables = [each[BY_AGENT] for each in measured.values()
+              if isinstance(each, Mapping) and isinstance(each.get(BY_AGENT), Mapping)]  # fmt: skip
+    agents = list(dict.fromkeys(name for table in tables for name in table))
+    fields = dict.fromkeys(key for table in tables for row in table.values() for key in row)
+    shown = [key for key in fields if key not in LEFT_OUT]
+    if not shown:
+        return ""
+    merged = {name: {k: v for table in tables for k, v in table.get(name, {}).items()}
+              for name in agents[:MOST_AGENTS]}  # fmt: skip
+    rows = [("agent", *(key.replace("_", " ") for key in shown))]
+    rows += [(name, *(words(row.get(key)) for key in shown)) for name, row in merged.items()]
+    right = range(1, len(shown) + 1)
+    lines = list(table_lines(rows, width=max(width, 60), right=right))
+    if len(agents) > MOST_AGENTS:
+        lines.append(f"{INDENT}... and {len(agents) - MOST_AGENTS} more agents")
+    return "\n".join(["Measured by agent", *lines])
 
 
 def declared_as(declared: Document, key: str) -> Any:
@@ -73,7 +112,7 @@ def _at(declared: Any, path: Sequence[str]) -> Any:
 
 
 def words(value: Any) -> str:
-    """A measured or declared value as a reader would say it."""
+    """A measured or declared value as a reader would say it; what is told elsewhere is left out."""
     if value is None:
         return ""
     if isinstance(value, bool):
@@ -81,11 +120,21 @@ def words(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.4g}"
     if isinstance(value, Mapping):
-        inner = [(name, _inner(each)) for name, each in value.items()]
-        return "; ".join(f"{str(name).replace('_', ' ')}: {each}" for name, each in inner if each)
+        if "seems" in value:
+            return f"{'seems so' if value['seems'] else 'seems not'}, p {words(value.get('p'))}"
+        inner = [_pair(str(name), each) for name, each in value.items() if name != BY_AGENT]
+        return "; ".join(filter(None, inner))
     if isinstance(value, list | tuple):
         return ", ".join(filter(None, map(_inner, value)))
     return one_line(str(value))
+
+
+def _pair(name: str, value: Any) -> str:
+    """A name and its value; of a declared term or ending its kind is enough."""
+    if isinstance(value, Mapping) and isinstance(value.get("kind"), str):
+        return f"{name} ({value['kind']})"
+    text = _inner(value)
+    return f"{SPOKEN.get(name, name)}: {text}" if text else ""
 
 
 def _inner(value: Any) -> str:
