@@ -1,0 +1,235 @@
+"""The life of an instance: before a reset, after the end, resets at any time, closing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any, Final
+
+from gamekeeper.audit.lab import Called, Lab, Saw
+from gamekeeper.audit.probes import _after
+from gamekeeper.core.canon import to_json
+from gamekeeper.run.episode import Failed, Play, Played
+
+SHARE: Final = 2.0
+PARTS: Final = (0.6, 0.2)
+"""Of the ration, for the plays: one as long as it may be, to reach its end, and a shorter one."""
+SHORT: Final = 3
+"""Turns that are played after a reset."""
+MOST_TRIES: Final = 4
+"""Turns whose actions are tried after the end: a mask may forbid those of some."""
+OUT: Final = ("observations", "rewards", "terminations", "truncations", "infos")
+
+
+def plays(lab: Lab) -> Iterator[Play]:
+    """A long one and a shorter one."""
+    for k, part in enumerate(PARTS):
+        turns = max(int(lab.ration * part), 20)
+        yield Play(seed=lab.seed + k, stream=k, most_turns=turns)
+
+
+def look(lab: Lab, play: Play) -> Iterator[Saw]:
+    """One instance through its life; with the first play also two that were never reset.
+
+    Facts:
+        `after_end`: a step after the end; {"raised": kind or None, "gave": what came of it, in
+            words; empty where nothing did}.
+        `reset`: a reset, then a few turns; {"when", "raised": None or words, "agents": how many}.
+        `ignored`: resets in the midst of an episode; whether all gave what stood there before.
+        `dead_action`: (AEC) a dead agent did something but None; {"agent", "raised"}.
+        `iterated`: (AEC) `agent_iter` over the first turns; {"named", "selected", "asked"}.
+        `resets_with`: by arguments in words, what `reset` raised, or None.
+        `unborn_step`: a step before any reset; as `after_end`.
+        `close`: by when, what it raised, or None.
+    """
+    env = lab.env()
+    seen: list[str | None] = []
+    dead: list[int] = []
+
+    def watch(turn: int, env: Any, out: Any) -> None:
+        seen[1:] = [_seen(lab, env, out)] if turn else []
+        seen[:1] = seen[:1] or [_seen(lab, env, out)]
+        if lab.api == "aec" and not dead and _is_dead(lab, env):
+            dead.append(turn)
+
+    base = lab.play(play, env, watch=watch, state=False)
+    yield base.trace
+    if base.is_over and not lab.call("agents", getattr, env, "agents").value:
+        yield _after_end(lab, env, base)
+    yield from _resets(lab, env, base, seen)
+    if lab.api == "aec":
+        yield from _dead_action(lab, env, base, dead)
+        yield from _iterated(lab, env, base)
+    yield _arguments(lab, env, base)
+    if lab.can_make:
+        yield from _closed(lab, env, base)
+
+
+def _after_end(lab: Lab, env: Any, base: Played) -> Saw:
+    """Steps with actions of earlier turns once the episode is over."""
+    turns = list(base.play.actions or ())[-MOST_TRIES:][::-1]
+    latest: dict[Any, Any] = {}
+    for actions in base.play.actions or ():
+        latest.update(actions)
+    actions, called, gave = latest, Called(), ""
+    for actions in [latest, *turns] if lab.api == "parallel" else turns:
+        called, gave = _step(lab, env, actions)
+        if gave:
+            break
+    return lab.fact(
+        "after_end", {"raised": _kind(called.failed), "gave": gave},
+        turn=len(base.play.actions or ()), field="after_end",
+        proof=_after.goes_on(lab.api, actions, plays=True),
+    )  # fmt: skip
+
+
+def _step(lab: Lab, env: Any, actions: Mapping[Any, Any]) -> tuple[Called, str]:
+    """A step where none should be, and what came of it in words."""
+    if lab.api == "aec":
+        called = lab.step(env, next(iter(actions.values()), None))
+        left = lab.call("agents", getattr, env, "agents").value
+        return called, f"a turn, and {left} go on" if called.failed is None and left else ""
+    called = lab.step(env, dict(actions))
+    out = called.value if isinstance(called.value, tuple) else ()
+    gave = [name for name, part in zip(OUT, out, strict=False) if part]
+    return called, ", ".join(gave)
+
+
+def _resets(lab: Lab, env: Any, base: Played, seen: list[str | None]) -> Iterator[Saw]:
+    """Resets after the play, in the midst of an episode, and twice, each with a few turns."""
+    before, latest = base, seen[-1] if seen else None
+    ignored = []
+    for resets in (1, 1, 2):
+        when = "after the end" if before.is_over else "in mid-episode"
+        when = when if resets == 1 else "twice in a row"
+        twice = lab.call("reset", env.reset, seed=base.play.seed) if resets == 2 else Called()
+        now: list[Any] = []
+
+        def watch(turn: int, env: Any, out: Any, now: list[Any] = now) -> None:
+            if turn:
+                now[1:] = [_seen(lab, env, out)]
+            else:
+                now[:] = [(_count(lab, env), _seen(lab, env, out))]
+
+        short = replace(base.play, actions=None, most_turns=SHORT)
+        played = lab.play(short, env, watch=watch, state=False)
+        agents, first = now[0] if now else (None, None)
+        value = {"when": when, "raised": _words(twice.failed or played.failed), "agents": agents}
+        proof = _after.begins(lab.api, resets, played.play.actions or ())
+        yield lab.fact("reset", value, field=f"reset {when}", proof=proof)
+        if now and seen and not before.is_over:
+            ignored.append(first is not None and first == latest and first != seen[0])
+        before, latest = played, now[-1] if len(now) > 1 else first
+    if ignored:
+        yield lab.fact("ignored", all(ignored), field="ignored", proof=_after.IGNORED[lab.api])
+
+
+def _dead_action(lab: Lab, env: Any, base: Played, dead: list[int]) -> Iterator[Saw]:
+    """What a dead agent's action comes to, at the first None turn of the play."""
+    actions = base.play.actions or ()
+    if not dead:
+        return
+    turn = dead[0]
+    lab.play(_cut(base.play, turn), env, state=False)
+    agent = lab.call("agent_selection", getattr, env, "agent_selection").value
+    own = [each[agent] for each in actions[:turn] if each.get(agent) is not None]
+    if own and _is_dead(lab, env):
+        raised = _kind(lab.step(env, own[-1]).failed)
+        yield lab.fact(
+            "dead_action", {"agent": agent, "raised": raised}, turn=turn, agent=agent,
+            field="dead_action", proof=_after.refuses(own[-1]),
+        )  # fmt: skip
+
+
+def _iterated(lab: Lab, env: Any, base: Played) -> Iterator[Saw]:
+    """`agent_iter` over the first turns of the play."""
+    actions = (base.play.actions or ())[:SHORT]
+    named: list[str] = []
+    selected: list[str] = []
+    if lab.call("reset", env.reset, seed=base.play.seed).failed is not None or not actions:
+        return
+
+    def iterate() -> None:
+        for agent in env.agent_iter(len(actions)):
+            selected.append(str(env.agent_selection))
+            named.append(str(agent))
+            if len(named) > len(actions):
+                return
+            env.last()
+            lab.meter.count()
+            env.step(next(iter(actions[len(named) - 1].values()), None))
+
+    failed = lab.call("agent_iter", iterate).failed
+    left = lab.call("agents", getattr, env, "agents").value
+    if failed is None and (left or len(named) >= len(actions)):
+        value = {"named": named, "selected": selected, "asked": len(actions)}
+        yield lab.fact("iterated", value, turn=len(actions), field="agent_iter",
+                       proof=_after.ITERATES)  # fmt: skip
+
+
+def _arguments(lab: Lab, env: Any, base: Played) -> Saw:
+    """Resets with the arguments that every environment of PettingZoo takes."""
+    seed = base.play.seed
+    ways: dict[str, dict[str, Any]] = {
+        "": {},
+        f"seed={seed!r}": {"seed": seed},
+        "options=None": {"options": None},
+        f"seed={seed!r}, options=None": {"seed": seed, "options": None},
+    }
+    raised = {}
+    for words, named in ways.items():
+        lab.meter.count()
+        raised[words] = _words(lab.call("reset", env.reset, **named).failed)
+    return lab.fact("resets_with", raised, field="reset")
+
+
+def _closed(lab: Lab, env: Any, base: Played) -> Iterator[Saw]:
+    """Closes twice; with the first play also an instance that was never reset."""
+    raised = {when: _words(lab.call("close", env.close).failed)
+              for when in ("after a reset", "twice")}  # fmt: skip
+    if lab.number == 0:
+        raised["before any reset"] = _words(lab.call("close", lab.make().close).failed)
+        for actions in (base.play.actions or ())[:1]:
+            called, gave = _step(lab, lab.make(), actions)
+            value = {"raised": _kind(called.failed), "gave": gave}
+            proof = _after.goes_on(lab.api, actions, plays=False)
+            yield lab.fact("unborn_step", value, turn=1, field="unborn_step", proof=proof)
+    yield lab.fact("close", raised, field="close")
+
+
+def _count(lab: Lab, env: Any) -> int | None:
+    """How many stand in `agents`; None where nobody can, which is the roster's fault."""
+    agents, possible = (
+        lab.call(name, getattr, env, name).value for name in ("agents", "possible_agents")
+    )
+    return len(agents or ()) if possible is None or len(possible) else None
+
+
+def _seen(lab: Lab, env: Any, out: Any) -> str | None:
+    """What all agents see, as text; None where that can't be told."""
+    if lab.api == "parallel":
+        return to_json(out[0]) if isinstance(out, tuple) and out else None
+    agents = lab.call("agents", getattr, env, "agents").value or []
+    called = [lab.call("observe", env.observe, agent) for agent in agents]
+    return None if any(each.failed for each in called) else to_json([e.value for e in called])
+
+
+def _is_dead(lab: Lab, env: Any) -> bool:
+    """Whether the agent in turn has its flags up."""
+    if not lab.call("agents", getattr, env, "agents").value:
+        return False
+    agent = lab.call("agent_selection", getattr, env, "agent_selection").value
+    books = (lab.call(name, getattr, env, name).value for name in ("terminations", "truncations"))
+    return any(isinstance(book, Mapping) and bool(book.get(agent)) for book in books)
+
+
+def _kind(failed: Failed | None) -> str | None:
+    return None if failed is None else failed.kind
+
+
+def _words(failed: Failed | None) -> str | None:
+    return None if failed is None else f"{failed.call}: {failed.kind}: {failed.text}"
+
+
+def _cut(play: Play, turns: int) -> Play:
+    return replace(play, actions=(play.actions or ())[:turns], most_turns=max(turns, 1))
