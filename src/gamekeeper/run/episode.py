@@ -178,8 +178,11 @@ class _Course:
             for turn in range(turns):
                 if not self._game.to_move:
                     break
+                if self._is_off_paper(turn):
+                    break
                 self._on_step()
                 self._turn(turn)
+            self._last_look()
         except (KeyboardInterrupt, Stopped):
             raise
         except BaseException as error:  # whatever foreign code raises is evidence
@@ -204,6 +207,22 @@ class _Course:
             self._call = "step"
             self._game.step(action)
         self._look(turn + 1, out)
+
+    def _is_off_paper(self, turn: int) -> bool:
+        """Whether the paper has None, as for a dead agent, where now a live one is in turn."""
+        if self._is_parallel or self._play.actions is None:
+            return False
+        if next(iter(self._play.actions[turn].values()), None) is not None:
+            return False
+        self._call = "last"
+        _, _, terminated, truncated, _ = self._game.last()
+        return not (terminated or truncated)
+
+    def _last_look(self) -> None:
+        """What the agent in turn is given where the play is cut: as in a Parallel environment."""
+        if not self._is_parallel and self._game.to_move:
+            self._call = "last"
+            self._game.last()
 
     def _look(self, turn: int, out: Any) -> None:
         self._call = "look"
