@@ -30,9 +30,10 @@ class Taken:
 
 
 def legal_turns(contract: Contract, evidence: Gathered) -> Iterator[Taken]:
-    """Turns of rollouts up to the first at which somebody's play was not legal, or can't be said.
+    """Turns of rollouts at which live agents acted.
 
-    Turns of agents that have ended aren't among them.
+    Random play is legal by its making. Where a step raised, every turn is looked at, as the actions
+    may come from elsewhere: then it is turns up to the first that isn't legal, or can't be judged.
     """
     known = spaces_of(evidence, "action")
     for look in evidence.looks.get("rollout", ()):
@@ -43,7 +44,7 @@ def legal_turns(contract: Contract, evidence: Gathered) -> Iterator[Taken]:
                 if not acting:
                     continue
                 masks = {agent: mask_of(contract, turn, agent) for agent in acting}
-                if not all(_plays(known, turn, agent, masks[agent]) for agent in acting):
+                if raised and not all(_plays(known, turn, each, masks[each]) for each in acting):
                     break
                 said = raised if turn.raised else None
                 masked = any(mask is not None for mask in masks.values())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from gymnasium import spaces
@@ -14,7 +14,12 @@ from gamekeeper.core.contract import Contract
 from gamekeeper.core.gathered import Gathered
 from gamekeeper.core.trace import MASK, Trace, Turn
 from gamekeeper.errors import PolicyError
-from gamekeeper.game.casting.mask import for_sample, reader
+from gamekeeper.game.casting.mask import Reader, for_sample, reader
+
+USUAL: Final = tuple(
+    (f"{side}.{MASK}", reader(f"{side}.{MASK}")) for side in ("observation", "infos")
+)
+"""Where everybody looks for a mask."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,10 +48,10 @@ def movers(api: str, turn: Turn) -> list[str]:
     return [agent for agent in acted if agent not in turn.ended]
 
 
-def places(contract: Contract, agent: str) -> tuple[str, ...]:
+def places(contract: Contract, agent: str) -> tuple[tuple[str, Reader], ...]:
     """Where a mask of the agent may stand: where it is declared, else where everybody looks."""
-    declared = contract.mask_of(agent)
-    return (f"observation.{MASK}", f"infos.{MASK}") if declared is None else (declared,)
+    declared = contract.mask_of(agent) if contract.roles else None
+    return USUAL if declared is None else ((declared, reader(declared)),)
 
 
 def masks(contract: Contract, evidence: Gathered) -> Iterator[Masked]:
@@ -55,20 +60,16 @@ def masks(contract: Contract, evidence: Gathered) -> Iterator[Masked]:
     for trace in evidence["rollout"]:
         for turn in trace.turns:
             for agent in movers(evidence.api, turn):
-                for place in places(contract, agent):
-                    mask = at_place(place, turn, agent)
+                for place, read in places(contract, agent):
+                    mask = read(turn.observations.get(agent), turn.infos.get(agent))
                     if mask is not None and known.get(agent) is not None:
                         yield Masked(trace, turn, agent, place, known[agent], mask)
 
 
-def at_place(place: str, turn: Turn, agent: str) -> Any:
-    """The mask of an agent at one place; None where there is none."""
-    return reader(place)(turn.observations.get(agent), turn.infos.get(agent))
-
-
 def mask_of(contract: Contract, turn: Turn, agent: str) -> Any:
     """The mask that holds for an agent; None where it may do everything."""
-    found = (at_place(place, turn, agent) for place in places(contract, agent))
+    seen, info = turn.observations.get(agent), turn.infos.get(agent)
+    found = (read(seen, info) for _, read in places(contract, agent))
     return next((mask for mask in found if mask is not None), None)
 
 

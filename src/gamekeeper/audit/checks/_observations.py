@@ -8,8 +8,8 @@ from typing import Any
 
 from gamekeeper.audit.check import Occasion
 from gamekeeper.core.gathered import Gathered
-from gamekeeper.core.space.misfit import BOUNDS, NAN, Misfit, misfits, suspects
-from gamekeeper.core.trace import Trace, Turn
+from gamekeeper.core.space.misfit import BOUNDS, DTYPE, NAN, Misfit, misfits, suspects
+from gamekeeper.core.trace import MASK, Trace, Turn
 
 
 @dataclass(slots=True)
@@ -69,13 +69,23 @@ def _rows(trace: Trace, known: Mapping[str, Any]) -> tuple[dict[str, _Rows], dic
 def _looked(
     evidence: Gathered, trace: Trace, turn: Turn, agent: str, space: Any, value: Any, kind: str
 ) -> Occasion:
-    found = next((each for each in misfits(space, value) if each.kind == kind), None)
+    found = next((each for each in misfits(space, value) if _is_meant(each, kind)), None)
     if found is None:
         return Occasion(trace.at(turn, agent, "observations"), True)
     where = trace.at(turn, agent, f"observations{found.path}")
     return Occasion(
         where, False, found.expected, found.seen, proof=proof(evidence.api, agent, found)
     )
+
+
+def _is_meant(found: Misfit, kind: str) -> bool:
+    """A mask of another dtype that can be cast is told by the checks of masks alone."""
+    return found.kind == kind and not is_of_mask(found.kind, found.path)
+
+
+def is_of_mask(kind: str, path: str) -> bool:
+    """Whether a misfit is only the dtype of an action mask."""
+    return kind == DTYPE and path.endswith(f"[{MASK!r}]")
 
 
 def proof(api: str, agent: str, found: Misfit) -> str:

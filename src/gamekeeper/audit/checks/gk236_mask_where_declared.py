@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from gamekeeper.audit.check import MEDIUM, Occasion, check
-from gamekeeper.audit.checks._masks import at_place, lines, movers
+from gamekeeper.audit.checks._masks import lines, mask_of, movers
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.gathered import Gathered
 
@@ -43,7 +43,7 @@ def masks_stand_where_declared(contract: Contract, evidence: Gathered) -> Iterat
                 place = contract.mask_of(agent)
                 if place is not None:
                     first.setdefault(agent, turn.index)
-                    if at_place(place, turn, agent) is not None:
+                    if mask_of(contract, turn, agent) is not None:
                         found.add(agent)
         for agent, turn_index in first.items():
             place = str(contract.mask_of(agent))

@@ -10,6 +10,7 @@ import numpy as np
 from gymnasium import spaces
 
 from gamekeeper.audit.lab import Called, Lab, Saw
+from gamekeeper.core.divergence import compare
 from gamekeeper.core.trace import Turn
 from gamekeeper.game.casting.mask import reader
 from gamekeeper.run.episode import Play, Played
@@ -37,6 +38,8 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
     played = lab.play(play, env, state=False)
     if played.failed is not None or not played.play.actions:
         return
+    sham = lab.play(played.play, env, state=False)
+    is_alike = compare(played.trace, sham.trace).divergence is None and sham.failed is None
     turns = list(played.trace.turns)
     for case in _cases(lab, played, turns):
         done = _tried(lab, env, played, case)
@@ -45,8 +48,8 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
         again = lab.play(played.play, env, state=False).failed
         if again is not None:
             env = lab.env()
-            if again.call != "reset" and not _is_playable(lab, env, played):
-                return  # the same actions aren't always legal: nothing can be said here
+            if again.call != "reset" and not is_alike:
+                again = None  # the same actions aren't always legal: nothing can be said here
         said = None if again is None else f"{again.call} raised {again.kind}: {again.text}"
         value = {**done, "case": case.name, "action": case.actions, "again": said}
         yield lab.fact("illegal", value, turn=case.turn, agent=case.agent, field=case.name)
@@ -115,11 +118,6 @@ def _masked(lab: Lab, played: Played, turns: list[Turn]) -> Iterator[_Case]:
                 paid = turn.rewards.get(str(agent))
                 yield _Case("masked", place, agent, {**actions[place], agent: action}, paid)
                 return
-
-
-def _is_playable(lab: Lab, env: Any, played: Played) -> bool:
-    """Whether the legal play goes through in an instance that saw nothing illegal."""
-    return lab.can_make and lab.play(played.play, env, state=False).failed is None
 
 
 def _outside(space: spaces.Space[Any]) -> list[tuple[str, Any]]:
