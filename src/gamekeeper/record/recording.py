@@ -15,11 +15,13 @@ from gamekeeper.core.evidence import Evidence
 from gamekeeper.core.layout import role
 from gamekeeper.errors import EnvError, EvidenceError, GamekeeperError
 from gamekeeper.game.casting.cast import Cast, Choices, assign
+from gamekeeper.game.contract_file import load_contract
 from gamekeeper.game.declared import declared_contract
-from gamekeeper.game.faces import AECFace, ParallelFace, face_of, game_of
+from gamekeeper.game.faces import face_of, game_of
 from gamekeeper.game.open import Opened, open_env
 from gamekeeper.game.policy import EVERYONE, resolve
 from gamekeeper.record.bundle import load
+from gamekeeper.record.many import record_many
 from gamekeeper.record.recorder import Recorder
 from gamekeeper.record.rendered import open_rendered
 from gamekeeper.run.memory import MemorySink
@@ -38,14 +40,15 @@ def record(
     contract: Contract | str | PathLike[str] | None = None,
     frames: bool = False,
     state: bool = True,
-) -> ParallelFace | AECFace:
+) -> Any:
     """The same environment, recorded: whoever steps it can't tell.
 
     Every reset starts an episode; one that is reset or closed in the middle is kept as *cut*.
     `close` seals the bundle, and so does the end of the process.
 
     Args:
-        env: a ParallelEnv or AECEnv.
+        env: a ParallelEnv or AECEnv; or a vector environment of ours that wasn't reset yet, which
+            is recorded copy by copy into one bundle, its episodes in their order.
         path: a folder that doesn't exist yet, or is empty.
         level: "full", or "digest": digests of rows in place of observations, the same fingerprint.
         contract: declares reward terms, noops and volatile infos; a path is read.
@@ -54,6 +57,10 @@ def record(
     Raises:
         BundleError: the folder can't be written, or something is in it.
     """
+    if hasattr(env, "num_envs") and hasattr(env, "seen"):
+        given = load_contract(contract) if isinstance(contract, str | PathLike) else contract
+        record_many(env, path, level=level, contract=given)
+        return env
     opened = open_env(env)
     declared = declared_contract(contract, opened)
     recorder = Recorder(

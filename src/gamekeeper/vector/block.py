@@ -11,9 +11,11 @@ from dataclasses import dataclass, field
 from typing import Any, Final, Literal, TypeAlias
 
 from gamekeeper.core.seeds import episode_seed
-from gamekeeper.game.door import AgentId
+from gamekeeper.game.door import AgentId, Game
+from gamekeeper.game.faces import game_of
 from gamekeeper.vector.arrays import Arrays
 from gamekeeper.vector.form import Form, Group, built, getter
+from gamekeeper.vector.rows import Batches, Recording, Shelf, SlotSink
 
 Autoreset: TypeAlias = Literal["same_step", "next_step"]
 AUTORESETS: Final = ("same_step", "next_step")
@@ -64,6 +66,7 @@ class Block:
         self._first, self._slots, self._seed = first, slots, 0
         self._episodes = [0] * len(self.doors)
         self._options: Any = None
+        self._shelf: Shelf | None = None
         self._after_env = after_env or _nothing
         self._column = {agent: place for place, agent in enumerate(form.agents)}
         self._count = len(form.agents)
@@ -84,6 +87,19 @@ class Block:
             self._begin(e, said)
         return said
 
+    def record(self, recording: Recording, out: Callable[[Batches], None]) -> None:
+        """Every copy's rows go to `out` from its next episode on."""
+        self._shelf = recording.shelf(out)
+        envs = [bare(door) for door in self.doors]
+        self.doors = [game_of(env, sink=SlotSink(self._shelf)) for env in envs]
+
+    def end_recording(self) -> None:
+        """Ends the episodes in progress, as *cut*; what is on the shelf goes out."""
+        if self._shelf is not None:
+            for door in self.doors:
+                door.end_episode()
+            self._shelf.flush()
+
     def step(self) -> Said:
         """One step of every copy, with the actions that stand in the arrays."""
         raise NotImplementedError
@@ -93,6 +109,8 @@ class Block:
 
     def _reset_door(self, e: int) -> Any:
         self._arrays["cursor"][0] = e
+        if self._shelf is not None:
+            self.doors[e].episode = self._episodes[e] - 1  # its reset begins the next one
         seed = episode_seed(self._seed, self._episodes[e])
         arguments: dict[str, Any] = {"seed": seed}
         if self._options is not None:
@@ -114,8 +132,7 @@ class ParallelBlock(Block):
         self._put_obs = self._writers("obs")
         self._put_final = self._writers("final")
         self._mask_rows = self._masks_by_agent()
-        self._envs = [getattr(door, "env", door) if hasattr(door, "sink") else door
-                      for door in self.doors]  # fmt: skip
+        self._envs = [bare(door) for door in self.doors]
         self._zeroed = [name for name in self._arrays if name.startswith(("obs.", "mask."))]
 
     def _writers(self, kind: str) -> list[list[tuple[AgentId, Callable[[Any], None]]]]:
@@ -257,6 +274,11 @@ class ParallelBlock(Block):
         if len(parts) == 1:
             return parts[0]
         return [[action for part in row for action in part] for row in zip(*parts, strict=True)]
+
+
+def bare(door: Any) -> Any:
+    """The environment itself, without the game around it."""
+    return door.env if isinstance(door, Game) else door
 
 
 def put_mask(flags: Any, mask: Any) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Protocol, Self
 
@@ -10,10 +11,13 @@ import numpy as np
 from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 
+from gamekeeper.core.contract import Contract
+from gamekeeper.core.layout import Layout
 from gamekeeper.errors import ActionError, OrderError
 from gamekeeper.vector.arrays import Arrays
 from gamekeeper.vector.block import Autoreset, Said
 from gamekeeper.vector.form import ALL, Form, Group, built
+from gamekeeper.vector.rows import Batches, InOrder, Recording
 
 
 class Engine(Protocol):
@@ -30,11 +34,28 @@ class Engine(Protocol):
     def reset(self, seed: int, options: Any) -> Said:
         """Begins a run."""
 
+    def record(self, recording: Recording, out: Callable[[Batches], None]) -> None:
+        """Every copy's rows go to `out` from its next episode on."""
+
+    def end_recording(self) -> None:
+        """Ends the episodes in progress; the rest of the rows goes out."""
+
     def step(self) -> Said:
         """One step of every copy."""
 
     def close(self) -> None:
         """Closes every copy."""
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What is known of the environment that there are copies of, for evidence to name it."""
+
+    spec: str
+    metadata: Mapping[str, Any]
+    identity: Mapping[str, Any]
+    contract: Contract | None
+    layout: Layout
 
 
 class VectorEnv:
@@ -64,14 +85,15 @@ class VectorEnv:
         seed: int,
         autoreset: Autoreset,
         copy: bool = True,
-        spec: str = "",
-        metadata: Mapping[str, Any] | None = None,
+        seen: Seen,
     ) -> None:
         """Use `gk.vector.make`."""
         self.num_envs, self.api, self.autoreset = num_envs, form.api, autoreset
-        self.spec, self.metadata = spec, dict(metadata or {})
+        self.spec, self.metadata, self.seen = seen.spec, dict(seen.metadata), seen
         self._engine, self._form, self._seed, self._copy = engine, form, seed, copy
         self._is_begun = self._is_closed = False
+        self._in_order: InOrder | None = None
+        self._on_close: Callable[[], None] = _nothing
         named = {group.name: list(group.agents) for group in form.groups}
         self.agents: Any = named.pop(ALL) if ALL in named else named
         self.observation_space = self._batched("observation_space")
@@ -127,9 +149,54 @@ class VectorEnv:
 
     def close(self) -> None:
         """Closes every copy; once is enough."""
-        if not self._is_closed:
-            self._is_closed = True
+        if self._is_closed:
+            return
+        self._is_closed = True
+        try:
+            if self._in_order is not None:
+                self._engine.end_recording()
+                self._in_order.finish()
+        finally:
             self._engine.close()
+            self._on_close()
+
+    def as_gymnasium(self) -> Any:
+        """A `gymnasium.vector.VectorEnv`, of which every agent of every copy is an environment.
+
+        Raises:
+            SpecError: agents differ in their spaces, or act in turn.
+        """
+        from gamekeeper.vector.gymnasium import AgentsAsEnvs
+
+        return AgentsAsEnvs(self)
+
+    def record(
+        self,
+        write: Callable[[str, Any], None],
+        *,
+        level: str,
+        terms: tuple[str, ...],
+        volatile: tuple[str, ...],
+        on_close: Callable[[], None],
+    ) -> None:
+        """Records every copy from the next reset on; `gk.record` is what users call.
+
+        Args:
+            write: takes a stream's name and a batch of rows, episode after episode in their order.
+            level: `full` or `digest`.
+            terms: reward terms by name.
+            volatile: info fields that stay out of the info fingerprint.
+            on_close: called once all is written and every copy is closed.
+        Raises:
+            OrderError: it was reset already, is recorded already, or is closed.
+        """
+        self._check(begun=False)
+        if self._is_begun or self._in_order is not None:
+            raise OrderError(
+                "recording begins before the first reset", mend="record right after making it"
+            )
+        self._in_order, self._on_close = InOrder(write), on_close
+        self._engine.record(Recording(level, terms, volatile), self._in_order.take)
 
     def __enter__(self) -> Self:
         return self
@@ -251,6 +318,10 @@ class VectorEnv:
             raise OrderError("the vector environment is closed", mend="make another one")
         if begun and not self._is_begun:
             raise OrderError("step came before reset", mend="call reset(seed=...) first")
+
+
+def _nothing() -> None:
+    """Nobody waits for the end."""
 
 
 def _objects(count: int, found: Mapping[int, Any]) -> Any:

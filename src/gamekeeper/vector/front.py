@@ -7,13 +7,16 @@ from os import PathLike
 from typing import Any, Final
 
 from gamekeeper.core.contract import Contract
+from gamekeeper.core.layout import Layout
 from gamekeeper.errors import SpecError
 from gamekeeper.game.converting.slim import slim
 from gamekeeper.game.declared import declared_contract
+from gamekeeper.game.faces import game_of
 from gamekeeper.game.open import Opened, open_env
 from gamekeeper.vector.block import AUTORESETS, Autoreset
-from gamekeeper.vector.env import VectorEnv
+from gamekeeper.vector.env import Seen, VectorEnv
 from gamekeeper.vector.form import Form, form_of
+from gamekeeper.vector.rows import Recording, SlotSink
 from gamekeeper.vector.serial import SerialEngine
 
 ENGINES: Final = ("serial", "process", "kernel")
@@ -68,10 +71,10 @@ def make(
             seen=f"the object {opened.spec}",
         )
     declared = declared_contract(contract, opened)
-    form = seen_form(opened, declared)
+    form, layout = seen_form(opened, declared)
+    seen = Seen(opened.spec, getattr(opened.env, "metadata", {}), opened.identity, declared, layout)
     options: dict[str, Any] = {
-        "num_envs": num_envs, "seed": seed, "autoreset": autoreset, "copy": copy,
-        "spec": opened.spec, "metadata": getattr(opened.env, "metadata", {}),
+        "num_envs": num_envs, "seed": seed, "autoreset": autoreset, "copy": copy, "seen": seen,
     }  # fmt: skip
     if engine == "process":
         from gamekeeper.vector.process import ProcessEngine
@@ -87,11 +90,13 @@ def make(
     return VectorEnv(here, form, **options)
 
 
-def seen_form(opened: Opened, contract: Contract | None) -> Form:
-    """The form of an open environment, which is reset for it."""
-    given = opened.env.reset(seed=0)
+def seen_form(opened: Opened, contract: Contract | None) -> tuple[Form, Layout]:
+    """The form of an open environment and the columns of its evidence; it is reset for them."""
+    terms = () if contract is None else tuple(contract.rewards)
+    shelf = Recording(terms=terms).shelf(lambda batches: None)
+    given: Any = game_of(opened.env, sink=SlotSink(shelf)).reset(seed=0)
     infos = given[1] if opened.api == "parallel" else opened.env.infos
-    return form_of(opened.env, opened.api, contract, infos)
+    return form_of(opened.env, opened.api, contract, infos), shelf.layout
 
 
 def _check(engine: str, autoreset: str, num_envs: int, workers: int, on_failure: str) -> None:

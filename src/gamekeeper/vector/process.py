@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Final
@@ -24,6 +24,7 @@ from gamekeeper.run.worker_process import WorkerProcess
 from gamekeeper.vector.arrays import SharedMemory, arrays_in, attached, part, size_of
 from gamekeeper.vector.block import Autoreset, Block, Said
 from gamekeeper.vector.form import Form, form_of
+from gamekeeper.vector.rows import Batches, Recording, from_text, to_text
 from gamekeeper.vector.serial import block_of
 
 TASK: Final = "gamekeeper.vector.process:block_task"
@@ -80,6 +81,7 @@ class ProcessEngine:
         self.failed: dict[int, str] = {}
         self._timeout_s, self._goes_on = timeout_s, goes_on
         self._workers: list[_Worker] = []
+        self._out: Callable[[Batches], None] = _nowhere
         common = {
             "spec": spec, "kwargs": to_json(dict(kwargs)), "plan": plan, "fd": self._shared.fd,
             "contract": None if contract is None else contract.to_json(), "slots": num_envs,
@@ -113,6 +115,17 @@ class ProcessEngine:
         self._tell({"do": "step"})
         return self._gather(self._timeout_s)
 
+    def record(self, recording: Recording, out: Callable[[Batches], None]) -> None:
+        """Every copy's rows go to `out` from its next episode on."""
+        self._out = out
+        self._tell({"do": "record", "recording": recording.to_json()})
+        self._gather(self._timeout_s)
+
+    def end_recording(self) -> None:
+        """Ends the episodes in progress; the rest of the rows goes out."""
+        self._tell({"do": "end_recording"})
+        self._gather(self._timeout_s)
+
     def _tell(self, message: Mapping[str, Any]) -> None:
         for worker in self._workers:
             if not worker.is_gone:
@@ -143,7 +156,9 @@ class ProcessEngine:
                 if kind == "report" and "error" in content:
                     self._lose(worker, content["error"], content["traceback"])
                     return None
-                if kind == "report":
+                if kind == "report" and "rows" in content:
+                    self._out(from_text(content["rows"]))
+                elif kind == "report":
                     return dict(content)
                 if kind == "raised":
                     self._lose(worker, content["error"], content["traceback"])
@@ -196,6 +211,10 @@ class ProcessEngine:
                 pass
         self._workers = []
         self._shared.close()
+
+
+def _nowhere(batches: Batches) -> None:
+    """Nobody records."""
 
 
 def _infos(text: str) -> dict[Any, Any]:
@@ -259,6 +278,13 @@ def _obey(report: Any, block: Block, message: Mapping[str, Any], wants_infos: bo
         if message["do"] == "reset":
             options: Any = from_json(message["options"])
             said = block.reset(message["seed"], options)
+        elif message["do"] == "record":
+            said = Said()
+            recording = Recording.from_json(message["recording"])
+            block.record(recording, lambda batches: report(rows=to_text(batches)))
+        elif message["do"] == "end_recording":
+            said = Said()
+            block.end_recording()
         else:
             said = block.step()
     except Exception as error:  # the environment's; the process stays, its parent decides

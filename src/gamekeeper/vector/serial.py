@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from gamekeeper.errors import EnvError
@@ -10,6 +10,7 @@ from gamekeeper.game.opening.construct import foreign_traceback, said_by
 from gamekeeper.vector.arrays import arrays_in, own_memory
 from gamekeeper.vector.block import Autoreset, Block, ParallelBlock, Said
 from gamekeeper.vector.form import Form
+from gamekeeper.vector.rows import Batches, Recording
 from gamekeeper.vector.turns import AECBlock
 
 
@@ -47,6 +48,14 @@ class SerialEngine:
             return self._block.step()
         except Exception as error:
             raise self._named(error) from error
+
+    def record(self, recording: Recording, out: Callable[[Batches], None]) -> None:
+        """Every copy's rows go to `out` from its next episode on."""
+        self._block.record(recording, out)
+
+    def end_recording(self) -> None:
+        """Ends the episodes in progress; the rest of the rows goes out."""
+        self._block.end_recording()
 
     def close(self) -> None:
         """Closes every copy."""

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from gamekeeper.game.door import AgentId
-from gamekeeper.vector.block import Block, Said, put_mask
+from gamekeeper.vector.block import Block, Said, bare, put_mask
 from gamekeeper.vector.form import getter
 
 
@@ -20,9 +20,7 @@ class AECBlock(Block):
     def __init__(self, *arguments: Any, **options: Any) -> None:
         """See `Block`."""
         super().__init__(*arguments, **options)
-        self._envs = [
-            getattr(door, "env", door) if hasattr(door, "sink") else door for door in self.doors
-        ]
+        self._envs = [bare(door) for door in self.doors]
         self._told: list[dict[AgentId, Any]] = [{} for _ in self.doors]
         self._ended: list[set[tuple[str, AgentId]]] = [set() for _ in self.doors]
         self._leaves = [
