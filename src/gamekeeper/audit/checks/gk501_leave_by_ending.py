@@ -40,8 +40,9 @@ def agents_leave_by_ending(contract: Contract, evidence: Gathered) -> Iterator[O
             new = ended_in(turn)
             ended |= new
             left = live - turn.live
-            is_over = not turn.live and len(left) > 1 and bool(left & new)  # GK502 looks at it
-            if not is_over and not is_twofold(turn):
+            is_over = not turn.live and len(left) > 1 and bool(left & new)
+            left = left & ended if is_over else left  # at the others GK502 looks
+            if not is_twofold(turn):
                 for agent in sorted(left):
                     if not _may_leave(contract, agent):
                         yield Occasion(

@@ -5,20 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from gamekeeper.audit.check import HIGH, Occasion, check
+from gamekeeper.audit.checks._endings import ended_in
 from gamekeeper.audit.checks._rosters import plays_with_rosters
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.gathered import Gathered
 
-PARALLEL = """\
-env.reset(seed=SEED)
-ended = set()
-for actions in ACTIONS:
-    observations, rewards, terminations, truncations, infos = env.step(actions)
-    ended &= set(env.agents)
-    back = [a for a in ended if not terminations.get(a) and not truncations.get(a)]
-    assert not back, back
-    ended |= {a for a in env.agents if terminations.get(a) or truncations.get(a)}"""
-AEC = """\
+PROOF = """\
 env.reset(seed=SEED)
 ended = set()
 for action in ACTIONS:
@@ -36,6 +28,7 @@ for action in ACTIONS:
     severity=HIGH,
     mend="keep the flag up until the agent is out of `agents`; set flags where an agent ends, "
     "don't work them out anew in every step",
+    api="aec",
 )
 def an_ending_is_final(contract: Contract, evidence: Gathered) -> Iterator[Occasion]:
     """The flags of an agent that has ended aren't taken back while it is still in `agents`.
@@ -47,17 +40,17 @@ def an_ending_is_final(contract: Contract, evidence: Gathered) -> Iterator[Occas
 
     Good: `if self.energy[a] <= 0: self.terminations[a] = True`.
     """
-    proof = PARALLEL if evidence.api == "parallel" else AEC
     for trace, rosters in plays_with_rosters(evidence):
         ended: set[str] = set()
         for turn in trace.turns:
-            ended &= set(rosters[turn.index]) if turn.index < len(rosters) else ended
+            roster = set(rosters[turn.index]) if turn.index < len(rosters) else set()
+            ended &= roster
             for agent in sorted(ended & turn.live):
                 flags = turn.terminated.get(agent), turn.truncated.get(agent)
                 if flags == (None, None):
                     continue  # nothing is said of it at this turn
                 yield Occasion(
-                    trace.at(turn, agent, "terminations"), any(flags),
-                    "terminated or truncated, as before", "neither", proof=proof,
+                    trace.at(turn, agent, "terminations"), agent in ended_in(turn),
+                    "terminated or truncated, as before", "neither", proof=PROOF,
                 )  # fmt: skip
-            ended |= turn.ended
+            ended |= turn.ended & roster
