@@ -17,9 +17,10 @@ from gamekeeper.core.proof import Proof
     mend="make the spaces of all possible agents in __init__, and return Gymnasium's spaces",
 )
 def spaces_exist_before_reset(contract: Contract, evidence: Gathered) -> Iterator[Occasion]:
-    """Every possible agent has an observation and an action space, already before the first reset.
+    """Every possible agent has its spaces at any time, already before the first reset.
 
-    Trainers build networks and buffers from the spaces before they reset anything.
+    Trainers build networks and buffers from the observation and action spaces before they reset
+    anything, and ask for them also when an agent has left.
 
     Bad:
 
@@ -36,17 +37,18 @@ def spaces_exist_before_reset(contract: Contract, evidence: Gathered) -> Iterato
         seen = f"{value['failed'] or 'a ' + value['type']}, {value['when']}"
         yield Occasion(
             fact.where, value["space"] is not None, "a Gymnasium space", seen,
-            proof=_proof(str(agent), str(value["which"]), value["when"] == "before reset"),
+            proof=_proof(str(agent), str(value["which"]), str(value["when"])),
         )  # fmt: skip
 
 
-def _proof(agent: str, which: str, is_early: bool) -> Proof:
-    roster = "env.possible_agents" if is_early else "env.agents"
+def _proof(agent: str, which: str, when: str) -> Proof:
+    roster = "env.agents" if when == "live" else "env.possible_agents"
     lines = (
         f"agent = next(a for a in {roster} if str(a) == {agent!r})\n"
         f"space = env.{which}_space(agent)\n"
         "assert isinstance(space, gymnasium.spaces.Space), space"
     )
-    if is_early:
+    if when == "before reset":
         return Proof(f"env = make()\n{lines}", plays=False, imports=("gymnasium",))
-    return Proof(lines, imports=("gymnasium",))
+    again = "env.reset(seed=None if SEED is None else SEED + 1)\n"
+    return Proof((again if when == "after another reset" else "") + lines, imports=("gymnasium",))

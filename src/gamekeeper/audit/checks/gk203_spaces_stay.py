@@ -35,14 +35,14 @@ def spaces_stay_the_same(contract: Contract, evidence: Gathered) -> Iterator[Occ
         value, agent, name = fact.value, str(fact.where.agent), fact.where.field
         yield Occasion(
             fact.where, bool(value["is_same"]), value["was"], value["now"],
-            proof=_proof(agent, name, is_later=fact.where.turn is None),
+            proof=_proof(agent, name, is_later=value["when"] == "after another reset"),
         )  # fmt: skip
 
 
 def _proof(agent: str, name: str, *, is_later: bool) -> Proof:
     """The space before the play, copied, against the one after it, or after the next reset."""
     again = "env.reset(seed=None if SEED is None else SEED + 1)\n" if is_later else ""
-    find = f"next(a for a in env.agents if str(a) == {agent!r})"
+    find = f"next(a for a in env.possible_agents if str(a) == {agent!r})"
     return Proof(
         f"{again}agent = {find}\n"
         "fresh = make()\n"

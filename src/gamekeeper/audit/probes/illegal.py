@@ -1,4 +1,7 @@
-"""Illegal actions: out of the space, forbidden by the mask, missing, unknown, None, NaN."""
+"""Illegal actions: out of the space, forbidden by the mask, missing, unknown, None, NaN.
+
+And legal ones that random play seldom or never comes to: the corners of a space, a plain int.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +22,8 @@ SHARE: Final = 1.0
 MOST_TURNS: Final = 4
 """Legal turns before it; one of them is chosen."""
 STRANGER: Final = "nobody_7"
+RARE: Final = frozenset({"low", "high", "plain", "narrow"})
+"""Cases that are legal."""
 
 
 def plays(lab: Lab) -> Iterator[Play]:
@@ -33,6 +38,7 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
         `illegal`: `case` (outside, below, masked, none, nan, missing, stranger), `action` as handed
             to step, `raised` or None, `again`: what a reset and the legal play after it raised, or
             None; for a masked one also `reward`, `legal_reward`, `is_over` for the agent.
+        `rare`: the same of a legal action, `case` (low, high, plain, narrow); only without masks.
     """
     env = lab.env()
     played = lab.play(play, env, state=False)
@@ -52,7 +58,8 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
                 again = None  # the same actions aren't always legal: nothing can be said here
         said = None if again is None else f"{again.call} raised {again.kind}: {again.text}"
         value = {**done, "case": case.name, "action": case.actions, "again": said}
-        yield lab.fact("illegal", value, turn=case.turn, agent=case.agent, field=case.name)
+        name = "rare" if case.name in RARE else "illegal"
+        yield lab.fact(name, value, turn=case.turn, agent=case.agent, field=case.name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +97,8 @@ def _cases(lab: Lab, played: Played, turns: list[Turn]) -> Iterator[_Case]:
     space = None if spec is None else spec.action_space
     strange: list[tuple[str, Any]] = [("none", None)]
     strange += [] if space is None else _outside(space)
+    if space is not None and not turns[place].masks:
+        strange += _rare(space, paper[agent])
     for name, action in strange:
         yield _Case(name, place, agent, {**paper, agent: action}, paid)
     if lab.api == "parallel":
@@ -118,6 +127,19 @@ def _masked(lab: Lab, played: Played, turns: list[Turn]) -> Iterator[_Case]:
                 paid = turn.rewards.get(str(agent))
                 yield _Case("masked", place, agent, {**actions[place], agent: action}, paid)
                 return
+
+
+def _rare(space: spaces.Space[Any], action: Any) -> list[tuple[str, Any]]:
+    """Actions of the space that random play seldom comes to, by the name of the case."""
+    if isinstance(space, spaces.Discrete):
+        low, high = int(space.start), int(space.start) + int(space.n) - 1
+        dtype = space.dtype.type
+        found: list[tuple[str, Any]] = [("low", dtype(low)), ("high", dtype(high))]
+        found += [("plain", int(action)), ("narrow", np.int32(action))]
+        return [(name, each) for name, each in found if space.contains(each)]
+    if isinstance(space, spaces.Box) and space.is_bounded():
+        return [("low", space.low.copy()), ("high", space.high.copy())]
+    return []
 
 
 def _outside(space: spaces.Space[Any]) -> list[tuple[str, Any]]:

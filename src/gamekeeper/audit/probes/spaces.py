@@ -39,8 +39,9 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
 
     Facts:
         `space`: asked for twice in a row: `which` (observation, action), `when` (before reset,
-            live, again), `space` or None, `failed`, `type`, `is_same` object.
-        `unlike`: a space beside what it was first: `was` and `now` as text, `is_same`.
+            live, after the play, after another reset), `space` or None, `failed`, `type`, and
+            whether it `is_same` object.
+        `unlike`: a space beside what it was first: `when`, `was` and `now` as text, `is_same`.
         `sound`: (once for each space) `faults` of its making, in words.
         `attribute`: (once for each space) what the dictionary `observation_spaces` or
             `action_spaces` says beside the method: `dictionary`, `method`, `is_same`.
@@ -53,11 +54,15 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
     if lab.can_make:
         watch.ask_all(list(getattr(env, "possible_agents", None) or ()), "before reset", 0)
     played = lab.play(play, env, watch=watch, state=False)
+    watch.ask_all(
+        list(getattr(env, "possible_agents", None) or ())[:MOST_AGENTS], "after the play", None
+    )
     if played.failed is None:
         after = None if play.seed is None else play.seed + 1
         if lab.call("reset", env.reset, seed=after).failed is None:
             lab.meter.count()
-            watch.ask_all(list(env.agents), "again", None)
+            possible = list(getattr(env, "possible_agents", None) or env.agents)
+            watch.ask_all(possible, "after another reset", None)
     yield from watch.facts
 
 
@@ -105,8 +110,9 @@ class _Watch:
             alike = same(first, space)
             if alike is not None:
                 self._note(
-                    "unlike", turn, agent, name, was=shown(first), now=shown(space), is_same=alike
-                )
+                    "unlike", turn, agent, name,
+                    when=when, was=shown(first), now=shown(space), is_same=alike,
+                )  # fmt: skip
         if id(space) not in self._sound:
             self._sound.add(id(space))
             self._note("sound", turn, agent, name, faults=faults(space, sample=which == "action"))
