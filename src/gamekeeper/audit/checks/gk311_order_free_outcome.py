@@ -32,6 +32,7 @@ def _declared(contract: Contract, evidence: Gathered) -> str | None:
     severity=HIGH,
     mend="settle the joint action by a rule that is free of order (collect what all do, then "
     "resolve), or go through `self.agents` and declare the order in the contract",
+    api="parallel",
     applies=_declared,
 )
 def outcome_is_free_of_the_actions_order(

@@ -16,6 +16,7 @@ from gamekeeper.core.gathered import Gathered
     severity=LOW,
     mend="draw in the order of `self.agents`, not in that of the dictionary that was handed over",
     confidence=0.9,
+    api="parallel",
 )
 def draws_are_free_of_the_actions_order(
     contract: Contract, evidence: Gathered

@@ -62,6 +62,7 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
     """
     env = lab.env()
     base = lab.play(play, env, state=False)
+    begun = lab.meter.steps
     looked: dict[tuple[str, bool], int] = {}
     for turn in base.trace.turns:
         for term in individual_terms(lab.contract):
@@ -70,6 +71,8 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
                 key = term, amount > 0
                 if amount == 0 or looked.get(key, 0) >= EVENTS:
                     continue
+                if lab.meter.steps - begun > lab.ration:
+                    return
                 looked[key] = looked.get(key, 0) + 1
                 movers = _movers(lab, env, base, turn, agent, term, amount)
                 value = {"term": term, "agent": agent, "amount": amount, "movers": movers}

@@ -35,7 +35,7 @@ def plays(lab: Lab) -> Iterator[Play]:
     """Plays of several lengths; in AEC environments as many rounds."""
     scale = max(len(lab.agents), 1) if lab.api == "aec" else 1
     for k in range(MOST_PLAYS):
-        turns = min(LENGTHS[k % len(LENGTHS)] * min(scale, 8), max(lab.ration // 4, 8))
+        turns = min(LENGTHS[k % len(LENGTHS)] * min(scale, 8), max(lab.ration // 8, 8))
         yield Play(seed=lab.seed + k, stream=k, most_turns=turns)
 
 
