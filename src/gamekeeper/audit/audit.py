@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from os import PathLike
 from typing import Any, Final
 
@@ -78,7 +79,8 @@ def audit_here(
         return _judged(wanted, opened, bench, begun_s=begun_s, seed=seed)
     finally:
         if opened.make is not None:
-            opened.env.close()
+            with suppress(Exception):  # one that raises is a finding of a check's
+                opened.env.close()
 
 
 def needed(wanted: Mapping[str, Check], *, is_all: bool) -> set[str]:
