@@ -7,6 +7,7 @@ since its own last turn.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, TypeAlias
@@ -62,9 +63,14 @@ class Told:
     scale: float
 
     @property
-    def kind(self) -> Kind:
-        """What it is; *carried* and *again*: too much in a way that names its cause."""
-        if self._is(self.owed):
+    def is_right(self) -> bool:
+        """It was told what it was owed."""
+        return self._is(self.owed)
+
+    @property
+    def looks_like(self) -> Kind:
+        """What it is by itself; small numbers may be more than one thing by chance."""
+        if self.is_right:
             return "right"
         if self.carried and self._is(self.owed + self.carried):
             return "carried"
@@ -76,8 +82,21 @@ class Told:
         return math.isclose(self.told, value, abs_tol=1e-9 + PRECISION * self.scale)
 
 
-def all_told(evidence: Gathered) -> Iterator[Told]:
-    """Every look at what an agent was told, where it was paid or told anything."""
+def all_told(evidence: Gathered) -> Iterator[tuple[Told, Kind]]:
+    """Every look at what an agent was told, where it was paid or told anything, and what it is.
+
+    Too much that names its cause (*carried*, *again*) is it where at least half of all that is
+    wrong looks alike; else it is *lost*, as what was owed didn't come.
+    """
+    looks = list(_all_told(evidence))
+    kinds = Counter(told.looks_like for told in looks)
+    wrong = kinds.total() - kinds["right"]
+    for told in looks:
+        kind = told.looks_like
+        yield told, kind if kind == "right" or 2 * kinds[kind] >= wrong else "lost"
+
+
+def _all_told(evidence: Gathered) -> Iterator[Told]:
     for trace in evidence["rollout"]:
         yield from _told(trace, {})
     says = [fact.value for fact in evidence.facts("books", "told")]
@@ -88,11 +107,6 @@ def all_told(evidence: Gathered) -> Iterator[Told]:
 def is_dead_step(turn: Turn) -> bool:
     """Whether the turn is the None turn of an agent that had ended."""
     return bool(turn.order) and turn.order[0] in turn.ended
-
-
-def nearly_zero(value: float, scale: float) -> bool:
-    """Zero but for what rounding leaves; `scale` is the sum of absolute values."""
-    return abs(value) <= 1e-9 * max(scale, 1.0)
 
 
 @dataclass(slots=True)

@@ -38,9 +38,9 @@ def rewards_reach_the_agent(contract: Contract, evidence: Gathered) -> Iterator[
     self._accumulate_rewards()
     ```
     """
-    for told in all_told(evidence):
+    for told, kind in all_told(evidence):
         yield Occasion(
-            told.trace.at(told.turn, told.agent, "received"), told.kind != "lost",
+            told.trace.at(told.turn, told.agent, "received"), kind != "lost",
             f"{told.owed!r}, the sum of `rewards` since its last turn",
             f"last() gives {told.told!r}", proof=PROOF,
         )  # fmt: skip

@@ -38,8 +38,7 @@ def rewards_are_told_once(contract: Contract, evidence: Gathered) -> Iterator[Oc
     self._accumulate_rewards()
     ```
     """
-    for told in all_told(evidence):
-        kind = told.kind
+    for told, kind in all_told(evidence):
         more = {
             "carried": f", with the {told.carried!r} that it gave at the turn before",
             "again": ", the same more than once",

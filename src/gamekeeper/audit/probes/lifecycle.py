@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from gamekeeper.audit.lab import Called, Lab, Saw
@@ -18,7 +18,51 @@ SHORT: Final = 3
 """Turns that are played after a reset."""
 MOST_TRIES: Final = 4
 """Turns whose actions are tried after the end: a mask may forbid those of some."""
+MOST_SEEN: Final = 3
+"""Agents whose observations are compared in an AEC environment: they may be large."""
 OUT: Final = ("observations", "rewards", "terminations", "truncations", "infos")
+
+
+@dataclass(slots=True)
+class _Sight:
+    """What is seen at the start and at the end of a play, as text; None where that can't be told.
+
+    Attributes:
+        agents: how many stood in `agents` at the start; None where nobody can, which is a fault of
+            the roster's.
+        dead: (AEC) turns at which somebody was to act whose flags were up.
+    """
+
+    lab: Lab
+    first: str | None = None
+    last: str | None = None
+    agents: int | None = None
+    dead: list[int] = field(default_factory=list)
+    _out: Any = None
+
+    def watch(self, turn: int, env: Any, out: Any) -> None:
+        """Looks at the start, and keeps in mind what came last."""
+        self._out = out
+        if turn == 0:
+            self.first = self._seen(env)
+            possible, agents = self._roster(env, "possible_agents"), self._roster(env, "agents")
+            self.agents = len(agents or ()) if possible is None or len(possible) else None
+        if self.lab.api == "aec" and not self.dead and _is_dead(self.lab, env):
+            self.dead.append(turn)
+
+    def settle(self, env: Any) -> None:
+        """Looks at the end."""
+        self.last = self._seen(env)
+
+    def _seen(self, env: Any) -> str | None:
+        if self.lab.api == "parallel":
+            return to_json(self._out[0]) if isinstance(self._out, tuple) and self._out else None
+        agents = list(self._roster(env, "agents") or ())[:MOST_SEEN]
+        called = [self.lab.call("observe", env.observe, agent) for agent in agents]
+        return None if any(each.failed for each in called) else to_json([e.value for e in called])
+
+    def _roster(self, env: Any, name: str) -> Any:
+        return self.lab.call(name, getattr, env, name).value
 
 
 def plays(lab: Lab) -> Iterator[Play]:
@@ -43,22 +87,15 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
         `close`: by when, what it raised, or None.
     """
     env = lab.env()
-    seen: list[str | None] = []
-    dead: list[int] = []
-
-    def watch(turn: int, env: Any, out: Any) -> None:
-        seen[1:] = [_seen(lab, env, out)] if turn else []
-        seen[:1] = seen[:1] or [_seen(lab, env, out)]
-        if lab.api == "aec" and not dead and _is_dead(lab, env):
-            dead.append(turn)
-
-    base = lab.play(play, env, watch=watch, state=False)
+    sight = _Sight(lab)
+    base = lab.play(play, env, watch=sight.watch, state=False)
+    sight.settle(env)
     yield base.trace
     if base.is_over and not lab.call("agents", getattr, env, "agents").value:
         yield _after_end(lab, env, base)
-    yield from _resets(lab, env, base, seen)
+    yield from _resets(lab, env, base, sight)
     if lab.api == "aec":
-        yield from _dead_action(lab, env, base, dead)
+        yield from _dead_action(lab, env, base, sight.dead)
         yield from _iterated(lab, env, base)
     yield _arguments(lab, env, base)
     if lab.can_make:
@@ -95,31 +132,27 @@ def _step(lab: Lab, env: Any, actions: Mapping[Any, Any]) -> tuple[Called, str]:
     return called, ", ".join(gave)
 
 
-def _resets(lab: Lab, env: Any, base: Played, seen: list[str | None]) -> Iterator[Saw]:
+def _resets(lab: Lab, env: Any, base: Played, begun: _Sight) -> Iterator[Saw]:
     """Resets after the play, in the midst of an episode, and twice, each with a few turns."""
-    before, latest = base, seen[-1] if seen else None
+    before, latest = base, begun.last
     ignored = []
     for resets in (1, 1, 2):
         when = "after the end" if before.is_over else "in mid-episode"
         when = when if resets == 1 else "twice in a row"
         twice = lab.call("reset", env.reset, seed=base.play.seed) if resets == 2 else Called()
-        now: list[Any] = []
-
-        def watch(turn: int, env: Any, out: Any, now: list[Any] = now) -> None:
-            if turn:
-                now[1:] = [_seen(lab, env, out)]
-            else:
-                now[:] = [(_count(lab, env), _seen(lab, env, out))]
-
+        sight = _Sight(lab)
         short = replace(base.play, actions=None, most_turns=SHORT)
-        played = lab.play(short, env, watch=watch, state=False)
-        agents, first = now[0] if now else (None, None)
-        value = {"when": when, "raised": _words(twice.failed or played.failed), "agents": agents}
-        proof = _after.begins(lab.api, resets, played.play.actions or ())
-        yield lab.fact("reset", value, field=f"reset {when}", proof=proof)
-        if now and seen and not before.is_over:
-            ignored.append(first is not None and first == latest and first != seen[0])
-        before, latest = played, now[-1] if len(now) > 1 else first
+        played = lab.play(short, env, watch=sight.watch, state=False)
+        sight.settle(env)
+        raised = _words(twice.failed or played.failed)
+        yield lab.fact(
+            "reset", {"when": when, "raised": raised, "agents": sight.agents},
+            field=f"reset {when}",
+            proof=_after.begins(lab.api, resets, played.play.actions or ()),
+        )  # fmt: skip
+        if sight.first is not None and not before.is_over:
+            ignored.append(sight.first == latest and sight.first != begun.first)
+        before, latest = played, sight.last
     if ignored:
         yield lab.fact("ignored", all(ignored), field="ignored", proof=_after.IGNORED[lab.api])
 
@@ -195,23 +228,6 @@ def _closed(lab: Lab, env: Any, base: Played) -> Iterator[Saw]:
             proof = _after.goes_on(lab.api, actions, plays=False)
             yield lab.fact("unborn_step", value, turn=1, field="unborn_step", proof=proof)
     yield lab.fact("close", raised, field="close")
-
-
-def _count(lab: Lab, env: Any) -> int | None:
-    """How many stand in `agents`; None where nobody can, which is the roster's fault."""
-    agents, possible = (
-        lab.call(name, getattr, env, name).value for name in ("agents", "possible_agents")
-    )
-    return len(agents or ()) if possible is None or len(possible) else None
-
-
-def _seen(lab: Lab, env: Any, out: Any) -> str | None:
-    """What all agents see, as text; None where that can't be told."""
-    if lab.api == "parallel":
-        return to_json(out[0]) if isinstance(out, tuple) and out else None
-    agents = lab.call("agents", getattr, env, "agents").value or []
-    called = [lab.call("observe", env.observe, agent) for agent in agents]
-    return None if any(each.failed for each in called) else to_json([e.value for e in called])
 
 
 def _is_dead(lab: Lab, env: Any) -> bool:
