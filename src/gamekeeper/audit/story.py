@@ -34,9 +34,9 @@ def story(meddle):
     for action in [*ACTIONS, None]:
         if not env.agents:
             break
-        meddle(env, None)
-        told.append((env.agent_selection, copy.deepcopy(env.last()){part}))
-        if len(told) <= len(ACTIONS):
+{early}        told.append((env.agent_selection, copy.deepcopy(env.last()){part}))
+        if len(told) < 2 * len(ACTIONS):
+            meddle(env, None)
             env.step(copy.deepcopy(action))
             told.append(dict(env.rewards))
     return told
@@ -45,16 +45,29 @@ OVERWRITE = """\
 def overwrite(value):
     if isinstance(value, np.ndarray) and value.flags.writeable:
         value[...] = value == 0
-    for item in value.values() if isinstance(value, dict) else ():
-        overwrite(item)
+    for key, item in value.items() if isinstance(value, dict) else ():
+        if key != "action_mask":
+            overwrite(item)
     for item in value if isinstance(value, (list, tuple)) else ():
         overwrite(item)
 """
-"""Defines `overwrite` for a snippet: as `gamekeeper.run.handed.overwrite` does."""
+"""Defines `overwrite` for a snippet: as that of `run.handed`, and leaves action masks alone."""
+OVERWRITE_MASKS = """\
+def overwrite_masks(value):
+    for key, item in value.items() if isinstance(value, dict) else ():
+        (overwrite if key == "action_mask" else overwrite_masks)(item)
+"""
+"""Defines `overwrite_masks` for a snippet, beside `OVERWRITE`."""
 
 
 def story_proof(
-    api: str, meddling: str, *, idle: str = "pass", first: str = "", infos: bool = True
+    api: str,
+    meddling: str,
+    *,
+    idle: str = "pass",
+    first: str = "",
+    infos: bool = True,
+    early: bool = False,
 ) -> Proof:
     """Raises while the same actions go another way once `meddling` stands between the steps.
 
@@ -64,8 +77,12 @@ def story_proof(
         idle: what stands there in the play that it is compared with.
         first: lines before all others.
         infos: in an AEC environment, whether infos are compared too.
+        early: in an AEC environment, meddle before `last()` too, not only before `step`.
     """
-    told = _PARALLEL if api == "parallel" else _AEC.replace("{part}", "" if infos else "[:4]")
+    told = _PARALLEL
+    if api == "aec":
+        before = "        meddle(env, None)\n" if early else ""
+        told = _AEC.replace("{part}", "" if infos else "[:4]").replace("{early}", before)
     lines = (
         f"{first}{told}\n"
         f"def meddle(env, out):\n{_indented(meddling)}\n"

@@ -57,4 +57,4 @@ def not_offered(kind: str) -> Callable[[Contract, Gathered], str | None]:
 
 
 def _proof(api: str, kind: str) -> Proof:
-    return story_proof(api, MEDDLING[kind])
+    return story_proof(api, MEDDLING[kind], early=True)

@@ -20,7 +20,7 @@ from gamekeeper.core.gathered import Gathered
 def written_observations_change_nothing(
     contract: Contract, evidence: Gathered
 ) -> Iterator[Occasion]:
-    """Writing into an observation, its action mask too, doesn't change the game.
+    """Writing into an observation doesn't change the game.
 
     Wrappers and learners scale observations in place. Where those are the game's own arrays, an
     agent moves pieces by looking at them.
@@ -29,14 +29,14 @@ def written_observations_change_nothing(
 
     ```python
     def observe(self, agent):
-        return {"observation": self.board, "action_mask": self.legal}
+        return self.board
     ```
 
     Good:
 
     ```python
     def observe(self, agent):
-        return {"observation": self.board.copy(), "action_mask": self.legal.copy()}
+        return self.board.copy()
     ```
     """
     yield from written(evidence, "observations")

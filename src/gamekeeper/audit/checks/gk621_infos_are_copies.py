@@ -14,24 +14,24 @@ from gamekeeper.core.gathered import Gathered
     "GK621",
     needs=("written",),
     severity=HIGH,
-    mend='put copies into infos: `{"action_mask": self.legal.copy()}`',
+    mend='put copies into infos: `{"position": self.position.copy()}`',
     applies=none_of("infos", "infos hold no array that can be written to"),
 )
 def written_infos_change_nothing(contract: Contract, evidence: Gathered) -> Iterator[Occasion]:
-    """Writing into an array of an info, such as its action mask, doesn't change the game.
+    """Writing into an array of an info doesn't change the game.
 
-    A learner that edits a mask to forbid more to itself must not change what the rules allow.
+    Wrappers scale what they find there in place. Where it is the game's own array, they move it.
 
     Bad:
 
     ```python
-    infos[agent] = {"action_mask": self.legal}      # the array that step() asks
+    infos[agent] = {"position": self.position[agent]}       # a view of the game's own array
     ```
 
     Good:
 
     ```python
-    infos[agent] = {"action_mask": self.legal.copy()}
+    infos[agent] = {"position": self.position[agent].copy()}
     ```
     """
     yield from written(evidence, "infos")

@@ -7,18 +7,27 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import pyarrow as pa
+from numpy.random import Generator
 
 from gamekeeper.audit.lab import Lab, Saw
-from gamekeeper.audit.story import OVERWRITE, crossings_of, parting_words, story_proof
+from gamekeeper.audit.story import (
+    OVERWRITE,
+    OVERWRITE_MASKS,
+    crossings_of,
+    parting_words,
+    story_proof,
+)
 from gamekeeper.core.divergence import Divergence, compare
 from gamekeeper.core.fact import Fact
 from gamekeeper.core.proof import Proof
-from gamekeeper.core.trace import Trace
+from gamekeeper.core.trace import MASK, Trace
+from gamekeeper.game.door import AgentId
+from gamekeeper.run.change import Change, Hooks
 from gamekeeper.run.episode import Play, Played
 from gamekeeper.run.handed import overwrite
 
 SHARE: Final = 0.8
-KINDS: Final = ("observations", "infos", "dictionaries", "state")
+KINDS: Final = ("observations", "infos", "masks", "dictionaries", "state")
 
 
 def plays(lab: Lab) -> Iterator[Play]:
@@ -32,16 +41,17 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
     Where the play goes another way, each kind of thing is overwritten alone to tell which it was.
 
     Facts:
-        `written`: of one kind (the field: `observations`, `infos`, `state`, `dictionaries`: those
-            that a Parallel environment's step returns): how many `writes` there were, and `seen`:
-            None, or in words how the play went another way at the fact's turn.
+        `written`: of one kind (the field: `observations`, `infos`, `masks`, `state`,
+            `dictionaries`: those that a Parallel environment's step returns): how many `writes`
+            there were, and `seen`: None, or in words how the play went another way at the fact's
+            turn.
     """
     base = lab.play(play, state=False)
     asked = next((kinds for kinds in (KINDS, KINDS[:-1]) if _bears(lab, base, kinds)), None)
     if asked is None:  # it differs by itself, or by being asked
         return
     pen = _Pen(lab, asked, writes=True)
-    everything = lab.play(base.play, watch=pen, state=False)
+    everything = _played(lab, base, pen)
     kinds = [kind for kind in asked if pen.count.get(kind)]
     if _parting(lab, "", base, everything) is None:
         for kind in kinds:
@@ -53,14 +63,20 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
 
 def _bears(lab: Lab, base: Played, kinds: tuple[str, ...]) -> bool:
     """Whether the play is the same where things are asked for and not written into: the sham."""
-    sham = lab.play(base.play, watch=_Pen(lab, kinds, writes=False), state=False)
+    sham = _played(lab, base, _Pen(lab, kinds, writes=False))
     return _parting(lab, "", base, sham) is None
+
+
+def _played(lab: Lab, base: Played, pen: _Pen) -> Played:
+    if lab.api == "parallel":
+        return lab.play(base.play, watch=pen, state=False)
+    return lab.play(base.play, change=HandoutsOverwritten(pen), state=False)
 
 
 def _alone(lab: Lab, kind: str, base: Played) -> Fact:
     """What overwriting one kind of thing comes to."""
     pen = _Pen(lab, (kind,), writes=True)
-    played = lab.play(base.play, watch=pen, state=False)
+    played = _played(lab, base, pen)
     found = _parting(lab, kind, base, played)
     if found is None:
         return lab.fact("written", {"writes": pen.count.get(kind, 0), "seen": None}, field=kind)
@@ -80,7 +96,7 @@ def _parting(lab: Lab, kind: str, base: Played, other: Played) -> Divergence | N
     replace them: what is written into them is read there again, and that is no fault by itself.
     """
     one, two = base.trace, other.trace
-    if lab.api == "aec" and kind in ("", "infos"):
+    if lab.api == "aec" and kind in ("", "infos", "masks"):
         one, two = _without_infos(one), _without_infos(two)
     return compare(one, two, volatile=lab.contract.volatile_infos()).divergence
 
@@ -96,7 +112,7 @@ def _without_infos(trace: Trace) -> Trace:
 
 @dataclass(slots=True)
 class _Pen:
-    """A watch that writes into what was handed out, or only asks for it where it doesn't write."""
+    """Writes into what was handed out, or only asks for it where it doesn't write."""
 
     lab: Lab
     kinds: tuple[str, ...]
@@ -104,25 +120,76 @@ class _Pen:
     count: dict[str, int] = field(default_factory=dict)
 
     def __call__(self, turn: int, env: Any, out: Any) -> None:
-        """Writes."""
+        """After reset and step of a Parallel environment: into what they returned."""
+        self.write(env, list(out) if isinstance(out, tuple | list) else [])
+
+    def write(self, env: Any, parts: list[Any]) -> None:
+        """Writes into `parts`, of which the first are observations and the last infos."""
         for kind in self.kinds:
-            value = self._handed(kind, env, out)
+            if kind == "state":
+                value = self.lab.call("state", getattr(env, "state", None)).value
+            elif kind == "dictionaries":
+                value = parts if self.lab.api == "parallel" else []
+            else:
+                value = _of_kind(kind, parts)
             write: Callable[[Any], int] = _empty if kind == "dictionaries" else overwrite
             if self.writes:
                 self.count[kind] = self.count.get(kind, 0) + write(value)
 
-    def _handed(self, kind: str, env: Any, out: Any) -> Any:
-        if kind == "state":
-            return self.lab.call("state", getattr(env, "state", None)).value if env.agents else None
-        if self.lab.api == "parallel":
-            parts = list(out) if isinstance(out, tuple | list) else []
-            if kind == "dictionaries":
-                return parts
-            return parts[0 if kind == "observations" else -1] if parts else None
-        if kind == "dictionaries" or not env.agents:
-            return None
-        last = self.lab.call("last", env.last).value
-        return last[0 if kind == "observations" else -1] if isinstance(last, tuple) else None
+
+@dataclass(frozen=True, slots=True)
+class HandoutsOverwritten(Change):
+    """In an AEC environment, writes into what `last()` gives, just before each step."""
+
+    pen: _Pen
+
+    def start(self, rng: Generator) -> Hooks:
+        """The hooks; they draw nothing."""
+        return _BeforeSteps(self.pen)
+
+    def to_json(self) -> dict[str, Any]:
+        """Its kind and what it writes into."""
+        return {"change": type(self).__name__, "kinds": list(self.pen.kinds)}
+
+
+class _BeforeSteps(Hooks):
+    def __init__(self, pen: _Pen) -> None:
+        self._pen, self._env = pen, None
+
+    def between(self, turn: int, env: Any) -> None:
+        """Remembers the environment."""
+        self._env = env
+
+    def acts(self, turn: int, actions: dict[AgentId, Any]) -> dict[AgentId, Any]:
+        """Looks once more, and writes into that: no look comes between it and the step."""
+        last = self._pen.lab.call("last", self._env.last).value  # type: ignore[attr-defined]
+        self._pen.write(self._env, list(last) if isinstance(last, tuple) else [])
+        return actions
+
+
+def _of_kind(kind: str, parts: list[Any]) -> Any:
+    if not parts:
+        return None
+    if kind == "masks":
+        return [*_masks(parts[0]), *_masks(parts[-1])]
+    return _unmasked(parts[0 if kind == "observations" else -1])
+
+
+def _masks(value: Any) -> Iterator[Any]:
+    """The action masks in a value, however deep they stand."""
+    if isinstance(value, dict):
+        for key, item in value.items():
+            if key == MASK:
+                yield item
+            else:
+                yield from _masks(item)
+
+
+def _unmasked(value: Any) -> Any:
+    """The value without its action masks."""
+    if not isinstance(value, dict):
+        return value
+    return {key: _unmasked(item) for key, item in value.items() if key != MASK}
 
 
 def _empty(parts: Any) -> int:
@@ -136,11 +203,14 @@ def _empty(parts: Any) -> int:
 def _proof(api: str, kind: str) -> Proof:
     if kind == "dictionaries":
         return story_proof(api, "for part in out:\n    part.clear()")
-    place = "0" if kind == "observations" else "-1"
-    handed = "env.state()" if kind == "state" else f"env.last()[{place}]"
-    if kind != "state" and api == "parallel":
-        handed = f"out[{place}]"
-    idle = "pass" if handed.startswith("out") else handed
-    return story_proof(
-        api, f"overwrite({handed})", idle=idle, first=OVERWRITE + "\n", infos=kind != "infos"
-    )
+    if kind == "state":
+        first = OVERWRITE + "\n"
+        return story_proof(api, "overwrite(env.state())", idle="env.state()", first=first)
+    out = "out" if api == "parallel" else "env.last()"
+    lines = f"overwrite({out}[0])" if kind == "observations" else f"overwrite({out}[-1])"
+    first = OVERWRITE
+    if kind == "masks":
+        lines = f"for part in ({out}[0], {out}[-1]):\n    overwrite_masks(part)"
+        first += OVERWRITE_MASKS
+    idle = "pass" if api == "parallel" else out
+    return story_proof(api, lines, idle=idle, first=first + "\n", infos=kind == "observations")

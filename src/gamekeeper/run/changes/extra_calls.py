@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from numpy.random import Generator
 
+from gamekeeper.game.door import AgentId
 from gamekeeper.run.change import Change, Hooks
 
 
@@ -62,7 +63,7 @@ CALLS: Final[dict[str, Callable[[Any], None]]] = {
 
 @dataclass(frozen=True, slots=True)
 class ExtraCalls(Change):
-    """Makes calls that only look, after the reset and after every crossing.
+    """Makes calls that only look: after the reset and every crossing, and before every step.
 
     Attributes:
         calls: kinds of `CALLS`; what one of them raises is passed over.
@@ -78,13 +79,24 @@ class ExtraCalls(Change):
 class _Calling(Hooks):
     def __init__(self, calls: tuple[str, ...]) -> None:
         self._calls = [CALLS[name] for name in calls]
+        self._env: Any = None
 
     def between(self, turn: int, env: Any) -> None:
+        """Calls before anybody has looked."""
+        self._env = env
+        self._call()
+
+    def acts(self, turn: int, actions: dict[AgentId, Any]) -> dict[AgentId, Any]:
+        """Calls once more when everybody has looked and chosen."""
+        self._call()
+        return actions
+
+    def _call(self) -> None:
         """Calls; whatever an extra call raises, the play goes on: others look at that."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             for call in self._calls:
                 try:
-                    call(env)
+                    call(self._env)
                 except Exception:  # foreign code: a call that isn't offered at this turn
                     continue
