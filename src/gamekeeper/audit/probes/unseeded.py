@@ -1,0 +1,90 @@
+"""Resets with several seeds beside resets without one: where do they lead?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from hashlib import blake2b
+from typing import Any, Final
+
+from gamekeeper.audit.lab import Lab, Saw
+from gamekeeper.core.canon import to_json
+from gamekeeper.core.trace import digests_of
+from gamekeeper.run.episode import Play, Played
+
+SHARE: Final = 0.5
+FEW: Final = 4
+"""Plays of a kind, unless something is suspicious."""
+MANY: Final = 16
+"""Plays of a kind, where one kind varies and the other doesn't."""
+MOST_TURNS: Final = 25
+
+
+def plays(lab: Lab) -> Iterator[Play]:
+    """A short one: what is drawn at the reset shows at once."""
+    for play in lab.plays(1, runs=8, most_turns=MOST_TURNS):
+        yield replace(play, seed=(play.seed or 0) + 1)
+
+
+def look(lab: Lab, play: Play) -> Iterator[Saw]:
+    """What plays came to, as digests.
+
+    Facts:
+        `seeded`: of seeds in a row, each in a fresh instance where there is one.
+        `unseeded`: of resets without a seed that follow on one with, in one instance.
+        `openings`: of resets without a seed and without a step in between; only where all seeded
+            ones are equal and unseeded ones aren't.
+    """
+    seeded = [_told(lab.play(play, lab.env()))]
+    _until_two(seeded, FEW, lambda: _told(_seeded(lab, play, len(seeded))))
+    env = lab.env()
+    lab.play(replace(play, actions=lab.base.actions if lab.base else None), env)
+    unseeded: list[str] = []
+    again = replace(play, seed=None)
+    _until_two(unseeded, FEW, lambda: _told(lab.play(again, env)))
+    kinds = len(set(seeded)), len(set(unseeded))
+    if kinds[0] > 1 and kinds[1] == 1:
+        while len(seeded) < MANY:
+            seeded.append(_told(_seeded(lab, play, len(seeded))))
+        while len(unseeded) < MANY and len(set(unseeded)) == 1:
+            unseeded.append(_told(lab.play(again, env)))
+    elif kinds[0] == 1 and kinds[1] > 1:
+        _until_two(seeded, MANY, lambda: _told(_seeded(lab, play, len(seeded))))
+        yield lab.fact("openings", _openings(lab, lab.env()))
+    yield lab.fact("seeded", seeded)
+    yield lab.fact("unseeded", unseeded)
+
+
+def _until_two(found: list[str], most: int, more: Any) -> None:
+    """Goes on until two differ."""
+    while len(found) < most and len(set(found)) < 2:
+        found.append(more())
+
+
+def _seeded(lab: Lab, play: Play, number: int) -> Played:
+    return lab.play(replace(play, seed=(play.seed or 0) + number), lab.env())
+
+
+def _told(played: Played) -> str:
+    """All that was given and done, and nothing of how it came about."""
+    trace = played.trace
+    text = blake2b(digests_of(trace.steps).tobytes(), digest_size=8)
+    for info in trace.steps["info"].to_pylist():
+        text.update(str(info).encode())
+    return text.hexdigest()
+
+
+def _openings(lab: Lab, env: Any) -> list[str]:
+    found = []
+    for _ in range(FEW):
+        lab.meter.count()
+        out = lab.call("reset", env.reset)
+        if out.failed is not None:
+            break
+        seen = out.value[0] if lab.api == "parallel" else _observed(lab, env)
+        found.append(to_json(list(seen.values()) if isinstance(seen, dict) else seen))
+    return found
+
+
+def _observed(lab: Lab, env: Any) -> dict[str, Any]:
+    return {str(agent): lab.call("observe", env.observe, agent).value for agent in env.agents}
