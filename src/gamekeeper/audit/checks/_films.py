@@ -33,7 +33,7 @@ def filmed(api: str, options: Mapping[str, Any], lines: str) -> Proof:
 def told(api: str) -> str:
     """Lines of a function `course(env, film)`: all that a play gives, filmed or not."""
     body = (
-        "env.reset(seed=SEED)\ntold = []\n"
+        "told = [env.reset(seed=SEED)]\n"
         "for action in ACTIONS:\n"
         "    if film:\n        env.render()\n"
         + (

@@ -64,6 +64,8 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
         own = getattr(env, "render_mode", None)
         metadata = getattr(env, "metadata", None)
         base = lab.play(play, env)
+        if base.failed is not None and play.actions is not None:
+            return  # a shorter play that breaks off shows another thing
         sham = lab.play(base.play)
         takes = lab.can_make and lab.call("make", lab.make, render_mode=None).failed is None
         if takes and own is not None:

@@ -48,6 +48,8 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
     env = lab.env()
     recorder = Recorder(lab, env)
     base = lab.play(play, env, watch=recorder, state=False)
+    if base.failed is not None and play.actions is not None:
+        return  # a shorter play that breaks off shows another thing
     answers = recorder.answers
     space = recorder.space
     is_there = bool(answers) and not str(answers[0]["failed"]).startswith("NotImplementedError")
