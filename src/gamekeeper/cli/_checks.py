@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib.util
 import pkgutil
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
@@ -23,23 +24,48 @@ def card_of(check: Check) -> dict[str, Any]:
 def specimens() -> dict[str, str]:
     """By check id, an environment of ours that breaks it, as a user types it.
 
-    The specimens are read, not run.
+    One that breaks it without a contract comes first. The specimens are read, not run.
     """
-    package = importlib.util.find_spec(SPECIMENS)
     found: dict[str, str] = {}
-    for folder in [] if package is None else package.submodule_search_locations or []:
-        for info in pkgutil.iter_modules([folder]):
-            if not info.name.startswith("_"):
-                for id in _breaks(Path(folder) / f"{info.name}.py"):
-                    found.setdefault(id, f"{SPECIMENS}.{info.name}:make")
+    for needs_contract in (False, True):
+        for name, values in _sources().items():
+            for id in values.get("BREAKS", ()) if ("CONTRACT" in values) is needs_contract else ():
+                found.setdefault(id, f"{SPECIMENS}.{name}:make")
     return found
 
 
-def _breaks(file: Path) -> tuple[str, ...]:
-    """The value of `BREAKS` in a specimen's source."""
+def needs_contract(specimen: str) -> bool:
+    """Whether a specimen is broken only under the contract that its module declares."""
+    return "CONTRACT" in _sources()[specimen.removesuffix(":make").rpartition(".")[2]]
+
+
+@cache
+def _sources() -> dict[str, dict[str, Any]]:
+    """By module of a specimen, the values of its names in capitals, as far as they are literals."""
+    package = importlib.util.find_spec(SPECIMENS)
+    folders = [] if package is None else package.submodule_search_locations or []
+    return {
+        info.name: _capitals(Path(folder) / f"{info.name}.py")
+        for folder in folders
+        for info in pkgutil.iter_modules([folder])
+        if not info.name.startswith("_")
+    }
+
+
+def _capitals(file: Path) -> dict[str, Any]:
+    found: dict[str, Any] = {}
     for node in ast.parse(file.read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.Assign):
-            names = [each.id for each in node.targets if isinstance(each, ast.Name)]
-            if "BREAKS" in names:
-                return tuple(ast.literal_eval(node.value))
-    return ()
+        targets = node.targets if isinstance(node, ast.Assign) else []
+        if isinstance(node, ast.AnnAssign):
+            targets = [node.target]
+        for target in targets:
+            if isinstance(target, ast.Name) and target.id.isupper():
+                found[target.id] = _literal(getattr(node, "value", None))
+    return found
+
+
+def _literal(node: Any) -> Any:
+    try:
+        return ast.literal_eval(node)
+    except (ValueError, TypeError):  # an expression, as it may be in CONTRACT
+        return None

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from gamekeeper.cli._checks import card_of, specimens
+from gamekeeper.cli._checks import card_of, needs_contract, specimens
 from gamekeeper.cli._screen import Answer, Screen
 from gamekeeper.errors import GamekeeperError
 
@@ -35,7 +35,7 @@ def command(screen: Screen, ids: IdsArgument) -> Answer:
     from gamekeeper.report.check_text import check_text, checks_text
 
     known = checks()
-    tried = specimens()
+    tried = {id: each for id, each in specimens().items() if not needs_contract(each)}
     asked: list[Check] = []
     texts = []
     for word in ids:

@@ -134,11 +134,14 @@ def check_page(check: Card, *, output: str | None) -> str:
         blocks.append(f"{FENCE}python\n{text}\n{FENCE}" if kind == "code" else text)
     rows = [
         ("severity", SEVERITIES[check["severity"]]),
-        ("sure, where it is broken", f"{check['confidence']:g} of 1"),
+        *[("sure, where it is broken", f"{check['confidence']:g} of 1")]
+        * (check["confidence"] < 1),
         ("judges", APIS[check["api"]]),
         ("reads the probes", ", ".join(f"`{name}`" for name in check["needs"])),
         ("waive it in the contract", f'`[waivers]` `{check["id"]} = "the reason"`'),
     ]
+    if check["confidence"] < 1:
+        rows.insert(1, ("sure, where it is broken", f"{check['confidence']:g} of 1"))
     blocks += [f"**Mend:** {check['mend']}.", _table(rows)]
     if output is not None:
         blocks += ["## What it says", f"{FENCE}\n{output.rstrip()}\n{FENCE}"]
