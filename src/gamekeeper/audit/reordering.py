@@ -5,12 +5,13 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
 
 from gamekeeper.audit.lab import Lab
-from gamekeeper.audit.outcomes import digests, numbers, stacked
+from gamekeeper.audit.outcomes import Key, digests, numbers, stacked
 from gamekeeper.core.stats import FloatArray, permutation_test, sign_flip_test
 from gamekeeper.game.capture.stillness import is_still
 from gamekeeper.run.changes.action_order import reordered
@@ -34,7 +35,8 @@ class Told:
     """What a difference was told to be.
 
     Attributes:
-        result: `outcome` (nothing was drawn, or not for sure), `draws`, `undecided`.
+        result: `outcome` (nothing was drawn), `draws` (something was: the tests tell), `undecided`,
+            `noise` (led there once more, the first order gives something else too).
         p_values: of the tests whether both orders have one distribution.
     """
 
@@ -50,11 +52,13 @@ class Parting:
         play: its actions are on paper.
         order: the name of the other order.
         turn: crossings after which the difference shows.
+        seen: digests of what the first order gave there.
     """
 
     play: Play
     order: str
     turn: int
+    seen: Mapping[Key, bytes]
 
 
 def told(lab: Lab, parting: Parting) -> Told:
@@ -66,8 +70,9 @@ def told(lab: Lab, parting: Parting) -> Told:
     at other states of the play.
     """
     with kept_global_generators():
-        if not _draws(lab, parting):
-            return Told("outcome")
+        drawn = _drawn(lab, parting)
+        if not drawn:
+            return Told("noise" if drawn is None else "outcome")
         bench = _Bench(lab, parting)
         first = bench.at_the_parting()
         if first is None:
@@ -76,14 +81,22 @@ def told(lab: Lab, parting: Parting) -> Told:
     return Told("draws", (first,) if rest is None else (first, rest))
 
 
-def _draws(lab: Lab, parting: Parting) -> bool:
-    """Whether any generator moves in the crossing before the parting."""
-    for order in ("", parting.order):
+def _drawn(lab: Lab, parting: Parting) -> bool | None:
+    """Whether any generator moves in the crossing before the parting; None: it is mere noise."""
+    found = False
+    for order in ("", "", parting.order):
         env = _led(lab, parting, parting.turn - 1)
         actions = _ordered(parting.play, order, parting.turn - 1)
-        if not is_still(env, lambda env=env, actions=actions: lab.step(env, actions)):  # type: ignore[misc]
-            return True
-    return False
+        outs: list[Any] = []
+        is_calm = is_still(env, partial(_stepped, lab, env, actions, outs))
+        if not order and digests(outs[0], lab.contract.volatile_infos()) != parting.seen:
+            return None
+        found = found or not is_calm
+    return found
+
+
+def _stepped(lab: Lab, env: Any, actions: Mapping[Any, Any], outs: list[Any]) -> None:
+    outs.append(lab.step(env, actions).value)
 
 
 class _Bench:
@@ -124,7 +137,7 @@ class _Bench:
         pairs: list[Numbers] = []
         for turn in range(len(actions)):
             if turn % step == 0 and len(getattr(env, "agents", ())) > 1:
-                if turn == 0 and not _copies_well(lab, copy.deepcopy(env), actions[0]):
+                if turn == 0 and not _copies_well(lab, _led(lab, self._parting, 0), actions[0]):
                     return None
                 for side, order in enumerate(("", self._parting.order)):
                     one = copy.deepcopy(env)

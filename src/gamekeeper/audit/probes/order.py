@@ -83,7 +83,7 @@ def _parted(
     if found.is_rounding:
         value["result"] = "rounding"
     else:
-        verdict = told(lab, Parting(base.play, order, turn))
+        verdict = told(lab, Parting(base.play, order, turn, seen[turn]))
         value |= {"result": verdict.result, "p_values": verdict.p_values}
     return lab.fact(
         "order", value, turn=turn - (found.part == "rewards"), agent=found.agent or None,
