@@ -9,6 +9,10 @@ from gamekeeper.audit.checks._calls import extra, not_offered
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.gathered import Gathered
 
+TWICE = """\
+first, second = env.last(), env.last()
+assert first[1:4] == second[1:4], (first[1:4], second[1:4])"""
+
 
 @check(
     "GK635",
@@ -19,7 +23,7 @@ from gamekeeper.core.gathered import Gathered
     applies=not_offered("last"),
 )
 def asking_last_changes_nothing(contract: Contract, evidence: Gathered) -> Iterator[Occasion]:
-    """Calling last() twice in a turn doesn't change the game.
+    """Calling last() twice in a turn tells the same twice, and doesn't change the game.
 
     Wrappers call last() beside the loop that plays. Where it pays out, clears or draws, the second
     call gets something else, and so does everybody after it.
@@ -36,3 +40,11 @@ def asking_last_changes_nothing(contract: Contract, evidence: Gathered) -> Itera
     Good: clear the agent's cumulative reward in its own `step`.
     """
     yield from extra(evidence, "last")
+    for fact in evidence.facts("extra_calls", "twice"):
+        told = fact.value["told"]
+        for _ in range(fact.value["looks"] - (told is not None)):
+            yield Occasion(fact.where, True)
+        if told is not None:
+            yield Occasion(
+                fact.where, False, f"reward and flags {told[0]} again", f"{told[1]}", proof=TWICE
+            )

@@ -9,6 +9,7 @@ from typing import Any, Final
 from gamekeeper.audit.lab import Lab, Saw
 from gamekeeper.run.changes.extra_calls import CALLS, ExtraCalls
 from gamekeeper.run.episode import Play
+from gamekeeper.run.handed import is_same, snapshot
 
 SHARE: Final = 0.8
 ONLY_AEC: Final = ("observe", "last")
@@ -16,7 +17,7 @@ ONLY_AEC: Final = ("observe", "last")
 
 def plays(lab: Lab) -> Iterator[Play]:
     """Two plays, each as it is, with a sham, and with the calls."""
-    return lab.plays(2, runs=3, most_turns=200)
+    return lab.plays(2, runs=4, most_turns=200)
 
 
 def look(lab: Lab, play: Play) -> Iterator[Saw]:
@@ -28,19 +29,44 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
         with the change `ExtraCalls`: all kinds that the environment offers, or one of them.
     Facts:
         `offered`: the kinds of calls that were made, a list.
+        `twice`: (AEC) `last()` was called twice at each turn: `looks`, and `told`: None, or reward
+            and flags by both calls at the first turn at which they differed.
     """
     base = lab.play(play, state=False)
+    if play.actions is None:  # policies ask for spaces, a play on paper doesn't
+        base = lab.play(base.play, state=False)
     env = lab.env()
     sham = lab.play(base.play, env, state=False)
     kinds = _offered(lab, env, play)
     yield lab.fact("offered", list(kinds))
+    if lab.api == "aec":
+        yield _asked_twice(lab, base.play)
     twin = lab.twin(base, sham, ExtraCalls(kinds), state=False)
-    if twin.noise is not None:  # it differs by itself
+    if twin.noise is not None or base.failed is not None:  # it differs, or breaks off, by itself
         return
     yield twin
     if twin.divergence is not None:
         for kind in kinds:
             yield lab.twin(base, sham, ExtraCalls((kind,)), state=False)
+
+
+def _asked_twice(lab: Lab, play: Play) -> Saw:
+    """Whether `last()` tells the same reward and flags when it is called again."""
+    looks, told, at = 0, None, None
+
+    def watch(turn: int, env: Any, out: Any) -> None:
+        nonlocal looks, told, at
+        if told is not None or not env.agents:
+            return
+        both = [lab.call("last", env.last).value for _ in range(2)]
+        if all(isinstance(each, tuple) and len(each) == 5 for each in both):
+            looks += 1
+            first, second = ([snapshot(item) for item in each[1:4]] for each in both)
+            if not is_same(second, first):
+                told, at = (first, second), turn
+
+    lab.play(play, watch=watch, state=False)
+    return lab.fact("twice", {"looks": looks, "told": told}, turn=at, field="twice")
 
 
 def _offered(lab: Lab, env: Any, play: Play) -> tuple[str, ...]:

@@ -35,7 +35,7 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
     actions = [dict(each) for each in base.play.actions or ()]
     can_change = lab.api == "parallel" or any(map(_is_writable, actions))
     yield from _options(lab, play)
-    if can_change and actions:
+    if can_change and actions and base.failed is None:
         yield _compared(lab, play, actions)
         sham = lab.play(base.play, state=False)
         yield lab.twin(base, sham, ActionsOverwritten(), state=False)

@@ -47,6 +47,8 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
             turn.
     """
     base = lab.play(play, state=False)
+    if base.failed is not None:  # what it does then is for others to look at
+        return
     asked = next((kinds for kinds in (KINDS, KINDS[:-1]) if _bears(lab, base, kinds)), None)
     if asked is None:  # it differs by itself, or by being asked
         return

@@ -63,7 +63,9 @@ CALLS: Final[dict[str, Callable[[Any], None]]] = {
 
 @dataclass(frozen=True, slots=True)
 class ExtraCalls(Change):
-    """Makes calls that only look: after the reset and every crossing, and before every step.
+    """Makes calls that only look after the reset and after every crossing.
+
+    In an AEC environment, also between `last()` and the step.
 
     Attributes:
         calls: kinds of `CALLS`; what one of them raises is passed over.
@@ -87,8 +89,9 @@ class _Calling(Hooks):
         self._call()
 
     def acts(self, turn: int, actions: dict[AgentId, Any]) -> dict[AgentId, Any]:
-        """Calls once more when everybody has looked and chosen."""
-        self._call()
+        """Calls once more when the agent in turn has looked and chosen."""
+        if hasattr(self._env, "last"):
+            self._call()
         return actions
 
     def _call(self) -> None:
