@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from gamekeeper.audit.check import MEDIUM, Occasion, check
-from gamekeeper.audit.played_twice import program
+from gamekeeper.audit.played_twice import program, settled_by_seed
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.gathered import Gathered
 from gamekeeper.core.proof import Proof
@@ -39,8 +39,10 @@ def global_generators_are_left_alone(contract: Contract, evidence: Gathered) -> 
         self.rng = np.random.default_rng(seed)
     ```
     """
+    is_judged = settled_by_seed(contract, evidence) is None
     for look in evidence.looks.get("generators", ()):
-        if any(twin.divergence is not None and twin.noise is None for twin in look.twins):
+        parts = any(twin.divergence is not None and twin.noise is None for twin in look.twins)
+        if parts and is_judged:
             continue
         for fact in look.facts:
             if fact.name == "left alone":

@@ -15,7 +15,7 @@ from gamekeeper.run.episode import Play
 from gamekeeper.run.global_generators import held
 
 SHARE: Final = 0.5
-TRIES: Final = 6
+TRIES: Final = 2
 """Every look starts a process, which takes about a second."""
 MOST_TURNS: Final = 100
 SECOND_FROM: Final = 150

@@ -34,14 +34,14 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
     volatile = tuple(lab.contract.volatile_infos())
     with held():
         base = lab.play(play, lab.env())
+    change = {"change": "an episode before"}
     for before in (base.play, _cut(lab, base)):
         after = _after(lab, before, base.play)
         if compare(base.trace, after.trace, volatile=volatile).divergence is None:
-            yield Twin(base.trace, base.trace, after.trace, {"change": "an episode before"})
+            yield Twin(base.trace, base.trace, after.trace, change, volatile)
             continue
         with held():
             sham = lab.play(base.play, lab.env())
-        change = {"change": "an episode before"}
         yield Twin(base.trace, sham.trace, after.trace, change, volatile)
         if compare(base.trace, sham.trace, volatile=volatile).divergence is None:
             yield lab.fact("before", _on_paper(lab, before))
@@ -77,8 +77,8 @@ def _seeds_matter(lab: Lab, before: Play, base: Played, after: Played) -> tuple[
     with held():
         fresh = lab.play(other, lab.env())
     used = _after(lab, before, other)
-    return _differ(base.trace, fresh.trace), _differ(after.trace, used.trace)
+    return _differ(lab, base.trace, fresh.trace), _differ(lab, after.trace, used.trace)
 
 
-def _differ(one: Trace, two: Trace) -> bool:
-    return compare(one, two).divergence is not None
+def _differ(lab: Lab, one: Trace, two: Trace) -> bool:
+    return compare(one, two, volatile=lab.contract.volatile_infos()).divergence is not None

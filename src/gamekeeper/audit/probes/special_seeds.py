@@ -12,11 +12,11 @@ from gamekeeper.core.gathered import Twin
 from gamekeeper.run.episode import Play, Played
 from gamekeeper.run.global_generators import held
 
-SHARE: Final = 0.5
+SHARE: Final = 1.0
 SEEDS: Final = (0, 2**31 - 1)
 PLAIN: Final = 12345
 """A seed like any other, to compare with."""
-MOST_TURNS: Final = 15
+MOST_TURNS: Final = 8
 AGAIN: Final = 4
 """Further plays of a seed: where few openings are possible, two are often equal by chance."""
 
@@ -54,7 +54,8 @@ def _twice(lab: Lab, play: Play) -> tuple[Played, Played]:
     """The play, and another one of it that differs, where one does."""
     with held():
         one = lab.play(play, lab.env())
-    env = lab.env()
+    with held():
+        env = lab.env()
     for _ in range(AGAIN):
         with held():
             again = lab.play(replace(play, actions=one.play.actions), env)
