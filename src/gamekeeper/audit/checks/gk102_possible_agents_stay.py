@@ -46,16 +46,19 @@ def possible_agents_never_change(contract: Contract, evidence: Gathered) -> Iter
 
     Good: `self.agents = self.possible_agents[:]`.
     """
-    first: list[str] | None = None
+    first = list(evidence.agents)  # named before anything was played
     for fact in evidence.facts("surface", "possible_agents"):
         before, turns = fact.value["before"], fact.value["turns"]
         named = before or next((names for names in turns if names), None)
         if named is None:
             continue
-        if first is not None and before:
-            where = replace(fact.where, field="possible_agents of another instance")
-            yield _look(where, before, first, OF_ANOTHER)
-        first = first or before
+        if first and before:
+            is_fresh = fact.value["fresh"]
+            whose = "of another instance" if is_fresh else "since the audit began"
+            where = replace(fact.where, turn=0, field=f"possible_agents {whose}")
+            yield _look(
+                where, list(dict.fromkeys(before)), first, OF_ANOTHER if is_fresh else IN_PLAY
+            )
         yield from _in_play(fact, named, turns)
 
 

@@ -36,7 +36,8 @@ def nobody_comes_back_within_an_episode(
         for turn, names in enumerate(rosters):
             gone |= live - set(names)
             live = set(names)
-            back = [a for a in sorted(live & gone) if not _may_return(contract, trace, a)]
+            back = sorted(live & gone)
+            back = [agent for agent in back if not _may_return(contract, trace, agent, turn)]
             if gone:
                 yield Occasion(
                     trace.at(turn, back[0] if back else None, "agents"), not back,
@@ -46,12 +47,12 @@ def nobody_comes_back_within_an_episode(
             gone -= live
 
 
-def _may_return(contract: Contract, trace: Trace, agent: str) -> bool:
-    """Declared free to leave and join, and never ended."""
+def _may_return(contract: Contract, trace: Trace, agent: str, turn: int) -> bool:
+    """Declared free to leave and join, and didn't end before."""
     role = contract.roles.get(contract.role_of(agent) or "")
     if role is None or not (role.may_leave and role.may_join):
         return False
-    return not any(agent in turn.ended for turn in trace.turns)
+    return not any(agent in each.ended for each in trace.turns if each.index < turn)
 
 
 def _proof(api: str) -> str:

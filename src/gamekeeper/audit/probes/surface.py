@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from gamekeeper.audit.lab import RESET_STEPS, Lab, Saw
-from gamekeeper.core.canon import to_json, type_name
+from gamekeeper.core.canon import type_name
 from gamekeeper.run.episode import Play
 
 SHARE: Final = 1.5
@@ -45,9 +45,10 @@ def plays(lab: Lab) -> Iterator[Play]:
 def look(lab: Lab, play: Play) -> Iterator[Saw]:
     """The trace; attributes before a reset, after it, after each crossing, after another reset.
 
-    Facts, each with names of agents as evidence spells them:
-        `possible_agents`: {"before", "turns", "again"}: what it named before the reset, at the
-            start of each turn, and after the play and one more reset; None where it isn't there.
+    Facts, each with names of agents as texts:
+        `possible_agents`: {"fresh", "before", "turns", "again"}: whether the instance was; what it
+            named before the reset, at the start of each turn, and after the play and one more
+            reset; None where it isn't there.
         `agents`: {"first", "turns", "again"}: the roster after a reset, the same after a reset
             with the same seed and at the start of each turn, and after the play and a third one.
         `kinds`: types of `agents` and `possible_agents` after the reset.
@@ -60,7 +61,8 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
         `flagged`: (AEC) agents whose flags are up right after the first, second and third reset.
     """
     env = lab.env()
-    possible = {"before": _names(lab, env, "possible_agents")}
+    possible: dict[str, Any] = {"fresh": lab.can_make}
+    possible["before"] = _names(lab, env, "possible_agents")
     rosters: dict[str, Any] = {"first": _reset(lab, env, play)}
     flagged = [_flagged(env)] if lab.api == "aec" else []
     limits = _limits(env)
@@ -139,11 +141,7 @@ def _reset(lab: Lab, env: Any, play: Play) -> Any:
 def _names(lab: Lab, env: Any, attribute: str) -> list[str] | None:
     """The names in a roster, however it is kept; None where there is none."""
     called = lab.call(attribute, lambda: list(getattr(env, attribute)))
-    return None if called.failed is not None else [_name(agent) for agent in called.value]
-
-
-def _name(agent: Any) -> str:
-    return agent if isinstance(agent, str) else to_json(agent)
+    return None if called.failed is not None else [str(agent) for agent in called.value]
 
 
 def _count(env: Any, name: str) -> Any:
@@ -183,12 +181,12 @@ def _books(env: Any) -> dict[str, Any]:
     for name in BOOKS:
         book = getattr(env, name, None)
         if not isinstance(book, Mapping):
-            missing[name] = [_name(agent) for agent in agents]
+            missing[name] = [str(agent) for agent in agents]
             continue
         if book.keys() == set(agents):
             continue
-        missing[name] = [_name(agent) for agent in agents if agent not in book]
-        strangers[name] = [_name(agent) for agent in book if agent not in agents]
+        missing[name] = [str(agent) for agent in agents if agent not in book]
+        strangers[name] = [str(agent) for agent in book if agent not in agents]
     return {
         "missing": {name: names for name, names in missing.items() if names},
         "strangers": {name: names for name, names in strangers.items() if names},
@@ -215,7 +213,7 @@ def _flagged(env: Any) -> list[str]:
     for name in FLAGS:
         book = getattr(env, name, None)
         if isinstance(book, Mapping):
-            found.update((_name(agent), None) for agent, flag in book.items() if _is_up(flag))
+            found.update((str(agent), None) for agent, flag in book.items() if _is_up(flag))
     return list(found)
 
 
