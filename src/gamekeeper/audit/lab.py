@@ -19,6 +19,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any, Final, Protocol, TypeAlias, runtime_checkable
 
 from gamekeeper.core.contract import Contract
@@ -29,6 +30,7 @@ from gamekeeper.core.trace import Trace
 from gamekeeper.core.where import Where
 from gamekeeper.game.capture.oddity import type_name_of
 from gamekeeper.game.open import Opened, open_env
+from gamekeeper.game.policy import Chosen, resolve
 from gamekeeper.record.recording import cast_of
 from gamekeeper.run.change import Change
 from gamekeeper.run.episode import Failed, Play, Played, Stopped, Watch, perform
@@ -162,7 +164,7 @@ class Lab:
         self.meter.count(RESET_STEPS)
         played = perform(
             play, env,
-            cast=None if play.actions is not None else cast_of("random", env, self.contract),
+            cast=None if play.actions is not None else cast_of(_random(), env, self.contract),
             cast_seed=self.seed, change=change, contract=self.contract,
             identity=self.opened.identity, label=self.probe, number=self.number, state=state,
             watch=watch, on_step=self.meter.count,
@@ -224,3 +226,9 @@ class Lab:
     def for_probe(self, probe: str, ration: int) -> Lab:
         """The same lab for another probe."""
         return replace(self, probe=probe, ration=ration, number=0, base=None, _made=[])
+
+
+@cache
+def _random() -> Chosen:
+    """The policy of every play, looked up once: that asks all distributions that are installed."""
+    return resolve("random")

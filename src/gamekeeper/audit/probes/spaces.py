@@ -39,8 +39,8 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
 
     Facts:
         `space`: asked for twice in a row: `which` (observation, action), `when` (before reset,
-            live, after the play, after another reset), `space` or None, `failed`, `type`, and
-            whether it `is_same` object.
+            live, after it left, after the play, after another reset), `space` or None, `failed`,
+            `type`, and whether it `is_same` object.
         `unlike`: a space beside what it was first: `when`, `was` and `now` as text, `is_same`.
         `sound`: (once for each space) `faults` of its making, in words.
         `attribute`: (once for each space) what the dictionary `observation_spaces` or
@@ -82,7 +82,9 @@ class _Watch:
         """After the reset and after every crossing."""
         roster = list(env.agents)
         if roster != self._roster or turn % EVERY == 0:
+            gone = [agent for agent in self._roster if agent not in roster]
             self._roster = roster
+            self.ask_all(gone[:MOST_AGENTS], "after it left", turn)
             self.ask_all(roster[:MOST_AGENTS], "live", turn)
             self._look_at_infos(turn, out, roster)
         if self.lab.api == "aec" and self._observed < MOST_OBSERVED:
