@@ -11,6 +11,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
+    from gamekeeper import vector
     from gamekeeper.audit.front import audit
     from gamekeeper.core.contract import Contract
     from gamekeeper.game.opening.opened import Env
@@ -38,6 +39,7 @@ __all__ = [
     "rollout",
     "to_aec",
     "to_parallel",
+    "vector",
 ]
 
 _HOMES: Final = {
@@ -54,6 +56,8 @@ _HOMES: Final = {
     "to_parallel": "gamekeeper.game.to_parallel",
 }
 """The module that holds a name which loads when it is first used."""
+_ROOMS: Final = ("vector",)
+"""Rooms that are public as they are: `gk.vector.make`."""
 
 
 def make(spec: object, /, *, slim: bool = True, **kwargs: Any) -> Env:
@@ -103,6 +107,8 @@ def draft_contract(spec: object, /, **kwargs: Any) -> Contract:
 
 
 def __getattr__(name: str) -> Any:
+    if name in _ROOMS:
+        return importlib.import_module(f"{__name__}.{name}")
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     value = getattr(importlib.import_module(_HOMES[name]), name)

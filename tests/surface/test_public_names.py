@@ -24,6 +24,7 @@ PUBLIC = [
     "rollout",
     "to_aec",
     "to_parallel",
+    "vector",
 ]
 TEXTS = [path for path in kept_files() if path.suffix == ".md" and "decisions" not in path.parts]
 
