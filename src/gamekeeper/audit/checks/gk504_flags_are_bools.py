@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from gamekeeper.audit.check import MEDIUM, Occasion, check
+from gamekeeper.audit.checks._entries import has_odd_rows
 from gamekeeper.core.canon import shown
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.gathered import Gathered
@@ -30,10 +31,11 @@ def flags_are_bools(contract: Contract, evidence: Gathered) -> Iterator[Occasion
     Good: `terminations[agent] = self.steps >= 100`.
     """
     for trace in evidence["rollout"]:
+        is_odd = has_odd_rows(trace)
         for turn in trace.turns:
             bad = [
                 (agent, name, odd[name])
-                for agent, odd in turn.odd.items()
+                for agent, odd in (turn.odd.items() if is_odd else ())
                 for name in BOOKS
                 if odd.get(name, {}).get("type", "missing") != "missing"
             ]
