@@ -34,6 +34,8 @@ def extra(evidence: Gathered, kind: str) -> Iterator[Occasion]:
         parting = twin.divergence
         if kind not in calls or (parting is not None and len(calls) > 1):
             continue
+        if kind == "sample" and parting is not None and _is_blamed(evidence, "spaces"):
+            continue  # who samples asks for the space first
         if parting is None:
             yield Occasion(twin.base.at(None, None, kind), True)
         else:
@@ -42,6 +44,11 @@ def extra(evidence: Gathered, kind: str) -> Iterator[Occasion]:
                 "the play goes on as if nobody had called", parting_words(parting),
                 proof=_proof(evidence.api, kind),
             )  # fmt: skip
+
+
+def _is_blamed(evidence: Gathered, kind: str) -> bool:
+    twins = evidence.twins("extra_calls")
+    return any(list(t.change["calls"]) == [kind] and t.divergence is not None for t in twins)
 
 
 def not_offered(kind: str) -> Callable[[Contract, Gathered], str | None]:
