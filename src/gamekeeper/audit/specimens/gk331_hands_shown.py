@@ -19,7 +19,7 @@ HANDS = 3
 class Hands(AECEnv):
     """All show a hand; who shows one that nobody else does is paid its number."""
 
-    metadata = {"name": "hands_v0", "render_modes": [], "is_parallelizable": True}  # noqa: RUF012
+    metadata = {"name": "hands_v0", "render_modes": [], "is_parallelizable": False}  # noqa: RUF012
 
     def __init__(self, count: int = 3, rounds: int = 12, render_mode: str | None = None) -> None:
         super().__init__()
