@@ -51,7 +51,7 @@ def infos_are_as_declared(contract: Contract, evidence: Gathered) -> Iterator[Oc
                     continue
                 for name, each in declared.items():
                     if name in info:
-                        seen = _fault(each, info[name])
+                        seen = fault_of(each, info[name])
                         yield Occasion(
                             trace.at(turn, agent, f"infos[{name!r}]"), seen is None,
                             f"dtype {each.dtype}, shape {each.shape}", seen,
@@ -59,7 +59,7 @@ def infos_are_as_declared(contract: Contract, evidence: Gathered) -> Iterator[Oc
                         )  # fmt: skip
 
 
-def _fault(declared: InfoField, value: Any) -> str | None:
+def fault_of(declared: InfoField, value: Any) -> str | None:
     """What is there in place of what is declared; a plain number has any dtype of its kind."""
     if declared.dtype == "json":
         return None
