@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 from gamekeeper.audit.lab import Lab, Saw
+from gamekeeper.core.canon import to_json
 from gamekeeper.run.episode import Play
 
 SHARE: Final = 6.0
@@ -37,10 +38,10 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
 
     def watch(turn: int, env: Any, out: Any) -> None:
         agents = env.agents
-        rosters.append([str(agent) for agent in agents])
+        rosters.append([_name(agent) for agent in agents])
         if lab.api == "aec" and agents:
             chosen = getattr(env, "agent_selection", None)
-            selected.append((None if chosen is None else str(chosen), chosen in agents))
+            selected.append((None if chosen is None else _name(chosen), chosen in agents))
 
     played = lab.play(play, watch=watch)
     yield played.trace
@@ -54,3 +55,8 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
         yield lab.fact(
             "raised", {**value, "traceback": failed.traceback}, turn=failed.turn, field="raised"
         )
+
+
+def _name(agent: Any) -> str:
+    """As evidence spells it."""
+    return agent if isinstance(agent, str) else to_json(agent)
