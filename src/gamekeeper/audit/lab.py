@@ -128,10 +128,10 @@ class Lab:
         Raises:
             SpecError: it can't be built (with these arguments), or only an object is there.
         """
-        if kwargs or self.opened.make is None:
+        if self.opened.make is None:
             env = open_env(self.spec, **{**self.kwargs, **kwargs}).env
         else:
-            env = self.opened.make()
+            env = self.opened.make(**kwargs)
         self._made.append(env)
         return env
 

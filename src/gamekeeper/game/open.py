@@ -204,11 +204,13 @@ def _identified(source: Source, env: Env, kwargs: Mapping[str, Any]) -> dict[str
         return identity_of(source, env, kwargs)
 
 
-def _maker(source: Source, api: str, kwargs: Mapping[str, Any], *, first: Env) -> Callable[[], Env]:
+def _maker(
+    source: Source, api: str, kwargs: Mapping[str, Any], *, first: Env
+) -> Callable[..., Env]:
     earlier = weakref.ref(first)
 
-    def make() -> Env:
-        env = build(source, kwargs)
+    def make(**more: Any) -> Env:
+        env = build(source, {**kwargs, **more})
         if env is earlier():
             raise SpecError(
                 f"{source.spec} hands out the same environment again",

@@ -29,8 +29,9 @@ class Opened:
     """What a reader types to open it again; for an object, a description in angle brackets."""
     identity: dict[str, Any]
     """JSON; see `gamekeeper.game.opening.identity.identity_of`."""
-    make: Callable[[], Env] | None
-    """Builds another instance, apart from `env`; None where only an object was given."""
+    make: Callable[..., Env] | None
+    """Builds another instance, apart from `env`, with keyword arguments on top of those given;
+    None where only an object was given."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
