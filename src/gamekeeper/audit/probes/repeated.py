@@ -13,8 +13,8 @@ from gamekeeper.audit.probes._work import traced_memory, work_of
 from gamekeeper.run.episode import Play
 
 SHARE: Final = 0.8
-TURNS: Final = 6
-EPISODES: Final = 14
+TURNS: Final = 5
+EPISODES: Final = 12
 
 
 def plays(lab: Lab) -> Iterator[Play]:
