@@ -6,16 +6,33 @@ import numpy as np
 import pytest
 
 import gamekeeper as gk
+from gamekeeper.audit.audit import audit_here
+from gamekeeper.audit.result import Audit
 from gamekeeper.cli._form import Form
 from gamekeeper.cli.run import contract_file, is_near
 from gamekeeper.core.contract import Contract
+from gamekeeper.errors import EnvError
 from tests.cli.lines import LINE, failing, said
+
+PAID = "gamekeeper.audit.specimens.gk402_paid_after_end:make"
+SMALL: Any = {"select": ("GK402",), "budget": 1_000}
+
+
+@pytest.fixture(autouse=True)
+def _small_audits_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One check in this process: what is tested is what `run` makes of an audit."""
+
+    def audited(screen: Any, spec: str, **options: Any) -> Audit:
+        assert options["quick"]
+        return audit_here(spec, env_kwargs=options["env_kwargs"], **SMALL)
+
+    monkeypatch.setattr("gamekeeper.cli.run.audit_with_progress", audited)
 
 
 def test_run_does_the_main_job(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """Card, recording, replay, each agent's part, evidence, next command, in 80 columns."""
+    """Card, audit, recording, replay, each agent's part, evidence, next command, in 80 columns."""
     monkeypatch.chdir(tmp_path)
     code, out, err = said(capfd, "run", LINE, "--out", "demo", "--episodes", "2")
     assert code == 0, err
@@ -27,6 +44,7 @@ def test_run_does_the_main_job(
         "Agents",
         "Rewards",
         "Endings",
+        "Audited",
         "Recorded",
         "Replayed in a fresh process",
         "Evidence",
@@ -37,7 +55,7 @@ def test_run_does_the_main_job(
     next_command = lines[-1].removeprefix("Next").split()
     assert next_command[:3] == ["gamekeeper", "replay", "demo"]
     assert max(map(len, lines)) <= max(80, len(lines[-1]))
-    assert len(lines) <= 35
+    assert len(lines) <= 37
 
 
 def test_run_keeps_earlier_evidence(line_run: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -48,7 +66,8 @@ def test_run_keeps_earlier_evidence(line_run: Path, capfd: pytest.CaptureFixture
     assert code == 0
     assert found["record"]["run"] == f"{line_run}-2"
     assert f"this run goes to {line_run}-2" in err
-    assert list(found) == ["contract", "record", "replay"]
+    assert list(found) == ["contract", "audit", "record", "replay"]
+    assert (found["audit"]["api"], found["audit"]["ok"]) == ("parallel", True)
     assert found["replay"]["verified"]
     assert found["record"]["fingerprint"] == found["replay"]["fingerprint"]
     assert {path.name: path.read_bytes() for path in line_run.iterdir()} == before
@@ -58,13 +77,51 @@ def test_run_of_a_failing_environment_exits_1(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """What was recorded until then is shown and sealed; there is no replay, and it isn't green."""
-    line = failing("raise", tmp_path / "run")[1:]
+    line = [*failing("raise", tmp_path / "run")[1:], "--no-audit"]
     code, out, err = said(capfd, "run", *line)
     assert code == 1
     assert "the gripper is stuck" in err
     assert "Recorded  1 episode" in out
     assert "verified" not in out
     assert f"gamekeeper show {tmp_path / 'run'}" in out
+
+
+def test_run_records_what_breaks_a_promise(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """What is broken is shown in a few lines with the command for all of it; exit code 1."""
+    monkeypatch.chdir(tmp_path)
+    code, out, err = said(capfd, "run", PAID, "--out", "demo", "--episodes", "1")
+    assert code == 1, err
+    assert "Audited  " in out
+    assert "GK402  high  An agent that has ended is paid nothing more." in out
+    assert f"gamekeeper audit {PAID}" in out
+    assert "verified: fingerprint" in out
+
+
+def test_run_goes_on_where_the_audit_gives_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Recording keeps evidence of what made the audit give up."""
+
+    def give_up(*_: Any, **__: Any) -> Any:
+        raise EnvError("the environment's process ended again and again")
+
+    monkeypatch.setattr("gamekeeper.cli.run.audit_with_progress", give_up)
+    code, out, err = said(capfd, "run", LINE, "--out", tmp_path / "a", "--episodes", "1", "--json")
+    assert code == 0
+    assert "again and again" in err
+    assert json.loads(out)["audit"]["error"]["kind"] == "EnvError"
+
+
+def test_run_without_an_audit_records_at_once(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """--no-audit leaves it out, of the document too."""
+    line = ("run", LINE, "--out", tmp_path / "a", "--episodes", "1", "--no-audit", "--json")
+    code, out, _ = said(capfd, *line)
+    assert code == 0
+    assert json.loads(out)["audit"] is None
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,250 @@
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+from gamekeeper.audit import front
+from gamekeeper.audit.audit import BUDGET as BUDGET_OF_THE_ENGINE
+from gamekeeper.audit.front import SILENCE_S as SILENCE_OF_THE_ENGINE
+from gamekeeper.audit.front import audit_task
+from gamekeeper.cli._audit import audit_code, sarif_of, shares_of
+from gamekeeper.cli._checks import needs_contract, specimens
+from gamekeeper.cli.audit import BUDGET, SILENCE_S
+from gamekeeper.run.workers import Outcome
+from tests.cli.lines import LINE, document, said
+from tests.report.audits import audit, mixed, verdict
+
+REAL = pytest.mark.parametrize("_audits_run_here", [False], indirect=True)
+"""For tests in which the audit has a process of its own, as users have it."""
+PAID = "gamekeeper.audit.specimens.gk402_paid_after_end:make"
+QUICK = ("--select", "GK402", "--budget", "1000")
+
+
+@pytest.fixture(autouse=True)
+def _audits_run_here(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The environments of these tests are ours and do no harm: no process is started for them."""
+    if not getattr(request, "param", True):
+        return
+
+    def here(task: str, arguments: dict[str, Any], **options: Any) -> Outcome:
+        value = audit_task(lambda **fields: None, **arguments)
+        return Outcome("done", value, None, None, 0.0)
+
+    monkeypatch.setattr(front, "run_task", here)
+
+
+@REAL
+def test_broken_promise_is_shown_with_its_program(capfd: pytest.CaptureFixture[str]) -> None:
+    """Claim, where, expected, seen, mend, then a program that raises; exit code 1."""
+    code, out, _ = said(capfd, "audit", PAID, *QUICK)
+    assert code == 1
+    lines = out.splitlines()
+    assert lines[0] == f"{PAID} (Parallel): 1 broken (1 high)"
+    assert "Broken: high" in lines
+    assert "  GK402  An agent that has ended is paid nothing more." in lines
+    program = out.partition("To see GK402 again\n")[2].partition("\n  --out")[0]
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert "AssertionError" in done.stderr
+
+
+def test_clean_environment_is_quiet(capfd: pytest.CaptureFixture[str]) -> None:
+    """What is kept is one line, and the exit code 0."""
+    code, out, err = said(capfd, "audit", LINE, *QUICK)
+    assert code == 0
+    assert out == f"{LINE} (Parallel): 1 kept\n"
+    assert "Unseen" not in err
+
+
+def test_document_is_the_audit(capfd: pytest.CaptureFixture[str]) -> None:
+    """With --json the fields that others read, and the exit code as without."""
+    code, found = document(capfd, "audit", PAID, *QUICK, "--seed", "3")
+    assert code == 1
+    fields = {"environment", "api", "ok", "seconds", "steps", "seed", "verdicts", "measured"}
+    assert fields <= found.keys()
+    assert (found["api"], found["ok"], found["seed"]) == ("parallel", False, 3)
+    (only,) = found["verdicts"]
+    assert (only["id"], only["outcome"], only["severity"]) == ("GK402", "broken", "high")
+    assert only["findings"][0].keys() == {"where", "expected", "seen", "mend", "reproduce"}
+    assert found["source"]["class"].endswith("PaidAfterEnd")
+
+
+def test_files_are_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """--out takes document, JUnit, SARIF and a program for each finding; they are written anew."""
+    monkeypatch.chdir(tmp_path)
+    for _ in range(2):
+        line = ("audit", PAID, *QUICK, "--out", "out", "--junit", "j.xml", "--sarif", "s.json")
+        code, _, err = said(capfd, *line)
+        assert code == 1
+    assert "written to out: audit.json, junit.xml, audit.sarif, GK402.py" in err
+    assert json.loads(Path("out/audit.json").read_text())["ok"] is False
+    assert ElementTree.parse("j.xml").getroot().attrib["failures"] == "1"
+    (run,) = json.loads(Path("s.json").read_text())["runs"]
+    place = run["results"][0]["locations"][0]["physicalLocation"]
+    assert place["artifactLocation"]["uri"].startswith("file:///")
+    assert place["region"]["startLine"] > 1
+    assert "SEED" in Path("out/GK402.py").read_text()
+
+
+def test_sarif_names_files_inside_the_folder_from_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """An environment of the project one stands in is named as code hosts know it."""
+    (tmp_path / "my envs").mkdir()
+    file = tmp_path / "my envs" / "line.py"
+    file.write_text(Path(LINE.rpartition(":")[0]).read_text())
+    monkeypatch.chdir(tmp_path)
+    line = ("audit", "my envs/line.py:make", *QUICK, "--junit", "j.xml")
+    assert said(capfd, *line)[0] == 0
+    case = next(ElementTree.parse("j.xml").getroot().iter("testcase"))
+    assert case.attrib["file"] == "my envs/line.py"
+    found = audit(verdict("GK402", "broken"), source={"file": str(file), "line": 3})
+    result = json.loads(sarif_of(found))["runs"][0]["results"][0]
+    place = result["locations"][0]["physicalLocation"]["artifactLocation"]
+    assert place == {"uri": "my%20envs/line.py", "uriBaseId": "%SRCROOT%"}
+
+
+def test_waiver_is_shown_with_its_reason(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """A waived promise is no failure; a waiver of no check at all is told."""
+    contract = tmp_path / "rovers.toml"
+    contract.write_text('[waivers]\nGK402 = "paid late on purpose"\nGK000 = "a slip"\n')
+    code, out, _ = said(capfd, "audit", PAID, *QUICK, "--contract", contract)
+    assert code == 0
+    assert "1 waived" in out.splitlines()[0]
+    told = " ".join(out.split())
+    assert "Waived: paid late on purpose" in told
+    assert "GK000 there is no such check to waive" in told
+
+
+def test_unseen_counts_on_stderr_and_strictly(capfd: pytest.CaptureFixture[str]) -> None:
+    """What nobody saw is counted on stderr; with --strict the exit code is 2."""
+    line = ("audit", "warehouse", "--select", "GK501", "--budget", "40")
+    code, _, err = said(capfd, *line)
+    assert code == 0
+    assert err.startswith("Unseen\n  1  ")
+    assert said(capfd, *line, "--strict")[0] == 2
+
+
+@pytest.mark.parametrize(("fail_on", "code"), [("low", 1), ("medium", 1), ("high", 0)])
+def test_fail_on_sets_the_least_severity(fail_on: Any, code: int) -> None:
+    """Broken promises below it don't fail."""
+    found = audit(verdict("GK101", "broken", severity="medium"), verdict("GK102", "kept"))
+    assert audit_code(found, fail_on=fail_on, strict=False) == code
+
+
+@pytest.mark.parametrize(
+    ("outcomes", "strict", "code"),
+    [
+        (["kept", "not_applicable", "waived"], True, 0),
+        (["kept", "unseen"], False, 0),
+        (["kept", "unseen"], True, 2),
+        (["error"], False, 2),
+        (["error", "broken"], False, 1),
+    ],
+)
+def test_exit_code_follows_the_outcomes(outcomes: list[str], strict: bool, code: int) -> None:
+    """Broken is 1, what can't be told is 2; a sure fault comes before an unsure check."""
+    found = audit(*(verdict(f"GK10{place}", each) for place, each in enumerate(outcomes)))
+    assert audit_code(found, strict=strict) == code
+
+
+def test_checks_that_fail_are_told_as_ours(capfd: pytest.CaptureFixture[str]) -> None:
+    """An error of a check is a fault of the check, and asks to be reported."""
+    from gamekeeper.cli._audit import say_unseen
+    from gamekeeper.cli._screen import Screen
+
+    say_unseen(Screen(sys.stdout, is_quiet=True), mixed())
+    err = capfd.readouterr().err
+    assert "GK502  NameError" in err
+    assert "fault of the check, not of the environment" in err
+
+
+def test_wrong_use_exits_2(capfd: pytest.CaptureFixture[str]) -> None:
+    """No such environment, or no such check: exit code 2 and the reason."""
+    code, out, err = said(capfd, "audit", "nothing_here:make", "--budget", "100")
+    assert (code, out) == (2, "")
+    assert "SpecError" in err
+    code, _, err = said(capfd, "audit", LINE, "--select", "XX")
+    assert code == 2
+    assert "no check is called 'XX'" in err
+
+
+@REAL
+def test_failing_environment_exits_1(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """An environment that ends its process is named with the probe, not lost."""
+    (tmp_path / "dying.py").write_text("import os\ndef make():\n    os._exit(3)\n")
+    code, _, err = said(capfd, "audit", f"{tmp_path / 'dying.py'}:make", *QUICK)
+    assert code == 1
+    assert "exit code 3" in err
+
+
+def test_defaults_are_those_of_the_engine() -> None:
+    """The help says what the engine does."""
+    assert (BUDGET, SILENCE_S) == (BUDGET_OF_THE_ENGINE, SILENCE_OF_THE_ENGINE)
+
+
+def test_shares_are_those_of_the_probes_that_look() -> None:
+    """Time left is told by the shares of what will really be played."""
+    assert list(shares_of(("GK402",), ())) == ["rollout"]
+    assert shares_of((), ()).keys() >= {"rollout"}
+
+
+def test_explain_tells_of_a_check(capfd: pytest.CaptureFixture[str]) -> None:
+    """The promise, the mend, and an environment to try it on."""
+    code, out, _ = said(capfd, "explain", "gk402")
+    assert code == 0
+    assert out.startswith("GK402  An agent that has ended is paid nothing more.")
+    assert f"gamekeeper audit {PAID} --select GK402" in out
+    code, found = document(capfd, "explain", "GK402", "GK4")
+    assert code == 0
+    ids = [each["id"] for each in found["checks"]]
+    assert ids.count("GK402") == 1
+    assert all(id.startswith("GK4") for id in ids)
+
+
+def test_explain_names_the_nearest_where_there_is_none(capfd: pytest.CaptureFixture[str]) -> None:
+    """An unknown id is no traceback: exit code 2 and the nearest ids."""
+    code, _, err = said(capfd, "explain", "GK4O2")
+    assert code == 2
+    assert "GK402" in err
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [
+        ("checks", "GK402"),
+        ("probes", "rollout"),
+        ("envs", "gamekeeper/warehouse-v0"),
+        ("changes", "ActionOrder"),
+        ("policies", "first-legal"),
+        ("openers", "path/to/file.py:factory"),
+    ],
+)
+def test_list_names_what_there_is(kind: str, name: str, capfd: pytest.CaptureFixture[str]) -> None:
+    """Each kind is listed, as text and as a document."""
+    code, out, _ = said(capfd, "list", kind)
+    assert code == 0
+    assert name in out
+    rows = document(capfd, "list", kind)[1][kind]
+    assert name in [row.get("id", row["name"]) for row in rows]
+
+
+def test_list_of_everything_counts_the_checks(capfd: pytest.CaptureFixture[str]) -> None:
+    """Without a kind all is listed, and the checks are counted by family."""
+    code, out, _ = said(capfd, "list")
+    assert code == 0
+    assert "`gamekeeper list checks`" in out
+    assert set(document(capfd, "list")[1]) == {
+        "envs", "openers", "policies", "changes", "probes", "checks",
+    }  # fmt: skip
+
+
+def test_specimens_are_found_by_reading() -> None:
+    """What a specimen breaks is known without running it."""
+    assert specimens()["GK402"] == PAID
+    assert not needs_contract(PAID)
