@@ -76,7 +76,7 @@ def audit_here(
             gathering, declared or Contract(), home(opened.spec, opened.identity, kwargs),
             int(budget * SHRINKING),
         )  # fmt: skip
-        return _judged(wanted, opened, bench, begun_s=begun_s, seed=seed)
+        return _judged(wanted, opened, bench, begun_s=begun_s, seed=seed, is_all=not select)
     finally:
         if opened.make is not None:
             with suppress(Exception):  # one that raises is a finding of a check's
@@ -89,13 +89,19 @@ def needed(wanted: Mapping[str, Check], *, is_all: bool) -> set[str]:
 
 
 def _judged(
-    wanted: Mapping[str, Check], opened: Opened, bench: Bench, *, begun_s: float, seed: int
+    wanted: Mapping[str, Check],
+    opened: Opened,
+    bench: Bench,
+    *,
+    begun_s: float,
+    seed: int,
+    is_all: bool,
 ) -> Audit:
     gathering: Gathering = bench.gathering
     evidence = gathering.gathered()
     judging_s = time.perf_counter()
     judged = [judge(each, bench.contract, evidence, gathering.broken) for each in wanted.values()]
-    form = measured(bench.contract, evidence)
+    form = measured(bench.contract, evidence) if is_all else {}
     shrinking_s = time.perf_counter()
     verdicts = tuple(verdict_of(each, bench) for each in judged)
     timings = {
