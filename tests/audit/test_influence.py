@@ -97,3 +97,46 @@ def test_stages_may_see_each_other() -> None:
         }
     )
     assert verdict(make, "GK331", contract=declared).outcome == "unseen"
+
+
+def test_a_bump_that_both_can_avoid_is_joint() -> None:
+    """A penalty that its payee could have avoided too lands on no wrong participant."""
+
+    class Crash(Grab):
+        def step(self, actions: Any) -> Any:
+            """Two who ask at once crash; the first of them pays."""
+            asking = [a for a in self.agents if actions[a] == 1]
+            out = super().step(actions)
+            paid = {a: -float(len(asking) > 1 and a == asking[0]) for a in out[1]}
+            return out[0], paid, *out[2:]
+
+    declared = Contract.from_json(
+        {
+            "roles": {"player": {"agents": ["*"]}},
+            "rewards": {"crash": {"kind": "individual", "earner": "all", "payee": "earner"}},
+        }
+    )
+    assert verdict(Crash, "GK421", contract=declared).outcome == "kept"
+
+
+def test_undeclared_terms_are_not_judged() -> None:
+    """Whose doing a reward is, only a contract says."""
+    assert verdict(partial(Grab, "none"), "GK421").outcome == "not_applicable"
+
+
+def test_symmetry_under_a_declared_priority_is_not_judged() -> None:
+    """Where some agents are declared to come first, they may fare better."""
+    roles = {"player": {"agents": ["*"], "symmetric": True}}
+    declared = Contract.from_json({"roles": roles, "schedule": {"conflicts": "priority"}})
+    assert verdict(partial(Grab, "first"), "GK511", contract=declared).outcome == "not_applicable"
+
+
+def test_hidden_priority_shows_among_symmetric_agents() -> None:
+    """Who always wins conflicts isn't interchangeable with the others."""
+    roles = {"player": {"agents": ["*"], "symmetric": True}}
+    declared = Contract.from_json({"roles": roles})
+    found = {
+        rule: verdict(partial(Grab, rule, (0, 1, 2), 20), "GK511", contract=declared).outcome
+        for rule in ("first", "draw")
+    }
+    assert found == {"first": "broken", "draw": "kept"}

@@ -19,6 +19,7 @@ def advice(
     """The form that fits what was seen, and why; None where too little was seen.
 
     Args:
+        api: `aec` or `parallel`, which the environment has.
         schedule: as `form.schedule` has it.
         order: `result` and `ticks` of the plays with other orders of the action dictionary.
         twins: with one replaced action each.
