@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any
 
 from gamekeeper.audit.check import MEDIUM, Occasion, check
 from gamekeeper.audit.checks._films import filmed, nothing_to_film
@@ -32,9 +31,10 @@ AGAIN = (
 def frames_show_now(contract: Contract, evidence: Gathered) -> Iterator[Occasion]:
     """A frame shows the game as it stands, not an older moment that was drawn and kept.
 
-    A frame counts as old where it equals an earlier one of its play although an instance that was
-    never rendered before shows another at the very same moment; or, after a second reset, the last
-    one of the episode before.
+    A frame counts as old where an instance that was never rendered before shows another at the very
+    same moment, and it equals the first one of its play, or what such an instance shows a turn
+    earlier; or where, after a second reset, it equals the last one of the episode before. So trails
+    and animations are no fault.
 
     Bad:
         if self.frame is None:
@@ -46,25 +46,28 @@ def frames_show_now(contract: Contract, evidence: Gathered) -> Iterator[Occasion
     """
     step = "    env.step(action)\n"
     step = step if evidence.api == "parallel" else f"    env.last()\n{step}"
-    films = {_key(fact): fact for fact in evidence.facts("render", "film")}
+    films = {_key(fact): fact.value["shots"] for fact in evidence.facts("render", "film")}
+    fresh = {
+        (*_key(fact), fact.value["turn"]): fact.value["digest"]
+        for fact in evidence.facts("render", "late")
+    }
     for fact in evidence.facts("render", "late", "again"):
-        film, digest = films.get(_key(fact)), fact.value["digest"]
-        shots: list[Mapping[str, Any]] = [] if film is None else film.value["shots"]
-        is_late = fact.name == "late"
-        turn = fact.value["turn"] if is_late else 0
-        shot = next((shot for shot in shots if shot["turn"] == turn), None)
-        if shot is None or shot["digest"] is None or digest is None:
+        shots, digest = films.get(_key(fact), []), fact.value["digest"]
+        turn = fact.value["turn"] if fact.name == "late" else 0
+        shot = next((shot["digest"] for shot in shots if shot["turn"] == turn), None)
+        if shot is None or digest is None:
             continue
-        older = {each["digest"] for each in shots if each["turn"] < turn}
-        is_old = shot["digest"] in older if is_late else digest == shots[-1]["digest"]
-        is_old = is_old and shot["digest"] != digest
-        where = replace(fact.where, turn=turn if is_late else None, field=fact.name)
-        lines = LATE.format(step=step) if is_late else AGAIN
-        yield Occasion(
-            where, not is_old, "a frame of this moment",
-            "an earlier frame of the play" if is_late else "the last frame of the episode before",
-            proof=filmed(evidence.api, fact.value["options"], lines),
-        )  # fmt: skip
+        if fact.name == "late":
+            is_old = shot in (shots[0]["digest"], fresh.get((*_key(fact), turn - 1)))
+            where, seen = replace(fact.where, turn=turn, field="late"), "an earlier frame"
+        else:
+            is_old = digest == shots[-1]["digest"]
+            where, seen = replace(fact.where, field="again"), "the last frame of the episode before"
+        is_ok = not (is_old and shot != digest)
+        lines = LATE.format(step=step) if fact.name == "late" else AGAIN
+        proof = filmed(evidence.api, fact.value["options"], lines)
+        told = "a frame of this moment"
+        yield Occasion(where, is_ok, told, told if is_ok else seen, proof=proof)
 
 
 def _key(fact: Fact) -> tuple[int, str]:

@@ -35,7 +35,7 @@ NEEDS_MORE: Final = re.compile(
 
 def plays(lab: Lab) -> Iterator[Play]:
     """Two; each is played a handful of times."""
-    yield from lab.plays(2, runs=6, most_turns=MOST_TURNS)
+    yield from lab.plays(2, runs=7, most_turns=MOST_TURNS)
 
 
 def look(lab: Lab, play: Play) -> Iterator[Saw]:
@@ -56,7 +56,8 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
             `count`.
         `written`: turns at which a frame was another once the one before was written into: `turns`,
             of `count`.
-        `late`: `turn`, `digest` of one frame that nobody looked at any before.
+        `late`: `turn` and `digest` of the first frame that an instance was asked for; of the last
+            turn and of the one before.
         `again`: `digest` of the frame after a second reset with the same seed.
     """
     with _screenless():
@@ -108,10 +109,12 @@ def _mode(
     )
     yield lab.fact("kept", {**about, "turns": camera.changed(), "count": len(camera.kept)})
     yield from _looked_twice(lab, about, base.play, made.value)
-    late = Camera(lab, first=len(base.play.actions or ()))
-    lab.play(base.play, built().value, watch=late)
-    for shot in late.shots:
-        yield lab.fact("late", {**about, "turn": shot["turn"], "digest": shot["digest"]})
+    turns = len(base.play.actions or ())
+    for first in range(max(turns - 1, 1), turns + 1):
+        late = Camera(lab, first=first)
+        lab.play(base.play, built().value, watch=late)
+        for shot in late.shots[:1]:
+            yield lab.fact("late", {**about, "turn": first, "digest": shot["digest"]})
     pen = Pen(lab)
     lab.play(_shorter(base.play), built().value, watch=pen)
     yield lab.fact("written", {**about, "turns": pen.turns, "count": pen.count})
