@@ -68,15 +68,14 @@ class Told:
         return self._is(self.owed)
 
     @property
-    def looks_like(self) -> Kind:
-        """What it is by itself; small numbers may be more than one thing by chance."""
+    def looks_like(self) -> tuple[Kind, ...]:
+        """What it may be by itself; small numbers are more than one thing by chance."""
         if self.is_right:
-            return "right"
-        if self.carried and self._is(self.owed + self.carried):
-            return "carried"
-        if self.owed and any(self._is(n * self.owed) for n in range(2, MOST_TIMES + 1)):
-            return "again"
-        return "lost"
+            return ("right",)
+        is_carried = self.carried and self._is(self.owed + self.carried)
+        is_again = self.owed and any(self._is(n * self.owed) for n in range(2, MOST_TIMES + 1))
+        kinds: dict[Kind, bool] = {"carried": bool(is_carried), "again": bool(is_again)}
+        return tuple(kind for kind, is_it in kinds.items() if is_it)
 
     def _is(self, value: float) -> bool:
         return math.isclose(self.told, value, abs_tol=1e-9 + PRECISION * self.scale)
@@ -89,11 +88,12 @@ def all_told(evidence: Gathered) -> Iterator[tuple[Told, Kind]]:
     wrong looks alike; else it is *lost*, as what was owed didn't come.
     """
     looks = list(_all_told(evidence))
-    kinds = Counter(told.looks_like for told in looks)
-    wrong = kinds.total() - kinds["right"]
+    kinds = Counter(kind for told in looks for kind in told.looks_like)
+    wrong = len(looks) - kinds["right"]
     for told in looks:
-        kind = told.looks_like
-        yield told, kind if kind == "right" or 2 * kinds[kind] >= wrong else "lost"
+        likely = max(told.looks_like, key=kinds.__getitem__, default=None)
+        is_it = likely == "right" or 2 * kinds[likely or "lost"] >= wrong
+        yield told, likely if likely is not None and is_it else "lost"
 
 
 def _all_told(evidence: Gathered) -> Iterator[Told]:

@@ -73,8 +73,9 @@ env = make()
 env.reset(seed=SEED)
 waits = 0
 for action in ACTIONS:
-    flags = env.terminations.get({agent!r}), env.truncations.get({agent!r})
-    waits = waits + 1 if any(flags) and env.agent_selection != {agent!r} else 0
+    ended = [str(a) for a in env.agents if env.terminations[a] or env.truncations[a]]
+    is_waiting = {agent!r} in ended and str(env.agent_selection) != {agent!r}
+    waits = waits + 1 if is_waiting else 0
     env.last()
     env.step(action)
 assert waits < {most}, waits"""

@@ -81,7 +81,7 @@ def _is_number(entry: dict[str, Any]) -> bool:
 def _proof(api: str, agent: str) -> str:
     rewards = "rewards" if api == "parallel" else "env.rewards"
     return (
-        f"reward = {rewards}[{agent!r}]\n"
+        f"reward = {{str(a): r for a, r in {rewards}.items()}}[{agent!r}]\n"
         "assert not isinstance(reward, str) and np.ndim(reward) == 0, repr(reward)\n"
         "assert np.isfinite(float(reward)), repr(reward)"
     )

@@ -55,4 +55,7 @@ def rewards_stop_at_the_end(contract: Contract, evidence: Gathered) -> Iterator[
 
 def _proof(api: str, agent: str) -> str:
     rewards = "rewards" if api == "parallel" else "env.rewards"
-    return f"assert {rewards}.get({agent!r}, 0) == 0, {rewards}"
+    return (
+        f"paid = {{str(a): r for a, r in {rewards}.items()}}\n"
+        f"assert paid.get({agent!r}, 0) == 0, paid"
+    )

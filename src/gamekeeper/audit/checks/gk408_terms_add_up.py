@@ -59,6 +59,7 @@ def terms_add_up(contract: Contract, evidence: Gathered) -> Iterator[Occasion]:
 def _proof(api: str, agent: str) -> str:
     reward = "rewards" if api == "parallel" else "env.rewards"
     return (
-        f"terms = env.unwrapped.terms.get({agent!r}, {{}})\n"
-        f"assert np.isclose(sum(terms.values()), {reward}[{agent!r}]), ({reward}, terms)"
+        f"paid = {{str(a): r for a, r in {reward}.items()}}[{agent!r}]\n"
+        f"terms = {{str(a): t for a, t in env.unwrapped.terms.items()}}[{agent!r}]\n"
+        f"assert np.isclose(sum(terms.values()), paid, atol=1e-9), (paid, terms)"
     )

@@ -79,8 +79,9 @@ def _proof(api: str, name: str, payees: list[str], *, is_shared: bool) -> str:
     rewards = "rewards" if api == "parallel" else "env.rewards"
     fault = "max(paid) - min(paid)" if is_shared else "sum(paid)"
     return (
-        f"terms = getattr(env.unwrapped, 'terms', None)\n"
-        f"paid = [terms.get(a, {{}}).get({name!r}, 0.0) if terms else {rewards}.get(a, 0.0)\n"
-        f"        for a in {payees!r}]\n"
+        f"terms = getattr(env.unwrapped, 'terms', None) or {{}}\n"
+        f"found = {{str(a): t.get({name!r}, 0.0) for a, t in terms.items()}}\n"
+        f"found = found or {{str(a): r for a, r in {rewards}.items()}}\n"
+        f"paid = [found.get(a, 0.0) for a in {payees!r}]\n"
         f"assert abs({fault}) < 1e-9 * max(1.0, sum(map(abs, paid))), paid"
     )

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any, Final
 
 from gamekeeper.audit.lab import Called, Lab, Saw
 from gamekeeper.audit.probes import _after
-from gamekeeper.core.canon import to_json
+from gamekeeper.audit.probes._sight import Sight, is_dead
 from gamekeeper.run.episode import Failed, Play, Played
 
 SHARE: Final = 2.0
@@ -18,51 +18,7 @@ SHORT: Final = 3
 """Turns that are played after a reset."""
 MOST_TRIES: Final = 4
 """Turns whose actions are tried after the end: a mask may forbid those of some."""
-MOST_SEEN: Final = 3
-"""Agents whose observations are compared in an AEC environment: they may be large."""
 OUT: Final = ("observations", "rewards", "terminations", "truncations", "infos")
-
-
-@dataclass(slots=True)
-class _Sight:
-    """What is seen at the start and at the end of a play, as text; None where that can't be told.
-
-    Attributes:
-        agents: how many stood in `agents` at the start; None where nobody can, which is a fault of
-            the roster's.
-        dead: (AEC) turns at which somebody was to act whose flags were up.
-    """
-
-    lab: Lab
-    first: str | None = None
-    last: str | None = None
-    agents: int | None = None
-    dead: list[int] = field(default_factory=list)
-    _out: Any = None
-
-    def watch(self, turn: int, env: Any, out: Any) -> None:
-        """Looks at the start, and keeps in mind what came last."""
-        self._out = out
-        if turn == 0:
-            self.first = self._seen(env)
-            possible, agents = self._roster(env, "possible_agents"), self._roster(env, "agents")
-            self.agents = len(agents or ()) if possible is None or len(possible) else None
-        if self.lab.api == "aec" and not self.dead and _is_dead(self.lab, env):
-            self.dead.append(turn)
-
-    def settle(self, env: Any) -> None:
-        """Looks at the end."""
-        self.last = self._seen(env)
-
-    def _seen(self, env: Any) -> str | None:
-        if self.lab.api == "parallel":
-            return to_json(self._out[0]) if isinstance(self._out, tuple) and self._out else None
-        agents = list(self._roster(env, "agents") or ())[:MOST_SEEN]
-        called = [self.lab.call("observe", env.observe, agent) for agent in agents]
-        return None if any(each.failed for each in called) else to_json([e.value for e in called])
-
-    def _roster(self, env: Any, name: str) -> Any:
-        return self.lab.call(name, getattr, env, name).value
 
 
 def plays(lab: Lab) -> Iterator[Play]:
@@ -87,7 +43,7 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
         `close`: by when, what it raised, or None.
     """
     env = lab.env()
-    sight = _Sight(lab)
+    sight = Sight(lab)
     base = lab.play(play, env, watch=sight.watch, state=False)
     sight.settle(env)
     yield base.trace
@@ -132,7 +88,7 @@ def _step(lab: Lab, env: Any, actions: Mapping[Any, Any]) -> tuple[Called, str]:
     return called, ", ".join(gave)
 
 
-def _resets(lab: Lab, env: Any, base: Played, begun: _Sight) -> Iterator[Saw]:
+def _resets(lab: Lab, env: Any, base: Played, begun: Sight) -> Iterator[Saw]:
     """Resets after the play, in the midst of an episode, and twice, each with a few turns."""
     before, latest = base, begun.last
     ignored = []
@@ -140,7 +96,7 @@ def _resets(lab: Lab, env: Any, base: Played, begun: _Sight) -> Iterator[Saw]:
         when = "after the end" if before.is_over else "in mid-episode"
         when = when if resets == 1 else "twice in a row"
         twice = lab.call("reset", env.reset, seed=base.play.seed) if resets == 2 else Called()
-        sight = _Sight(lab)
+        sight = Sight(lab)
         short = replace(base.play, actions=None, most_turns=SHORT)
         played = lab.play(short, env, watch=sight.watch, state=False)
         sight.settle(env)
@@ -166,7 +122,7 @@ def _dead_action(lab: Lab, env: Any, base: Played, dead: list[int]) -> Iterator[
     lab.play(_cut(base.play, turn), env, state=False)
     agent = lab.call("agent_selection", getattr, env, "agent_selection").value
     own = [each[agent] for each in actions[:turn] if each.get(agent) is not None]
-    if own and _is_dead(lab, env):
+    if own and is_dead(lab, env):
         raised = _kind(lab.step(env, own[-1]).failed)
         yield lab.fact(
             "dead_action", {"agent": agent, "raised": raised}, turn=turn, agent=agent,
@@ -228,15 +184,6 @@ def _closed(lab: Lab, env: Any, base: Played) -> Iterator[Saw]:
             proof = _after.goes_on(lab.api, actions, plays=False)
             yield lab.fact("unborn_step", value, turn=1, field="unborn_step", proof=proof)
     yield lab.fact("close", raised, field="close")
-
-
-def _is_dead(lab: Lab, env: Any) -> bool:
-    """Whether the agent in turn has its flags up."""
-    if not lab.call("agents", getattr, env, "agents").value:
-        return False
-    agent = lab.call("agent_selection", getattr, env, "agent_selection").value
-    books = (lab.call(name, getattr, env, name).value for name in ("terminations", "truncations"))
-    return any(isinstance(book, Mapping) and bool(book.get(agent)) for book in books)
 
 
 def _kind(failed: Failed | None) -> str | None:
