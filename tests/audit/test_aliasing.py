@@ -93,9 +93,9 @@ class Ledger(ParallelEnv[int, Any, Any]):
         self.last = dict(actions)
         self.book[:] = self.book / 2 + np.stack([actions[a] for a in self.agents]) / 2
         self.time += 1
-        out = self.seen(), *({a: v for a in self.agents} for v in (0.0, False)), {}, {}
+        out = self.seen(), *(dict.fromkeys(self.agents, v) for v in (0.0, False)), {}, {}
         ended = self.time >= self.most
-        out = (*out[:3], {a: ended for a in self.agents}, {a: {} for a in self.agents})
+        out = (*out[:3], dict.fromkeys(self.agents, ended), {a: {} for a in self.agents})
         self.agents = [] if ended else self.agents
         return out
 

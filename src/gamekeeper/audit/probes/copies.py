@@ -6,6 +6,7 @@ import copy
 import pickle
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from operator import methodcaller
 from typing import Any, Final
 
 from gamekeeper.audit.lab import Called, Lab, Saw
@@ -122,7 +123,7 @@ def _step(lab: Lab, env: Any, actions: dict[Any, Any]) -> Told:
         infos = done.value[4]
         if isinstance(infos, dict):
             gave.append(("infos", None, {a: _without(i, contract) for a, i in infos.items()}))
-    state = lab.call("state", getattr(env, "state", None))
+    state = lab.call("state", methodcaller("state"), env)
     if state.failed is None:
         gave.append(("state()", None, snapshot(state.value)))
     return gave

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from operator import methodcaller
 from typing import Any, Final
 
 from gamekeeper.audit.lab import Lab, Saw
@@ -131,7 +132,7 @@ def _given(lab: Lab, shelf: Shelf, env: Any, out: Any) -> Iterator[tuple[str, An
             yield "observations", agent, last[0]
             yield "infos", agent, last[4]
     if shelf.has_state and env.agents:
-        state = lab.call("state", getattr(env, "state", None))
+        state = lab.call("state", methodcaller("state"), env)
         shelf.has_state = state.failed is None and _can_change(state.value)
         if shelf.has_state:
             yield "state", None, state.value

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from operator import methodcaller
 from typing import Any, Final
 
 import pyarrow as pa
@@ -129,7 +130,7 @@ class _Pen:
         """Writes into `parts`, of which the first are observations and the last infos."""
         for kind in self.kinds:
             if kind == "state":
-                value = self.lab.call("state", getattr(env, "state", None)).value
+                value = self.lab.call("state", methodcaller("state"), env).value
             elif kind == "dictionaries":
                 value = parts if self.lab.api == "parallel" else []
             else:

@@ -9,6 +9,8 @@ from gymnasium import spaces
 from gamekeeper.audit.specimens._rovers import Rovers
 
 BREAKS = ("GK633",)
+ALSO = ("GK607",)
+"""Policies ask for spaces, and a replay from paper doesn't: the same actions go another way."""
 
 
 class SpacesDraw(Rovers):

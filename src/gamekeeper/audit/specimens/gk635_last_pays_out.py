@@ -7,6 +7,8 @@ from typing import Any
 from gamekeeper.audit.specimens._traders import Traders
 
 BREAKS = ("GK635",)
+ALSO = ("GK403",)
+"""Who is asked twice in a turn tells a sum of rewards that isn't the sum."""
 
 
 class LastPaysOut(Traders):

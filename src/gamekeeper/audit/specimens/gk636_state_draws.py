@@ -9,6 +9,8 @@ import numpy as np
 from gamekeeper.audit.specimens._lanterns import Lanterns
 
 BREAKS = ("GK636",)
+ALSO = ("GK814",)
+"""Two looks at the state of one turn differ by the fog."""
 
 
 class StateDraws(Lanterns):

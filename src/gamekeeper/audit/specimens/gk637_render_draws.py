@@ -7,6 +7,8 @@ from typing import Any
 from gamekeeper.audit.specimens._rovers import Rovers
 
 BREAKS = ("GK637",)
+ALSO = ("GK805",)
+"""It draws in a mode as it does without one."""
 
 
 class RenderDraws(Rovers):

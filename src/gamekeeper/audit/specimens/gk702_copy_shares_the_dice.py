@@ -17,7 +17,7 @@ class CopySharesTheDice(Rovers):
         """Everything is copied but the generator."""
         twin = type(self)(self.count, self.horizon, self.render_mode)
         kept = {name: value for name, value in vars(self).items() if name != "rng"}
-        vars(twin).update(copy.deepcopy(kept, memo))
+        twin.__dict__.update(copy.deepcopy(kept, memo))
         twin.rng = self.rng
         return twin
 

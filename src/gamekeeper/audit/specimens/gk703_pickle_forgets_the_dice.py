@@ -21,13 +21,13 @@ class PickleForgetsTheDice(Traders):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """With a generator that begins anew."""
-        vars(self).update(state)
+        self.__dict__.update(state)
         self.rng = np.random.default_rng(7)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Any:
         """A deep copy keeps it."""
         twin = type(self)(self.count, self.rounds, self.render_mode)
-        vars(twin).update(copy.deepcopy(vars(self), memo))
+        twin.__dict__.update(copy.deepcopy(vars(self), memo))
         return twin
 
 
