@@ -18,6 +18,7 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any, Final, Protocol, TypeAlias, runtime_checkable
@@ -34,6 +35,7 @@ from gamekeeper.game.policy import Chosen, resolve
 from gamekeeper.record.recording import cast_of
 from gamekeeper.run.change import Change
 from gamekeeper.run.episode import Failed, Play, Played, Stopped, Watch, perform
+from gamekeeper.run.global_generators import held
 
 Saw: TypeAlias = Fact | Twin | Trace
 
@@ -155,20 +157,25 @@ class Lab:
         change: Change | None = None,
         watch: Watch | None = None,
         state: bool = True,
+        hold: bool = True,
     ) -> Played:
         """Plays in `env` (a fresh instance if None), with random legal actions or those on paper.
+
+        The generators of the whole process start from one seed unless `hold` is False, so that who
+        draws from them makes no difference between a play, its sham and its twin.
 
         The first play of a look is its `base`: its actions are what a reader plays again.
         """
         env = self.env() if env is None else env
         self.meter.count(RESET_STEPS)
-        played = perform(
-            play, env,
-            cast=None if play.actions is not None else cast_of(_random(), env, self.contract),
-            cast_seed=self.seed, change=change, contract=self.contract,
-            identity=self.opened.identity, label=self.probe, number=self.number, state=state,
-            watch=watch, on_step=self.meter.count,
-        )  # fmt: skip
+        with held() if hold else nullcontext():
+            played = perform(
+                play, env,
+                cast=None if play.actions is not None else cast_of(_random(), env, self.contract),
+                cast_seed=self.seed, change=change, contract=self.contract,
+                identity=self.opened.identity, label=self.probe, number=self.number, state=state,
+                watch=watch, on_step=self.meter.count,
+            )  # fmt: skip
         if self.base is None:
             self.base = played.play
         return played

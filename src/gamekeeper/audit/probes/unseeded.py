@@ -35,19 +35,19 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
         `openings`: of resets without a seed and without a step in between; only where all seeded
             ones are equal and unseeded ones aren't.
     """
-    seeded = [_told(lab.play(play, lab.env()))]
+    seeded = [_told(lab.play(play, lab.env(), hold=False))]
     _until_two(seeded, FEW, lambda: _told(_seeded(lab, play, len(seeded))))
     env = lab.env()
-    lab.play(replace(play, actions=lab.base.actions if lab.base else None), env)
+    lab.play(replace(play, actions=lab.base.actions if lab.base else None), env, hold=False)
     unseeded: list[str] = []
     again = replace(play, seed=None)
-    _until_two(unseeded, FEW, lambda: _told(lab.play(again, env)))
+    _until_two(unseeded, FEW, lambda: _told(lab.play(again, env, hold=False)))
     kinds = len(set(seeded)), len(set(unseeded))
     if kinds[0] > 1 and kinds[1] == 1:
         while len(seeded) < MANY:
             seeded.append(_told(_seeded(lab, play, len(seeded))))
         while len(unseeded) < MANY and len(set(unseeded)) == 1:
-            unseeded.append(_told(lab.play(again, env)))
+            unseeded.append(_told(lab.play(again, env, hold=False)))
     elif kinds[0] == 1 and kinds[1] > 1:
         _until_two(seeded, MANY, lambda: _told(_seeded(lab, play, len(seeded))))
         yield lab.fact("openings", _openings(lab, lab.env()))
@@ -62,7 +62,7 @@ def _until_two(found: list[str], most: int, more: Any) -> None:
 
 
 def _seeded(lab: Lab, play: Play, number: int) -> Played:
-    return lab.play(replace(play, seed=(play.seed or 0) + number), lab.env())
+    return lab.play(replace(play, seed=(play.seed or 0) + number), lab.env(), hold=False)
 
 
 def _told(played: Played) -> str:
