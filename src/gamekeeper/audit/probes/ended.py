@@ -43,6 +43,8 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
     for way in ways:
         course, raised = _course(lab, env, cut, way)
         if raised is not None:
+            if _course(lab, env, cut, {})[1] is not None:
+                return  # nor can it be played without them
             refused = {"agents": list(extra), "raised": raised, "turn": None}
             yield lab.fact("ended_acts", refused, field="ended_acts")
             return
