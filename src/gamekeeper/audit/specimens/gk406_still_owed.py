@@ -7,6 +7,8 @@ from typing import Any
 from gamekeeper.audit.specimens._traders import Traders
 
 BREAKS = ("GK406",)
+ALSO = ("GK604",)
+"""What is owed outlives the reset, so the second episode isn't a fresh one's."""
 
 
 class StillOwed(Traders):

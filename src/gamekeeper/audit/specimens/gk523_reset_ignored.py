@@ -7,6 +7,8 @@ from typing import Any
 from gamekeeper.audit.specimens._rovers import Rovers
 
 BREAKS = ("GK523",)
+ALSO = ("GK604", "GK606")
+"""Where a reset is ignored, so is its seed, and the second episode isn't a fresh one's."""
 
 
 class ResetIgnored(Rovers):
