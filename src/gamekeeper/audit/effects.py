@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 
 from gamekeeper.core.gathered import Twin
+from gamekeeper.core.stats import FloatArray
 from gamekeeper.core.trace import Trace, Turn
 
 On: TypeAlias = Literal["observation", "reward", "ending"]
+
+
+MOST_PLACES: Final = 4_096
+"""Places that are told apart in one observation."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,12 +73,15 @@ def by_turn(trace: Trace, start: int, end: int | None = None) -> dict[int, Turn]
 
 
 def changed_numbers(one: Any, two: Any) -> frozenset[int]:
-    """The places of the numbers that differ in two values of one form."""
-    left, right = np.array(_flat(one)), np.array(_flat(two))
+    """The places of the numbers that differ in two values of one form; of images in bins."""
+    left, right = _vector(one), _vector(two)
     if left.shape != right.shape:
         return frozenset()
     same = (left == right) | (np.isnan(left) & np.isnan(right))
-    return frozenset(np.flatnonzero(~same).tolist())
+    places = np.flatnonzero(~same)
+    if len(left) > MOST_PLACES:
+        places = np.unique(places * MOST_PLACES // len(left))
+    return frozenset(places.tolist())
 
 
 def _last_equal(twin: Twin) -> int | None:
@@ -92,6 +100,12 @@ def _differ(one: Any, two: Any) -> bool:
         is_float = left.dtype.kind == right.dtype.kind == "f"
         return not np.array_equal(left, right, equal_nan=is_float)
     return bool(one != two) and not (one != one and two != two)
+
+
+def _vector(value: Any) -> FloatArray:
+    if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
+        return value.astype(np.float64).ravel()
+    return np.array(_flat(value), np.float64)
 
 
 def _flat(value: Any) -> Sequence[float]:
