@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 from gamekeeper.audit.lab import RESET_STEPS, Lab, Saw
+from gamekeeper.audit.probes._moves import affordable
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.gathered import Twin
 from gamekeeper.core.trace import Trace
@@ -20,7 +21,7 @@ MOST_TURNS: Final = 60
 
 def plays(lab: Lab) -> Iterator[Play]:
     """Two; each played, played again, and replayed from its evidence."""
-    yield from lab.plays(2, runs=3, most_turns=MOST_TURNS)
+    yield from lab.plays(2, runs=3, most_turns=affordable(lab, MOST_TURNS))
 
 
 def look(lab: Lab, play: Play) -> Iterator[Saw]:

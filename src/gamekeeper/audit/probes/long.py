@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from gamekeeper.audit.lab import RESET_STEPS, Lab, Saw
+from gamekeeper.audit.probes._moves import affordable
 from gamekeeper.audit.probes._work import traced_memory, work_of
 from gamekeeper.run.episode import Play
 
@@ -14,6 +15,8 @@ SHARE: Final = 1.5
 NAMES: Final = ("live", "lines", "passing", "sizes")
 LEAST_TURNS: Final = 60
 MOST_TURNS: Final = 120
+MOST_BYTES: Final = 192 << 20
+"""Of observations in the play that is kept."""
 TWO_PLAYS: Final = 600
 """With so many steps a second play confirms the first."""
 
@@ -22,6 +25,7 @@ def plays(lab: Lab) -> Iterator[Play]:
     """One or two, as long as the ration allows."""
     count = 2 if lab.ration >= TWO_PLAYS else 1
     turns = min(max(lab.ration // (2 * count), LEAST_TURNS), MOST_TURNS)
+    turns = affordable(lab, turns, MOST_BYTES)
     for k in range(count):
         yield Play(seed=lab.seed + k, stream=k, most_turns=turns)
 

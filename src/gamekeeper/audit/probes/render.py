@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from gamekeeper.audit.lab import Called, Lab, Saw
-from gamekeeper.audit.probes._moves import moves
+from gamekeeper.audit.probes._moves import affordable, moves
 from gamekeeper.core.gathered import Twin
 from gamekeeper.game.capture.oddity import type_name_of
 from gamekeeper.run.episode import Play, Played
@@ -35,7 +35,7 @@ NEEDS_MORE: Final = re.compile(
 
 def plays(lab: Lab) -> Iterator[Play]:
     """Two; each is played a handful of times."""
-    yield from lab.plays(2, runs=7, most_turns=MOST_TURNS)
+    yield from lab.plays(2, runs=7, most_turns=affordable(lab, MOST_TURNS))
 
 
 def look(lab: Lab, play: Play) -> Iterator[Saw]:

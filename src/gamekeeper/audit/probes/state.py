@@ -12,7 +12,7 @@ import numpy as np
 from gymnasium.spaces import Space
 
 from gamekeeper.audit.lab import Called, Lab, Saw
-from gamekeeper.audit.probes._moves import moves
+from gamekeeper.audit.probes._moves import affordable, equal, moves
 from gamekeeper.core.canon import to_json
 from gamekeeper.core.divergence import compare
 from gamekeeper.core.trace import Trace
@@ -27,7 +27,7 @@ TRIAL_TURNS: Final = (0, 1, 2, 3, 4, 5, 7, 9)
 
 def plays(lab: Lab) -> Iterator[Play]:
     """Two; each again in the used instance, and in part with other actions."""
-    yield from lab.plays(2, runs=4, most_turns=MOST_TURNS)
+    yield from lab.plays(2, runs=4, most_turns=affordable(lab, MOST_TURNS))
 
 
 def look(lab: Lab, play: Play) -> Iterator[Saw]:
@@ -186,6 +186,8 @@ def _parts_at(base: Trace, other: Trace, turn: int) -> bool:
         if left.index > turn or left.index != right.index:
             return False
         seen, now = dict(left.observations), dict(right.observations)
-        if to_json(seen) != to_json(now):
-            return left.index == turn and seen.keys() == now.keys()
+        if seen.keys() != now.keys():
+            return False
+        if not all(equal(seen[agent], now[agent]) for agent in seen):
+            return left.index == turn
     return False
