@@ -177,3 +177,27 @@ def test_illegal_actions_may_be_refused_or_coerced() -> None:
             return super().step(dict.fromkeys(self.agents, np.int64(0)))
 
     assert broken(audited(lambda: Mute(spaces.Discrete(2), spaces.Discrete(3), "ab"))) == []
+
+
+def test_observations_far_from_the_start_are_found() -> None:
+    """What only somebody sees who goes on and on in one direction, and never by random play."""
+
+    class Long(Sampler):
+        def reset(self, seed: int | None = None, options: Any = None) -> Any:
+            self.way = 0.0
+            return super().reset(seed, options)
+
+        def give(self, agent: Any) -> Any:
+            return np.array([abs(self.way)], np.float32)
+
+        def step(self, actions: dict[Any, Any]) -> Any:
+            self.way = self.way * 0.8 + (int(actions["a"]) - 4)
+            self.time = 0
+            return super().step(actions)
+
+    space = spaces.Box(0, 17.5, (1,), np.float32)
+    verdict = audited(lambda: Long(space, spaces.Discrete(9), "a"), "GK214", budget=1200).of(
+        "GK214"
+    )
+    assert verdict.outcome == "broken"
+    assert verdict.findings[0].where.startswith("spaces/")

@@ -36,7 +36,7 @@ def spaces_of(evidence: Gathered, which: str) -> dict[str, Any]:
 def judged(evidence: Gathered, kind: str) -> Iterator[Occasion]:
     """An occasion for every observation that was given: whether it misses its space in `kind`."""
     known = spaces_of(evidence, "observation")
-    for trace in evidence["rollout"]:
+    for trace in (*evidence["rollout"], *evidence["spaces"]):
         exact, odd = _rows(trace, known)
         for agent, rows in exact.items():
             is_open = kind in (BOUNDS, NAN) and rows.values

@@ -6,7 +6,7 @@ import inspect
 import pickle
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from gymnasium.spaces import Space
@@ -16,6 +16,7 @@ from gamekeeper.core.canon import shown, type_name
 from gamekeeper.core.fact import Fact
 from gamekeeper.core.space.misfit import misfits
 from gamekeeper.core.space.sound import faults, kept, same
+from gamekeeper.run.changes.held import Held
 from gamekeeper.run.episode import Play
 
 SHARE: Final = 1.0
@@ -26,16 +27,24 @@ MOST_OBSERVED: Final = 240
 """Observations of others that are looked at in one play."""
 MOST_AGENTS: Final = 64
 """Live agents whose spaces are asked for again and again; of a crowd the first ones."""
+HELD: Final = 1_000
+"""Streams from here on are of plays in which each agent holds its action for a while."""
+HELD_PLAYS: Final = 12
 SIDES: Final = ("observation", "action")
 
 
 def plays(lab: Lab) -> Iterator[Play]:
-    """Two short ones."""
-    return lab.plays(2, most_turns=MOST_TURNS)
+    """Two short ones, then some in which actions are held, as long as there are steps left."""
+    yield from lab.plays(2, most_turns=MOST_TURNS)
+    turns = max(lab.ration // 3, 20)
+    for k in range(HELD_PLAYS):
+        yield Play(seed=lab.seed + k, stream=HELD + k, most_turns=turns)
 
 
 def look(lab: Lab, play: Play) -> Iterator[Saw]:
     """What spaces are there and whether they stay the same; what others than the mover observe.
+
+    Traces of plays in which actions are held, which come to the borders of what is observed.
 
     Facts:
         `space`: asked for twice in a row: `which` (observation, action), `when` (before reset,
@@ -50,6 +59,9 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
         `info`: a live agent's info: why it can't be pickled, or None.
     """
     env = lab.env()
+    if play.stream >= HELD:
+        yield from _held(lab, play, env)
+        return
     watch = _Watch(lab, env)
     if lab.can_make:
         watch.ask_all(list(getattr(env, "possible_agents", None) or ()), "before reset", 0)
@@ -64,6 +76,19 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
             possible = list(getattr(env, "possible_agents", None) or env.agents)
             watch.ask_all(possible, "after another reset", None)
     yield from watch.facts
+
+
+def _held(lab: Lab, play: Play, env: Any) -> Iterator[Saw]:
+    """A longer play; where masks forbid actions nothing can be held."""
+    if play.actions is None:
+        first = lab.play(replace(play, most_turns=2), env, state=False)
+        declared = [role.mask for role in lab.contract.roles.values()]
+        if any(turn.masks for turn in first.trace.turns) or set(declared) - {None, "none"}:
+            return
+        lab.base = None  # what follows is what is to be seen again
+    change = Held() if play.actions is None else None
+    played = lab.play(play, env, change=change, state=False)
+    yield played.trace
 
 
 @dataclass(slots=True)
