@@ -195,8 +195,8 @@ def test_observations_far_from_the_start_are_found() -> None:
             self.time = 0
             return super().step(actions)
 
-    space = spaces.Box(0, 17.5, (1,), np.float32)
-    verdict = audited(lambda: Long(space, spaces.Discrete(9), "a"), "GK214", budget=1200).of(
+    space = spaces.Box(0, 17, (1,), np.float32)
+    verdict = audited(lambda: Long(space, spaces.Discrete(9), "a"), "GK214", budget=3000).of(
         "GK214"
     )
     assert verdict.outcome == "broken"
