@@ -26,11 +26,9 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
             None, or of the first that changed the `agent` (None: the dictionary itself), what it
             was `before` and what it is `after`; field `actions`.
         `options`: what was handed to reset as options, the same way; field `options`.
-        `kwargs`: what the environment was built with, the same way; field `kwargs`.
     Twins:
         with the change `ActionsOverwritten`, where actions are more than plain numbers.
     """
-    arguments = snapshot(dict(lab.kwargs))
     base = lab.play(play, state=False)
     actions = [dict(each) for each in base.play.actions or ()]
     can_change = lab.api == "parallel" or any(map(_is_writable, actions))
@@ -39,10 +37,6 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
         yield _compared(lab, play, actions)
         sham = lab.play(base.play, state=False)
         yield lab.twin(base, sham, ActionsOverwritten(), state=False)
-    if lab.can_make and any(map(_is_writable, [dict(lab.kwargs)])):
-        after = dict(lab.kwargs)
-        changed = None if is_same(after, arguments) else _entry(None, arguments, snapshot(after))
-        yield lab.fact("kwargs", {"looks": 1, "changed": changed}, turn=0, field="kwargs")
 
 
 def _is_writable(actions: Mapping[Any, Any]) -> bool:
