@@ -1,7 +1,7 @@
 """Writes the page of every check: `python -m gamekeeper.cli._pages docs/checks`.
 
 What a page says of the check comes from its docstring, what it shows of the audit from a real one
-of the specimen that breaks it. `--texts` keeps the outputs that are there and renews the rest.
+of the specimen that breaks it. `--changed` audits only for pages whose check says something else.
 """
 
 from __future__ import annotations
@@ -76,18 +76,22 @@ def output_of(id: str, specimen: str) -> str:
 
 def main(arguments: Sequence[str]) -> int:
     """Writes the pages into a folder, and takes away those of checks that are gone."""
-    words = [word for word in arguments if word != "--texts"]
+    words = [word for word in arguments if word != "--changed"]
     if len(words) != 1:
         sys.stderr.write(f"{__doc__}\n")
         return 2
     folder = Path(words[0])
     folder.mkdir(parents=True, exist_ok=True)
     there = {path.name: path.read_text(encoding="utf-8") for path in folder.glob("*.md")}
+    texts = pages({})
     outputs: dict[str, str | None] = {}
     for id, specimen in sorted(specimens().items()):
-        kept = kept_output(there.get(f"{id}.md", "")) if "--texts" in arguments else None
+        page = there.get(f"{id}.md", "")
+        is_same = without_output(page) == without_output(texts.get(f"{id}.md", ""))
+        kept = kept_output(page) if "--changed" in arguments and is_same else None
+        if kept is None:
+            sys.stderr.write(f"{id}\n")
         outputs[id] = kept or output_of(id, specimen)
-        sys.stderr.write(f"{id}\n")
     found = pages(outputs)
     for name, text in found.items():
         (folder / name).write_text(text, encoding="utf-8")
