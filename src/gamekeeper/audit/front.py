@@ -48,7 +48,7 @@ def audit(
         contract: what is declared; None: what lies beside the environment, if anything.
         budget: environment steps.
         quick: a budget of 3,000 steps.
-        seed: of the plays; play k is reset with `seed + k`.
+        seed: of the plays; play k is reset with `seed + 1 + k`.
         select: only checks whose ids begin so; all where empty.
         ignore: but those whose ids begin so.
         env_kwargs: handed to the factory.

@@ -90,7 +90,7 @@ def lab_of(
     agents = {each.name: each for each in agent_specs(opened.env, declared)}
     return Lab(
         probe="", opened=opened, spec=spec, kwargs=kwargs, api=opened.api, contract=declared,
-        agents=agents, seed=seed, ration=budget, meter=Meter(deadline_s, beat=beat),
+        agents=agents, seed=seed + 1, ration=budget, meter=Meter(deadline_s, beat=beat),
     )  # fmt: skip
 
 

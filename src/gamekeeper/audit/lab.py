@@ -95,7 +95,8 @@ class Lab:
         api: `aec` or `parallel`.
         contract: declared; an empty one where nothing is.
         agents: what is known of each possible agent before the first reset.
-        seed: of the audit; play k is reset with `seed + k`.
+        seed: play k is reset with `seed + k`; one above the audit's, as 0 is easily taken for no
+            seed: that is for a probe of its own to see, and no other probe's noise.
         ration: environment steps that the probe may take in all.
         number: of the play in hand.
         base: the first play of the look, with its actions, once it was played.

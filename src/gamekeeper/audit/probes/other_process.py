@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Final
 
 from gamekeeper.audit.elsewhere import other_hash_seed, played_elsewhere, reason_against
@@ -30,8 +29,7 @@ def against(lab: Lab) -> str | None:
 def plays(lab: Lab) -> Iterator[Play]:
     """One, or two under different hash seeds."""
     count = 2 if lab.ration >= SECOND_FROM else 1
-    for play in lab.plays(count, runs=2, most_turns=MOST_TURNS):
-        yield replace(play, seed=(play.seed or 0) + 1)
+    return lab.plays(count, runs=2, most_turns=MOST_TURNS)
 
 
 def look(lab: Lab, play: Play) -> Iterator[Saw]:
