@@ -28,7 +28,9 @@ def used_beside_fresh(api: str, before: Any, tells: frozenset[str]) -> Proof:
         used = [
             "used = make()",
             f"used.reset(seed={seed!r})",
-            f"for actions in {literal(turns)}:",
+            "for actions in [",
+            *(f"    {literal(turn)}," for turn in turns),
+            "]:",
             "    used.step(actions)",
         ]
     return program(api, *used, "assert play(used) == play(make())", tells=tells)

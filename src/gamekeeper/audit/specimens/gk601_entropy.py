@@ -12,12 +12,14 @@ BREAKS = ("GK601",)
 
 
 class Entropy(Rovers):
-    """The seed settles where rovers start, and not how they drive."""
+    """The seed settles where rovers start, and not how far they come."""
+
+    battery: dict[str, Any]
 
     def drive(self, agent: str, action: int) -> None:
-        """The wind turns the battery down at random."""
+        """Headwind costs more."""
         super().drive(agent, action)
-        self.battery[agent] -= int(np.random.default_rng().integers(2))
+        self.battery[agent] -= np.random.default_rng().random()
 
 
 def make(**kwargs: Any) -> Entropy:

@@ -1,4 +1,4 @@
-"""One reward in some is drawn from numpy's global generator."""
+"""Every second round a trader that numpy's global generator draws is given a coin."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ import numpy as np
 from gamekeeper.audit.specimens._traders import Traders
 
 BREAKS = ("GK602",)
+ALSO = ("GK901",)
+"""What was recorded can't be played again, as nobody recorded who else drew."""
 
 
 class GlobalGenerator(Traders):
-    """Ties in the fourth round are broken by the generator of the whole process."""
+    """Luck hangs on whoever else draws in the process."""
 
     def settle(self) -> None:
-        """Luck comes from elsewhere in every second round."""
+        """A coin in every second round."""
         super().settle()
         if self.round % 2 == 0:
             winner = self.possible_agents[np.random.randint(self.count)]

@@ -1,4 +1,4 @@
-"""A trader's money is what it was at the end of the episode before."""
+"""Who has money left at the end of an episode begins the next with one more."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class KeptPurse(Traders):
         """Who has money keeps it."""
         kept = getattr(self, "money", {})
         super().reset(seed, options)
-        self.money.update({a: purse for a, purse in kept.items() if purse > 0})
+        self.money.update({a: purse + 1 for a, purse in kept.items() if 0 < purse < 11})
 
 
 def make(**kwargs: Any) -> KeptPurse:

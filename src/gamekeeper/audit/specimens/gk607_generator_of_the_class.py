@@ -7,6 +7,8 @@ from typing import Any
 from gamekeeper.audit.specimens._rovers import Rovers
 
 BREAKS = ("GK607",)
+ALSO = ("GK702",)
+"""A copy draws from the same generator, so the original goes on otherwise beside it."""
 
 
 class GeneratorOfTheClass(Rovers):
