@@ -1,9 +1,11 @@
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import gamekeeper as gk
+from gamekeeper.audit.result import Audit
 from tests.cli.lines import LINE, ROUGH, document, said
 
 
@@ -73,3 +75,26 @@ def test_contract_that_does_not_fit_is_told(
     code, _, err = said(capfd, "contract", ROUGH, "--contract", "wrong.toml")
     assert code == 2
     assert "wrong.toml, line 3" in err
+
+
+def test_measured_draft_declares_nothing(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """--measure proposes answers as comments and says of itself that it does."""
+
+    def audited(screen: Any, spec: str, **_: Any) -> Audit:
+        measured = {"deterministic": True, "horizon": 4, "advice": "parallel", "why": "seen"}
+        return Audit(spec, "parallel", 1.0, 3_000, 0, (), measured)
+
+    monkeypatch.setattr("gamekeeper.cli.contract.audit_with_progress", audited)
+    code, _, _ = said(capfd, "contract", ROUGH, "--measure", "--out", "my.toml")
+    assert code == 0
+    text = Path("my.toml").read_text()
+    assert text.startswith("# A draft: what is called measured was seen in 3,000 steps")
+    assert "# horizon = 4" in text
+    assert "# deterministic = true" in text
+    drafted = gk.Contract.load("my.toml")
+    assert (drafted.schedule.horizon, drafted.seeds.deterministic) == (None, None)
+    code, out, _ = said(capfd, "contract", ROUGH, "--measure")
+    assert "Measured beside declared" in out
+    assert document(capfd, "contract", ROUGH, "--measure")[1]["measured"]["horizon"] == 4

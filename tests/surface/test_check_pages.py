@@ -1,4 +1,4 @@
-"""The pages of checks say what checks say: `python -m gamekeeper.cli._pages --changed docs/checks`."""
+"""Pages of checks say what checks say: `python -m gamekeeper.cli._pages --changed docs/checks`."""
 
 import pytest
 
