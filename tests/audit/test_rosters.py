@@ -174,10 +174,21 @@ def test_words_of_the_gone_are_found() -> None:
     def paid(env: Any, out: Any) -> Any:
         return (*out[:1], {a: out[1].get(a, 0.0) for a in env.possible_agents}, *out[2:])
 
+    class Waiting(Counting):
+        def reset(self, seed: int | None = None, options: Any = None) -> Any:
+            out = super().reset()
+            self.agents.remove("c")
+            return tuple({a: part[a] for a in self.agents} for part in out)
+
+        def step(self, actions: Any) -> Any:
+            out = super().step(actions)
+            out[1].setdefault("c", 0.0)
+            return out
+
     def shown(env: Any, out: Any) -> Any:
         return (dict.fromkeys(env.possible_agents, env.tick), *out[1:])
 
-    assert broken(lambda: Counting(bend=paid)) == {"GK106"}
+    assert broken(lambda: Counting(bend=paid)) == broken(Waiting) == {"GK106"}
     found = audited(lambda: Counting(bend=shown))
     assert [(v.id, v.severity) for v in found.broken] == [("GK113", "low")]
 

@@ -25,7 +25,7 @@ BOOKS: Final = ("rewards", "terminations", "truncations", "infos")
 def accounts_are_kept_of_the_living_only(
     contract: Contract, evidence: Gathered
 ) -> Iterator[Occasion]:
-    """An agent that has left the game stands no longer in rewards, terminations or truncations.
+    """Who isn't in the game, as it has left, isn't in rewards, terminations or truncations either.
 
     Readers walk over the dictionaries: they store steps that the dead never made, count its end
     once a step, or add up what nobody was paid.
@@ -41,12 +41,13 @@ def accounts_are_kept_of_the_living_only(
         ever: set[str] = set()
         for each in given(trace):
             ever |= each.turn.live
-            gone = set(each.turn.agents) & ever
+            gone = {a for a in each.turn.agents if a in ever or a in evidence.agents}
             gone -= each.turn.live | each.before | each.acted
+            gone -= each.turn.ended - ever  # they joined, and ended in the same step
             bad = [(a, part) for a in sorted(gone) for part in sorted(each.has(a) & ACCOUNTS)]
             for agent, part in bad:
                 yield Occasion(
-                    place(trace, each.turn, agent, part), False, "no entry: it has left",
+                    place(trace, each.turn, agent, part), False, "no entry: it isn't in the game",
                     f"an entry in {PARTS[part]}", proof=_proof(part),
                 )  # fmt: skip
             if not bad:

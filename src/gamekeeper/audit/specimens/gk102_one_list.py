@@ -1,4 +1,4 @@
-"""`agents` is the same list as possible_agents, which loses everybody who ends."""
+"""`agents` is the same list as possible_agents, which loses everybody who ends until a reset."""
 
 from __future__ import annotations
 
@@ -11,6 +11,11 @@ BREAKS = ("GK102",)
 
 class OneList(Rovers):
     """What is removed from the one is gone from the other."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Names all rovers again."""
+        self.possible_agents = [f"rover_{i}" for i in range(self.count)]
+        return super().reset(seed, options)
 
     def step(self, actions: dict[str, Any]) -> Any:
         """Takes the ended out of the one list there is."""

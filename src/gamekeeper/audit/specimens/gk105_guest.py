@@ -25,6 +25,13 @@ class Guest(Rovers):
                 part["guest"] = value
         return out
 
+    def render(self) -> Any:
+        """The guest has no place on the field."""
+        agents, self.agents = self.agents, [a for a in self.agents if a != "guest"]
+        frame = super().render()
+        self.agents = agents
+        return frame
+
     def observation_space(self, agent: str) -> Any:
         """The guest sees what a rover sees."""
         return super().observation_space("rover_0" if agent == "guest" else agent)
