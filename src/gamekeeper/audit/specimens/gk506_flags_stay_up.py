@@ -7,6 +7,8 @@ from typing import Any
 from gamekeeper.audit.specimens._traders import Traders
 
 BREAKS = ("GK506",)
+ALSO = ("GK523", "GK604")
+"""An episode that begins with one agent ended isn't that of a fresh instance."""
 
 
 class FlagsStayUp(Traders):
