@@ -48,10 +48,11 @@ def states_follow_the_game(contract: Contract, evidence: Gathered) -> Iterator[O
             return self.table()
     """
     looks = [
-        (fact, {answer["digest"] for answer in fact.value["answers"]})
+        (fact, {a["digest"] for a in fact.value["answers"] if a["failed"] is None})
         for fact in evidence.facts("state", "states")
         if fact.value["moves"] >= LEAST_MOVES
     ]
+    looks = [(fact, states) for fact, states in looks if states]
     if looks:
         is_ok = any(len(states) > 1 for _, states in looks)
         where = replace(looks[0][0].where, turn=None, field="states")

@@ -161,17 +161,29 @@ class Pen:
 
     def __call__(self, turn: int, env: Any, out: Any) -> None:
         """Two frames of one moment, which agree; a third after writing into them."""
-        frames = [self._lab.call("render", env.render).value for _ in range(2)]
-        before = [_digest(frame) for frame in frames]
-        if before[0] is None or before[0] != before[1]:
+        frames = [_arrays(self._lab.call("render", env.render).value) for _ in range(2)]
+        before = [[array.copy() for array in each] for each in frames]
+        if not before[0] or _digest(before[0]) != _digest(before[1]):
             return
-        written = [_write(array) for frame in frames for array in _arrays(frame)]
-        if not any(written):
+        pairs = [pair for each in frames for pair in zip(each, before[0], strict=True)]
+        if not all(_can_write(array) for array, _ in pairs):
             return
+        for array, old in pairs:  # both frames may be one array
+            array[...] = _scribble(old)
         self.count += 1
-        after = _digest(self._lab.call("render", env.render).value)
-        if after != before[0]:
+        after = _arrays(self._lab.call("render", env.render).value)
+        if _is_shown(before[0], after):
             self.turns.append(turn)
+
+
+def _is_shown(before: list[Any], after: list[Any]) -> bool:
+    """Whether a frame differs from the one before, and that by what was written into that one."""
+    differing = written = 0
+    for old, new in zip(before, after, strict=False):
+        if old.shape == new.shape:
+            differing += int((new != old).sum())
+            written += int(((new != old) & (new == _scribble(old))).sum())
+    return written > 0 and written >= 0.9 * differing
 
 
 def _shot(called: Called) -> dict[str, Any]:
@@ -204,11 +216,13 @@ def _digest(frame: Any) -> str | None:
     return hashed.hexdigest()
 
 
-def _write(array: Any) -> bool:
-    if not array.flags.writeable or array.dtype.kind not in "uif" or not array.size:
-        return False
-    array[...] = np.where(array == 0, 1, 0)
-    return True
+def _can_write(array: Any) -> bool:
+    return bool(array.flags.writeable and array.dtype.kind in "uif" and array.size)
+
+
+def _scribble(array: Any) -> Any:
+    """Another value for every element."""
+    return np.where(array == 0, 1, 0)
 
 
 def _plain(lab: Lab) -> Any:

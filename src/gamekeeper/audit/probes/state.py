@@ -46,13 +46,18 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
             `turn` and `other` actions.
     """
     env = lab.env()
+    if not callable(getattr(env, "state", None)):  # a field of that name is no state()
+        yield lab.fact("state", {"is_there": False, "space": None, "shape": None, "dtype": None})
+        return
     recorder = Recorder(lab, env)
     base = lab.play(play, env, watch=recorder, state=False)
     if base.failed is not None and play.actions is not None:
         return  # a shorter play that breaks off shows another thing
     answers = recorder.answers
     space = recorder.space
-    is_there = bool(answers) and not str(answers[0]["failed"]).startswith("NotImplementedError")
+    refused = str(answers[0]["failed"]) if answers else "NotImplementedError"
+    is_there = bool(answers) and answers[0]["failed"] is None
+    is_there |= space is not None and not refused.startswith("NotImplementedError")
     yield lab.fact(
         "state",
         {
@@ -81,9 +86,9 @@ class Recorder:
 
     def __call__(self, turn: int, env: Any, out: Any) -> None:
         """One moment."""
-        called = self._lab.call("state", env.state)
+        called = self._lab.call("state", lambda: env.state())  # it may be gone by now
         answer = _answer(called, self.space)
-        again = self._lab.call("state", env.state)
+        again = self._lab.call("state", lambda: env.state())
         self.answers.append(
             {"turn": turn, "over": not env.agents, **answer, "again": _digest(again.value)}
         )
