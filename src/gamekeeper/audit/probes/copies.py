@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import copy
 import pickle
+import random
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from operator import methodcaller
 from typing import Any, Final
+
+import numpy as np
 
 from gamekeeper.audit.lab import Called, Lab, Saw
 from gamekeeper.core.contract import Contract
@@ -67,7 +70,11 @@ def _beside(
     if not getattr(made.value, "agents", None):  # as EzPickle does: the arguments are kept alone
         value["refused"] = "the copy begins anew: it wants a reset"
         return lab.fact("copied", value, field=way)
+    # whoever draws from the global generators is told so elsewhere: here each goes on from one place
+    dice = random.getstate(), np.random.get_state()
     ours = _tell(lab, made.value, paper[half:])
+    random.setstate(dice[0])
+    np.random.set_state(dice[1])
     theirs = _tell(lab, env, paper[half:])
     lab.call("close", made.value.close)
     if ours and ours[0][0][0] == "raises" and told[half][0][0] != "raises":
