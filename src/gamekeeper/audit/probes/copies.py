@@ -70,7 +70,7 @@ def _beside(
     if not getattr(made.value, "agents", None):  # as EzPickle does: the arguments are kept alone
         value["refused"] = "the copy begins anew: it wants a reset"
         return lab.fact("copied", value, field=way)
-    # whoever draws from the global generators is told so elsewhere: here each goes on from one place
+    # who draws from the global generators is told so elsewhere: here both go on from one place
     dice = random.getstate(), np.random.get_state()
     ours = _tell(lab, made.value, paper[half:])
     random.setstate(dice[0])
