@@ -60,7 +60,7 @@ def shares_of(select: Sequence[str], ignore: Sequence[str]) -> dict[str, float]:
     return {name: float(probe.SHARE) for name, probe in probes(names).items()}
 
 
-def show_audit(screen: Screen, document: Mapping[str, Any], *, env: str) -> None:
+def show_audit(screen: Screen, document: Mapping[str, Any]) -> None:
     """Shows an audit: what is broken with the way to see it again, waivers, the measured form."""
     from gamekeeper.audit.check import checks
     from gamekeeper.report.audit_text import program_of, title_text, waived_text

@@ -6,6 +6,7 @@ of the specimen that breaks it. `--changed` audits only for pages whose check sa
 
 from __future__ import annotations
 
+import importlib
 import re
 import sys
 from collections.abc import Mapping, Sequence
@@ -60,7 +61,7 @@ def output_of(id: str, specimen: str) -> str:
     from gamekeeper.core.contract import Contract
     from gamekeeper.report.audit_text import broken_blocks, program_of
 
-    module = __import__(specimen.removesuffix(":make"), fromlist=["CONTRACT"])
+    module = importlib.import_module(specimen.removesuffix(":make"))
     declared: Any = getattr(module, "CONTRACT", None)
     contract = None if declared is None else Contract.from_json(declared)
     audit = audit_here(specimen, contract=contract, budget=BUDGET, select=(id,)).to_json()

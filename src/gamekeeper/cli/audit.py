@@ -105,7 +105,7 @@ def command(
         env_kwargs=json_object(kwargs, option="--kwargs"), silence_s=timeout, memory_mb=memory,
     )  # fmt: skip
     document = found.to_json()
-    show_audit(screen, document, env=env)
+    show_audit(screen, document)
     if timings:
         from gamekeeper.report.audit_text import timings_text
 
