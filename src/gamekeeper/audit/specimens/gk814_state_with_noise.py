@@ -14,7 +14,10 @@ BREAKS = ("GK814",)
 class StateWithNoise(Rovers):
     """A clean environment otherwise."""
 
-    noise = np.random.default_rng(0)
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """The noise begins anew."""
+        self.noise = np.random.default_rng(0)
+        return super().reset(seed, options)
 
     def state(self) -> Any:
         """A little less than it is."""

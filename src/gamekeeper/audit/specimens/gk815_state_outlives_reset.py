@@ -7,6 +7,8 @@ from typing import Any
 from gamekeeper.audit.specimens._rovers import Rovers
 
 BREAKS = ("GK815",)
+ALSO = ("GK604",)
+"""What outlives a reset also parts a second episode from a first one."""
 
 
 class StateOutlivesReset(Rovers):

@@ -9,6 +9,8 @@ from gymnasium import spaces
 from gamekeeper.audit.specimens._rovers import MOVES, Rovers
 
 BREAKS = ("GK901",)
+ALSO = ("GK608",)
+"""Another process can't be told of objects either."""
 
 
 class Order:

@@ -7,6 +7,8 @@ from typing import Any
 from gamekeeper.audit.specimens._rovers import Rovers
 
 BREAKS = ("GK902",)
+ALSO = ("GK104", "GK402", "GK503", "GK608")
+"""In evidence, which knows agents by their text, the two are one: it lives on when either ends."""
 
 
 class NumberAndText(Rovers):
