@@ -86,7 +86,11 @@ def _shortest(check: Check, occasion: Occasion, play: Play, bench: Bench) -> tup
             best = lab.base or shorter, bad
         return bad is not None
 
-    shrink(play, still, turns=occasion.where.crossings, plain=_plain(bench))
+    turns = occasion.where.crossings
+    shrink(play, still, turns=turns, plain=_plain(bench))
+    if best[0] is play and turns is not None:  # nothing was tried, or nothing shorter shows it
+        cut = replace(play, actions=play.actions[:turns], most_turns=max(turns, 1))
+        return (cut if bench.steps_left <= 0 else play), occasion
     return best
 
 

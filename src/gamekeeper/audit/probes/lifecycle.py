@@ -100,7 +100,7 @@ def _resets(lab: Lab, env: Any, base: Played, begun: Sight) -> Iterator[Saw]:
         short = replace(base.play, actions=None, most_turns=SHORT)
         played = lab.play(short, env, watch=sight.watch, state=False)
         sight.settle(env)
-        raised = _words(twice.failed or played.failed)
+        raised = _words(twice.failed or _by_reset(played, base))
         yield lab.fact(
             "reset", {"when": when, "raised": raised, "agents": sight.agents},
             field=f"reset {when}",
@@ -111,6 +111,14 @@ def _resets(lab: Lab, env: Any, base: Played, begun: Sight) -> Iterator[Saw]:
         before, latest = played, sight.last
     if ignored:
         yield lab.fact("ignored", all(ignored), field="ignored", proof=_after.IGNORED[lab.api])
+
+
+def _by_reset(played: Played, base: Played) -> Failed | None:
+    """What raised, where the reset is to blame: a turn may raise in a fresh instance too."""
+    failed = played.failed
+    if failed is None or failed.call == "reset":
+        return failed
+    return None if base.failed is not None or failed.call == "policy" else failed
 
 
 def _dead_action(lab: Lab, env: Any, base: Played, dead: list[int]) -> Iterator[Saw]:
