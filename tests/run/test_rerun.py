@@ -6,13 +6,17 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 
+import gamekeeper as gk
 from gamekeeper.core.divergence import compare
 from gamekeeper.core.trace import Trace
+from gamekeeper.errors import EvidenceError
 from gamekeeper.game.faces import game_of
 from gamekeeper.record.recording import cast_of, rollout
+from gamekeeper.run.changes.action_order import ActionOrder
 from gamekeeper.run.memory import MemorySink
 from gamekeeper.run.play import play
 from gamekeeper.run.rerun import replay_trace
+from gamekeeper.run.rerun import rerun as run_again
 from tests.record.walks import Turns, Walk
 
 
@@ -103,3 +107,33 @@ def test_rerun_of_nothing_resets_once() -> None:
     trace = next(sink.evidence({"name": "x", "api": "parallel", "kwargs": {}}).traces)
 
     assert compare(trace, rerun(trace, Walk())).is_exact
+
+
+@pytest.mark.parametrize("spec", ["warehouse", "warehouse_turns", "two_robot_line"])
+def test_rerun_without_a_change_is_the_sham(spec: str) -> None:
+    """An episode from evidence, played again from paper or by its policies, comes out the same."""
+    for trace in rollout(spec, episodes=2, seed=3, most_turns=60).traces:
+        env = gk.make(spec)
+        open_loop = run_again(trace, env)
+        cast = cast_of("random", env, None)
+        closed = run_again(trace, env, loop="closed", cast=cast, run_seed=3, most_turns=60)
+
+        assert compare(trace, open_loop.trace).divergence is None
+        assert compare(trace, closed.trace).divergence is None
+
+
+def test_rerun_names_its_change() -> None:
+    """The twin says what was done differently."""
+    trace = next(rollout("two_robot_line", episodes=1).traces)
+
+    twin = run_again(trace, gk.make("two_robot_line"), change=ActionOrder("reversed"))
+
+    assert twin.trace.change is not None
+    assert twin.trace.change["change"] == "ActionOrder"
+
+
+def test_rerun_closed_needs_a_cast() -> None:
+    """Somebody has to choose."""
+    trace = next(rollout("two_robot_line", episodes=1).traces)
+    with pytest.raises(EvidenceError, match="nobody chooses"):
+        run_again(trace, gk.make("two_robot_line"), loop="closed")

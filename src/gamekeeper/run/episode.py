@@ -39,6 +39,7 @@ class Play:
         actions: turn by turn; None: policies choose.
         most_turns: the play is cut there.
         options: of the reset.
+        looks_last: where an AEC play is cut, the agent in turn is still given what it would be.
     """
 
     seed: int | None = 0
@@ -46,6 +47,7 @@ class Play:
     actions: tuple[Actions, ...] | None = None
     most_turns: int = 1000
     options: Mapping[str, Any] | None = None
+    looks_last: bool = True
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +101,7 @@ def perform(
     cast_seed: int = 0,
     change: Change | None = None,
     contract: Contract | None = None,
+    terms: tuple[str, ...] | None = None,
     identity: Mapping[str, Any] | None = None,
     label: str = "",
     number: int = 0,
@@ -114,6 +117,7 @@ def perform(
         cast_seed: seeds the policies, together with `play.stream`.
         change: the one thing done differently.
         contract: names the reward terms and the volatile infos.
+        terms: reward terms in place of the contract's.
         identity: of the environment, for the fingerprint.
         label: the probe's name, for the trace's places.
         number: of the play in its probe.
@@ -123,7 +127,8 @@ def perform(
         GamekeeperError: Gamekeeper itself can't go on.
     """
     declared = contract or Contract()
-    sink = MemorySink(terms=tuple(declared.rewards), volatile=declared.volatile_infos())
+    named = tuple(declared.rewards) if terms is None else terms
+    sink = MemorySink(terms=named, volatile=declared.volatile_infos())
     game = game_of(env, sink=sink, state=state)
     game.episode = number - 1
     hooks = _IDLE if change is None else change.start(np.random.default_rng([7, play.stream]))
@@ -220,7 +225,7 @@ class _Course:
 
     def _last_look(self) -> None:
         """What the agent in turn is given where the play is cut: as in a Parallel environment."""
-        if not self._is_parallel and self._game.to_move:
+        if self._play.looks_last and not self._is_parallel and self._game.to_move:
             self._call = "last"
             self._game.last()
 

@@ -4,19 +4,94 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from typing import Any, Final
+from dataclasses import replace
+from typing import Any, Final, Literal
 
 import numpy as np
 
+from gamekeeper.core.arrow import TERM
 from gamekeeper.core.canon import to_json
+from gamekeeper.core.contract import Contract
 from gamekeeper.core.divergence import crossings
 from gamekeeper.core.trace import Trace, Turn
 from gamekeeper.errors import EvidenceError, PolicyError
 from gamekeeper.game.aec import AECGame
 from gamekeeper.game.parallel import ParallelGame
+from gamekeeper.run.change import Change
+from gamekeeper.run.episode import Play, Played, perform
 from gamekeeper.run.play import Cast
 
 _SCALAR: Final = re.compile(r"numpy\.((?:u?int|float)\d+|bool|bool_)")
+
+
+def rerun(
+    trace: Trace,
+    env: Any,
+    *,
+    change: Change | None = None,
+    loop: Literal["open", "closed"] = "open",
+    cast: Cast | None = None,
+    run_seed: int = 0,
+    contract: Contract | None = None,
+    most_turns: int = 100_000,
+    on_step: Callable[[], None] | None = None,
+) -> Played:
+    """Plays a recorded episode again in `env`, as it was or with exactly one thing changed.
+
+    Without a change this is the sham: what differs then is nobody's doing, and every effect of a
+    change is what differs beyond it.
+
+    Args:
+        env: is reset, and not closed.
+        change: the one thing done differently.
+        loop: "open": the recorded actions are done again, whatever comes of them. "closed": `cast`
+            chooses anew from what the agents are shown.
+        cast: the policies of a closed loop.
+        run_seed: seeds them, together with the episode's number.
+        contract: names volatile infos.
+        most_turns: a closed loop is cut there.
+        on_step: called before every step.
+    Raises:
+        EvidenceError: a closed loop has no cast.
+    """
+    if loop == "closed" and cast is None:
+        raise EvidenceError(
+            "nobody chooses in a closed loop", where="cast", expected="policies", seen="None"
+        )
+    play = play_of(trace, env)
+    if loop == "closed":
+        play = replace(play, actions=None, most_turns=most_turns)
+    return perform(
+        play, env, cast=cast, cast_seed=run_seed, change=change, contract=contract,
+        terms=_terms(trace), number=trace.episode, on_step=on_step,
+    )  # fmt: skip
+
+
+def _terms(trace: Trace) -> tuple[str, ...]:
+    """The reward terms that have columns in a trace."""
+    names = trace.steps.schema.names
+    return tuple(name[len(TERM) :] for name in names if name.startswith(TERM))
+
+
+def play_of(trace: Trace, env: Any, types: Mapping[str, str] | None = None) -> Play:
+    """The episode on paper: its seed, its options, its actions turn by turn, agents as `env` knows.
+
+    Args:
+        types: of whole-number actions by agent, for a trace that doesn't name them.
+    """
+    known = {str(agent): agent for agent in getattr(env, "possible_agents", ())}
+    types, played = trace.action_types or types or {}, crossings(trace)
+    actions = tuple(
+        {known.get(name, name): _action(turn, name, types) for name in turn.order}
+        for turn in trace.turns
+        if turn.index < played
+    )
+    cut = [turn for turn in trace.turns if turn.index >= played]
+    return Play(
+        looks_last=any(_was_seen(turn, name, trace) for turn in cut for name in turn.received),
+        seed=trace.seed, stream=trace.episode, actions=actions, most_turns=max(len(actions), 1),
+        options=trace.options,
+    )  # fmt: skip
 
 
 def replay_trace(
