@@ -120,3 +120,26 @@ def test_exchangeable_tells_a_favoured_agent() -> None:
     assert exchangeable(fair) > 0.01
     assert exchangeable(unfair) <= 0.001
     assert exchangeable(np.zeros((12, 3, 2))) == 1.0
+
+
+def test_exchangeable_leaves_out_who_joined_later() -> None:
+    """A spare that had less time isn't held against its role; a favoured starter still is."""
+    rng = np.random.default_rng(1)
+    rows = rng.normal(size=(12, 4, 2))
+    rows[:, 3] -= 5.0
+    there = np.tile([True, True, True, False], (12, 1))
+    assert exchangeable(rows) <= 0.01
+    assert exchangeable(rows, there) > 0.01
+    rows[:, 0, 0] += 4.0
+    assert exchangeable(rows, there) <= 0.01
+
+
+def test_exchangeable_keeps_its_level() -> None:
+    """Agents that differ by chance alone are told apart in about one of a hundred trials."""
+    rng = np.random.default_rng(2)
+    alarms = 0
+    for trial in range(300):
+        rows = rng.standard_cauchy(size=(8, 3, 2))
+        there = rng.random((8, 3)) < 0.8
+        alarms += exchangeable(rows, there, seed=trial, rounds=199) <= 0.01
+    assert alarms <= 8  # binomial: 8 or more in 300 at 1 % has a chance below 0.02

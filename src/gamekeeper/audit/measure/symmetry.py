@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gamekeeper.core.stats import FloatArray
 from gamekeeper.core.trace import Trace
@@ -32,19 +33,35 @@ def fares(trace: Trace, agents: Sequence[str]) -> FloatArray:
     return rows
 
 
-def exchangeable(episodes: FloatArray, *, seed: int = 0, rounds: int = ROUNDS) -> float:
+def started(trace: Trace, agents: Sequence[str]) -> NDArray[np.bool_]:
+    """Whether each agent stood in the roster from the reset on, [agents]."""
+    first = next(trace.turns, None)
+    return np.array([first is not None and agent in first.live for agent in agents])
+
+
+def exchangeable(
+    episodes: FloatArray,
+    there: NDArray[np.bool_] | None = None,
+    *,
+    seed: int = 0,
+    rounds: int = ROUNDS,
+) -> float:
     """The p-value of agents being interchangeable: their rows permuted within each episode.
 
-    The statistic is the largest deviation of an agent's mean from that of all, over agents and
+    The statistic is the largest deviation of an agent's sum from that of all, over agents and
     features, each feature in units of its spread.
 
     Args:
         episodes: [episodes, agents, features].
+        there: [episodes, agents] whose rows count; None: all.
         seed: of the permutations.
         rounds: permutations.
     Source: Good 2005, "Permutation, Parametric and Bootstrap Tests of Hypotheses", ch. 6 (blocks).
     """
-    centred = episodes - episodes.mean(axis=1, keepdims=True)
+    there = np.ones(episodes.shape[:2], np.bool_) if there is None else there
+    count = np.maximum(there.sum(axis=1), 1)[:, None, None]
+    kept = np.where(there[:, :, None], episodes, 0.0)
+    centred = np.where(there[:, :, None], kept - kept.sum(axis=1, keepdims=True) / count, 0.0)
     spread = np.sqrt((centred**2).mean(axis=(0, 1)))
     centred = centred[:, :, spread > 1e-12] / spread[spread > 1e-12]
     if centred.shape[2] == 0:
@@ -52,17 +69,25 @@ def exchangeable(episodes: FloatArray, *, seed: int = 0, rounds: int = ROUNDS) -
     rng = np.random.default_rng([17, seed])
     seen = np.abs(centred.sum(axis=0)).max()
     blocks = np.arange(len(centred))[:, None]
+    first = np.argsort(~there, axis=1, kind="stable")  # those who count stand before the others
+    order = np.empty_like(first)
     hits = 0
     for _ in range(rounds):
-        order = rng.permuted(np.tile(np.arange(centred.shape[1]), (len(centred), 1)), axis=1)
+        keys = np.where(there, rng.random(there.shape), np.inf)
+        order[blocks, first] = np.argsort(keys, axis=1, kind="stable")
         hits += bool(np.abs(centred[blocks, order].sum(axis=0)).max() >= seen - 1e-12)
     return (1 + hits) / (rounds + 1)
 
 
 def p_by_role(traces: Sequence[Trace], roles: Mapping[str, Sequence[str]]) -> dict[str, float]:
-    """The p-value of each role with two agents at least, where enough episodes were played."""
+    """The p-value of each role, where enough episodes began with two of its agents at least.
+
+    Who joins later had less time than the others: only those count who were there from the start.
+    """
     found = {}
     for role, agents in roles.items():
-        if len(agents) > 1 and len(traces) >= FEWEST:
-            found[role] = exchangeable(np.array([fares(trace, agents) for trace in traces]))
+        there = np.array([started(trace, agents) for trace in traces]).reshape(-1, len(agents))
+        if (there.sum(axis=1) > 1).sum() >= FEWEST:
+            rows = np.array([fares(trace, agents) for trace in traces])
+            found[role] = exchangeable(rows, there)
     return found
