@@ -1,0 +1,124 @@
+"""`rule`: a scalar function that runs as plain Python, or compiled where Numba is installed.
+
+The very same function is both. Compiled, it is Numba's; `as_python` gives its plain twin, with
+every rule that it calls, for breakpoints and for comparison.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sys
+import types
+from collections.abc import Callable
+from functools import cache
+from typing import Any, Final
+
+import numpy as np
+
+OPTIONS: Final = {"error_model": "numpy", "fastmath": False, "nogil": True}
+"""As C divides, no reordering of sums (the bits would depend on the compiler), threads run free."""
+
+
+@cache
+def numba() -> Any:
+    """Numba, or None where it isn't installed, which is said once."""
+    try:
+        import numba as found
+    except ImportError:
+        sys.stderr.write(
+            "gamekeeper: kernels run as plain Python, some hundred times slower than compiled; "
+            "pip install 'gamekeeper[fast]' brings Numba\n"
+        )
+        return None
+    return found
+
+
+def rule(function: Callable[..., Any]) -> Any:
+    """Makes a rule of a function: compiled at its first call, or itself without Numba.
+
+    A rule works on numbers, on records and on arrays of fixed shape; it may call other rules, and
+    functions of `math`. What it takes from outside (constants, tables) is frozen when it compiles.
+    """
+    found = numba()
+    return function if found is None else found.njit(function, **OPTIONS)
+
+
+class Plain(np.ndarray[Any, Any]):
+    """An array whose elements come out as Python numbers, as wide as compiled arithmetic is.
+
+    A bare `np.int16` would overflow where 64 bits don't, a bare `np.bool_` refuses a minus.
+    """
+
+    def __getitem__(self, key: Any) -> Any:
+        value = super().__getitem__(key)
+        return value.item() if isinstance(value, np.generic) else value
+
+
+def as_python(function: Any, known: dict[Any, Any] | None = None) -> Any:
+    """The plain twin of a rule: the same code object, so that breakpoints by file and line work."""
+    known = {} if known is None else known
+    plain = getattr(function, "py_func", function)
+    if plain in known:
+        return known[plain]
+    names = dict(plain.__globals__)
+    cells = tuple(types.CellType() for _ in plain.__closure__ or ())
+    twin = types.FunctionType(
+        plain.__code__, names, plain.__name__, plain.__defaults__, cells or None
+    )
+    known[plain] = twin
+    for cell, old in zip(cells, plain.__closure__ or (), strict=True):
+        cell.cell_contents = _plain_value(old.cell_contents, known)
+    for name in plain.__code__.co_names:
+        if name in names:
+            names[name] = _plain_value(names[name], known)
+    return twin
+
+
+def _plain_value(value: Any, known: dict[Any, Any]) -> Any:
+    if hasattr(value, "py_func"):
+        return as_python(value, known)
+    if isinstance(value, types.ModuleType):
+        return _PlainModule(value, known)
+    return value.view(Plain) if type(value) is np.ndarray else value
+
+
+class _PlainModule:
+    """A module whose rules come out as their plain twins."""
+
+    def __init__(self, module: types.ModuleType, known: dict[Any, Any]) -> None:
+        self._module, self._known = module, known
+
+    def __getattr__(self, name: str) -> Any:
+        return _plain_value(getattr(self._module, name), self._known)
+
+
+def key_of(function: Any) -> str:
+    """What a rule compiles to hangs on this: its code, its constants, all that it calls.
+
+    Equal in every process, so that compiled code on disk is found again.
+    """
+    digest = hashlib.blake2b(digest_size=16)
+    _feed(digest, function, set())
+    return digest.hexdigest()
+
+
+def _feed(digest: Any, value: Any, seen: set[Any]) -> None:
+    plain = getattr(value, "py_func", value)
+    if isinstance(plain, types.FunctionType):
+        if plain in seen:
+            return
+        seen.add(plain)
+        code = plain.__code__
+        constants = [c for c in code.co_consts if not isinstance(c, types.CodeType)]
+        digest.update(code.co_code + repr((constants, code.co_names)).encode())
+        for cell in plain.__closure__ or ():
+            _feed(digest, cell.cell_contents, seen)
+        for name in code.co_names:
+            if name in plain.__globals__:
+                _feed(digest, plain.__globals__[name], seen)
+    elif isinstance(plain, types.ModuleType):
+        digest.update(plain.__name__.encode())  # whose source is of the same release as its name
+    elif isinstance(plain, np.ndarray):
+        digest.update(f"{plain.dtype} {plain.shape}".encode() + plain.tobytes())
+    elif isinstance(plain, int | float | str | bool | tuple | type(None)):
+        digest.update(repr(plain).encode())
