@@ -1,4 +1,4 @@
-"""A block of copies in one process: Parallel environments stepped one after the other.
+"""A block of copies in one process, stepped one after the other: what both APIs have in common.
 
 Slot i of N plays the episodes i, i + N, i + 2N ... of the run, each from its own seed, so that who
 steps which slots changes nothing.
@@ -10,12 +10,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, TypeAlias
 
-from gamekeeper.core.seeds import episode_seed
 from gamekeeper.game.door import AgentId, Game
 from gamekeeper.game.faces import game_of
 from gamekeeper.vector.arrays import Arrays
-from gamekeeper.vector.form import Form, Group, built, getter
+from gamekeeper.vector.form import Form, Group, built
 from gamekeeper.vector.rows import Batches, Recording, Shelf, SlotSink
+from gamekeeper.vector.seeding import EpisodeSeeds
 
 Autoreset: TypeAlias = Literal["same_step", "next_step"]
 AUTORESETS: Final = ("same_step", "next_step")
@@ -35,7 +35,7 @@ class Said:
 
 
 class Block:
-    """Copies of one environment that one process steps. Use `ParallelBlock` or `AECBlock`."""
+    """Copies of one environment that one process steps. Use `TickBlock` or `TurnBlock`."""
 
     def __init__(
         self,
@@ -63,13 +63,14 @@ class Block:
         """
         self.doors, self.form, self.autoreset = list(doors), form, autoreset
         self._arrays, self._wants_infos = arrays, wants_infos
-        self._first, self._slots, self._seed = first, slots, 0
+        self._first, self._slots, self._seeds = first, slots, EpisodeSeeds(0)
         self._episodes = [0] * len(self.doors)
         self._options: Any = None
         self._shelf: Shelf | None = None
         self._after_env = after_env or _nothing
-        self._column = {agent: place for place, agent in enumerate(form.agents)}
-        self._count = len(form.agents)
+        self._agents = form.agents
+        self._column = {agent: place for place, agent in enumerate(self._agents)}
+        self._count = len(self._agents)
         by_agent = form.api == "parallel"
         self._actions = [
             _reader(group, g, arrays, by_agent=by_agent) for g, group in enumerate(form.groups)
@@ -78,13 +79,14 @@ class Block:
 
     def reset(self, seed: int, options: Any = None) -> Said:
         """Begins a run: every slot plays its first episode."""
-        self._seed, self._options = seed, options
+        self._seeds, self._options = EpisodeSeeds(seed), options
         said = Said()
         for name in ("rewards", "terminated", "truncated", "over"):
             self._arrays[name][...] = 0
         for e in range(len(self.doors)):
             self._episodes[e] = self._first + e
             self._begin(e, said)
+        self._pour()
         return said
 
     def record(self, recording: Recording, out: Callable[[Batches], None]) -> None:
@@ -105,175 +107,25 @@ class Block:
         raise NotImplementedError
 
     def _begin(self, e: int, said: Said) -> None:
+        """Begins the copy's episode."""
         raise NotImplementedError
+
+    def _pour(self) -> None:
+        """Puts what was collected copy by copy into the arrays."""
 
     def _reset_door(self, e: int) -> Any:
         self._arrays["cursor"][0] = e
         if self._shelf is not None:
             self.doors[e].episode = self._episodes[e] - 1  # its reset begins the next one
-        seed = episode_seed(self._seed, self._episodes[e])
-        arguments: dict[str, Any] = {"seed": seed}
-        if self._options is not None:
-            arguments["options"] = self._options
-        return self.doors[e].reset(**arguments)
+        seed = self._seeds[self._episodes[e]]
+        if self._options is None:  # as who hands none over calls it
+            return self.doors[e].reset(seed=seed)
+        return self.doors[e].reset(seed=seed, options=self._options)
 
     def close(self) -> None:
         """Closes every copy."""
         for door in self.doors:
             door.close()
-
-
-class ParallelBlock(Block):
-    """Copies of a Parallel environment."""
-
-    def __init__(self, *arguments: Any, **options: Any) -> None:
-        """See `Block`."""
-        super().__init__(*arguments, **options)
-        self._put_obs = self._writers("obs")
-        self._put_final = self._writers("final")
-        self._mask_rows = self._masks_by_agent()
-        self._envs = [bare(door) for door in self.doors]
-        self._zeroed = [name for name in self._arrays if name.startswith(("obs.", "mask."))]
-
-    def _writers(self, kind: str) -> list[list[tuple[AgentId, Callable[[Any], None]]]]:
-        """For each slot, how an observation of each agent gets into its arrays."""
-        return [
-            [
-                (agent, _writer(group, self._arrays, kind, g, e, a))
-                for g, group in enumerate(self.form.groups)
-                for a, agent in enumerate(group.agents)
-            ]
-            for e in range(len(self.doors))
-        ]
-
-    def _masks_by_agent(self) -> list[list[tuple[AgentId, Any, Any]]]:
-        found: list[list[tuple[AgentId, Any, Any]]] = []
-        for e in range(len(self.doors)):
-            rows: list[tuple[AgentId, Any, Any]] = []
-            for g, group in enumerate(self.form.groups):
-                if group.flags:
-                    mask = self._arrays[f"mask.{g}"]
-                    rows += [
-                        (agent, self.form.masks[agent], mask[e, a])
-                        for a, agent in enumerate(group.agents)
-                    ]
-            found.append(rows)
-        return found
-
-    def _begin(self, e: int, said: Said) -> None:
-        observations, infos = self._reset_door(e)
-        self._clear(e)
-        self._give(e, observations, infos, self._put_obs[e], self._envs[e].agents)
-        if self._wants_infos:
-            said.infos[e] = infos
-
-    def step(self) -> Said:
-        """One tick of every copy; a copy that is over begins anew, when `autoreset` says so."""
-        said, arrays = Said(), self._arrays
-        rewards, over = arrays["rewards"], arrays["over"]
-        flags = arrays["terminated"], arrays["truncated"]
-        paid: list[float] = []
-        actions = self._tables()
-        fresh = over.tolist()
-        for flag in flags:
-            flag[...] = False
-        cursor, agents = arrays["cursor"], self.form.agents
-        for e, env in enumerate(self._envs):
-            cursor[0] = e
-            if fresh[e]:  # next_step: this step resets, and no action is taken
-                over[e] = False
-                self._episodes[e] += self._slots
-                self._begin(e, said)
-                paid.extend([0.0] * self._count)
-                continue
-            live = env.agents
-            row = actions[e]
-            if len(live) == self._count:
-                acted = dict(zip(agents, row, strict=True))
-            else:
-                acted = {agent: row[self._column[agent]] for agent in live}
-            out = self.doors[e].step(acted)
-            self._take(e, env, out, paid, said)
-            self._after_env()
-        rewards.flat[:] = paid
-        return said
-
-    def _take(self, e: int, env: Any, out: Any, paid: list[float], said: Said) -> None:
-        """Puts what a tick gave into the arrays; `out` is what the environment returned."""
-        observations, rewards, terms, truncs, infos = out
-        live = env.agents
-        ended = True in terms.values() or True in truncs.values()
-        if len(rewards) == self._count and not ended:
-            paid.extend([rewards[agent] for agent in self.form.agents])
-        else:
-            paid.extend([rewards.get(agent, 0.0) for agent in self.form.agents])
-        if ended:
-            self._note_ends(e, terms, truncs)
-        is_over = not live or (ended and all(terms.get(a) or truncs.get(a) for a in live))
-        if self._wants_infos:
-            said.infos[e] = infos
-        if is_over:
-            said.final[e] = dict(infos)
-            self._over(e, observations, infos, said)
-            return
-        if len(observations) != self._count or len(live) != self._count:
-            self._clear(e)
-        self._give(e, observations, infos, self._put_obs[e], live)
-
-    def _note_ends(self, e: int, terms: Any, truncs: Any) -> None:
-        column = self._column
-        for name, flags in (("terminated", terms), ("truncated", truncs)):
-            row = self._arrays[name][e]
-            for agent, flag in flags.items():
-                if flag:
-                    row[column[agent]] = True
-
-    def _over(self, e: int, observations: Any, infos: Any, said: Said) -> None:
-        """The episode is over: its last observations, and in `same_step` the next one's first."""
-        for g in range(len(self.form.groups)):
-            for i in range(len(self.form.groups[g].observed)):
-                self._arrays[f"final.{g}.{i}"][e] = 0
-        for agent, put in self._put_final[e]:
-            if agent in observations:
-                put(observations[agent])
-        self._arrays["over"][e] = self.autoreset == "next_step"
-        self._clear(e)
-        if self.autoreset == "same_step":
-            self._episodes[e] += self._slots
-            self._begin(e, said)
-        else:
-            self._give(e, observations, infos, self._put_obs[e], ())
-
-    def _clear(self, e: int) -> None:
-        for name in self._zeroed:
-            self._arrays[name][e] = 0
-
-    def _give(self, e: int, observations: Any, infos: Any, puts: Any, live: Any) -> None:
-        if len(observations) == self._count:
-            for agent, put in puts:
-                put(observations[agent])
-        else:
-            for agent, put in puts:
-                if agent in observations:
-                    put(observations[agent])
-        row = self._arrays["live"][e]
-        if len(live) == self._count:
-            row[...] = True
-        else:
-            row[...] = False
-            for agent in live:
-                row[self._column[agent]] = True
-        for agent, find, flags in self._mask_rows[e]:
-            mask = find(observations.get(agent), infos.get(agent))
-            if mask is not None:
-                put_mask(flags, mask)
-
-    def _tables(self) -> list[list[Any]]:
-        """The actions of each copy, agent by agent, as the spaces have them."""
-        parts = [read() for read in self._actions]
-        if len(parts) == 1:
-            return parts[0]
-        return [[action for part in row for action in part] for row in zip(*parts, strict=True)]
 
 
 def bare(door: Any) -> Any:
@@ -282,40 +134,13 @@ def bare(door: Any) -> Any:
 
 
 def put_mask(flags: Any, mask: Any) -> None:
-    """Puts a mask into its row; that of a MultiDiscrete space may come in parts."""
-    if isinstance(mask, tuple | list) and len(mask) and hasattr(mask[0], "__len__"):
+    """Puts a mask into its row: in parts for MultiDiscrete; None: all is legal."""
+    if mask is None:
+        flags[...] = 1
+    elif isinstance(mask, tuple | list) and len(mask) and hasattr(mask[0], "__len__"):
         flags[...] = [flag for part in mask for flag in part]
     else:
         flags[...] = mask
-
-
-def _writer(
-    group: Group, arrays: Arrays, kind: str, g: int, e: int, a: int
-) -> Callable[[Any], None]:
-    """How an observation gets into row `e`, `a` of its arrays."""
-    if len(group.observed) == 1 and not group.observed[0].path:
-        array = arrays[f"{kind}.{g}.0"]
-        if array.ndim == 2:
-
-            def put_scalar(observation: Any) -> None:
-                array[e, a] = observation
-
-            return put_scalar
-        view = array[e, a]
-
-        def put(observation: Any) -> None:
-            view[...] = observation
-
-        return put
-    parts = [
-        (getter(leaf.path), arrays[f"{kind}.{g}.{i}"]) for i, leaf in enumerate(group.observed)
-    ]
-
-    def put_parts(observation: Any) -> None:
-        for get, array in parts:
-            array[e, a] = get(observation)
-
-    return put_parts
 
 
 def _reader(group: Group, g: int, arrays: Arrays, *, by_agent: bool) -> Callable[[], list[Any]]:

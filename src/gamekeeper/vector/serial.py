@@ -8,15 +8,16 @@ from typing import Any
 from gamekeeper.errors import EnvError
 from gamekeeper.game.opening.construct import foreign_traceback, said_by
 from gamekeeper.vector.arrays import arrays_in, own_memory
-from gamekeeper.vector.block import Autoreset, Block, ParallelBlock, Said
+from gamekeeper.vector.block import Autoreset, Block, Said
 from gamekeeper.vector.form import Form
 from gamekeeper.vector.rows import Batches, Recording
-from gamekeeper.vector.turns import AECBlock
+from gamekeeper.vector.ticks import TickBlock
+from gamekeeper.vector.turns import TurnBlock
 
 
 def block_of(doors: Sequence[Any], arrays: Any, form: Form, **options: Any) -> Block:
     """The block for the form's API."""
-    kind = AECBlock if form.api == "aec" else ParallelBlock
+    kind = TurnBlock if form.api == "aec" else TickBlock
     return kind(doors, arrays, form, **options)
 
 

@@ -14,7 +14,7 @@ from gamekeeper.vector.block import Block, Said, bare, put_mask
 from gamekeeper.vector.form import getter
 
 
-class AECBlock(Block):
+class TurnBlock(Block):
     """Copies of an AEC environment."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
@@ -110,9 +110,7 @@ class AECBlock(Block):
             self._arrays[f"obs.{g}.{i}"][e] = get(observation)
         self._arrays["turn"][e] = column
         if self.form.groups[g].flags:
-            mask = self.form.masks[agent](observation, info)
-            if mask is not None:
-                put_mask(self._arrays[f"mask.{g}"][e], mask)
+            put_mask(self._arrays[f"mask.{g}"][e], self.form.masks[agent](observation, info))
         if self._wants_infos:
             said.infos[e] = {agent: info}
 
