@@ -61,9 +61,9 @@ def built(kernel: Kernel, *, is_plain: bool = False) -> Driver:
     ) -> None:
         for e in range(len(records)):
             over[e] = step_one(
-                records[e], row(actions, e), row(obs, e), row(masks, e), row(rewards, e), row(terms, e),
-                row(terminated, e), row(truncated, e), row(live, e), over[e], row(final, e),
-                run, high, slots, is_next,
+                records[e], row(actions, e), row(obs, e), row(masks, e), row(rewards, e),
+                row(terms, e), row(terminated, e), row(truncated, e), row(live, e), over[e],
+                row(final, e), run, high, slots, is_next,
             )  # fmt: skip
 
     if parts.is_plain:
@@ -90,40 +90,11 @@ class _Parts:
 
 def _one_copy(kernel: Kernel, parts: _Parts) -> tuple[Any, Any]:
     """What begins an episode of one copy, and what steps one."""
-    reset, rules_step, observe = (
-        parts.rule(each) for each in (kernel.reset, kernel.step, kernel.observe)
-    )
-    seed_of = parts.rule(episode_seed)
-    count, terms_count = len(kernel.agents), len(kernel.terms)
-    horizon = NO_HORIZON if kernel.horizon is None else kernel.horizon
-    has_mask = kernel.mask is not None
-    mask = parts.rule(kernel.mask) if has_mask else reset
-
-    def show(s: Any, obs: Any, masks: Any) -> None:
-        observe(s, obs)
-        if has_mask:
-            mask(s, masks)
-        for i in range(count):
-            if s.live[i] == 0:
-                obs[i] = 0
-                if has_mask:
-                    masks[i] = 0
-
-    shown = parts.made(show)
-
-    def begin_one(s: Any, obs: Any, masks: Any, live: Any, run: Any, high: Any) -> None:
-        s.seed = seed_of(run, high, s.number)
-        s.draws = 0
-        s.block = -1
-        s.time = 0
-        for i in range(count):
-            s.live[i] = 1
-        reset(s)
-        for i in range(count):
-            live[i] = s.live[i] != 0
-        shown(s, obs, masks)
-
-    begun_one = parts.made(begin_one)
+    shown, shown_last = _viewers(kernel, parts)
+    begun = _beginner(kernel, parts, shown)
+    rules_step, observe = parts.rule(kernel.step), parts.rule(kernel.observe)
+    cleared, settled = _books(kernel, parts)
+    count = len(kernel.agents)
 
     def step_one(
         s: Any,
@@ -142,47 +113,49 @@ def _one_copy(kernel: Kernel, parts: _Parts) -> tuple[Any, Any]:
         slots: Any,
         is_next: Any,
     ) -> Any:
-        for i in range(count):
-            rewards[i] = 0.0
-            terminated[i] = False
-            truncated[i] = False
-            for k in range(terms_count):
-                terms[i, k] = 0.0
+        cleared(rewards, terms, terminated, truncated)
         if over:  # next_step: this step resets, and no action is taken
             s.number += slots
-            begun_one(s, obs, masks, live, run, high)
+            begun(s, obs, masks, live, run, high)
             return False
         rules_step(s, actions, terms, terminated, truncated)
-        s.time += 1
-        left = 0
-        for i in range(count):
-            if s.live[i] != 0:
-                if s.time >= horizon and not terminated[i]:
-                    truncated[i] = True
-                if terminated[i] or truncated[i]:
-                    left += 0
-                else:
-                    left += 1
-            for k in range(terms_count):
-                rewards[i] += terms[i, k]
-        if left == 0:
+        is_over = settled(s, rewards, terms, terminated, truncated) == 0
+        if is_over:
             observe(s, final)
             for i in range(count):
                 if s.live[i] == 0:
                     final[i] = 0
             if not is_next:
                 s.number += slots
-                begun_one(s, obs, masks, live, run, high)
+                begun(s, obs, masks, live, run, high)
                 return False
         for i in range(count):
             if terminated[i] or truncated[i]:
                 s.live[i] = 0
             live[i] = s.live[i] != 0
         shown_last(s, obs, masks, terminated, truncated)
-        return left == 0
+        return is_over
+
+    return begun, parts.made(step_one)
+
+
+def _viewers(kernel: Kernel, parts: _Parts) -> tuple[Any, Any]:
+    """What shows the living their observations and masks; and, after a step, those who ended."""
+    observe, has_mask = parts.rule(kernel.observe), kernel.mask is not None
+    mask = parts.rule(kernel.mask) if has_mask else observe
+    count = len(kernel.agents)
+
+    def show(s: Any, obs: Any, masks: Any) -> None:
+        observe(s, obs)
+        if has_mask:
+            mask(s, masks)
+        for i in range(count):
+            if s.live[i] == 0:
+                obs[i] = 0
+                if has_mask:
+                    masks[i] = 0
 
     def show_last(s: Any, obs: Any, masks: Any, terminated: Any, truncated: Any) -> None:
-        """As `show`, but who ended in this step is still shown its last observation."""
         observe(s, obs)
         if has_mask:
             mask(s, masks)
@@ -193,8 +166,55 @@ def _one_copy(kernel: Kernel, parts: _Parts) -> tuple[Any, Any]:
                 if has_mask:
                     masks[i] = 0
 
-    shown_last = parts.made(show_last)
-    return begun_one, parts.made(step_one)
+    return parts.made(show), parts.made(show_last)
+
+
+def _beginner(kernel: Kernel, parts: _Parts, shown: Any) -> Any:
+    """What begins the episode whose number stands in the copy's state."""
+    reset, seed_of, count = parts.rule(kernel.reset), parts.rule(episode_seed), len(kernel.agents)
+
+    def begin_one(s: Any, obs: Any, masks: Any, live: Any, run: Any, high: Any) -> None:
+        s.seed = seed_of(run, high, s.number)
+        s.draws = 0
+        s.block = -1
+        s.time = 0
+        for i in range(count):
+            s.live[i] = 1
+        reset(s)
+        for i in range(count):
+            live[i] = s.live[i] != 0
+        shown(s, obs, masks)
+
+    return parts.made(begin_one)
+
+
+def _books(kernel: Kernel, parts: _Parts) -> tuple[Any, Any]:
+    """What clears a step's books, and what closes them: horizon, sums, how many live on."""
+    count, terms_count = len(kernel.agents), len(kernel.terms)
+    horizon = NO_HORIZON if kernel.horizon is None else kernel.horizon
+
+    def clear(rewards: Any, terms: Any, terminated: Any, truncated: Any) -> None:
+        for i in range(count):
+            rewards[i] = 0.0
+            terminated[i] = False
+            truncated[i] = False
+            for k in range(terms_count):
+                terms[i, k] = 0.0
+
+    def settle(s: Any, rewards: Any, terms: Any, terminated: Any, truncated: Any) -> Any:
+        s.time += 1
+        left = 0
+        for i in range(count):
+            if s.live[i] != 0:
+                if s.time >= horizon and not terminated[i]:
+                    truncated[i] = True
+                if not (terminated[i] or truncated[i]):
+                    left += 1
+            for k in range(terms_count):
+                rewards[i] += terms[i, k]
+        return left
+
+    return parts.made(clear), parts.made(settle)
 
 
 def _plain_driver(begin_one: Any, step_one: Any) -> Driver:

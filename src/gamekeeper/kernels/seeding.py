@@ -38,10 +38,7 @@ def episode_seed(run, high, episode):  # type: ignore[no-untyped-def]  # as abov
     """
     # the entropy, padded to the pool, then the spawn key (0, episode)
     words = (run, high, 0, 0, 0, episode)
-    pool0 = 0
-    pool1 = 0
-    pool2 = 0
-    pool3 = 0
+    pool0 = pool1 = pool2 = pool3 = 0
     hashed = INIT_A
     for i in range(POOL):
         value = words[i] ^ hashed
