@@ -97,6 +97,7 @@ def program(
     *lines: str,
     tells: frozenset[str] = frozenset({"infos"}),
     imports: tuple[str, ...] = (),
+    reset: str = "env.reset(seed=seed)",
 ) -> Proof:
     """A program whose `play(env, seed=SEED, between=...)` tells all that was seen, as text.
 
@@ -106,8 +107,9 @@ def program(
         lines: what is done with it.
         tells: `infos` (not where some of them may differ), `state`.
         imports: modules that the lines need.
+        reset: how each play begins; without an argument it is another one than with None.
     """
-    course = _parallel(tells) if api == "parallel" else _aec(tells)
+    course = _parallel(reset, tells) if api == "parallel" else _aec(reset, tells)
     told = [
         'np.set_printoptions(threshold=10**9, floatmode="unique")',
         "def play(env, seed=SEED, between=lambda: None):",
@@ -122,26 +124,26 @@ def program(
     return Proof("\n".join([*told, *lines]), plays=False, imports=imports)
 
 
-def _parallel(tells: frozenset[str]) -> list[str]:
+def _parallel(reset: str, tells: frozenset[str]) -> list[str]:
     cuts = ("", "") if "infos" in tells else ("[:1]", "[:4]")
     state = ", env.state()" if "state" in tells else ""
     return [
         "    between()",
-        f"    seen.append((env.reset(seed=seed){cuts[0]}{state}))",
+        f"    seen.append(({reset}{cuts[0]}{state}))",
         "    for actions in ACTIONS:",
         "        between()",
         f"        seen.append((env.step(actions){cuts[1]}{state}))",
     ]
 
 
-def _aec(tells: frozenset[str]) -> list[str]:
+def _aec(reset: str, tells: frozenset[str]) -> list[str]:
     last = "env.last()" if "infos" in tells else "env.last()[:4]"
     look = f"env.agents and (env.agent_selection, {last}), dict(env.rewards)"
     if "state" in tells:
         look += ", env.state()"
     return [
         "    between()",
-        "    env.reset(seed=seed)",
+        f"    {reset}",
         f"    seen.append(({look}))",
         "    for action in ACTIONS:",
         "        between()",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 from gamekeeper.audit.lab import Lab, Saw
 from gamekeeper.core.divergence import compare
@@ -43,22 +43,55 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
     is_refused = one.failed is not None and one.failed.call == "reset"
     if one.failed is not None and is_refused:
         yield lab.fact("refused", f"{one.failed.kind}: {one.failed.text}")
-    if is_refused or compare(one.trace, two.trace, volatile=volatile).divergence is not None:
+    if is_refused or _parts(lab, one, two):
         plain, again = _twice(lab, replace(play, seed=PLAIN, actions=None))
-        is_same = compare(plain.trace, again.trace, volatile=volatile).divergence is None
+        is_same = not _parts(lab, plain, again)
         raises = plain.failed is not None and plain.failed.call == "reset"
         yield lab.fact("plain", is_same and not raises)
 
 
 def _twice(lab: Lab, play: Play) -> tuple[Played, Played]:
-    """The play, and another one of it that differs, where one does."""
-    with held():
-        one = lab.play(play, lab.env())
-    with held():
-        env = lab.env()
+    """The play, and another one of it that differs because of its seed, where one does.
+
+    What differs only in a used instance is the seed's doing where plays without a seed go the same
+    way; else it is what the last play left.
+    """
+    one = _fresh(lab, play)[0]
+    paper = replace(play, actions=one.play.actions)
+    again, env = _fresh(lab, paper)
+    used = [again]
+    while len(used) < AGAIN and not _parts(lab, one, used[-1]):
+        used.append(_played(lab, paper, env))
+    if len(used) == 1 or not _parts(lab, one, used[-1]):
+        return one, used[-1]
+    if not _parts(lab, used[-1], _unseeded(lab, paper, len(used))):
+        return one, used[-1]
     for _ in range(AGAIN):
-        with held():
-            again = lab.play(replace(play, actions=one.play.actions), env)
-        if compare(one.trace, again.trace, volatile=lab.contract.volatile_infos()).divergence:
+        again = _fresh(lab, paper)[0]
+        if _parts(lab, one, again):
             break
     return one, again
+
+
+def _unseeded(lab: Lab, paper: Play, count: int) -> Played:
+    """The last of so many plays in one instance, of which only the first has its seed."""
+    played, env = _fresh(lab, paper)
+    for _ in range(count - 1):
+        played = _played(lab, replace(paper, seed=None), env)
+    return played
+
+
+def _fresh(lab: Lab, play: Play) -> tuple[Played, Any]:
+    with held():
+        env = lab.env()
+    return _played(lab, play, env), env
+
+
+def _played(lab: Lab, play: Play, env: Any) -> Played:
+    with held():
+        return lab.play(play, env)
+
+
+def _parts(lab: Lab, one: Played, two: Played) -> bool:
+    volatile = lab.contract.volatile_infos()
+    return compare(one.trace, two.trace, volatile=volatile).divergence is not None
