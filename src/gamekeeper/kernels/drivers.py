@@ -25,8 +25,8 @@ class Driver:
     begin: Any
     """begin(records, obs, masks, live, run, high, first): every copy starts its first episode."""
     step: Any
-    """step(records, actions, obs, masks, rewards, terms, terminated, truncated, live, over, final, run,
-    high, slots, is_next): one step of every copy."""
+    """step(records, actions, obs, masks, rewards, terms, terminated, truncated, live, over, final,
+    run, high, slots, is_next): one step of every copy."""
 
 
 def built(kernel: Kernel, *, is_plain: bool = False) -> Driver:
