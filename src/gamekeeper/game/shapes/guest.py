@@ -161,8 +161,8 @@ class Guest(ParallelEnv[Any, Any, Any]):
         return observations, rewards, terminated, truncated, infos
 
     def render(self) -> Any:
-        """What the guest draws."""
-        return self.guest.render()
+        """What the guest draws, in the mode that it was built with; many open a window without."""
+        return None if self.render_mode is None else self.guest.render()
 
     def close(self) -> None:
         """Closes the guest."""
