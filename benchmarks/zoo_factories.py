@@ -50,3 +50,33 @@ def football() -> Any:
     from frondori_football import FootballEnv
 
     return FootballEnv()
+
+
+def pymapf_parallel(agents: int = 3, width: int = 6, height: int = 6) -> Any:
+    """Path finding by PyMAPF: obstacles drawn at random, through its PettingZoo face."""
+    from pymapf.rl import MAPFEnv
+
+    return MAPFEnv("random_obstacles", n_agents=agents, width=width, height=height).to_pettingzoo()
+
+
+def mosaic_soccer(render_mode: str | None = None) -> Any:
+    """Soccer of two against two by Mosaic's grids, through its Parallel face."""
+    from mosaic_multigrid.envs import SoccerGame4HIndAgObsEnv16x11N2
+    from mosaic_multigrid.pettingzoo import to_pettingzoo_env
+
+    return to_pettingzoo_env(SoccerGame4HIndAgObsEnv16x11N2)(render_mode=render_mode)
+
+
+def mosaic_soccer_aec(render_mode: str | None = None) -> Any:
+    """The same through its AEC face."""
+    from mosaic_multigrid.envs import SoccerGame4HIndAgObsEnv16x11N2
+    from mosaic_multigrid.pettingzoo import to_pettingzoo_aec_env
+
+    return to_pettingzoo_aec_env(SoccerGame4HIndAgObsEnv16x11N2)(render_mode=render_mode)
+
+
+def sustainable_foraging(render_mode: str | None = None) -> Any:
+    """Foraging of two that have to leave something, by turns."""
+    from sustainable_foraging.foraging.aecEnvironment import ForagingEnv
+
+    return ForagingEnv(2, (6, 6), 3, 6, 50, render_mode=render_mode)
