@@ -16,7 +16,7 @@ from gamekeeper.core.arrow import cells_of, value_columns
 from gamekeeper.core.block import Raw
 from gamekeeper.core.canon import drop, from_json, to_json
 from gamekeeper.core.difference import difference, shown_pair
-from gamekeeper.core.trace import Trace, Turn, digests_of
+from gamekeeper.core.trace import Trace, Turn
 
 # of an episode whose recorder was killed nothing is known after its last whole turn
 ENDS_OPEN: Final = ("torn", "failed")
@@ -166,7 +166,7 @@ def _by_turn(trace: Trace, volatile: Collection[str]) -> dict[int, list[Any]]:
     found: dict[int, list[Any]] = {}
     columns = (
         trace.steps["turn"].to_pylist(),
-        digests_of(trace.steps),
+        trace.digests,
         trace.steps["info"].to_pylist(),
     )
     for turn, digest, info in zip(*columns, strict=True):

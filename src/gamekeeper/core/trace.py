@@ -106,7 +106,7 @@ class Turn:
     @cached_property
     def digests(self) -> tuple[bytes, ...]:
         """The digest of each row, as stored or computed from the row."""
-        digests = self._trace._cached("digests", lambda: digests_of(self._trace.steps))
+        digests = self._trace.digests
         return tuple(digests[row].tobytes() for row in self._rows)
 
     @property
@@ -181,6 +181,11 @@ class Trace:
     def __len__(self) -> int:
         turns = self._list("turn")
         return turns[-1] + 1 if turns else 0
+
+    @property
+    def digests(self) -> Any:
+        """The digest of each row, [rows, 16], as stored or computed from the row, once."""
+        return self._cached("digests", lambda: digests_of(self.steps))
 
     @property
     def turns(self) -> Iterator[Turn]:
