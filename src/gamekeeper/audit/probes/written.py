@@ -213,7 +213,8 @@ def _proof(api: str, kind: str) -> Proof:
     lines = f"overwrite({out}[0])" if kind == "observations" else f"overwrite({out}[-1])"
     first = OVERWRITE
     if kind == "masks":
-        lines = f"for part in ({out}[0], {out}[-1]):\n    overwrite_masks(part)"
+        # asked for once: a look after the writing may mend it
+        lines = f"given = {out}\nfor part in (given[0], given[-1]):\n    overwrite_masks(part)"
         first += OVERWRITE_MASKS
     idle = "pass" if api == "parallel" else out
     return story_proof(api, lines, idle=idle, first=first + "\n", infos=kind == "observations")
