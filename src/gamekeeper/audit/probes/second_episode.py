@@ -20,13 +20,14 @@ APART: Final = 1000
 
 def plays(lab: Lab) -> Iterator[Play]:
     """Long ones, so that whole episodes go before."""
-    return lab.plays(2, runs=5)
+    return lab.plays(2, runs=6)
 
 
 def look(lab: Lab, play: Play) -> Iterator[Saw]:
-    """Twins: after the same episode, and after one of another seed that is cut in its middle.
+    """Twins: after the same episode, after one of another seed that is cut in its middle, and after
+    a reset with the same seed and no step.
 
-    The second comes only where the first told nothing. Facts, beside a twin that parts:
+    Each comes only where those before it told nothing. Facts, beside a twin that parts:
         `before`: the seed and the actions of the episode that went before; None: the same one.
         `later seeds`: whether seeds make a difference [in a fresh instance, in a used one].
     """
@@ -34,7 +35,7 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
     with held():
         base = lab.play(play, lab.env())
     change = {"change": "an episode before"}
-    for before in (base.play, _cut(lab, base)):
+    for before in (base.play, _cut(lab, base), replace(base.play, actions=(), most_turns=0)):
         after = _after(lab, before, base.play)
         if compare(base.trace, after.trace, volatile=volatile).divergence is None:
             yield Twin(base.trace, base.trace, after.trace, change, volatile)
