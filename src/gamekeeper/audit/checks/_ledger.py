@@ -12,6 +12,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, TypeAlias
 
+from gamekeeper.audit.checks._endings import ended_in
 from gamekeeper.core.gathered import Gathered
 from gamekeeper.core.proof import Proof
 from gamekeeper.core.trace import Trace, Turn
@@ -106,7 +107,7 @@ def _all_told(evidence: Gathered) -> Iterator[Told]:
 
 def is_dead_step(turn: Turn) -> bool:
     """Whether the turn is the None turn of an agent that had ended."""
-    return bool(turn.order) and turn.order[0] in turn.ended
+    return bool(turn.order) and turn.order[0] in ended_in(turn)
 
 
 @dataclass(slots=True)

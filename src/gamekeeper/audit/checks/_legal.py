@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from gamekeeper.audit.checks._endings import ended_in
 from gamekeeper.audit.checks._masks import is_legal, mask_of
 from gamekeeper.audit.checks._observations import spaces_of
 from gamekeeper.core.contract import Contract
@@ -40,7 +41,8 @@ def legal_turns(contract: Contract, evidence: Gathered) -> Iterator[Taken]:
         raised = _raised(look)
         for trace in look.traces:
             for turn in trace.turns:
-                acting = [agent for agent in turn.order if agent not in turn.ended]
+                ended = ended_in(turn)
+                acting = [agent for agent in turn.order if agent not in ended]
                 if not acting:
                     continue
                 masks = {agent: mask_of(contract, turn, agent) for agent in acting}

@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 from gymnasium import spaces
 
+from gamekeeper.audit.checks._endings import ended_in
 from gamekeeper.audit.checks._observations import spaces_of
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.gathered import Gathered
@@ -42,10 +43,11 @@ class Masked:
 
 def movers(api: str, turn: Turn) -> list[str]:
     """The live agents that are to move at this turn, whether or not they did."""
+    ended = ended_in(turn)
     if api == "parallel":
-        return [agent for agent in turn.agents if agent in turn.live and agent not in turn.ended]
+        return [agent for agent in turn.agents if agent in turn.live - ended]
     acted = turn.order or tuple(turn.observations)  # at the last turn of a play it only looked
-    return [agent for agent in acted if agent not in turn.ended]
+    return [agent for agent in acted if agent not in ended]
 
 
 def places(contract: Contract, agent: str) -> tuple[tuple[str, Reader], ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from gamekeeper.audit.checks._endings import ended_in
 from gamekeeper.core.gathered import Gathered
 from gamekeeper.core.trace import Trace
 
@@ -58,5 +59,6 @@ def _crossings(trace: Trace, agents: Sequence[Sequence[str]]) -> Iterator[Crossi
         before, after = agents[turn.index], agents[turn.index + 1]
         actor = turn.order[0]
         # an agent that is back under its name begins anew
-        ended = (ended | turn.ended) & frozenset(before)
-        yield Crossing(trace, turn.index, actor, actor in turn.ended, before, after, ended)
+        flagged = ended_in(turn)
+        ended = (ended | flagged) & frozenset(before)
+        yield Crossing(trace, turn.index, actor, actor in flagged, before, after, ended)

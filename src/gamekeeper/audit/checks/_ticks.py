@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
+from gamekeeper.audit.checks._endings import ended_in
 from gamekeeper.core.trace import Trace, Turn
 
 
@@ -18,7 +19,8 @@ def ticks_before(trace: Trace, api: str) -> Iterator[tuple[Turn, int]]:
     most = 0
     for turn in trace.turns:
         yield turn, turn.index if api == "parallel" else most
+        ended = ended_in(turn)
         for agent in turn.order:
-            if agent not in turn.ended:
+            if agent not in ended:
                 acted[agent] += 1
                 most = max(most, acted[agent])
