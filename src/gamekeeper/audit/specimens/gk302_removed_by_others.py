@@ -7,6 +7,8 @@ from typing import Any
 from gamekeeper.audit.specimens._traders import Traders
 
 BREAKS = ("GK302",)
+ALSO = ("GK501",)
+"""Its flag is never seen up."""
 
 
 class RemovedByOthers(Traders):
