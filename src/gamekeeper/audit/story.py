@@ -23,7 +23,7 @@ def story(meddle):
         out = env.step(copy.deepcopy(actions))
         told.append(copy.deepcopy(out))
         meddle(env, out)
-    return told
+{next}    return told
 '''
 _AEC = '''\
 def story(meddle):
@@ -39,8 +39,13 @@ def story(meddle):
             meddle(env, None)
             env.step(copy.deepcopy(action))
             told.append(dict(env.rewards))
-    return told
+{next}    return told
 '''
+_NEXT = {
+    "parallel": "    told.append(copy.deepcopy(env.reset()))\n",
+    "aec": "    env.reset()\n"
+    "    told.append((env.agent_selection, copy.deepcopy(env.last()[0])))\n",
+}
 OVERWRITE = """\
 def overwrite(value):
     if isinstance(value, np.ndarray) and value.flags.writeable:
@@ -68,6 +73,7 @@ def story_proof(
     first: str = "",
     infos: bool = True,
     early: bool = False,
+    is_next: bool = False,
 ) -> Proof:
     """Raises while the same actions go another way once `meddling` stands between the steps.
 
@@ -78,11 +84,13 @@ def story_proof(
         first: lines before all others.
         infos: in an AEC environment, whether infos are compared too.
         early: in an AEC environment, meddle before `last()` too, not only before `step`.
+        is_next: what the next reset gives, without a seed, is compared too.
     """
     told = _PARALLEL
     if api == "aec":
         before = "        meddle(env, None)\n" if early else ""
         told = _AEC.replace("{part}", "" if infos else "[:4]").replace("{early}", before)
+    told = told.replace("{next}", _NEXT[api] if is_next else "")
     lines = (
         f"{first}{told}\n"
         f"def meddle(env, out):\n{_indented(meddling)}\n"

@@ -38,6 +38,13 @@ def extra(evidence: Gathered, kind: str) -> Iterator[Occasion]:
             continue  # who samples asks for the space first
         if parting is None:
             yield Occasion(twin.base.at(None, None, kind), True)
+        elif "next" in twin.change:
+            yield Occasion(
+                twin.base.at(twin.change["next"], None, kind), False,
+                "the next reset goes on drawing as if nobody had called",
+                f"after a reset without a seed {parting_words(parting)}",
+                proof=_proof(evidence.api, kind, is_next=True),
+            )  # fmt: skip
         else:
             yield Occasion(
                 twin.base.at(crossings_of(parting), None, kind), False,
@@ -63,5 +70,5 @@ def not_offered(kind: str) -> Callable[[Contract, Gathered], str | None]:
     return against
 
 
-def _proof(api: str, kind: str) -> Proof:
-    return story_proof(api, MEDDLING[kind], early=True)
+def _proof(api: str, kind: str, *, is_next: bool = False) -> Proof:
+    return story_proof(api, MEDDLING[kind], early=True, is_next=is_next)

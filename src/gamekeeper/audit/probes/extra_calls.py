@@ -7,17 +7,20 @@ from collections.abc import Iterator
 from typing import Any, Final
 
 from gamekeeper.audit.lab import Lab, Saw
+from gamekeeper.core.gathered import Twin
+from gamekeeper.core.trace import Trace
+from gamekeeper.run.change import Change
 from gamekeeper.run.changes.extra_calls import CALLS, ExtraCalls
-from gamekeeper.run.episode import Play
+from gamekeeper.run.episode import Play, Played
 from gamekeeper.run.handed import is_same, snapshot
 
-SHARE: Final = 0.8
+SHARE: Final = 1.0
 ONLY_AEC: Final = ("observe", "last")
 
 
 def plays(lab: Lab) -> Iterator[Play]:
-    """Two plays, each as it is, with a sham, and with the calls."""
-    return lab.plays(2, runs=4, most_turns=200)
+    """Two plays, each as it is, with a sham, and with the calls; all of that once more."""
+    return lab.plays(2, runs=7, most_turns=200)
 
 
 def look(lab: Lab, play: Play) -> Iterator[Saw]:
@@ -26,7 +29,9 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
     Where the play goes another way, each kind is tried alone to tell which it was.
 
     Twins:
-        with the change `ExtraCalls`: all kinds that the environment offers, or one of them.
+        with the change `ExtraCalls`: all kinds that the environment offers, or one of them; and the
+            same with `next` in the change: what the next reset in that instance, without a seed,
+            came to. A draw is seen there that the rest of the play doesn't show.
     Facts:
         `offered`: the kinds of calls that were made, a list.
         `twice`: (AEC) `last()` was called twice at each turn: `looks`, and `told`: None, or reward
@@ -48,6 +53,29 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
     if twin.divergence is not None:
         for kind in kinds:
             yield lab.twin(base, sham, ExtraCalls((kind,)), state=False)
+        return
+    beside = _next(lab, base, None), _next(lab, base, None)
+    after = _next_twin(lab, base, beside, kinds)
+    if after.noise is not None:  # resets without a seed differ by themselves
+        return
+    yield after
+    if after.divergence is not None:
+        for kind in kinds:
+            yield _next_twin(lab, base, beside, (kind,))
+
+
+def _next(lab: Lab, base: Played, change: Change | None) -> Trace:
+    """What a reset without a seed comes to, in an instance in which the play was played."""
+    env = lab.env()
+    lab.play(base.play, env, change=change, state=False)
+    return lab.play(Play(seed=None, actions=()), env, state=False).trace
+
+
+def _next_twin(lab: Lab, base: Played, beside: tuple[Trace, Trace], kinds: tuple[str, ...]) -> Twin:
+    change = ExtraCalls(kinds)
+    about = {**change.to_json(), "next": len(base.play.actions or ())}
+    volatile = tuple(lab.contract.volatile_infos())
+    return Twin(*beside, _next(lab, base, change), about, volatile)
 
 
 def _asked_twice(lab: Lab, play: Play) -> Saw:
