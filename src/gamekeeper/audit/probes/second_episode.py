@@ -50,7 +50,8 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
 
 
 def _cut(lab: Lab, base: Played) -> Play:
-    turns = len(base.play.actions or ()) // 2 + 1
+    # an odd number of turns in one look, an even one in the other: somebody else may be in turn
+    turns = len(base.play.actions or ()) // 4 * 2 + 1 + lab.number % 2
     seed = (base.play.seed or 0) + APART
     return Play(seed=seed, stream=base.play.stream + APART, most_turns=turns)
 
