@@ -19,8 +19,10 @@ PROOF: Final = """\
 env = make()
 env.reset(seed=SEED)
 costs = []
+def turn(action):
+    {look}env.step(action)
 for action in ACTIONS:
-    {look}costs.append(work(env.step, action))
+    costs.append(work(turn, action))
 part = len(costs) // 8
 first, last = sum(costs[:part]) / part, sum(costs[-part:]) / part
 assert last[{column}] < 2 * first[{column}], ('lines and bytes a step, first and last', first, last)
@@ -38,12 +40,12 @@ assert last[{column}] < 2 * first[{column}], ('lines and bytes a step, first and
 def steps_cost_the_same_all_along(contract: Contract, evidence: Gathered) -> Iterator[Occasion]:
     """The cost of a step doesn't grow with the length of the episode.
 
-    A step that goes through the whole history makes an episode's cost quadratic. Counted are lines
-    of Python and bytes, not seconds, so the verdict is the same on every run; work inside compiled
-    code that takes no memory isn't seen. The play is cut into eight stretches of equal length; the
-    cost counts as growing where it rises from each to the next but one, to twice the first and by
-    a hundred lines or 4 kB; where two plays were looked at, in both. Growth that agents who joined
-    explain isn't counted.
+    A step, or an observation, that goes through the whole history makes an episode's cost
+    quadratic. Counted are lines of Python and bytes, not seconds, so the verdict is the same on
+    every run; work inside compiled code that takes no memory isn't seen. The play is cut into eight
+    stretches of equal length; the cost counts as growing where it rises from each to the next but
+    one, to twice the first and by a hundred lines or 4 kB; where two plays were looked at, in both.
+    Growth that agents who joined explain isn't counted.
 
     Bad:
         self.history.append(self.cells.copy())

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import tracemalloc
 from collections.abc import Iterator
-from typing import Final
+from typing import Any, Final
 
-from gamekeeper.audit.lab import RESET_STEPS, Lab, Saw
+from gamekeeper.audit.lab import RESET_STEPS, Called, Lab, Saw
 from gamekeeper.audit.probes._moves import affordable
 from gamekeeper.audit.probes._work import traced_memory, work_of
 from gamekeeper.run.episode import Play
@@ -54,12 +54,17 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
                 break
             lab.meter.count()
             given = actions if lab.api == "parallel" else next(iter(actions.values()), None)
-            if lab.api == "aec":
-                lab.call("last", env.last)
             size = tracemalloc.get_traced_memory()[0]
-            called, work = work_of(lambda given=given: lab.call("step", env.step, given))  # type: ignore[misc]  # bound in this turn
+            called, work = work_of(lambda given=given: _turn(lab, env, given))  # type: ignore[misc]  # bound in this turn
             if called.failed is not None:
                 break
             turns.append((live, work.lines, work.passing_bytes, size))
             del called
     yield lab.fact("work", dict(zip(NAMES, zip(*turns, strict=True), strict=False)), field="step")
+
+
+def _turn(lab: Lab, env: Any, given: Any) -> Called:
+    """A step; what it shows is worked out by it, or in an AEC environment by `last()`."""
+    if lab.api == "aec":
+        lab.call("last", env.last)
+    return lab.call("step", env.step, given)
