@@ -22,8 +22,9 @@ def stateless(contract: Contract, evidence: Gathered) -> str | None:
 
 def space_of(evidence: Gathered, play: int) -> Mapping[str, Any]:
     """What the space says: `space`, `shape`, `dtype`."""
-    facts = (fact for fact in evidence.facts("state", "state") if fact.where.play == play)
-    return next((fact.value for fact in facts), {"space": None, "shape": None, "dtype": None})
+    facts = list(evidence.facts("state", "state"))
+    own = [fact for fact in facts if fact.where.play == play] or facts
+    return own[0].value if own else {"space": None, "shape": None, "dtype": None}
 
 
 def answers(evidence: Gathered) -> Iterator[tuple[Fact, Mapping[str, Any]]]:
@@ -31,6 +32,15 @@ def answers(evidence: Gathered) -> Iterator[tuple[Fact, Mapping[str, Any]]]:
     for fact in evidence.facts("state", "states"):
         for answer in fact.value["answers"]:
             yield fact, answer
+
+
+def forms(evidence: Gathered) -> Iterator[tuple[Fact, Mapping[str, Any]]]:
+    """Every answer, and of rollouts, which are longer, the first one of each form."""
+    yield from answers(evidence)
+    if any(fact.value["is_there"] for fact in evidence.facts("state", "state")):
+        for fact in evidence.facts("rollout", "states"):
+            for answer in fact.value["answers"]:
+                yield fact, answer
 
 
 def at(fact: Fact, answer: Mapping[str, Any], field: str = "state") -> Where:

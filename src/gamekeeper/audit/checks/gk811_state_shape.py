@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from gamekeeper.audit.check import MEDIUM, Occasion, check
-from gamekeeper.audit.checks._states import answers, at, space_of, stateless
+from gamekeeper.audit.checks._states import at, forms, space_of, stateless
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.gathered import Gathered
 
@@ -22,7 +22,7 @@ KEPT = (
 
 @check(
     "GK811",
-    needs=("state",),
+    needs=("state", "rollout"),
     severity=MEDIUM,
     mend="make state() of one shape, whoever is still alive, and declare it in state_space",
     applies=stateless,
@@ -38,15 +38,16 @@ def states_have_their_shape(contract: Contract, evidence: Gathered) -> Iterator[
     Good:
         return np.concatenate([self.row(agent) for agent in self.possible_agents])
     """
-    firsts: dict[int, list[int]] = {}
-    for fact, answer in answers(evidence):
+    firsts: dict[tuple[str, int], list[int]] = {}
+    for fact, answer in forms(evidence):
+        play = fact.where.probe, fact.where.play
         if answer["failed"] is not None:
             continue
         shape, declared = answer["shape"], space_of(evidence, fact.where.play)
         if declared["shape"] is not None:
             expected, proof = list(declared["shape"]), SPACE
         elif declared["space"] is None and shape is not None:
-            expected, proof = firsts.setdefault(fact.where.play, shape), KEPT
+            expected, proof = firsts.setdefault(play, shape), KEPT
         else:
             continue
         seen = f"a {answer['kind']}" if shape is None else shape

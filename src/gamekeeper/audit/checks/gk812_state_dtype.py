@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from gamekeeper.audit.check import MEDIUM, Occasion, check
-from gamekeeper.audit.checks._states import answers, at, space_of, stateless
+from gamekeeper.audit.checks._states import at, forms, space_of, stateless
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.gathered import Gathered
 
@@ -21,7 +21,7 @@ KEPT = (
 
 @check(
     "GK812",
-    needs=("state",),
+    needs=("state", "rollout"),
     severity=MEDIUM,
     mend="state().astype(self.state_space.dtype)",
     applies=stateless,
@@ -37,14 +37,15 @@ def states_have_their_dtype(contract: Contract, evidence: Gathered) -> Iterator[
     Good:
         return np.concatenate(rows, dtype=np.float32)     # as state_space says
     """
-    firsts: dict[int, object] = {}
-    for fact, answer in answers(evidence):
+    firsts: dict[tuple[str, int], object] = {}
+    for fact, answer in forms(evidence):
+        play = fact.where.probe, fact.where.play
         dtype, declared = answer["dtype"], space_of(evidence, fact.where.play)
         if answer["failed"] is not None or dtype is None:
             continue
         is_declared = declared["dtype"] is not None
         if declared["space"] is not None and not is_declared:
             continue
-        expected = declared["dtype"] if is_declared else firsts.setdefault(fact.where.play, dtype)
+        expected = declared["dtype"] if is_declared else firsts.setdefault(play, dtype)
         proof = SPACE if is_declared else KEPT
         yield Occasion(at(fact, answer, "state.dtype"), dtype == expected, expected, dtype, proof)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from gamekeeper.audit.check import MEDIUM, Occasion, check
-from gamekeeper.audit.checks._states import answers, at, space_of, stateless
+from gamekeeper.audit.checks._states import at, forms, space_of, stateless
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.gathered import Gathered
 
@@ -15,7 +15,7 @@ NUMBER = "state = env.state()\nassert not np.isnan(state).any(), state"
 
 @check(
     "GK813",
-    needs=("state",),
+    needs=("state", "rollout"),
     severity=MEDIUM,
     mend="scale state(), or widen state_space to what it can be; keep NaN out of both",
     applies=stateless,
@@ -32,7 +32,7 @@ def states_are_within_bounds(contract: Contract, evidence: Gathered) -> Iterator
     Good:
         return self.cells / 5
     """
-    for fact, answer in answers(evidence):
+    for fact, answer in forms(evidence):
         if answer["has_nan"]:
             where = at(fact, answer, "state.nan")
             yield Occasion(where, False, "numbers", "NaN", NUMBER)

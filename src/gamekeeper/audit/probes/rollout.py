@@ -5,8 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, Final
 
+import numpy as np
+from gymnasium.spaces import Space
+
 from gamekeeper.audit.lab import Lab, Saw
+from gamekeeper.audit.probes.state import form_of, space_of
 from gamekeeper.core.canon import to_json
+from gamekeeper.core.trace import Trace
 from gamekeeper.run.episode import Play
 
 SHARE: Final = 6.0
@@ -32,6 +37,8 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
             whether it stood in `agents`: a list of [name, bool].
         `agents`: the roster after the reset and after each crossing, a list of lists.
         `over`: whether the episode ended by itself.
+        `states`: `answers`: of the arrays that state() gave, the first of each form (dtype, shape,
+            whether within its space, with NaN); as in the facts of the probe `state`.
     """
     rosters: list[list[str]] = []
     selected: list[tuple[str | None, bool]] = []
@@ -43,8 +50,10 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
             chosen = getattr(env, "agent_selection", None)
             selected.append((None if chosen is None else _name(chosen), chosen in agents))
 
-    played = lab.play(play, watch=watch)
+    env = lab.env()
+    played = lab.play(play, env, watch=watch)
     yield played.trace
+    yield from _states(lab, space_of(lab, env), played.trace)
     yield lab.fact("agents", rosters, field="agents")
     yield lab.fact("over", played.is_over)
     if lab.api == "aec":
@@ -55,6 +64,17 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
         yield lab.fact(
             "raised", {**value, "traceback": failed.traceback}, turn=failed.turn, field="raised"
         )
+
+
+def _states(lab: Lab, space: Space[Any] | None, trace: Trace) -> Iterator[Saw]:
+    """The forms of state() in a play; rare ones are met in long plays alone."""
+    forms: dict[str, dict[str, Any]] = {}
+    for turn in trace.turns if trace.states is not None else ():
+        if isinstance(turn.state, np.ndarray):
+            form = form_of(turn.state, space)
+            forms.setdefault(str(form), {"turn": turn.index, "failed": None, **form})
+    if forms:
+        yield lab.fact("states", {"answers": list(forms.values())}, field="state")
 
 
 def _name(agent: Any) -> str:

@@ -81,8 +81,7 @@ class Recorder:
     def __init__(self, lab: Lab, env: Any) -> None:
         self.answers: list[dict[str, Any]] = []
         self._lab = lab
-        space = lab.call("state_space", getattr, env, "state_space", None).value
-        self.space = space if isinstance(space, Space) else None
+        self.space = space_of(lab, env)
 
     def __call__(self, turn: int, env: Any, out: Any) -> None:
         """One moment."""
@@ -94,17 +93,30 @@ class Recorder:
         )
 
 
+def space_of(lab: Lab, env: Any) -> Space[Any] | None:
+    """The declared space of the state, where there is one."""
+    space = lab.call("state_space", getattr, env, "state_space", None).value
+    return space if isinstance(space, Space) else None
+
+
 def _answer(called: Called, space: Space[Any] | None) -> dict[str, Any]:
-    value, failed = called.value, called.failed
-    is_array = isinstance(value, np.ndarray | np.generic)
+    failed = called.failed
     return {
         "failed": None if failed is None else f"{failed.kind}: {failed.text}",
+        **form_of(called.value, None if failed is not None else space),
+        "digest": _digest(called.value),
+    }
+
+
+def form_of(value: Any, space: Space[Any] | None) -> dict[str, Any]:
+    """Type, dtype and shape of a state, and whether it lies within its space and has a NaN."""
+    is_array = isinstance(value, np.ndarray | np.generic)
+    return {
         "kind": type_name_of(type(value)),
         "dtype": value.dtype.name if is_array else None,
         "shape": list(value.shape) if is_array else None,
-        "is_within": None if space is None or failed is not None else _is_within(value, space),
+        "is_within": None if space is None else _is_within(value, space),
         "has_nan": bool(is_array and value.dtype.kind == "f" and np.isnan(value).any()),
-        "digest": _digest(value),
     }
 
 
