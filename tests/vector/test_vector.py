@@ -167,9 +167,15 @@ def check_turns(spec: str, e: int, venv: Any, said: list[Any], autoreset: str) -
     return totals
 
 
-@pytest.mark.parametrize("workers", [1, 3])
-@pytest.mark.parametrize("autoreset", ["same_step", "next_step"])
-@pytest.mark.parametrize("spec", [f"{HERE}:Camp", "warehouse_turns"])
+@pytest.mark.parametrize(
+    ("spec", "autoreset", "workers"),
+    [
+        (f"{HERE}:Camp", "same_step", 3),
+        (f"{HERE}:Late", "next_step", 2),
+        ("warehouse_turns", "same_step", 2),
+        (f"{HERE}:LateTurns", "next_step", 1),
+    ],
+)
 def test_process_equals_serial(spec: str, autoreset: str, workers: int) -> None:
     """Nothing depends on the engine or on the number of workers."""
     with make(spec, ENVS, autoreset=autoreset, infos=True) as venv:

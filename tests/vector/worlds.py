@@ -96,6 +96,86 @@ class Walk(gk.TickEnv):
         return self.at[agent].astype(np.float32)
 
 
+class Late(gk.TickEnv):
+    """One scout is there from the start, the other and a cook with other spaces join later."""
+
+    metadata = {"name": "late_v0"}  # noqa: RUF012
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.possible_agents = ["scout_0", "scout_1", "cook"]
+        self.observation_spaces = dict.fromkeys(
+            self.possible_agents[:2], spaces.Box(0, 99, (1,), np.int64)
+        ) | {"cook": spaces.Discrete(100)}
+        self.action_spaces = {agent: spaces.Discrete(3) for agent in self.possible_agents}
+
+    def starting_agents(self) -> list[str]:
+        """The others join."""
+        return ["scout_1"]
+
+    def start(self, rng: Any, options: dict[str, Any]) -> None:
+        """Draws when who joins."""
+        self.time, self.joins = 0, {1 + rng.integers(3): "cook", 5 + rng.integers(2): "scout_0"}
+
+    def tick(self, actions: dict[str, Any]) -> None:
+        """Pays one's action and the time; all ends after ten ticks."""
+        self.time += 1
+        for agent, action in actions.items():
+            self.pay(agent, float(action + self.time))
+        if self.time in self.joins:
+            self.join(self.joins[self.time])
+        if self.time == 10:
+            for agent in list(self.agents):
+                self.truncate(agent, "night")
+
+    def observe(self, agent: str) -> Any:
+        """The time."""
+        return self.time if agent == "cook" else np.array([self.time])
+
+    def mask(self, agent: str) -> Any:
+        """Now and then there is none: all is legal then."""
+        return np.array([1, 0, 1], np.int8) if self.time % 2 == 0 else None
+
+
+class LateTurns(gk.TurnEnv):
+    """Turn by turn; a cook, who has other spaces than the scout, joins in the third turn."""
+
+    metadata = {"name": "late_turns_v0"}  # noqa: RUF012
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.possible_agents = ["scout", "cook"]
+        self.observation_spaces = {
+            "scout": spaces.Box(0, 99, (2,), np.float32), "cook": spaces.Discrete(100),
+        }  # fmt: skip
+        self.action_spaces = {
+            "scout": spaces.Discrete(3), "cook": spaces.Box(-1, 1, (1,), np.float32),
+        }  # fmt: skip
+
+    def starting_agents(self) -> list[str]:
+        """The scout alone."""
+        return ["scout"]
+
+    def start(self, rng: Any, options: dict[str, Any]) -> None:
+        """Nothing has happened."""
+        self.count = rng.integers(2)
+
+    def act(self, agent: str, action: Any) -> None:
+        """Pays the sum of what was done; the cook leaves first."""
+        self.count += 1
+        self.pay(agent, float(np.sum(action)))
+        if self.count == 3:
+            self.join("cook")
+        if self.count == 8 and "cook" in self.agents:
+            self.terminate("cook", "fed")
+        if self.count >= 12:
+            self.truncate("scout", "night")
+
+    def observe(self, agent: str) -> Any:
+        """How many turns there were."""
+        return self.count if agent == "cook" else np.full(2, self.count, np.float32)
+
+
 class Raises(Walk):
     """Breaks in its first tick."""
 

@@ -115,6 +115,7 @@ class Block:
 
     def _reset_door(self, e: int) -> Any:
         self._arrays["cursor"][0] = e
+        self._arrays["episode"][e] = self._episodes[e]
         if self._shelf is not None:
             self.doors[e].episode = self._episodes[e] - 1  # its reset begins the next one
         seed = self._seeds[self._episodes[e]]

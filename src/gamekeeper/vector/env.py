@@ -133,7 +133,8 @@ class VectorEnv:
                 such arrays by role. Those of dead agents are passed over.
         Returns:
             Observations, rewards [env, agent], terminations, truncations, infos. In `infos`: `live`
-            [env, agent]; `action_mask`; `turn` (AEC) [env], the column of the agent in turn;
+            [env, agent]; `episode` [env], the number of the episode that each copy is in;
+            `action_mask`; `turn` (AEC) [env], the column of the agent in turn;
             `final_obs` and `final_info`, [env] objects, with `_final_obs` [env] bool, where
             episodes ended; `failed`, texts by env, where the process of some is gone.
         Raises:
@@ -266,7 +267,10 @@ class VectorEnv:
 
     def _infos(self, said: Said) -> dict[str, Any]:
         arrays, groups = self._engine.arrays, self._form.groups
-        infos: dict[str, Any] = {"live": self._by_group(arrays["live"])}
+        infos: dict[str, Any] = {
+            "live": self._by_group(arrays["live"]),
+            "episode": self._own(arrays["episode"]),
+        }
         masks = {
             group.name: self._own(arrays[f"mask.{g}"])
             for g, group in enumerate(groups)

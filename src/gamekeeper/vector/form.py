@@ -93,6 +93,7 @@ class Form:
             ("live", by_agent, "|b1"),
             ("over", (envs,), "|b1"),
             ("turn", (envs,), "<i4"),
+            ("episode", (envs,), "<i8"),
             ("cursor", (envs,), "<i4"),
         ]
         for g, group in enumerate(self.groups):
@@ -134,7 +135,7 @@ def form_of(env: Any, api: str, contract: Contract | None, infos: Mapping[Any, A
         first = members[0]
         observed = tuple(leaves(kinds[first][0], f"observation_space({first!r})"))
         acted = tuple(leaves(kinds[first][1], f"action_space({first!r})"))
-        flags = _flags(*kinds[first], declared.mask_of(first), infos.get(first))
+        flags = _flags(*kinds[first], declared.mask_of(first), _is_told(members, infos))
         groups.append(Group(name, column, tuple(members), *kinds[first], observed, acted, flags))
         column += len(members)
     masks = {agent: reader(declared.mask_of(agent)) for agent in agents}
@@ -183,10 +184,15 @@ def leaves(space: Space, where: str, path: Path = ()) -> Iterator[Leaf]:
         )
 
 
-def _flags(observation: Space, action: Space, place: str | None, info: Any) -> int:
+def _is_told(members: list[AgentId], infos: Mapping[Any, Any]) -> bool:
+    """Whether infos hold masks: of one of these agents, or, where none is there yet, of anybody."""
+    there = [agent for agent in members if agent in infos] or list(infos)
+    return any(isinstance(infos[agent], Mapping) and MASK in infos[agent] for agent in there)
+
+
+def _flags(observation: Space, action: Space, place: str | None, in_info: bool) -> int:
     """How long the masks of an agent are; 0 where it has none."""
     in_space = isinstance(observation, spaces.Dict) and MASK in observation.spaces
-    in_info = isinstance(info, Mapping) and MASK in info
     if place is None and not in_space and not in_info:
         return 0
     if isinstance(action, spaces.Discrete):

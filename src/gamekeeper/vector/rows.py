@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import itertools
+import time
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -18,6 +19,8 @@ from gamekeeper.core.tape import TURN, EpisodeEnd, EpisodeStart, Reel, Tape, tak
 
 FLUSH_TURNS: Final = 4096
 """Turns of finished episodes that wait to become columns together."""
+FLUSH_S: Final = 0.5
+"""How long a finished episode waits at most, once another one is over: it is lost by a kill."""
 LONG_TURNS: Final = 4096
 """Turns of one episode in progress that become columns before it is over."""
 
@@ -64,6 +67,7 @@ class Shelf:
         self._out = out
         self._waiting: list[tuple[int, Reel]] = []
         self._turns = 0
+        self._flushed_s = time.monotonic()
 
     def put(self, tape: Tape) -> None:
         """Takes what a copy's tape holds; it is all of one episode."""
@@ -71,12 +75,13 @@ class Shelf:
         while (reel := take(tape, most=LONG_TURNS, most_rows=rows)) is not None:
             self._waiting.append((_episode_of(reel), reel))
             self._turns += len(reel.turns) // TURN
-        if self._turns >= FLUSH_TURNS:
+        if self._turns >= FLUSH_TURNS or time.monotonic() - self._flushed_s > FLUSH_S:
             self.flush()
 
     def flush(self) -> None:
         """All that waits becomes columns."""
         waiting, self._waiting, self._turns = self._waiting, [], 0
+        self._flushed_s = time.monotonic()
         if waiting:
             waiting.sort(key=lambda each: each[0])  # stable: parts of an episode stay in order
             pressed: Pressed = self._press.press(_joined([reel for _, reel in waiting]))

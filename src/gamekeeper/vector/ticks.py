@@ -131,9 +131,7 @@ class TickBlock(Block):
             self._is_whole[e] = is_whole
         if self._masked:
             find = self.form.masks
-            self._legal[e] = tuple(
-                find[a](observations.get(a), infos.get(a)) for a in self._masked
-            )
+            self._legal[e] = tuple(find[a](observations.get(a), infos.get(a)) for a in self._masked)
 
     def _pour(self) -> None:
         for g, group in enumerate(self.form.groups):
