@@ -15,6 +15,8 @@ EXPECTED: Final = {
     True: "a pair of dictionaries: observations, infos",
     False: "five dictionaries: observations, rewards, terminations, truncations, infos",
 }
+LAST: Final = "a tuple of five: observation, reward, terminated, truncated, info"
+PROOF_AEC: Final = "out = env.last()\nassert isinstance(out, tuple) and len(out) == 5, out"
 PROOF: Final = Proof(
     """\
 env = make()
@@ -33,16 +35,17 @@ assert all(isinstance(part, typing.Mapping) for part in out), out""",
     needs=("surface",),
     severity=HIGH,
     mend="return (observations, infos) from reset and (observations, rewards, terminations, "
-    "truncations, infos) from step, each a dictionary by agent, also once the episode is over",
-    api="parallel",
+    "truncations, infos) from step, each a dictionary by agent, also once the episode is over; "
+    "leave last() as AECEnv has it",
 )
 def reset_returns_two_dictionaries_and_step_five(
     contract: Contract, evidence: Gathered
 ) -> Iterator[Occasion]:
-    """A reset returns two dictionaries by agent, and a step five; never fewer, never one value.
+    """A reset returns two dictionaries by agent, a step five, and last() five values; never fewer.
 
-    Every loop unpacks them. Four values are the form of before PettingZoo 1.24, which had no
-    truncations; one flag for all can't say who has ended.
+    The first two are for Parallel environments, `last()` is for AEC ones. Every loop unpacks them.
+    Four values are the form of before PettingZoo 1.24, which had no truncations; one flag for all
+    can't say who has ended.
 
     Bad: `return observations, rewards, dones, infos`.
 
@@ -50,6 +53,10 @@ def reset_returns_two_dictionaries_and_step_five(
     """
     for fact in evidence.facts("surface", "returned"):
         for turn, wrong in enumerate(fact.value):
+            if evidence.api == "aec":
+                where = replace(fact.where, turn=turn, field="what last returns")
+                yield Occasion(where, not wrong, LAST, wrong, proof=PROOF_AEC)
+                continue
             field = "what step returns" if turn else "what reset returns"
             yield Occasion(
                 replace(fact.where, turn=turn, field=field), not wrong,

@@ -5,11 +5,12 @@ from __future__ import annotations
 import operator
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 from gamekeeper.audit.lab import RESET_STEPS, Lab, Saw
 from gamekeeper.core.canon import type_name
-from gamekeeper.run.episode import Play
+from gamekeeper.run.episode import Play, Played
 
 SHARE: Final = 1.5
 PLAYS: Final = 3
@@ -33,6 +34,8 @@ NO_LIMIT: Final = re.compile(
 LIMITS: Final = range(5, 1_000_000)
 PARTS: Final = {2: "observations infos", 5: "observations rewards terminations truncations infos"}
 """What reset and step of a Parallel environment return."""
+LAST: Final = 5
+"""Values that `last()` of an AEC environment returns."""
 
 
 def plays(lab: Lab) -> Iterator[Play]:
@@ -49,12 +52,16 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
         `possible_agents`: {"fresh", "before", "turns", "again"}: whether the instance was; what it
             named before the reset, at the start of each turn, and after the play and one more
             reset; None where it isn't there.
-        `agents`: {"first", "turns", "again"}: the roster after a reset, the same after a reset
-            with the same seed and at the start of each turn, and after the play and a third one.
-        `kinds`: types of `agents` and `possible_agents` after the reset.
+        `agents`: {"first", "turns", "again", "midway"}: the roster after a reset, the same after a
+            reset with the same seed and at the start of each turn, and after the play and a third
+            one; and where somebody left before the others, [turns played until then, the roster
+            after a reset at once].
+        `kinds`: [turn, types of `agents` and `possible_agents`] after the reset, and wherever they
+            are others.
         `counts`: for each turn [num_agents, max_num_agents, agents, possible agents], the first two
             as the environment says it, or None where it doesn't.
-        `returned`: (Parallel) for each call what it returned, in words; empty if as it should be.
+        `returned`: for each call what reset and step (Parallel), or `last` after the third reset
+            (AEC) returned, in words; empty if as it should be.
         `books`: (AEC) for each turn {"missing": {book: agents}, "strangers": {book: agents}}.
         `limits`: whole numbers that the environment holds from the reset to the end of the play, by
             the names of its attributes, where these sound like a limit of time.
@@ -73,14 +80,15 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
     rosters["turns"], possible["turns"] = seen.rosters, seen.possible
     rosters["again"] = _reset(lab, env, play)
     possible["again"] = _names(lab, env, "possible_agents")
+    rosters["midway"] = _midway(lab, env, played, seen.rosters)
     yield lab.fact("possible_agents", possible, field="possible_agents")
     yield lab.fact("agents", rosters, field="agents")
     yield lab.fact("kinds", seen.kinds, field="agents")
     yield lab.fact("limits", limits, field="terminations")
     yield lab.fact("counts", seen.counts, field="num_agents")
-    if lab.api == "parallel":
-        yield lab.fact("returned", seen.returned, field="returned")
-    else:
+    returned = [_wrong_last(lab, env)] if lab.api == "aec" else seen.returned
+    yield lab.fact("returned", returned, field="returned")
+    if lab.api == "aec":
         yield lab.fact("books", seen.books, field="books")
         flagged += [seen.flagged, _flagged(env)]
         yield lab.fact("flagged", flagged, field="terminations")
@@ -95,7 +103,7 @@ class _Seen:
         self.counts: list[list[Any]] = []
         self.returned: list[str] = []
         self.books: list[dict[str, Any]] = []
-        self.kinds: list[str] = []
+        self.kinds: list[tuple[int, list[str]]] = []
         self.flagged: list[str] = []
         self._lab = lab
         self._last: dict[str, tuple[Any, Any]] = {}
@@ -112,8 +120,10 @@ class _Seen:
             self.returned.append(_wrong(out, 5 if turn else 2))
         else:
             self.books.append(_books(env))
+        kinds = [_kind(env, name) for name in ("agents", "possible_agents")]
+        if not self.kinds or kinds != self.kinds[-1][1]:
+            self.kinds.append((turn, kinds))
         if not turn:
-            self.kinds = [_kind(env, name) for name in ("agents", "possible_agents")]
             self.flagged = _flagged(env) if self._lab.api == "aec" else []
 
     def _names(self, env: Any, attribute: str) -> Any:
@@ -136,6 +146,18 @@ def _reset(lab: Lab, env: Any, play: Play) -> Any:
         given["options"] = dict(play.options)
     failed = lab.call("reset", env.reset, **given).failed
     return _names(lab, env, "agents") if failed is None else None
+
+
+def _midway(lab: Lab, env: Any, played: Played, rosters: Sequence[Any]) -> list[Any] | None:
+    """After the first turns of a play, until somebody has left, a reset: its roster."""
+    for turn, names in enumerate(rosters):
+        if names and rosters[0] and not set(rosters[0]) <= set(names):
+            paper = (played.play.actions or ())[:turn]
+            if turn and len(paper) == turn:
+                lab.play(replace(played.play, actions=paper, most_turns=turn), env)
+                return [turn, _reset(lab, env, played.play)]
+            return None
+    return None
 
 
 def _names(lab: Lab, env: Any, attribute: str) -> list[str] | None:
@@ -171,6 +193,16 @@ def _wrong(out: Any, count: int) -> str:
         if not isinstance(part, Mapping)
     ]
     return ", ".join(odd)
+
+
+def _wrong_last(lab: Lab, env: Any) -> str:
+    """What is wrong with what `last()` returned; empty if nothing is, or if it raised."""
+    if not getattr(env, "agents", None):
+        return ""
+    called = lab.call("last", env.last)
+    if called.failed is not None or (isinstance(called.value, tuple) and len(called.value) == LAST):
+        return ""
+    return _wrong(called.value, LAST) or f"a {type(called.value).__name__}"
 
 
 def _books(env: Any) -> dict[str, Any]:
