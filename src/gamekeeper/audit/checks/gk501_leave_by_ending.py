@@ -84,9 +84,10 @@ def _left_a_turn(evidence: Gathered) -> Iterator[tuple[Trace, int, str, bool]]:
     for play in crossings(evidence):
         leaving = {each.turn + 1: each for each in play if set(each.before) - set(each.after)}
         for turn in play[0].trace.turns if leaving else ():
-            each = leaving.get(turn.index)
-            for agent in sorted(set(each.before) - set(each.after)) if each else ():
-                yield each.trace, turn.index, agent, agent in each.ended | ended_in(turn)
+            if turn.index in leaving:
+                each = leaving[turn.index]
+                for agent in sorted(set(each.before) - set(each.after)):
+                    yield each.trace, turn.index, agent, agent in each.ended | ended_in(turn)
 
 
 def _may_leave(contract: Contract, agent: str) -> bool:
