@@ -10,8 +10,11 @@ time, resets included.
     python benchmarks/vector.py --peer supersuit=PATH/bin/python --peer agilerl=PATH/bin/python
 
 Peers live in environments of their own; benchmarks/peers/supersuit.txt and agilerl.txt lock them
-(`requirements/setup.sh make DIR && requirements/setup.sh install DIR benchmarks/peers/NAME.txt`).
-PufferLib 3 and 2 don't install from the index alone: their build fetches files from elsewhere.
+(`requirements/setup.sh make DIR && requirements/setup.sh install DIR benchmarks/peers/NAME.txt`;
+AgileRL's without Gamekeeper, which wants a newer PettingZoo: `DIR/bin/python -m pip install
+--require-hashes -r benchmarks/peers/agilerl.txt`, several gigabytes). mpe2 and rware stand in the
+first of them, whose Python is a good one for this script. PufferLib 3 and 2 don't install from the
+index alone: their build fetches files from elsewhere.
 
 One JSON line a subject: {"figure", "task", "subject", "agent_steps_s", "to_loop", "why"}.
 """

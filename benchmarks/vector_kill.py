@@ -94,7 +94,7 @@ def killed(kind: str, *, after_s: float) -> dict[str, Any]:
             time.sleep(after_s)
             os.kill(player.pid if kind == "parent" else workers[0], signal.SIGKILL)
             said = player.stdout.read()
-        is_gone = all([_has_ended(descriptor) for descriptor in descriptors])
+        is_gone = False not in [_has_ended(descriptor) for descriptor in descriptors]
         is_named = kind == "parent" or (
             player.returncode == 0 and "killed by signal 9" in said and "copy" in said
         )

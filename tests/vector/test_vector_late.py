@@ -1,4 +1,4 @@
-"""Agents that join late, of other spaces, with masks that come and go; seeds one after the other."""
+"""Agents that join late, of other spaces, with masks that come and go; seeds of episodes."""
 
 from __future__ import annotations
 

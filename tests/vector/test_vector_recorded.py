@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 import gamekeeper as gk
 from gamekeeper.errors import OrderError
@@ -31,7 +32,7 @@ def choice(mask: Any, nothing: Any) -> Any:
         masks = mask or {}
         return {key: choice(masks.get(key), part) for key, part in nothing.items()}
     if mask is None or mask.shape[:-1] != nothing.shape:
-        return nothing * 0
+        return np.zeros_like(nothing)
     return mask.argmax(-1)
 
 
@@ -113,3 +114,21 @@ def test_gymnasium_takes_agents_as_environments() -> None:
                     e, a = divmod(place, 2)
                     assert np.array_equal(out[4]["final_obs"][place], plain[4]["final_obs"][e][a])
         assert finals > 2
+
+
+@pytest.mark.parametrize("autoreset", ["same_step", "next_step"])
+def test_gymnasium_wrappers_take_it(autoreset: str) -> None:
+    """Gymnasium's own statistics add up each agent's return, and what it sees is in its space."""
+    with make("two_robot_line", 3, autoreset=autoreset) as venv:
+        flat = RecordEpisodeStatistics(venv.as_gymnasium())
+        obs, infos = flat.reset(seed=1)
+        flat.action_space.seed(0)
+        assert flat.observation_space.contains(obs)
+        returns = []
+        for _ in range(80):
+            obs, _, terminated, truncated, infos = flat.step(flat.action_space.sample())
+            assert flat.observation_space.contains(obs)
+            if (terminated | truncated).any():
+                returns += infos["episode"]["r"][infos["_episode"]].tolist()
+    assert len(returns) > 6
+    assert set(returns) == {1.0}
