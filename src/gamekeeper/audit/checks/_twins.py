@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from gamekeeper.core.canon import shown
+from gamekeeper.core.difference import shown_pair
 from gamekeeper.core.divergence import Divergence
 from gamekeeper.core.gathered import Twin
 from gamekeeper.core.occasion import Occasion
@@ -26,6 +27,8 @@ def judged(twin: Twin, expected: str, proof: Proof | None = None) -> Iterator[Oc
     name, _, _ = found.field.partition(".")
     where = twin.base.at(found.turn, found.agent, FIELDS.get(name, name))
     recorded, replayed = shown(found.recorded), shown(found.replayed)
+    if "\n" in recorded + replayed:  # large arrays: the first element that differs
+        recorded, replayed = shown_pair(found.recorded, found.replayed)
     yield Occasion(where, False, f"{expected}: {recorded}", replayed, proof=proof)
 
 
