@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import PurePath
 from typing import Any, Final
 
@@ -196,7 +197,11 @@ def fingerprints(manifest: Mapping[str, Any], episodes: pa.Table) -> dict[str, s
 
 
 def _codec(described: Mapping[str, Any] | None) -> Codec | None:
-    if described is None:
-        return None
-    space = space_from_json(dict(described))
+    return None if described is None else _codec_of(json.dumps(described))
+
+
+@lru_cache(maxsize=64)
+def _codec_of(text: str) -> Codec | None:
+    """One codec for equal spaces: agents share theirs, and so do the many plays of an audit."""
+    space = space_from_json(json.loads(text))
     return None if isinstance(space, UnknownSpace) else Codec(space)
