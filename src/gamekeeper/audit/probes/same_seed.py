@@ -8,6 +8,7 @@ from typing import Final
 
 from gamekeeper.audit.lab import Lab, Saw
 from gamekeeper.core.gathered import Twin
+from gamekeeper.run.clock import later
 from gamekeeper.run.episode import Play
 from gamekeeper.run.global_generators import held
 
@@ -16,21 +17,27 @@ PLAYS: Final = 3
 
 
 def plays(lab: Lab) -> Iterator[Play]:
-    """Long ones, each played twice."""
+    """Long ones, each played twice, the first one once more."""
     return lab.plays(PLAYS, runs=2)
 
 
 def look(lab: Lab, play: Play) -> Iterator[Saw]:
     """The play and its twin; generators of the whole process start from the same state.
 
-    Twins by `change`: `nothing`; in the first play also `empty options`, whose sham is that.
+    Twins by `change`: `nothing`; in the first play also `empty options`, whose sham is that, and
+    `the time of day`, where nothing else made a difference.
     """
     volatile = tuple(lab.contract.volatile_infos())
     with held():
         base = lab.play(play, lab.env())
     with held():
         again = lab.play(base.play, lab.env())
-    yield Twin(base.trace, base.trace, again.trace, {"change": "nothing"}, volatile)
+    same = Twin(base.trace, base.trace, again.trace, {"change": "nothing"}, volatile)
+    yield same
+    if lab.number == 0 and same.divergence is None:
+        with held(), later():
+            other = lab.play(base.play, lab.env())
+        yield Twin(base.trace, again.trace, other.trace, {"change": "the time of day"}, volatile)
     if lab.number == 0 and play.options is None:
         short = replace(base.play, options={}, actions=(base.play.actions or ())[:1])
         with held():
