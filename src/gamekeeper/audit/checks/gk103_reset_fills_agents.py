@@ -55,3 +55,9 @@ def every_reset_fills_the_roster(contract: Contract, evidence: Gathered) -> Iter
                 replace(fact.where, turn=len(turns) - 1, field="agents after the next reset"),
                 again is None or set(again) == set(first), first, again, proof=RESTORED,
             )  # fmt: skip
+            if fact.value["midway"] is not None:
+                turn, midway = fact.value["midway"]
+                yield Occasion(
+                    replace(fact.where, turn=turn, field="agents after a reset in mid-episode"),
+                    midway is None or set(midway) == set(first), first, midway, proof=RESTORED,
+                )  # fmt: skip

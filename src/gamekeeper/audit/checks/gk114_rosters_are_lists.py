@@ -31,8 +31,10 @@ def rosters_are_lists(contract: Contract, evidence: Gathered) -> Iterator[Occasi
     Good: `self.agents = list(self.robots)`.
     """
     for fact in evidence.facts("surface", "kinds"):
-        for roster, kind in zip(ROSTERS, fact.value, strict=False):
-            yield Occasion(
-                replace(fact.where, turn=0, field=roster), kind in FINE, "a list", f"a {kind}",
-                proof=f"assert isinstance(env.{roster}, (list, tuple)), type(env.{roster})",
-            )  # fmt: skip
+        for turn, kinds in fact.value:
+            for roster, kind in zip(ROSTERS, kinds, strict=False):
+                yield Occasion(
+                    replace(fact.where, turn=turn, field=roster),
+                    kind in FINE, "a list", f"a {kind}",
+                    proof=f"assert isinstance(env.{roster}, (list, tuple)), type(env.{roster})",
+                )  # fmt: skip
