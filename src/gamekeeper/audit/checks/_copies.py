@@ -48,7 +48,8 @@ def copied(evidence: Gathered, way: str, who: str) -> Iterator[Occasion]:
         yield Occasion(
             replace(fact.where, turn=None if wrong is None else fact.where.turn), wrong is None,
             "it goes on like a play of which no copy was made",
-            "it does" if wrong is None else wrong, proof=_proof(evidence.api, way, who),
+            "it does" if wrong is None else wrong,
+            proof=_proof(evidence.api, way, who, fact.value["at"]),
         )  # fmt: skip
 
 
@@ -64,22 +65,22 @@ def refused(way: str) -> Callable[[Contract, Gathered], str | None]:
     return against
 
 
-def _proof(api: str, way: str, who: str) -> Proof:
+def _proof(api: str, way: str, who: str, at: int) -> Proof:
     play = _PARALLEL if api == "parallel" else _AEC
     lines = (
         f"{_STATE}{play}\n"
-        "half = len(ACTIONS) // 2\n"
+        f"at = {at}\n"
         "env, alone = make(), make()\n"
         "for each in (env, alone):\n"
         "    each.reset(seed=SEED)\n"
-        "    go(each, ACTIONS[:half])\n"
+        "    go(each, ACTIONS[:at])\n"
         f"twin = {MADE[way]}\n"
     )
     if who == "copy":
-        lines += "np.testing.assert_equal(go(twin, ACTIONS[half:]), go(alone, ACTIONS[half:]))"
+        lines += "np.testing.assert_equal(go(twin, ACTIONS[at:]), go(alone, ACTIONS[at:]))"
     else:
         lines += (
-            "go(twin, ACTIONS[half:])\n"
-            "np.testing.assert_equal(go(env, ACTIONS[half:]), go(alone, ACTIONS[half:]))"
+            "go(twin, ACTIONS[at:])\n"
+            "np.testing.assert_equal(go(env, ACTIONS[at:]), go(alone, ACTIONS[at:]))"
         )
     return Proof(lines, plays=False, imports=("copy", "pickle"))

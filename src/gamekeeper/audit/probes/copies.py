@@ -7,6 +7,7 @@ import pickle
 import random
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import pairwise
 from operator import methodcaller
 from typing import Any, Final
 
@@ -14,10 +15,15 @@ import numpy as np
 
 from gamekeeper.audit.lab import Called, Lab, Saw
 from gamekeeper.core.contract import Contract
+from gamekeeper.core.fact import Fact
 from gamekeeper.run.episode import Play, actions_of
 from gamekeeper.run.handed import is_same, snapshot
 
-SHARE: Final = 0.6
+SHARE: Final = 0.8
+MOMENTS: Final = 8
+"""Parts of a play, between which copies are made."""
+SHORT: Final = 3
+"""Turns that a copy goes on; the one of the middle goes on to the end."""
 WAYS: Final[Mapping[str, Callable[[Any], Any]]] = {
     "deepcopy": copy.deepcopy,
     "pickle": lambda env: pickle.loads(pickle.dumps(env)),
@@ -27,43 +33,71 @@ Told = list[tuple[str, Any, Any]]
 
 
 def plays(lab: Lab) -> Iterator[Play]:
-    """One play, some six times over; copies are made in its middle."""
-    return lab.plays(1, runs=6, most_turns=60)
+    """One play, some eight times over; copies are made in its midst."""
+    return lab.plays(1, runs=8, most_turns=60)
 
 
 def look(lab: Lab, play: Play) -> Iterator[Saw]:
-    """Copies at half of the play; then the copy goes on, then the original.
+    """Copies at several moments of the play; then the copy goes on, then the original.
 
     Facts:
-        `copied`: in one way (the field: `deepcopy`, `pickle`): `refused`: None, or what was raised
-            where it lets itself not be copied, or where the copy can't be stepped; `copy` and
-            `original`: None, or in words what each of them gave otherwise than a play of which no
-            copy was made. The fact's turn is the first at which one of them did.
+        `copied`: in one way (the field: `deepcopy`, `pickle`), after the turns `at`: `refused`:
+            None, or what was raised where it lets itself not be copied, or where the copy can't be
+            stepped; `copy` and `original`: None, or in words what each of them gave otherwise than
+            a play of which no copy was made. The fact's turn is the first at which one of them did.
     """
     base = lab.play(play, state=False)
     paper = base.play.actions or ()
     if not paper:
         return
-    half = len(paper) // 2
     told, again = _whole(lab, play, paper), _whole(lab, play, paper)
     if len(told) != len(paper) or _parting(told, again) is not None:  # it differs by itself
         return
     for way, duplicate in WAYS.items():
-        env = lab.env()
-        _begin(lab, env, play)
-        _tell(lab, env, paper[:half])
+        yield from _copied(lab, play, way, duplicate, paper, told)
+
+
+def _copied(
+    lab: Lab,
+    play: Play,
+    way: str,
+    duplicate: Callable[[Any], Any],
+    paper: Sequence[Any],
+    told: list[Told],
+) -> Iterator[Fact]:
+    """Copies made in one way at several moments of one play, up to the first that goes astray."""
+    env = lab.env()
+    _begin(lab, env, play)
+    count = len(paper)
+    moments = sorted({count * k // MOMENTS for k in range(1, MOMENTS)})
+    _tell(lab, env, paper[: moments[0]])
+    for at, until in pairwise((*moments, count)):
+        after = count if at == count // 2 else min(at + SHORT, count)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             made = lab.call(way, duplicate, env)
-        yield _beside(lab, way, (env, made), paper, told, half)
+        fact = _beside(lab, way, (env, made), paper, told, (at, until, after))
+        yield fact
+        if any(fact.value[name] for name in ("refused", "copy", "original")):
+            return
 
 
 def _beside(
-    lab: Lab, way: str, pair: tuple[Any, Called], paper: Sequence[Any], told: list[Told], half: int
-) -> Saw:
-    """What the copy and then the original come to."""
+    lab: Lab,
+    way: str,
+    pair: tuple[Any, Called],
+    paper: Sequence[Any],
+    told: list[Told],
+    turns: tuple[int, int, int],
+) -> Fact:
+    """What a copy comes to, and then the original.
+
+    Args:
+        turns: at which it was copied, until which the original goes on, and until which the copy.
+    """
     env, made = pair
-    value: dict[str, Any] = {"refused": None, "copy": None, "original": None}
+    at, until, after = turns
+    value: dict[str, Any] = {"refused": None, "copy": None, "original": None, "at": at}
     if made.failed is not None:
         value["refused"] = f"{made.failed.kind}: {made.failed.text}"
         return lab.fact("copied", value, field=way)
@@ -72,20 +106,20 @@ def _beside(
         return lab.fact("copied", value, field=way)
     # who draws from the global generators is told so elsewhere: here both go on from one place
     dice = random.getstate(), np.random.get_state()
-    ours = _tell(lab, made.value, paper[half:])
+    ours = _tell(lab, made.value, paper[at:after])
     random.setstate(dice[0])
     np.random.set_state(dice[1])
-    theirs = _tell(lab, env, paper[half:])
+    theirs = _tell(lab, env, paper[at:until])
     lab.call("close", made.value.close)
-    if ours and ours[0][0][0] == "raises" and told[half][0][0] != "raises":
+    if ours and ours[0][0][0] == "raises" and told[at][0][0] != "raises":
         value["refused"] = f"the copy can't be stepped: {ours[0][0][2]}"
-    turns = []
-    for name, gave in (("copy", ours), ("original", theirs)):
-        parting = _parting(told[half:], gave)
+    seen = []
+    for name, gave, end in (("copy", ours, after), ("original", theirs, until)):
+        parting = _parting(told[at:end], gave)
         if parting is not None and not (name == "copy" and value["refused"]):
-            turns.append(half + parting[0] + 1)
-            value[name] = f"{parting[1]} at turn {turns[-1]}"
-    return lab.fact("copied", value, turn=min(turns, default=None), field=way)
+            seen.append(at + parting[0] + 1)
+            value[name] = f"{parting[1]} at turn {seen[-1]}"
+    return lab.fact("copied", value, turn=min(seen, default=None), field=way)
 
 
 def _whole(lab: Lab, play: Play, paper: Sequence[Any]) -> list[Told]:
