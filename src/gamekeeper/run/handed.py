@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
 
 NUMBERS: Final = "biufc"
 """Kinds of arrays that can be overwritten with zeros and ones."""
+MOST_KEPT_BYTES: Final = 64 << 20
+"""Of arrays, to be written back."""
 DEEPEST: Final = 8
 """Containers in containers that are looked into."""
 
@@ -73,14 +75,41 @@ def arrays(value: Any, depth: int = DEEPEST) -> Iterator[np.ndarray[Any, Any]]:
             yield from arrays(item, depth - 1)
 
 
-def overwrite(value: Any) -> int:
+@dataclass(slots=True)
+class Undo:
+    """What stood in arrays before they were overwritten, as long as it isn't too much to keep."""
+
+    size_bytes: int = 0
+    _before: list[tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]] = field(default_factory=list)
+
+    def note(self, array: np.ndarray[Any, Any]) -> None:
+        """Keeps what stands in the array."""
+        if self.size_bytes + array.nbytes <= MOST_KEPT_BYTES:
+            self.size_bytes += array.nbytes
+            self._before.append((array, array.copy()))
+
+    def undo(self) -> None:
+        """Writes it back, the latest first."""
+        while self._before:
+            array, before = self._before.pop()
+            if array.flags.writeable:
+                array[...] = before
+        self.size_bytes = 0
+
+
+def overwrite(value: Any, undo: Undo | None = None) -> int:
     """Writes into every array of numbers that lets itself be written; says how many did.
 
     What was zero becomes one, all else zero: other values of the same type, whatever stood there.
+
+    Args:
+        undo: notes what stood there.
     """
     count = 0
     for array in arrays(value):
         if array.flags.writeable and array.dtype.kind in NUMBERS and array.size:
+            if undo is not None:
+                undo.note(array)
             array[...] = array == 0
             count += 1
     return count

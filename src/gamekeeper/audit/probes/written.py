@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from operator import methodcaller
 from typing import Any, Final
@@ -25,7 +25,7 @@ from gamekeeper.core.trace import MASK, Trace
 from gamekeeper.game.door import AgentId
 from gamekeeper.run.change import Change, Hooks
 from gamekeeper.run.episode import Play, Played
-from gamekeeper.run.handed import overwrite
+from gamekeeper.run.handed import Undo, overwrite
 
 SHARE: Final = 0.8
 KINDS: Final = ("observations", "infos", "masks", "dictionaries", "state")
@@ -71,9 +71,12 @@ def _bears(lab: Lab, base: Played, kinds: tuple[str, ...]) -> bool:
 
 
 def _played(lab: Lab, base: Played, pen: _Pen) -> Played:
-    if lab.api == "parallel":
-        return lab.play(base.play, watch=pen, state=False)
-    return lab.play(base.play, change=HandoutsOverwritten(pen), state=False)
+    try:
+        if lab.api == "parallel":
+            return lab.play(base.play, watch=pen, state=False)
+        return lab.play(base.play, change=HandoutsOverwritten(pen), state=False)
+    finally:
+        pen.undo.undo()  # an array of a module outlives its instance, and would spoil later plays
 
 
 def _alone(lab: Lab, kind: str, base: Played) -> Fact:
@@ -121,6 +124,7 @@ class _Pen:
     kinds: tuple[str, ...]
     writes: bool
     count: dict[str, int] = field(default_factory=dict)
+    undo: Undo = field(default_factory=Undo)
 
     def __call__(self, turn: int, env: Any, out: Any) -> None:
         """After reset and step of a Parallel environment: into what they returned."""
@@ -135,9 +139,9 @@ class _Pen:
                 value = parts if self.lab.api == "parallel" else []
             else:
                 value = _of_kind(kind, parts)
-            write: Callable[[Any], int] = _empty if kind == "dictionaries" else overwrite
             if self.writes:
-                self.count[kind] = self.count.get(kind, 0) + write(value)
+                written = _empty(value) if kind == "dictionaries" else overwrite(value, self.undo)
+                self.count[kind] = self.count.get(kind, 0) + written
 
 
 @dataclass(frozen=True, slots=True)
