@@ -46,7 +46,11 @@ class Sight:
 
     def _seen(self, env: Any) -> str | None:
         if self.lab.api == "parallel":
-            return to_json(self._out[0]) if isinstance(self._out, tuple) and self._out else None
+            seen = self._out[0] if isinstance(self._out, tuple) and self._out else None
+            if isinstance(seen, Mapping):  # who has just ended is seen once more, by no reset
+                live = list(self._roster(env, "agents") or ())
+                seen = {agent: item for agent, item in seen.items() if agent in live}
+            return None if seen is None else to_json(seen)
         agents = list(self._roster(env, "agents") or ())[:MOST_SEEN]
         called = [self.lab.call("observe", env.observe, agent) for agent in agents]
         return None if any(each.failed for each in called) else to_json([e.value for e in called])
