@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from gamekeeper.audit.check import MEDIUM, Occasion, check
 from gamekeeper.audit.checks._films import filmed, nothing_to_film
@@ -33,8 +34,9 @@ def frames_show_now(contract: Contract, evidence: Gathered) -> Iterator[Occasion
 
     A frame counts as old where an instance that was never rendered before shows another at the very
     same moment, and it equals the first one of its play, or what such an instance shows a turn
-    earlier; or where, after a second reset, it equals the last one of the episode before. So trails
-    and animations are no fault.
+    earlier, or the frame a turn earlier while such instances show two that differ; or where, after
+    a second reset, it equals the last one of the episode before. So trails and animations are no
+    fault.
 
     Bad:
         if self.frame is None:
@@ -54,11 +56,13 @@ def frames_show_now(contract: Contract, evidence: Gathered) -> Iterator[Occasion
     for fact in evidence.facts("render", "late", "again"):
         shots, digest = films.get(_key(fact), []), fact.value["digest"]
         turn = fact.value["turn"] if fact.name == "late" else 0
-        shot = next((shot["digest"] for shot in shots if shot["turn"] == turn), None)
+        shot = _shown(shots, turn)
         if shot is None or digest is None:
             continue
         if fact.name == "late":
-            is_old = shot in (shots[0]["digest"], fresh.get((*_key(fact), turn - 1)))
+            is_old = shot in (shots[0]["digest"], _earlier(fact, fresh)) or (
+                shot == _shown(shots, turn - 1) and _earlier(fact, fresh) not in (None, digest)
+            )
             where, seen = replace(fact.where, turn=turn, field="late"), "an earlier frame"
         else:
             is_old = digest == shots[-1]["digest"]
@@ -68,6 +72,16 @@ def frames_show_now(contract: Contract, evidence: Gathered) -> Iterator[Occasion
         proof = filmed(evidence.api, fact.value["options"], lines)
         told = "a frame of this moment"
         yield Occasion(where, is_ok, told, told if is_ok else seen, proof=proof)
+
+
+def _shown(shots: Sequence[Mapping[str, Any]], turn: int) -> str | None:
+    """The digest of a film's frame at this turn."""
+    return next((shot["digest"] for shot in shots if shot["turn"] == turn), None)
+
+
+def _earlier(fact: Fact, fresh: Mapping[tuple[int, str, int], str | None]) -> str | None:
+    """The digest of what an instance that was never rendered before shows a turn earlier."""
+    return fresh.get((*_key(fact), fact.value["turn"] - 1))
 
 
 def _key(fact: Fact) -> tuple[int, str]:

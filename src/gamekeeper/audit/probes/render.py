@@ -23,6 +23,8 @@ MOST_TURNS: Final = 40
 """Of a film; rendering is slow."""
 WRITTEN_TURNS: Final = 6
 """Turns at which frames are written into."""
+LATE_TURNS: Final = 3
+"""The last turns, at which an instance is asked for its first frame."""
 KEPT_BYTES: Final = 32 << 20
 """Frames that are kept to be looked at once more."""
 SCREENLESS: Final = {"SDL_VIDEODRIVER": "dummy", "SDL_AUDIODRIVER": "dummy", "MPLBACKEND": "Agg"}
@@ -57,7 +59,7 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
         `written`: turns at which a frame was another once the one before was written into: `turns`,
             of `count`.
         `late`: `turn` and `digest` of the first frame that an instance was asked for; of the last
-            turn and of the one before.
+            turns.
         `again`: `digest` of the frame after a second reset with the same seed.
     """
     with _screenless():
@@ -110,7 +112,7 @@ def _mode(
     yield lab.fact("kept", {**about, "turns": camera.changed(), "count": len(camera.kept)})
     yield from _looked_twice(lab, about, base.play, made.value)
     turns = len(base.play.actions or ())
-    for first in range(max(turns - 1, 1), turns + 1):
+    for first in range(max(turns - LATE_TURNS + 1, 1), turns + 1):
         late = Camera(lab, first=first)
         lab.play(base.play, built().value, watch=late)
         for shot in late.shots[:1]:
