@@ -69,7 +69,8 @@ def _rows(trace: Trace, known: Mapping[str, Any]) -> tuple[dict[str, _Rows], dic
 def _looked(
     evidence: Gathered, trace: Trace, turn: Turn, agent: str, space: Any, value: Any, kind: str
 ) -> Occasion:
-    found = next((each for each in misfits(space, value) if _is_meant(each, kind)), None)
+    is_over = agent in turn.ended
+    found = next((each for each in misfits(space, value) if _is_meant(each, kind, is_over)), None)
     if found is None:
         return Occasion(trace.at(turn, agent, "observations"), True)
     where = trace.at(turn, agent, f"observations{found.path}")
@@ -78,9 +79,9 @@ def _looked(
     )
 
 
-def _is_meant(found: Misfit, kind: str) -> bool:
-    """A mask of another dtype that can be cast is told by the checks of masks alone."""
-    return found.kind == kind and not is_of_mask(found.kind, found.path)
+def _is_meant(found: Misfit, kind: str, is_over: bool) -> bool:
+    """A mask of another dtype is told by the checks of masks alone, which look at who may move."""
+    return found.kind == kind and (is_over or not is_of_mask(found.kind, found.path))
 
 
 def is_of_mask(kind: str, path: str) -> bool:
