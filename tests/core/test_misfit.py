@@ -80,29 +80,6 @@ def test_misfits_name_the_kind_and_the_part(space: Any, value: Any, kind: str, p
         exec(f"assert {found[0].test}", {"value": value, "space": space, "np": np})
 
 
-class Missions(spaces.MultiDiscrete):
-    """Numbers that stand for texts, as arrays of no axis."""
-
-    def contains(self, x: Any) -> bool:
-        """Whether it is one of the numbers."""
-        return isinstance(x, np.ndarray) and x.shape == () and bool(0 <= x < self.nvec[0])
-
-
-class Anything(spaces.MultiDiscrete):
-    """Takes all, to be left in peace."""
-
-    def contains(self, x: Any) -> bool:
-        """Always."""
-        return True
-
-
-def test_misfits_leave_the_judgement_to_a_space_with_a_membership_of_its_own() -> None:
-    """What a class of space calls its own fits, unless it calls everything so."""
-    assert list(misfits(Missions([3]), np.array(2))) == []
-    assert [each.kind for each in misfits(Missions([3]), np.array(4))] == ["shape"]
-    assert [each.kind for each in misfits(Anything([3]), np.array(2))] == ["shape"]
-
-
 def test_faults_are_told_of_bounds_and_of_samples() -> None:
     """A space the wrong way round, and one whose sample is outside of it, are told."""
     turned = spaces.Box(0.0, 1.0, (2,), np.float32)
