@@ -150,6 +150,18 @@ class Lab:
         for k in range(count):
             yield Play(seed=self.seed + k, stream=k, most_turns=min(turns, most_turns))
 
+    def long_plays(self, count: int, *, runs: int = 1, most_turns: int = 1000) -> Iterator[Play]:
+        """Up to `count` plays of which the first may take the whole ration, `runs` times over.
+
+        So what only happens late in an episode is seen too. Later ones are for what those before
+        left, where they ended early.
+        """
+        begun = self.meter.steps
+        for k in range(count):
+            left = self.ration - (self.meter.steps - begun)
+            turns = max(left // runs, LEAST_TURNS)
+            yield Play(seed=self.seed + k, stream=k, most_turns=min(turns, most_turns))
+
     def play(
         self,
         play: Play,

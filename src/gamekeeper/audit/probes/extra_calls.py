@@ -19,8 +19,8 @@ ONLY_AEC: Final = ("observe", "last")
 
 
 def plays(lab: Lab) -> Iterator[Play]:
-    """Two plays, each as it is, with a sham, and with the calls; all of that once more."""
-    return lab.plays(2, runs=7, most_turns=200)
+    """Long ones, each as it is, with a sham, and with the calls; all of that once more."""
+    return lab.long_plays(3, runs=7, most_turns=200)
 
 
 def look(lab: Lab, play: Play) -> Iterator[Saw]:

@@ -34,8 +34,8 @@ KINDS: Final = ("observations", "infos", "masks", "dictionaries", "state")
 
 
 def plays(lab: Lab) -> Iterator[Play]:
-    """Two plays; each is played as it is, with a sham, and written into."""
-    return lab.plays(2, runs=3, most_turns=200)
+    """Long ones; each is played as it is, with a sham, and written into."""
+    return lab.long_plays(4, runs=3, most_turns=200)
 
 
 def look(lab: Lab, play: Play) -> Iterator[Saw]:
