@@ -77,9 +77,24 @@ def _copied(
             warnings.simplefilter("ignore")
             made = lab.call(way, duplicate, env)
         fact = _beside(lab, way, (env, made), paper, told, (at, until, after))
+        if not _is_wrong(fact):
+            yield fact
+            continue
+        if at != moments[0]:  # an earlier copy may be to blame: once more where there was none
+            env = lab.env()
+            _begin(lab, env, play)
+            _tell(lab, env, paper[:at])
+            alone = _beside(
+                lab, way, (env, lab.call(way, duplicate, env)), paper, told, (at, count, count)
+            )
+            if _is_wrong(alone) or fact.value["original"] is None:
+                fact = alone
         yield fact
-        if any(fact.value[name] for name in ("refused", "copy", "original")):
-            return
+        return
+
+
+def _is_wrong(fact: Fact) -> bool:
+    return any(fact.value[name] for name in ("refused", "copy", "original"))
 
 
 def _beside(
