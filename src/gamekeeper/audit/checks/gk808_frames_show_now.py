@@ -34,9 +34,8 @@ def frames_show_now(contract: Contract, evidence: Gathered) -> Iterator[Occasion
 
     A frame counts as old where an instance that was never rendered before shows another at the very
     same moment, and it equals the first one of its play, or what such an instance shows a turn
-    earlier, or the frame a turn earlier while such instances show two that differ; or where, after
-    a second reset, it equals the last one of the episode before. So trails and animations are no
-    fault.
+    earlier, or at the turn since which the film has shown the same; or where, after a second reset,
+    it equals the last one of the episode before. So trails and animations are no fault.
 
     Bad:
         if self.frame is None:
@@ -60,9 +59,8 @@ def frames_show_now(contract: Contract, evidence: Gathered) -> Iterator[Occasion
         if shot is None or digest is None:
             continue
         if fact.name == "late":
-            is_old = shot in (shots[0]["digest"], _earlier(fact, fresh)) or (
-                shot == _shown(shots, turn - 1) and _earlier(fact, fresh) not in (None, digest)
-            )
+            earlier = (fresh.get((*_key(fact), t)) for t in (turn - 1, _since(shots, turn)))
+            is_old = shot in (shots[0]["digest"], *earlier)
             where, seen = replace(fact.where, turn=turn, field="late"), "an earlier frame"
         else:
             is_old = digest == shots[-1]["digest"]
@@ -79,9 +77,11 @@ def _shown(shots: Sequence[Mapping[str, Any]], turn: int) -> str | None:
     return next((shot["digest"] for shot in shots if shot["turn"] == turn), None)
 
 
-def _earlier(fact: Fact, fresh: Mapping[tuple[int, str, int], str | None]) -> str | None:
-    """The digest of what an instance that was never rendered before shows a turn earlier."""
-    return fresh.get((*_key(fact), fact.value["turn"] - 1))
+def _since(shots: Sequence[Mapping[str, Any]], turn: int) -> int:
+    """The first of the turns in a row, this one the last, at which the film shows the same."""
+    while turn and _shown(shots, turn - 1) == _shown(shots, turn):
+        turn -= 1
+    return turn
 
 
 def _key(fact: Fact) -> tuple[int, str]:

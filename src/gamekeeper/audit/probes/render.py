@@ -23,7 +23,7 @@ MOST_TURNS: Final = 40
 """Of a film; rendering is slow."""
 WRITTEN_TURNS: Final = 6
 """Turns at which frames are written into."""
-LATE_TURNS: Final = 3
+LATE_TURNS: Final = 2
 """The last turns, at which an instance is asked for its first frame."""
 KEPT_BYTES: Final = 32 << 20
 """Frames that are kept to be looked at once more."""
@@ -59,7 +59,7 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
         `written`: turns at which a frame was another once the one before was written into: `turns`,
             of `count`.
         `late`: `turn` and `digest` of the first frame that an instance was asked for; of the last
-            turns.
+            turns, and of those since which the film has shown the same.
         `again`: `digest` of the frame after a second reset with the same seed.
     """
     with _screenless():
@@ -112,7 +112,8 @@ def _mode(
     yield lab.fact("kept", {**about, "turns": camera.changed(), "count": len(camera.kept)})
     yield from _looked_twice(lab, about, base.play, made.value)
     turns = len(base.play.actions or ())
-    for first in range(max(turns - LATE_TURNS + 1, 1), turns + 1):
+    last = range(max(turns - LATE_TURNS + 1, 1), turns + 1)
+    for first in sorted({*last, *(_since(camera.shots, turn) for turn in last)} - {0}):
         late = Camera(lab, first=first)
         lab.play(base.play, built().value, watch=late)
         for shot in late.shots[:1]:
@@ -127,6 +128,14 @@ def _looked_twice(lab: Lab, about: dict[str, Any], play: Play, env: Any) -> Iter
     if lab.call("reset", env.reset, seed=play.seed, options=play.options).failed is None:
         digest = _shot(lab.call("render", env.render))["digest"]
         yield lab.fact("again", {**about, "digest": digest})
+
+
+def _since(shots: list[dict[str, Any]], turn: int) -> int:
+    """The first of the turns in a row, this one the last, at which a film shows the same."""
+    shown = {shot["turn"]: shot["digest"] for shot in shots}
+    while turn - 1 in shown and shown[turn - 1] == shown.get(turn):
+        turn -= 1
+    return turn
 
 
 class Camera:
