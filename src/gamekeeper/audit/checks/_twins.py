@@ -7,19 +7,21 @@ from typing import Final
 
 from gamekeeper.core.canon import shown
 from gamekeeper.core.difference import shown_pair
-from gamekeeper.core.divergence import Divergence
 from gamekeeper.core.gathered import Twin
 from gamekeeper.core.occasion import Occasion
 from gamekeeper.core.proof import Proof
 
 FIELDS: Final = {"reward": "rewards", "action": "actions", "obs": "observations"}
-FAR: Final = 1 << 60
 
 
 def judged(twin: Twin, expected: str, proof: Proof | None = None) -> Iterator[Occasion]:
-    """Whether the twin goes as its base does; nothing where the sham already parts from it."""
-    found, noise = twin.divergence, twin.noise
-    if noise is not None and (found is None or _turn(noise) <= _turn(found)):
+    """Whether the twin goes as its base does; nothing where the sham parts from it anywhere.
+
+    A play that isn't the same twice may part from itself earlier or later each time, so that a
+    sham which happens to part later than the twin accuses nobody.
+    """
+    found = twin.divergence
+    if twin.noise is not None:
         return
     if found is None:
         yield Occasion(twin.base.at(None), True, expected, "the same", proof=proof)
@@ -30,7 +32,3 @@ def judged(twin: Twin, expected: str, proof: Proof | None = None) -> Iterator[Oc
     if "\n" in recorded + replayed:  # large arrays: the first element that differs
         recorded, replayed = shown_pair(found.recorded, found.replayed)
     yield Occasion(where, False, f"{expected}: {recorded}", replayed, proof=proof)
-
-
-def _turn(divergence: Divergence) -> int:
-    return FAR if divergence.turn is None else divergence.turn
