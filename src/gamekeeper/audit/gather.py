@@ -5,10 +5,11 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from gamekeeper import plugins
+from gamekeeper.audit.bulk import EVIDENCE_BYTES, held_bytes, most_turns, slimmed
 from gamekeeper.audit.lab import Lab, Meter, Probe
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.fact import Fact
@@ -124,7 +125,8 @@ def gather(
             gathering.unseen[name] = reason
             continue
         begun_s = time.perf_counter()
-        _probe(gathering, name, probe, int(lab.ration * probe.SHARE / total))
+        part = probe.SHARE / total
+        _probe(gathering, name, probe, int(lab.ration * part), int(EVIDENCE_BYTES * part))
         gathering.seconds[name] = time.perf_counter() - begun_s
     return gathering
 
@@ -142,7 +144,7 @@ def look_once(lab: Lab, probe: Probe, play: Play) -> Look:
         lab.close()
     return Look(
         traces=tuple(each for each in saw if not isinstance(each, Fact | Twin)),
-        twins=tuple(each for each in saw if isinstance(each, Twin)),
+        twins=tuple(slimmed(each) for each in saw if isinstance(each, Twin)),
         facts=tuple(each for each in saw if isinstance(each, Fact)),
     )
 
@@ -158,17 +160,20 @@ def _reason_against(probe: Probe, lab: Lab) -> str | None:
     return reason
 
 
-def _probe(gathering: Gathering, name: str, probe: Probe, ration: int) -> None:
+def _probe(gathering: Gathering, name: str, probe: Probe, ration: int, size_bytes: int) -> None:
     lab = gathering.lab.for_probe(name, ration)
+    longest, held = most_turns(lab, size_bytes), 0
     looks = gathering.looks.setdefault(name, [])
     begun = lab.meter.steps
     plays = getattr(probe, "plays", None)
     try:
         for number, play in enumerate(lab.plays(3) if plays is None else plays(lab)):
-            if number and lab.meter.steps - begun >= ration:
+            if number and (lab.meter.steps - begun >= ration or held >= size_bytes):
                 break
             lab.number = number
+            play = replace(play, most_turns=min(play.most_turns, longest))
             looks.append(look_once(lab, probe, play))
+            held += held_bytes(looks[-1])
             gathering.plays[name, number] = lab.base or play
     except Stopped:
         if not looks:
