@@ -21,7 +21,7 @@ SIDE = 64
 class Screen(ParallelEnv[str, Any, int]):
     """Two agents see a picture of 12 kB that they paint; one tick is as any other."""
 
-    metadata = {"name": "screen_v0", "render_modes": []}
+    metadata = {"name": "screen_v0", "render_modes": []}  # noqa: RUF012  # PettingZoo's way
     render_mode = None
 
     def __init__(self) -> None:
@@ -53,7 +53,7 @@ class Screen(ParallelEnv[str, Any, int]):
         for place, agent in enumerate(self.agents):
             self.picture[(2 * self.tick + place) % SIDE] = actions[agent]
         ended = dict.fromkeys(self.agents, self.tick >= 200)
-        given = {a: 0.0 for a in ended}, dict.fromkeys(ended, False), ended
+        given = dict.fromkeys(ended, 0.0), dict.fromkeys(ended, False), ended
         seen, infos = self._seen(), {agent: {} for agent in ended}
         self.agents = [] if self.tick >= 200 else self.agents
         return seen, *given, infos

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import gc
-import tracemalloc
 from array import array
 from collections.abc import Iterator
 from typing import Any, Final
 
 from gamekeeper.audit.lab import RESET_STEPS, Lab, Saw
-from gamekeeper.audit.probes._work import traced_memory, work_of
+from gamekeeper.audit.probes._work import kept_bytes, traced_memory, work_of
 from gamekeeper.run.episode import Play
 
 SHARE: Final = 0.8
@@ -41,7 +40,7 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
                 return
             gc.collect()
             lines[k], passing[k] = work.lines, work.passing_bytes
-            sizes[k] = tracemalloc.get_traced_memory()[0]
+            sizes[k] = kept_bytes()
     value = {"lines": list(lines), "passing": list(passing), "sizes": list(sizes)}
     yield lab.fact("episodes", value, field="episodes")
 

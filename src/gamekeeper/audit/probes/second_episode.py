@@ -24,10 +24,10 @@ def plays(lab: Lab) -> Iterator[Play]:
 
 
 def look(lab: Lab, play: Play) -> Iterator[Saw]:
-    """Twins: after the same episode, after one of another seed that is cut in its middle, and after
-    a reset with the same seed and no step.
+    """Twins: what went before the play differs.
 
-    Each comes only where those before it told nothing. Facts, beside a twin that parts:
+    The same episode, one of another seed that is cut in its middle, a reset with the same seed and
+    no step. Each comes only where those before it told nothing. Facts, beside a twin that parts:
         `before`: the seed and the actions of the episode that went before; None: the same one.
         `later seeds`: whether seeds make a difference [in a fresh instance, in a used one].
     """
