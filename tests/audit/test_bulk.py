@@ -27,6 +27,7 @@ class Screen(ParallelEnv[str, Any, int]):
     def __init__(self) -> None:
         self.possible_agents = ["a", "b"]
         self.space = Box(0, 255, (SIDE, SIDE, 3), np.uint8)
+        self.actions = {agent: Discrete(256) for agent in self.possible_agents}
 
     def observation_space(self, agent: str) -> Any:
         """A picture."""
@@ -34,12 +35,7 @@ class Screen(ParallelEnv[str, Any, int]):
 
     def action_space(self, agent: str) -> Any:
         """Colours."""
-        return self.actions.setdefault(agent, Discrete(256))
-
-    @property
-    def actions(self) -> dict[str, Any]:
-        """One space for each agent."""
-        return self.__dict__.setdefault("_actions", {})
+        return self.actions[agent]
 
     def reset(self, seed: int | None = None, options: Any = None) -> Any:
         """A black screen."""
