@@ -82,7 +82,7 @@ def main() -> int:
     parser.add_argument("--env", nargs="*", default=[], help="these in place of the table")
     parser.add_argument("--out", type=Path, help="a folder for audits and programs")
     asked = parser.parse_args()
-    table = [Row("gamekeeper", spec) for spec in asked.env] or list(rows())
+    table = _named(asked.env) or list(rows())
     failed = False
     for row in table:
         if asked.only and not any(word in row.spec for word in asked.only):
@@ -94,10 +94,16 @@ def main() -> int:
     return int(failed)
 
 
+def _named(specs: list[str]) -> list[Row]:
+    """The rows of these names; what isn't in the table is taken as it is."""
+    known = {row.spec: row for row in rows()}
+    return [known.get(spec, Row(spec.partition(".")[0], spec)) for spec in specs]
+
+
 def audited(row: Row, *, quick: bool, out: Path | None) -> dict[str, Any]:
     """One row, audited where its package is there."""
     line: dict[str, Any] = {"env": row.spec, "kwargs": dict(row.kwargs)}
-    if importlib.util.find_spec(row.module) is None:
+    if row.module.isidentifier() and importlib.util.find_spec(row.module) is None:
         return {**line, "missing": row.module}
     line |= _package(row)
     begun_s = time.monotonic()
