@@ -47,8 +47,10 @@ def judged(evidence: Gathered, kind: str) -> Iterator[Occasion]:
                 else:
                     yield Occasion(trace.at(turn, agent, "observations"), True)
         for agent, rows in odd.items():
+            is_told = kind != DTYPE or _is_told(agent, known[agent], rows)
             for turn, value in zip(rows.turns, rows.values, strict=True):
-                yield _looked(evidence, trace, turn, agent, known[agent], value, kind)
+                with_masks = agent in turn.ended and not is_told
+                yield _looked(evidence, trace, turn, agent, known[agent], value, kind, with_masks)
 
 
 def _rows(trace: Trace, known: Mapping[str, Any]) -> tuple[dict[str, _Rows], dict[str, _Rows]]:
@@ -67,10 +69,18 @@ def _rows(trace: Trace, known: Mapping[str, Any]) -> tuple[dict[str, _Rows], dic
 
 
 def _looked(
-    evidence: Gathered, trace: Trace, turn: Turn, agent: str, space: Any, value: Any, kind: str
+    evidence: Gathered,
+    trace: Trace,
+    turn: Turn,
+    agent: str,
+    space: Any,
+    value: Any,
+    kind: str,
+    with_masks: bool = False,
 ) -> Occasion:
-    is_over = agent in turn.ended
-    found = next((each for each in misfits(space, value) if _is_meant(each, kind, is_over)), None)
+    found = next(
+        (each for each in misfits(space, value) if _is_meant(each, kind, with_masks)), None
+    )
     if found is None:
         return Occasion(trace.at(turn, agent, "observations"), True)
     where = trace.at(turn, agent, f"observations{found.path}")
@@ -79,9 +89,18 @@ def _looked(
     )
 
 
-def _is_meant(found: Misfit, kind: str, is_over: bool) -> bool:
-    """A mask of another dtype is told by the checks of masks alone, which look at who may move."""
-    return found.kind == kind and (is_over or not is_of_mask(found.kind, found.path))
+def _is_meant(found: Misfit, kind: str, with_masks: bool) -> bool:
+    return found.kind == kind and (with_masks or not is_of_mask(found.kind, found.path))
+
+
+def _is_told(agent: str, space: Any, rows: _Rows) -> bool:
+    """The checks of masks, which look at who may move, tell of this agent's masks anyway."""
+    return any(
+        is_of_mask(each.kind, each.path)
+        for turn, value in zip(rows.turns, rows.values, strict=True)
+        if agent not in turn.ended
+        for each in misfits(space, value)
+    )
 
 
 def is_of_mask(kind: str, path: str) -> bool:

@@ -7,8 +7,9 @@ from typing import Any
 from gamekeeper.audit.specimens._rovers import Rovers
 
 BREAKS = ("GK523",)
-ALSO = ("GK604", "GK606")
-"""Where a reset is ignored, so is its seed, and the second episode isn't a fresh one's."""
+ALSO = ("GK103", "GK604", "GK606")
+"""Where a reset is ignored, so is its seed, the second episode isn't a fresh one's, and who had
+left stays away."""
 
 
 class ResetIgnored(Rovers):
