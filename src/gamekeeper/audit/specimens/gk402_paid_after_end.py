@@ -14,9 +14,14 @@ ALSO = ("GK106",)
 class PaidAfterEnd(Rovers):
     """The consolation comes a tick after the end."""
 
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Owes nobody anything from before."""
+        self.late: list[str] = []
+        return super().reset(seed, options)
+
     def step(self, actions: dict[str, Any]) -> Any:
         """Pays those who ended in the step before."""
-        late = getattr(self, "late", [])
+        late = self.late
         out = super().step(actions)
         self.late = [a for a in out[2] if out[2][a]]
         if self.agents:
