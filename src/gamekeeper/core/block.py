@@ -86,14 +86,15 @@ def block_of(reel: Reel, layout: Layout, *, open_large: Opener) -> Block:
     rows = _sorting(turn, episode, order, _ranks(index, known))
     pick = _picker(rows)
     odd = _odd(given[8::GIVEN], done[5::DONE])
-    values = _sides(layout, index, given[1::GIVEN], "obs", open_large)
-    values |= _sides(layout, index, done[1::DONE], "action", open_large)
+    # put in order before they become columns: those of images are copied once
+    values = _sides(layout, index[rows], pick(given[1::GIVEN]), "obs", open_large)
+    values |= _sides(layout, index[rows], pick(done[1::DONE]), "action", open_large)
     return Block(
         episode=episode[rows],
         turn=turn[rows],
         agent=pick(names),
         order=_take(order, rows),
-        values={name: (column, _take(cells, rows)) for name, (column, cells) in values.items()},
+        values=values,
         mask=pick(given[2::GIVEN]),
         received=_take(_numbers(given[3::GIVEN], np.float64), rows),
         terminated=_take(_numbers(given[4::GIVEN], np.uint8), rows),
@@ -154,12 +155,8 @@ def _picker(rows: NDArray[np.intp] | slice) -> Callable[[Sequence[Any]], list[An
     return lambda items: [items[place] for place in places]
 
 
-def _take(cells: Any, rows: NDArray[np.intp] | slice) -> Any:
-    if isinstance(rows, slice):
-        return cells
-    if isinstance(cells, Text):
-        return Text([cells.values[row] for row in rows.tolist()])
-    return Raw(cells.values[rows], cells.valid[rows])
+def _take(cells: Raw, rows: NDArray[np.intp] | slice) -> Raw:
+    return cells if isinstance(rows, slice) else Raw(cells.values[rows], cells.valid[rows])
 
 
 def _numbers(items: Sequence[Any], dtype: type[Any]) -> Raw:
