@@ -35,6 +35,9 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
     lines, passing, sizes = (array("q", [0] * EPISODES) for _ in range(3))  # take no more memory
     with traced_memory():
         for k in range(EPISODES):
+            lab.meter.count(
+                RESET_STEPS + len(paper)
+            )  # outside: signs of life take lines of their own
             done, work = work_of(lambda: _episode(lab, env, play, paper))
             if not done:
                 return
@@ -47,7 +50,6 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
 
 def _episode(lab: Lab, env: Any, play: Play, paper: tuple[Any, ...]) -> bool:
     """Whether it could be played."""
-    lab.meter.count(RESET_STEPS)
     if lab.call("reset", env.reset, seed=play.seed, options=play.options).failed is not None:
         return False
     for actions in paper:
@@ -56,6 +58,6 @@ def _episode(lab: Lab, env: Any, play: Play, paper: tuple[Any, ...]) -> bool:
         if lab.api == "aec":
             lab.call("last", env.last)
         given = actions if lab.api == "parallel" else next(iter(actions.values()), None)
-        if lab.step(env, given).failed is not None:
+        if lab.call("step", env.step, given).failed is not None:
             return False
     return True
