@@ -130,7 +130,7 @@ def test_equal_starts_are_no_ignored_reset() -> None:
 class NeedsSeed(Rovers):
     """Its seed has no default."""
 
-    def reset(self, seed: int | None, options: Any = None) -> Any:  # type: ignore[override]
+    def reset(self, seed: int | None, options: Any = None) -> Any:  # type: ignore[override]  # the fault
         """Must be told."""
         return super().reset(seed, options)
 
