@@ -13,6 +13,7 @@ from gamekeeper.kernels.rules import rule
 
 FIELDS: Final = (
     ("seed", "i8"),
+    ("episode", "i8"),
     ("lane", "i8"),
     ("draws", "i8"),
     ("block", "i8"),
@@ -44,7 +45,7 @@ def word(s):  # type: ignore[no-untyped-def]  # a rule's types are found when it
     block = drawn >> 2
     if block != s.block:
         a, b, c, d = _philox(
-            block & WORD, block >> 32, 0, s.lane, s.seed & WORD, (s.seed >> 32) & WORD
+            block & WORD, block >> 32, s.episode, s.lane, s.seed & WORD, (s.seed >> 32) & WORD
         )
         s.words[0] = a
         s.words[1] = b

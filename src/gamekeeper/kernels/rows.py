@@ -1,4 +1,4 @@
-"""`row(array, e)`: one copy's part of an array, borrowed.
+"""`row(arrays, e)`: one copy's part of an array, or of a tuple of arrays, borrowed.
 
 A slice of an array costs two atomic reference counts when it is compiled, which is half of the time
 that a cheap rule takes; a borrowed view has none. It must not outlive the call it is made for.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from gamekeeper.kernels.rules import numba
+from gamekeeper.kernels.rules import Plain, numba
 
 
 def _compiled() -> Any:
@@ -16,38 +16,64 @@ def _compiled() -> Any:
     from numba.extending import intrinsic
     from numba.np import arrayobj
 
+    def view_type(whole: Any) -> Any:
+        if isinstance(whole, types.BaseTuple):
+            parts = tuple(view_type(part) for part in whole)
+            return types.BaseTuple.from_types(parts, getattr(whole, "instance_class", None))
+        layout = "C" if whole.layout == "C" else "A"
+        return types.Array(whole.dtype, whole.ndim - 1, layout, aligned=whole.aligned)
+
+    def view(context: Any, builder: Any, kinds: tuple[Any, Any], value: Any, index: Any) -> Any:
+        kind, view_kind = kinds
+        if isinstance(kind, types.BaseTuple):
+            parts = [
+                view(context, builder, pair, part, index)
+                for pair, part in zip(
+                    zip(kind, view_kind, strict=True),
+                    cgutils.unpack_tuple(builder, value),
+                    strict=True,
+                )
+            ]
+            return context.make_tuple(builder, view_kind, parts)
+        whole = arrayobj.make_array(kind)(context, builder, value)
+        shape = cgutils.unpack_tuple(builder, whole.shape)
+        strides = cgutils.unpack_tuple(builder, whole.strides)
+        offset = builder.mul(strides[0], index)
+        part = arrayobj.make_array(view_kind)(context, builder)
+        arrayobj.populate_array(
+            part,
+            data=cgutils.pointer_add(builder, whole.data, offset, whole.data.type),
+            shape=shape[1:],
+            strides=strides[1:],
+            itemsize=whole.itemsize,
+            meminfo=None,
+            parent=None,
+        )
+        return part._getvalue()
+
     @intrinsic  # type: ignore[untyped-decorator]  # Numba ships no types
     def row(typing_context: Any, array: Any, index: Any) -> Any:
-        """The borrowed view `array[index]`."""
-        if not isinstance(array, types.Array) or not isinstance(index, types.Integer):
+        """The borrowed view `array[index]`, or a tuple of such views."""
+        if not isinstance(array, types.Array | types.BaseTuple):
             return None
-        layout = "C" if array.layout == "C" else "A"
-        view = types.Array(array.dtype, array.ndim - 1, layout, aligned=array.aligned)
+        if not isinstance(index, types.Integer):
+            return None
+        found = view_type(array)
 
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-            whole = arrayobj.make_array(signature.args[0])(context, builder, values[0])
-            shape = cgutils.unpack_tuple(builder, whole.shape)
-            strides = cgutils.unpack_tuple(builder, whole.strides)
-            offset = builder.mul(strides[0], values[1])
-            part = arrayobj.make_array(signature.return_type)(context, builder)
-            arrayobj.populate_array(
-                part,
-                data=cgutils.pointer_add(builder, whole.data, offset, whole.data.type),
-                shape=shape[1:],
-                strides=strides[1:],
-                itemsize=whole.itemsize,
-                meminfo=None,
-                parent=None,
-            )
-            return part._getvalue()
+            return view(context, builder, (array, found), *values)
 
-        return view(array, types.intp), generate
+        return found(array, types.intp), generate
 
     return row
 
 
-def _plain(array: Any, index: int) -> Any:
-    return array[index]
+def plain_row(array: Any, index: int) -> Any:
+    """The same for plain Python: views whose elements are Python numbers."""
+    if isinstance(array, tuple):
+        parts = [plain_row(part, index) for part in array]
+        return type(array)(*parts) if hasattr(array, "_fields") else tuple(parts)
+    return array[index : index + 1].reshape(array.shape[1:]).view(Plain)
 
 
-row = _plain if numba() is None else _compiled()
+row = plain_row if numba() is None else _compiled()

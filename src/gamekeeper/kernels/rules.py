@@ -46,12 +46,40 @@ def rule(function: Callable[..., Any]) -> Any:
 class Plain(np.ndarray[Any, Any]):
     """An array whose elements come out as Python numbers, as wide as compiled arithmetic is.
 
-    A bare `np.int16` would overflow where 64 bits don't, a bare `np.bool_` refuses a minus.
+    A bare `np.int16` would overflow where 64 bits don't, a bare `np.bool_` refuses a minus. Those of
+    an array of records come out as `Copy`s.
     """
 
     def __getitem__(self, key: Any) -> Any:
         value = super().__getitem__(key)
+        if isinstance(value, np.void):
+            return Copy(np.asarray(self)[key : key + 1].reshape(()))
         return value.item() if isinstance(value, np.generic) else value
+
+
+class Copy:
+    """A record as plain Python sees it: attributes are Python numbers and arrays of them.
+
+    Writing goes through to the record's memory, so the bytes are those that compiled rules see.
+    """
+
+    __slots__ = ("__dict__", "_record")
+
+    def __init__(self, record: Any) -> None:
+        """Looks at a record, an array of one element with no dimensions."""
+        object.__setattr__(self, "_record", record)
+        for name in record.dtype.names or ():
+            if record[name].ndim:
+                object.__setattr__(self, name, record[name].view(Plain))
+
+    def __getattr__(self, name: str) -> Any:
+        try:
+            return self._record[name].item()
+        except ValueError:
+            raise AttributeError(f"the state has no field {name!r}") from None
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        self._record[name] = value
 
 
 def as_python(function: Any, known: dict[Any, Any] | None = None) -> Any:

@@ -7,20 +7,20 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Final
 
-LATER_S: Final = 1009
-"""How much later it is within `later`."""
+LATER_S: Final = (1009, 86_413)
+"""How much later it may be within `later`: two times, of few possible outcomes two may agree."""
 NS: Final = 1_000_000_000
 
 
 @contextmanager
-def later() -> Iterator[None]:
+def later(seconds: int) -> Iterator[None]:
     """Within it `time.time()` and `time.time_ns()` are ahead; who holds the functions isn't led on.
 
     Clocks that only measure how long something took go on as they are.
     """
     now, now_ns = time.time, time.time_ns
-    time.time = lambda: now() + LATER_S
-    time.time_ns = lambda: now_ns() + LATER_S * NS
+    time.time = lambda: now() + seconds
+    time.time_ns = lambda: now_ns() + seconds * NS
     try:
         yield
     finally:

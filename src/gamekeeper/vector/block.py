@@ -15,7 +15,7 @@ from gamekeeper.game.faces import game_of
 from gamekeeper.vector.arrays import Arrays
 from gamekeeper.vector.form import Form, Group, built
 from gamekeeper.vector.rows import Batches, Recording, Shelf, SlotSink
-from gamekeeper.vector.seeding import EpisodeSeeds
+from gamekeeper.core.episode_seeds import EpisodeSeeds
 
 Autoreset: TypeAlias = Literal["same_step", "next_step"]
 AUTORESETS: Final = ("same_step", "next_step")

@@ -6,6 +6,7 @@ worker's death or hang is named with the copy that it was stepping.
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 import time
@@ -264,6 +265,8 @@ def block_task(
         doors, arrays, form_of(opened.env, opened.api, declared, infos), first=first, slots=slots,
         autoreset=autoreset, wants_infos=wants_infos, after_env=report,
     )  # fmt: skip
+    gc.collect()
+    gc.freeze()  # what is there stays: collections of what steps leave needn't look through it
     report(ready=True)
     while True:
         message = report.order()

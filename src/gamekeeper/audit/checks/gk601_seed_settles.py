@@ -10,7 +10,6 @@ from gamekeeper.audit.played_twice import parted, program, settled_by_seed, told
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.gathered import Gathered
 from gamekeeper.core.proof import Proof
-from gamekeeper.run.clock import LATER_S
 
 AGAIN: Final = 8
 """Plays that the program compares: of few possible ones two are often equal."""
@@ -53,7 +52,7 @@ def seed_settles_the_play(contract: Contract, evidence: Gathered) -> Iterator[Oc
         if twin.change["change"] == "nothing":
             yield from parted(twin, _again(evidence.api, told_of(contract, twin)))
         elif twin.change["change"] == "the time of day":
-            proof = _later(evidence.api, told_of(contract, twin))
+            proof = _later(evidence.api, twin.change["later_s"], told_of(contract, twin))
             yield from parted(twin, proof, expected="the same play, whatever the clock says")
         elif not any(each.divergence for each in evidence.twins("same_seed") if each is not twin):
             yield from parted(twin, _empty(evidence.api), expected="as without options")
@@ -63,11 +62,11 @@ def _again(api: str, tells: frozenset[str]) -> Proof:
     return program(api, f"assert len({{play(make()) for _ in range({AGAIN})}}) == 1", tells=tells)
 
 
-def _later(api: str, tells: frozenset[str]) -> Proof:
+def _later(api: str, seconds: int, tells: frozenset[str]) -> Proof:
     lines = (
         "first, now = play(make()), time.time",
-        f"time.time = lambda: now() + {LATER_S}  # as if it were run again later",
-        f"time.time_ns = lambda: int(now() + {LATER_S}) * 10**9",
+        f"time.time = lambda: now() + {seconds}  # as if it were run again later",
+        f"time.time_ns = lambda: int(now() + {seconds}) * 10**9",
         "assert play(make()) == first",
     )
     return program(api, *lines, tells=tells, imports=("time",))

@@ -8,7 +8,7 @@ from typing import Final
 
 from gamekeeper.audit.lab import Lab, Saw
 from gamekeeper.core.gathered import Twin
-from gamekeeper.run.clock import later
+from gamekeeper.run.clock import LATER_S, later
 from gamekeeper.run.episode import Play
 from gamekeeper.run.global_generators import held
 
@@ -35,9 +35,14 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
     same = Twin(base.trace, base.trace, again.trace, {"change": "nothing"}, volatile)
     yield same
     if lab.number == 0 and same.divergence is None:
-        with held(), later():
-            other = lab.play(base.play, lab.env())
-        yield Twin(base.trace, again.trace, other.trace, {"change": "the time of day"}, volatile)
+        for seconds in LATER_S:
+            with held(), later(seconds):
+                other = lab.play(base.play, lab.env())
+            change = {"change": "the time of day", "later_s": seconds}
+            moved = Twin(base.trace, again.trace, other.trace, change, volatile)
+            yield moved
+            if moved.divergence is not None:
+                break
     if lab.number == 0 and play.options is None:
         short = replace(base.play, options={}, actions=(base.play.actions or ())[:1])
         with held():
