@@ -27,7 +27,7 @@ def step(s, actions, rewards, terminated, truncated):
             wind = draws.integers(s, 4) == 0
             move = 0 if wind else actions[i] - 1
             s.cells[i] = min(max(s.cells[i] + move, 0), LAST)
-    if s.cells[0] == s.cells[1]:
+    if s.live[1] != 0 and s.cells[0] == s.cells[1]:
         for i in range(2):
             rewards[i, 0] = 1.0
             terminated[i] = True
@@ -62,6 +62,7 @@ WINDY = Kernel(
     step=step,
     observe=observe,
     mask=mask,
+    plays_illegal=True,
     terms=("meeting", "fall"),
     horizon=30,
 )

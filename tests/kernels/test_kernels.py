@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,12 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gamekeeper.core.episode_seeds import EpisodeSeeds
 from gamekeeper.core.seeds import episode_seed
 from gamekeeper.core.stream import Stream
 from gamekeeper.errors import SpecError
 from gamekeeper.kernels import draws, seeding
-from gamekeeper.kernels.drivers import arrays_of, built, copies
-from gamekeeper.kernels.kernel import Kernel
+from gamekeeper.kernels.batch import Batch
+from gamekeeper.kernels.drivers import copies
 from gamekeeper.kernels.rules import as_python, key_of, numba
 from tests.kernels import lines
 from tests.kernels.lines import WINDY
@@ -26,8 +28,8 @@ ENVS = 5
 @given(SEEDS, st.integers(0, 2**32 - 1))
 def test_episode_seed_is_that_of_the_core(run: int, episode: int) -> None:
     """Compiled copies begin their episodes from the seeds that rollouts take."""
-    seed_of = as_python(seeding.episode_seed)
-    assert seed_of(run & 0xFFFFFFFF, run >> 32, episode) == episode_seed(run, episode)
+    seeds, seed_of = EpisodeSeeds(run), as_python(seeding.episode_seed)
+    assert seed_of(seeds.pool, seeds.constant, episode) == episode_seed(run, episode)
 
 
 @given(st.integers(0, 2**31 - 1), st.lists(st.integers(1, 2**31 - 1), max_size=12))
@@ -45,24 +47,19 @@ def test_draws_are_those_of_a_stream(seed: int, bounds: list[int]) -> None:
     assert s.draws == stream.draws
 
 
-class Run:
-    """A batch of copies and its driver."""
+class Run(Batch):
+    """A batch of copies that tells all at each step."""
 
-    def __init__(self, *, is_plain: bool, run: int = 7, is_next: bool = False) -> None:
-        self.driver, self.arrays = built(WINDY, is_plain=is_plain), arrays_of(WINDY, ENVS)
-        self.records, self.end = self.arrays.pop("records"), (run, 0, ENVS, is_next)
-        shown = (self.arrays[name] for name in ("obs", "masks", "live"))
-        self.driver.begin(self.records, *shown, run, 0, 0)
+    def __init__(self, *, is_plain: bool, is_next: bool = False) -> None:
+        autoreset = "next_step" if is_next else "same_step"
+        super().__init__(WINDY, ENVS, seed=7, autoreset=autoreset, debug=is_plain)
+        self.reset()
 
-    def step(self, actions: Any) -> dict[str, Any]:
+    def told(self, actions: Any) -> dict[str, Any]:
         """One step of every copy; copies of all arrays, and the state's bytes."""
-        names = ("actions", "obs", "masks", "rewards", "terms", "terminated", "truncated", "live")
-        self.arrays["actions"][...] = actions
-        self.driver.step(
-            self.records, *(self.arrays[name] for name in (*names, "over", "final")), *self.end
-        )
-        found = {name: array.copy() for name, array in self.arrays.items()}
-        return {**found, "state": self.records.tobytes()}
+        self.step(actions)
+        arrays = self.arrays._asdict()
+        return {**{name: array.copy() for name, array in arrays.items()}, "state": self.snapshot()}
 
 
 def actions_of(steps: int) -> Any:
@@ -76,7 +73,7 @@ def test_copies_end_agent_by_agent_and_begin_anew() -> None:
     fallen = over = 0
     for actions in actions_of(120):
         before = run.records["number"].copy()
-        seen = run.step(actions)
+        seen = run.told(actions)
         ended = seen["terminated"] | seen["truncated"]
         begun = run.records["number"] != before
         assert (run.records["number"][begun] == before[begun] + ENVS).all()
@@ -97,7 +94,7 @@ def test_next_step_resets_in_the_step_after() -> None:
     was_over = np.zeros(ENVS, bool)
     overs = 0
     for actions in actions_of(120):
-        seen = run.step(actions)
+        seen = run.told(actions)
         assert (run.records["time"][was_over] == 0).all()
         assert not seen["rewards"][was_over].any()
         was_over = seen["over"].copy()
@@ -111,7 +108,7 @@ def test_compiled_rules_give_the_bits_of_plain_ones(is_next: bool) -> None:
     """Every array and every byte of state, step by step."""
     plain, compiled = (Run(is_plain=p, is_next=is_next) for p in (True, False))
     for actions in actions_of(200):
-        one, two = plain.step(actions), compiled.step(actions)
+        one, two = plain.told(actions), compiled.told(actions)
         assert one.pop("state") == two.pop("state")
         for name, array in one.items():
             assert np.array_equal(array, two[name]), name
@@ -120,10 +117,10 @@ def test_compiled_rules_give_the_bits_of_plain_ones(is_next: bool) -> None:
 def test_state_is_bytes() -> None:
     """Put back, a copy goes on as it did."""
     run = Run(is_plain=True)
-    kept = run.records.tobytes()
-    first = [run.step(actions)["state"] for actions in actions_of(10)]
-    run.records[...] = np.frombuffer(kept, WINDY.dtype)
-    again = [run.step(actions)["state"] for actions in actions_of(10)]
+    kept = run.snapshot()
+    first = [run.told(actions)["state"] for actions in actions_of(10)]
+    run.restore(kept)
+    again = [run.told(actions)["state"] for actions in actions_of(10)]
 
     assert first == again
 
@@ -137,4 +134,4 @@ def test_key_changes_with_code_and_with_what_it_calls() -> None:
 def test_field_that_every_kernel_has_is_refused() -> None:
     """The state's own names are taken."""
     with pytest.raises(SpecError, match="every kernel has"):
-        Kernel(**{**vars(WINDY), "state": [("time", "i4")]})
+        replace(WINDY, state=[("time", "i4")])

@@ -69,6 +69,8 @@ class Kernel:
             what one agent does.
         mask: `mask(s, masks)` fills [agent, actions] with 0 and 1 (of turns `mask(s, agent,
             flags)`, [actions]); None: all is legal.
+        plays_illegal: the rules say what becomes of an action that is masked out; else it is an
+            error.
         inform: `inform(s, infos)` fills what is told beside observations, of turns
             `inform(s, agent, info)`; `infos[agent].field = ...`.
         info: fields of these infos.
@@ -95,6 +97,7 @@ class Kernel:
     step: Any = None
     act: Any = None
     mask: Any = None
+    plays_illegal: bool = False
     inform: Any = None
     info: Sequence[Field] = ()
     overview: Any = None
@@ -156,8 +159,8 @@ class Kernel:
 
     @cached_property
     def info_dtype(self) -> np.dtype[Any]:
-        """One agent's info."""
-        return np.dtype(list(self.info), align=True)
+        """One agent's info; a byte that nobody fills where there is none."""
+        return np.dtype(list(self.info), align=True) if self.info else np.dtype(np.int8)
 
     def observation_of(self, agent: str) -> Space:
         """The observation space of an agent."""
@@ -205,3 +208,24 @@ class Kernel:
 
     def _refuse(self, what: str, **told: Any) -> None:
         raise SpecError(what, where=self.name, **told)
+
+    def __deepcopy__(self, memo: object) -> Kernel:
+        """A kernel never changes, so copies of it are itself."""
+        return self
+
+    def env(self, *, render_mode: str | None = None, debug: bool = False) -> Any:
+        """One copy as PettingZoo has it: an AECEnv or a ParallelEnv.
+
+        Args:
+            render_mode: None, or one of `metadata["render_modes"]`.
+            debug: the rules run as plain Python, for breakpoints.
+        """
+        from gamekeeper.kernels.faces import face_of  # a face knows its kernel, so not above
+
+        return face_of(self, render_mode=render_mode, debug=debug)
+
+    def batch(self, num_envs: int, **options: Any) -> Any:
+        """Many copies in arrays; options as of `gamekeeper.kernels.batch.Batch`."""
+        from gamekeeper.kernels.batch import Batch  # likewise
+
+        return Batch(self, num_envs, **options)

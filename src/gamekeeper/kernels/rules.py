@@ -53,7 +53,8 @@ class Plain(np.ndarray[Any, Any]):
     def __getitem__(self, key: Any) -> Any:
         value = super().__getitem__(key)
         if isinstance(value, np.void):
-            return Copy(np.asarray(self)[key : key + 1].reshape(()))
+            bare = np.asarray(self)
+            return Copy(bare if key == () else bare[key : key + 1].reshape(()))
         return value.item() if isinstance(value, np.generic) else value
 
 

@@ -1,0 +1,125 @@
+"""A batch: many copies of one kernel, stepped together, their arrays at hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gamekeeper.core.episode_seeds import EpisodeSeeds
+from gamekeeper.errors import ActionError, SpecError
+from gamekeeper.kernels.arrays import Arrays, Made, arrays_of
+from gamekeeper.kernels.drivers import driver_of, tables_of
+from gamekeeper.kernels.judge import FINE, judge_of
+from gamekeeper.kernels.kernel import Kernel
+
+
+class Batch:
+    """Copies of one kernel; copy i plays the episodes i, i + num_envs, ... of the run.
+
+    `step` overwrites the arrays that it hands out: `arrays.obs`, `arrays.rewards` and all others
+    (see `gamekeeper.kernels.arrays.Arrays`) are the same memory all the time, so that
+    `torch.from_dlpack(batch.arrays.obs)` shows every step without a copy. The state of copy e is
+    the bytes of `records[e]`.
+
+    Args:
+        kernel: whose copies.
+        num_envs: how many.
+        seed: of the run.
+        autoreset: `same_step` or `next_step`, as `gk.vector.make` has them.
+        infos: fills `arrays.infos` at every step.
+        debug: plain Python, for breakpoints in the rules.
+        make: makes the arrays; None: they are NumPy's.
+    """
+
+    def __init__(
+        self,
+        kernel: Kernel,
+        num_envs: int,
+        *,
+        seed: int = 0,
+        autoreset: str = "same_step",
+        infos: bool = False,
+        debug: bool = False,
+        make: Made | None = None,
+    ) -> None:
+        self.kernel, self.num_envs = kernel, num_envs
+        self.records: NDArray[Any] = np.zeros(num_envs, kernel.dtype)
+        self.arrays: Arrays = arrays_of(kernel, self.records, make)
+        self._tables = tables_of(kernel)
+        self._driver = driver_of(kernel, is_plain=debug)
+        self._judges = judge_of(kernel, is_plain=debug)
+        self._seeds = EpisodeSeeds(seed)
+        self._is_next, self._tells = autoreset == "next_step", infos
+
+    def reset(self, seed: int | None = None) -> Any:
+        """Every copy begins its first episode of the run; returns the observations."""
+        if seed is not None:
+            self._seeds = EpisodeSeeds(seed)
+        a, seeds = self.arrays, self._seeds
+        for array in (a.rewards, a.terms, a.terminated, a.truncated, a.over, a.ended):
+            array[...] = 0
+        self._driver.begin(
+            self.records, self._tables, a, seeds.pool, seeds.constant, 0, self._tells
+        )
+        return a.obs
+
+    def step(self, actions: Any = None) -> tuple[Any, Any, Any, Any]:
+        """One step of every copy.
+
+        Args:
+            actions: copied into `arrays.actions`; None: what stands there.
+        Returns:
+            Observations, rewards, terminated, truncated: the batch's own arrays.
+        Raises:
+            ActionError: a live agent's action is out of its space, or masked out; nothing changed.
+        """
+        a = self.arrays
+        if actions is not None:
+            a.actions[...] = actions
+        self._judge()
+        self._driver.step(
+            self.records, self._tables, a, self._seeds.pool, self._seeds.constant,
+            self.num_envs, self._is_next, self._tells,
+        )  # fmt: skip
+        return a.obs, a.rewards, a.terminated, a.truncated
+
+    def _judge(self) -> None:
+        a, groups = self.arrays, self.kernel.groups
+        for g, (judge, group) in enumerate(zip(self._judges, groups, strict=True)):
+            actions = a.actions if len(groups) == 1 else a.actions[g]
+            masks = a.masks if len(groups) == 1 else a.masks[g]
+            live = a.live[:, group.first : group.first + group.count]
+            if self.kernel.api == "aec":
+                actions, masks, live = actions[:, None], masks[:, None], ~a.over[:, None]
+            place = judge(actions, masks, live, a.over)
+            if place != FINE:
+                e, i = divmod(place, live.shape[1])
+                i = int(a.turn[e]) if self.kernel.api == "aec" else group.first + i
+                legal = f", mask {masks[e, place % live.shape[1]]}" if masks.size else ""
+                raise ActionError(
+                    "an action isn't legal",
+                    where=f"copy {e}, agent {self.kernel.agents[i]!r}",
+                    expected=f"one of {group.action_space}{legal}",
+                    seen=str(actions[e, place % live.shape[1]]),
+                )
+
+    def snapshot(self) -> bytes:
+        """The state of all copies."""
+        return self.records.tobytes()
+
+    def restore(self, snapshot: bytes) -> None:
+        """Goes on from a snapshot of a batch of the same kernel and as many copies.
+
+        Raises:
+            SpecError: it is of another one.
+        """
+        if len(snapshot) != self.records.nbytes:
+            raise SpecError(
+                "a snapshot of other copies",
+                where="restore",
+                expected=f"{self.records.nbytes} bytes",
+                seen=f"{len(snapshot)} bytes",
+            )
+        self.records[...] = np.frombuffer(snapshot, self.records.dtype)
