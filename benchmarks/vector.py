@@ -4,9 +4,10 @@ The work is the same for all: 64 copies, the same numbers of steps, random actio
 every observation and reward as an array at hand after each step (the plain loop keeps dictionaries,
 as whoever writes it would). Every subject runs in a process of its own, in rounds that go through
 all subjects in another order each; the figure is the best round's agent-steps a second of wall
-time, resets included.
+time, resets included. `two_loops` are two plain loops over half of the copies each, in processes
+that know nothing of each other: what this machine's two cores can give at best.
 
-    python benchmarks/vector.py [--tasks spread rware line] [--rounds 3] [--seconds 4]
+    python benchmarks/vector.py [--tasks spread rware line textbook] [--rounds 3] [--seconds 4]
     python benchmarks/vector.py --peer supersuit=PATH/bin/python --peer agilerl=PATH/bin/python
 
 Peers live in environments of their own; benchmarks/peers/supersuit.txt and agilerl.txt lock them
@@ -37,8 +38,12 @@ TASKS: Final = {
     "spread": "mpe2.simple_spread_v3:parallel_env",
     "rware": "rware:rware-tiny-2ag-v2",
     "line": "two_robot_line",
+    "textbook": str(Path(__file__).with_name("textbook_line.py")) + ":parallel_env",
 }
-OURS: Final = ("loop", "serial", "process", "gymnasium_sync", "gymnasium_async")
+OURS: Final = (
+    "loop", "two_loops", "serial", "process", "kernel", "gymnasium_sync", "gymnasium_async",
+)  # fmt: skip
+WITH_KERNEL: Final = frozenset({"line"})
 PEERS: Final = {
     "supersuit": ("supersuit_0", "supersuit_2"),
     "agilerl": ("agilerl",),
@@ -57,9 +62,9 @@ def environment(task: str) -> Any:
     return gk.make(TASKS[task], slim=False)
 
 
-def loop(task: str) -> Callable[[int], int]:
+def loop(task: str, copies: int = COPIES) -> Callable[[int], int]:
     """A plain loop over the copies."""
-    envs = [environment(task) for _ in range(COPIES)]
+    envs = [environment(task) for _ in range(copies)]
     drawn = _drawn(envs[0])
     for seed, env in enumerate(envs):
         env.reset(seed=seed)
@@ -76,6 +81,15 @@ def loop(task: str) -> Callable[[int], int]:
         return done
 
     return step
+
+
+def halves(task: str, seconds: float) -> dict[str, Any]:
+    """Two plain loops at once, over half of the copies each."""
+    command = [sys.executable, __file__, "--subject", "loop", "--task", task]
+    more = ["--seconds", str(seconds), "--copies", str(COPIES // 2)]
+    both = [subprocess.Popen([*command, *more], stdout=subprocess.PIPE) for _ in range(2)]
+    found = [json.loads(each.communicate()[0])["agent_steps_s"] for each in both]
+    return {"agent_steps_s": sum(found)}
 
 
 def _drawn(env: Any) -> list[dict[Any, Any]]:
@@ -108,6 +122,11 @@ def serial(task: str, **options: Any) -> Callable[[int], int]:
 def process(task: str) -> Callable[[int], int]:
     """`gk.vector` in two workers."""
     return serial(task, engine="process", workers=2)
+
+
+def kernel(task: str) -> Callable[[int], int]:
+    """`gk.vector` over compiled rules."""
+    return serial(task, engine="kernel")
 
 
 def gymnasium_sync(task: str) -> Callable[[int], int]:
@@ -174,9 +193,11 @@ def joint(env: Any) -> Any:
     return Joint()
 
 
-def measured(subject: str, task: str, seconds: float) -> dict[str, Any]:
+def measured(subject: str, task: str, seconds: float, copies: int) -> dict[str, Any]:
     """Agent-steps a second of one subject in this process."""
-    step = globals()[subject](task)
+    if subject == "two_loops":
+        return halves(task, seconds)
+    step = loop(task, copies) if subject == "loop" else globals()[subject](task)
     for number in range(WARM):
         step(number)
     done, number, begun_s = 0, WARM, time.perf_counter()
@@ -195,6 +216,8 @@ def runs(arguments: argparse.Namespace) -> Iterator[tuple[str, str, list[str]]]:
     here = Path(__file__)
     for task in arguments.tasks:
         for subject in OURS:
+            if subject == "kernel" and task not in WITH_KERNEL:
+                continue
             yield task, subject, [sys.executable, str(here), "--subject", subject]
         for peer, subjects in PEERS.items():
             for subject in subjects:
@@ -212,9 +235,14 @@ def main() -> None:
     parser.add_argument("--peer", action="append", default=[], metavar="NAME=PYTHON")
     parser.add_argument("--subject", choices=OURS)
     parser.add_argument("--task", choices=list(TASKS))
+    parser.add_argument("--copies", type=int, default=COPIES)
     arguments = parser.parse_args()
     if arguments.subject:
-        print(json.dumps(measured(arguments.subject, arguments.task, arguments.seconds)))
+        print(
+            json.dumps(
+                measured(arguments.subject, arguments.task, arguments.seconds, arguments.copies)
+            )
+        )
         return
     everything = list(runs(arguments))
     best: dict[tuple[str, str], int] = {}

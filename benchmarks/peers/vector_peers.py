@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import time
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Final
 
 warnings.simplefilter("ignore")
@@ -18,6 +20,7 @@ WARM: Final = 8
 
 
 TASKS: Final = {"rware": "rware:rware-tiny-2ag-v2", "line": "two_robot_line"}
+BENCHMARKS: Final = str(Path(__file__).parents[1])
 
 
 def environment(task: str) -> Any:
@@ -26,6 +29,11 @@ def environment(task: str) -> Any:
         from mpe2 import simple_spread_v3
 
         return simple_spread_v3.parallel_env()
+    if task == "textbook":
+        sys.path.insert(0, BENCHMARKS)
+        from textbook_line import parallel_env
+
+        return parallel_env()
     import gamekeeper as gk
 
     return gk.make(TASKS[task], slim=False)

@@ -53,16 +53,19 @@ class Channel:
 
         Raises:
             TypeError: JSON can't carry the content.
-            OSError: nobody reads any more, or the task has closed the descriptor.
+            OSError: the task has closed the descriptor.
         """
         self.write(encoded(kind, content))
 
     def write(self, message: bytes) -> None:
-        """Writes a message that is encoded already."""
+        """Writes a message that is encoded already; where nobody reads it, the process ends."""
         unsent = memoryview(message)
         with self._lock:
             while unsent:
-                unsent = unsent[os.write(self._fd, unsent) :]
+                try:
+                    unsent = unsent[os.write(self._fd, unsent) :]
+                except BrokenPipeError:  # the parent is gone, and wants no traceback from us
+                    os._exit(1)
             self._last_s = time.monotonic()
 
     def order(self) -> Any:
