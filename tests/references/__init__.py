@@ -1,0 +1,1 @@
+"""Our tasks written out by hand, class by class: what their kernels are compared with."""
