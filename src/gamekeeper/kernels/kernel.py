@@ -188,7 +188,8 @@ class Kernel:
         return own
 
     def _space_of(self, spaces_: Any, agent: str) -> Any:
-        return spaces_[agent] if isinstance(spaces_, Mapping) else spaces_
+        is_one = isinstance(spaces_, spaces.Space)  # asked first: a Dict space is a mapping too
+        return spaces_ if is_one else spaces_[agent]
 
     def _check_spaces(self, group: Group) -> None:
         seen, done = group.observation_space, group.action_space
