@@ -98,6 +98,10 @@ class Books(Verbs, AECEnv[Any, Any, Any]):
         """Who acts after `agent`, asked as its turn ends; as it stands here, the roster's next."""
         return self.__after[agent]
 
+    def first_to_leave(self) -> Any:
+        """Who has its last turn first where several end together; None: the first in the roster."""
+        return None
+
     def _judge(self, agent: Any, action: Any) -> tuple[bool, Any]:
         """Whether an action may be played, and in which form; asked where the range doesn't tell.
 
@@ -308,6 +312,10 @@ class Books(Verbs, AECEnv[Any, Any, Any]):
         self.__then = then
         self.__waiting = sorted(ended, key=self.__circle.place.__getitem__, reverse=True)
         self.__stirred = True
+        first = self.first_to_leave()
+        if first in self.__waiting:
+            self.__waiting.remove(first)
+            self.__waiting.append(first)
         return self.__waiting[-1]
 
     def __end_tick(self) -> None:

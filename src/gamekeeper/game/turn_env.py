@@ -23,7 +23,8 @@ class TurnEnv(Authored, Books):
     and, where the task has it, `mask(agent)` (goes into infos["action_mask"], and into observations
     of a Dict space with that key), `info(agent)`, `state()`, `render()`, `starting_agents()` (the
     others join later), `first_agent()`, `next_agent(agent)` (else the roster goes round; one who
-    has ended is passed over), and `illegal(agent, action)` (a penalty in place of the error).
+    has ended is passed over), `first_to_leave()` (of several that end together; else the first of
+    the roster), and `illegal(agent, action)` (a penalty in place of the error).
 
     The base keeps what PettingZoo promises: rewards, and their sum since an agent's last turn,
     which is 0 again once it has acted; an ended agent's last reward, and its one turn in which it
