@@ -6,7 +6,7 @@
     R3. Robots that stand in one cell after a tick have met: each is paid MEETING ("meeting") and
         terminated ("met").
     R4. Robots that swap cells pass each other and haven't met.
-    R5. After `horizon` ticks (the contract's, 200, unless given) both are truncated ("horizon").
+    R5. After `horizon` ticks (HORIZON, 200, unless given) both are truncated ("horizon").
 
 An episode is solved where the robots meet. An even number of cells is the harder kind: robots that
 walk straight at each other pass in the middle.
@@ -27,10 +27,12 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from gamekeeper.core.stream import Stream
+from gamekeeper.envs.disturbed import DisturbedTicks
 from gamekeeper.envs.drawing import BLUE, GREEN, ORANGE, Canvas
-from gamekeeper.envs.knobs import LABELS, Disturbances, KnobArguments, Knobs
+from gamekeeper.envs.knobs import LABELS, KnobArguments, Knobs
 from gamekeeper.errors import SpecError
-from gamekeeper.game.tick_env import TickEnv
+from gamekeeper.kernels.kernel import Kernel
+from gamekeeper.kernels.rules import rule
 
 DOWN, STAY, UP = range(3)
 MEETING: Final = 1.0
@@ -38,6 +40,12 @@ MEETING: Final = 1.0
 AGENTS: Final = ("picker", "carrier")
 MEETING_CELL: Final = 2
 """Where the reference policy meets: the middle of the textbook's five cells."""
+HORIZON: Final = 200
+"""Ticks of an episode, as the contract has them."""
+MET: Final = 1
+"""The number of the one ending."""
+LAYOUT: Final = np.dtype([("last", "i8"), ("picker", "i8"), ("carrier", "i8")])
+"""The line's last cell, and the cells where the robots start."""
 KNOBS: Final = tuple(name for name in LABELS if name != "occlusion")
 """A robot sees its own cell alone, so there is nothing to hide from it."""
 
@@ -64,13 +72,87 @@ def lazy(
     return STAY
 
 
-class TwoRobotLine(TickEnv):
+@rule
+def reset(s, t):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """Puts the robots where the layout has them: at the two ends (R1)."""
+    s.cells[0] = t.picker
+    s.cells[1] = t.carrier
+
+
+@rule
+def step(s, t, actions, rewards, terminated, truncated):  # type: ignore[no-untyped-def]  # likewise
+    """Moves both robots, then looks whether they met (R2 to R4)."""
+    for i in range(2):
+        s.cells[i] = min(max(s.cells[i] + actions[i] - 1, 0), t.last)
+    if s.cells[0] == s.cells[1]:
+        for i in range(2):
+            rewards[i, 0] = MEETING
+            terminated[i] = True
+            s.ending[i] = MET
+
+
+@rule
+def observe(s, t, obs):  # type: ignore[no-untyped-def]  # likewise
+    """Each robot's own cell."""
+    obs[0, 0] = s.cells[0]
+    obs[1, 0] = s.cells[1]
+
+
+@rule
+def inform(s, t, infos):  # type: ignore[no-untyped-def]  # likewise
+    """Each robot's true cell."""
+    for i in range(2):
+        infos[i].position = s.cells[i]
+
+
+@rule
+def overview(s, t, state):  # type: ignore[no-untyped-def]  # likewise
+    """The cells of picker and carrier."""
+    state[0] = s.cells[0]
+    state[1] = s.cells[1]
+
+
+def two_robot_line_kernel(*, n: int = 5, horizon: int | None = None) -> Kernel:
+    """The rules for a line of `n` cells; R5's horizon where none is given.
+
+    Raises:
+        SpecError: the line is too short.
+    """
+    if type(n) is not int or n < 2:
+        raise SpecError(
+            "the line is too short for two robots",
+            where="n",
+            expected="a whole number of cells, 2 or more",
+            seen=repr(n),
+        )
+    return Kernel(
+        name="two_robot_line_v0",
+        agents=AGENTS,
+        observation_space=Box(0, n - 1, (1,), np.int64),
+        action_space=Discrete(3),
+        state=[("cells", "i8", (2,))],
+        tables=np.array([(n - 1, 0, n - 1)], LAYOUT),
+        reset=reset,
+        step=step,
+        observe=observe,
+        inform=inform,
+        info=[("position", "i8")],
+        overview=overview,
+        state_space=Box(0, n - 1, (2,), np.int64),
+        terms=("meeting",),
+        endings=("met",),
+        horizon=HORIZON if horizon is None else horizon,
+    )
+
+
+class TwoRobotLine(DisturbedTicks):
     """Each robot sees its own cell, [1] int64 in 0 to n - 1; its info tells the true `position`.
 
     Args:
         n: cells of the line, 2 or more.
         horizon: ticks after which both are truncated; None: the contract's.
         render_mode: `ansi`, `rgb_array` or None.
+        debug: the rules run as plain Python.
         **knobs: see `envs/knobs.py`, without `occlusion`; all are off. A held-out layout starts
             the robots in two other cells of the line.
     Raises:
@@ -92,86 +174,38 @@ class TwoRobotLine(TickEnv):
         n: int = 5,
         horizon: int | None = None,
         render_mode: str | None = None,
+        debug: bool = False,
         **knobs: Unpack[KnobArguments],
     ) -> None:
-        super().__init__(render_mode=render_mode, horizon=horizon)
-        if type(n) is not int or n < 2:
-            raise SpecError(
-                "the line is too short for two robots",
-                where="n",
-                expected="a whole number of cells, 2 or more",
-                seen=repr(n),
-            )
+        kernel = two_robot_line_kernel(n=n, horizon=horizon)
+        super().__init__(kernel, render_mode=render_mode, debug=debug)
         self.n = n
-        self.possible_agents = list(AGENTS)
-        space = Box(0, n - 1, (1,), np.int64)
-        self.observation_spaces = dict.fromkeys(AGENTS, space)
-        self.action_spaces = {agent: Discrete(3) for agent in AGENTS}
-        self.state_space = Box(0, n - 1, (2,), np.int64)
-        settings = Knobs(knobs, agents=AGENTS, offered=KNOBS)
-        self.is_sound = settings.is_ideal
-        self.disturbances = Disturbances(
-            settings,
-            bounds=dict.fromkeys(AGENTS, (space.low, space.high)),
-            things=dict.fromkeys(AGENTS, ()),
+        self.disturb(
+            Knobs(knobs, agents=AGENTS, offered=KNOBS),
+            things=(),
             noop=STAY,
             neighbours={DOWN: (STAY, UP), UP: (STAY, DOWN)},
         )
 
-    # -- state
+    # -- knobs
 
-    def start(self, rng: Stream, options: dict[str, Any]) -> None:
-        """Puts the robots at the two ends (R1)."""
-        self.cells = {"picker": 0, "carrier": self.n - 1}
-        self.disturbances.begin(rng)
-        if self.disturbances.is_held_out:
-            layout = self.disturbances.layout_rng()
-            first = layout.integers(self.n)
-            other = (first + layout.integers(1, self.n)) % self.n
-            self.cells = {"picker": first, "carrier": other}
+    def whereabouts(self) -> list[int]:
+        """The robots' cells."""
+        cells: list[int] = self.bench.records["cells"][0].tolist()
+        return cells
 
-    def state(self) -> NDArray[np.int64]:
-        """The cells of picker and carrier, [2] int64."""
-        return np.array([self.cells[agent] for agent in AGENTS], np.int64)
+    def held_out(self, rng: Stream) -> NDArray[Any]:
+        """A line on which the robots start in any two cells that differ."""
+        first = rng.integers(self.n)
+        other = (first + rng.integers(1, self.n)) % self.n
+        return np.array([(self.n - 1, first, other)], LAYOUT)
 
-    # -- a step
-
-    def tick(self, actions: dict[str, int]) -> None:
-        """Moves both robots, then looks whether they met (R2 to R4)."""
-        moves = actions if self.is_sound else self._disturbed(actions)
-        for agent, move in moves.items():
-            cell = self.cells[agent]
-            self.cells[agent] = min(max(cell + move - 1, 0), self.n - 1)
-            if not self.is_sound and self.cells[agent] != cell:
-                self.disturbances.moved(agent)
-        if self.cells["picker"] == self.cells["carrier"]:
-            for agent in actions:
-                self.pay(agent, MEETING, term="meeting")
-                self.terminate(agent, "met")
-
-    def _disturbed(self, actions: dict[str, int]) -> dict[str, int]:
-        """What the actions come to under the knobs."""
-        knobs = self.disturbances
-        for agent in actions:
-            knobs.remember(agent, self._seen)
-        return {agent: knobs.played(agent, action) for agent, action in actions.items()}
-
-    # -- what agents see
-
-    def observe(self, agent: str) -> NDArray[np.int64]:
-        """The robot's own cell, [1] int64."""
-        if self.is_sound:
-            return np.array([self.cells[agent]], np.int64)
-        return self.disturbances.shown(agent, self._seen)
-
-    def info(self, agent: str) -> dict[str, int]:
-        """The robot's true cell."""
-        return {"position": self.cells[agent]}
-
-    def _seen(self, agent: str) -> NDArray[np.int64]:
+    def believed(self, agent: str) -> NDArray[np.int64]:
         """The robot's own idea of its cell, before anything disturbs what it sees."""
+        assert self.disturbances is not None  # asked under knobs alone
         drift = sum(self.disturbances.drift[agent])  # on a line both axes are one
-        return np.array([min(max(self.cells[agent] + drift, 0), self.n - 1)], np.int64)
+        cell = self.whereabouts()[self.number_of[agent]] + drift
+        return np.array([min(max(cell, 0), self.n - 1)], np.int64)
 
     # -- pictures
 
@@ -179,13 +213,13 @@ class TwoRobotLine(TickEnv):
         """The line: `p...c`, a star where both stand; or cells of 24 pixels, [24, 24 n, 3]."""
         if self.render_mode == "ansi":
             line = ["."] * self.n
-            for agent, cell in self.cells.items():
+            for agent, cell in zip(AGENTS, self.whereabouts(), strict=True):
                 line[cell] = agent[0] if line[cell] == "." else "*"
             return "".join(line)
         if self.render_mode != "rgb_array":
             return None
         canvas = Canvas(self.n, 1)
-        have_met = self.cells["picker"] == self.cells["carrier"]
-        for agent, color in zip(AGENTS, (BLUE, ORANGE), strict=True):
-            canvas.disc(self.cells[agent], 0, GREEN if have_met else color)
+        cells = self.whereabouts()
+        for cell, color in zip(cells, (BLUE, ORANGE), strict=True):
+            canvas.disc(cell, 0, GREEN if cells[0] == cells[1] else color)
         return canvas.pixels
