@@ -1,0 +1,207 @@
+"""The physics of the Multi-Agent Particle Environments, as rules over one copy's state.
+
+Bodies are discs in the plane. Agents move, marks (landmarks) don't. The rules that stand here, which
+`spread`, `tag`, `reference` and `speaker_listener` share:
+
+    P1. A tick moves an agent by its velocity times DT; of the velocity 1 - DAMPING stays, and force
+        times DT is added (all masses are 1); what is above its top speed is cut to it.
+    P2. Of its five moves (nothing, left, right, down, up) each but the first is a force of the
+        agent's strength. A continuous action says how much of each: right minus left, up minus down.
+    P3. Bodies that collide push each other apart with CONTACT_FORCE times how deep they stand in
+        each other, softened: log(1 + exp(-gap / MARGIN)) * MARGIN. Marks push and aren't pushed.
+    P4. What is heard of a word is the word: one of several flags, or, of continuous actions, a
+        number for each.
+
+Float operations stand in the order in which mpe2 has them, so that results are equal to the last
+digit where the C library's `exp` and `log1p` are NumPy's. Bodies at the very same point don't push
+each other (mpe2: NaN); of equally near bodies the lowest number is taken first.
+
+Source: mpe2 1.1.1, `_mpe_utils/core.py` and `simple_env.py`; Lowe et al. 2017, "Multi-Agent
+Actor-Critic for Mixed Cooperative-Competitive Environments"; Mordatch & Abbeel 2017.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+from gymnasium.spaces import Box, Discrete, Space
+
+from gamekeeper.errors import SpecError
+from gamekeeper.kernels import draws
+from gamekeeper.kernels.kernel import Field
+from gamekeeper.kernels.rules import rule
+
+DT: Final = 0.1
+"""A tick in seconds."""
+DAMPING: Final = 0.25
+KEPT: Final = 1 - DAMPING
+CONTACT_FORCE: Final = 1e2
+MARGIN: Final = 1e-3
+"""Width of the softening of contacts."""
+STRENGTH: Final = 5.0
+"""Force of a move, of agents that have none of their own."""
+NOTHING, LEFT, RIGHT, DOWN, UP = range(5)
+MOVES: Final = 5
+SMALL: Final = -38.0
+"""Below it log(1 + exp(z)) is exp(z), to the last digit."""
+UNDERFLOW: Final = -745.2
+"""Below it exp(z) is 0."""
+MARK_SIZE: Final = 0.05
+"""Radius of a mark that has none of its own."""
+
+
+def bodies(agents: int, marks: int) -> list[Field]:
+    """The fields of so many bodies: places, velocities, the forces of the last tick."""
+    moving: list[Field] = [(name, "f8", (agents,)) for name in ("x", "y", "vx", "vy", "fx", "fy")]
+    return [*moving, ("mark_x", "f8", (marks,)), ("mark_y", "f8", (marks,))]
+
+
+def seen_space(length: int) -> Box:
+    """Observations of that length, as mpe2 has them."""
+    return Box(-np.inf, np.inf, (length,), np.float32)
+
+
+def action_space(*, continuous: bool, words: int = 0) -> Space[Any]:
+    """The actions of an agent that moves, and may say one of so many words."""
+    if continuous:
+        return Box(0.0, 1.0, (MOVES + words,), np.float32)
+    return Discrete(MOVES * max(words, 1))
+
+
+def check_count(name: str, value: Any, *, least: int = 1, most: int = 10_000) -> None:
+    """Refuses what is no number of things.
+
+    Raises:
+        SpecError: it isn't a whole number from `least` to `most`.
+    """
+    if type(value) is not int or not least <= value <= most:
+        raise SpecError(
+            f"a world of particles can't have {name}={value!r}",
+            where=name,
+            expected=f"a whole number from {least} to {most}",
+            seen=repr(value),
+        )
+
+
+def check_ratio(value: Any) -> None:
+    """Refuses a `local_ratio` that is no part of a whole.
+
+    Raises:
+        SpecError: it isn't a number from 0 to 1.
+    """
+    if not isinstance(value, int | float) or not 0.0 <= value <= 1.0:
+        raise SpecError(
+            "a part of the reward is no part of a whole",
+            where="local_ratio",
+            expected="a number from 0 to 1",
+            seen=repr(value),
+        )
+
+
+@rule
+def scatter(s, reach):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """Draws where agents are, and marks within `reach` of both axes."""
+    for i in range(len(s.x)):
+        s.x[i] = draws.uniform(s, -1.0, 1.0)
+        s.y[i] = draws.uniform(s, -1.0, 1.0)
+    for k in range(len(s.mark_x)):
+        s.mark_x[k] = draws.uniform(s, -reach, reach)
+        s.mark_y[k] = draws.uniform(s, -reach, reach)
+
+
+@rule
+def steer(s, i, move, strength):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """The force of one of the moves (P2)."""
+    s.fx[i] = strength * ((move == RIGHT) - (move == LEFT))
+    s.fy[i] = strength * ((move == UP) - (move == DOWN))
+
+
+@rule
+def steer_by(s, i, amounts, place, strength):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """The force of a continuous action, which stands in `amounts[place]` (P2)."""
+    right = np.float32(amounts[place, RIGHT] - amounts[place, LEFT])  # as narrow as actions are
+    up = np.float32(amounts[place, UP] - amounts[place, DOWN])
+    s.fx[i] = strength * float(right)
+    s.fy[i] = strength * float(up)
+
+
+@rule
+def penetration(gap):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """How deep bodies stand in each other whose edges are `gap` apart (P3)."""
+    z = -gap / MARGIN
+    if z < UNDERFLOW:
+        return 0.0
+    if z < SMALL:
+        return math.exp(z) * MARGIN
+    if z <= 0.0:
+        return math.log1p(math.exp(z)) * MARGIN
+    return (z + math.log1p(math.exp(-z))) * MARGIN
+
+
+@rule
+def repulsion(dx, dy, reach):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """The force on a body from another, of which it stands dx, dy away (P3).
+
+    Args:
+        dx, dy: the way from the other to it.
+        reach: the sum of their radii.
+    """
+    distance = math.sqrt(dx * dx + dy * dy)
+    depth = penetration(distance - reach)
+    if depth == 0.0 or distance == 0.0:
+        return 0.0, 0.0
+    return CONTACT_FORCE * dx / distance * depth, CONTACT_FORCE * dy / distance * depth
+
+
+@rule
+def push_agents(s, i, j, reach):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """Two agents push each other."""
+    fx, fy = repulsion(s.x[i] - s.x[j], s.y[i] - s.y[j], reach)
+    s.fx[i] += fx
+    s.fy[i] += fy
+    s.fx[j] -= fx
+    s.fy[j] -= fy
+
+
+@rule
+def push_off(s, i, k, reach):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """A mark pushes an agent."""
+    fx, fy = repulsion(s.x[i] - s.mark_x[k], s.y[i] - s.mark_y[k], reach)
+    s.fx[i] += fx
+    s.fy[i] += fy
+
+
+@rule
+def drift(s, i):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """An agent moves, and its force changes how fast it does (P1)."""
+    s.x[i] += s.vx[i] * DT
+    s.y[i] += s.vy[i] * DT
+    s.vx[i] = s.vx[i] * KEPT + s.fx[i] * DT
+    s.vy[i] = s.vy[i] * KEPT + s.fy[i] * DT
+
+
+@rule
+def slow_down(s, i, top):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """Cuts an agent's speed to its top speed (P1)."""
+    speed = math.sqrt(s.vx[i] * s.vx[i] + s.vy[i] * s.vy[i])
+    if speed > top:
+        s.vx[i] = s.vx[i] / speed * top
+        s.vy[i] = s.vy[i] / speed * top
+
+
+@rule
+def apart(s, i, j):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """How far two agents are from each other."""
+    dx = s.x[i] - s.x[j]
+    dy = s.y[i] - s.y[j]
+    return math.sqrt(dx * dx + dy * dy)
+
+
+@rule
+def away(s, i, k):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """How far an agent is from a mark."""
+    dx = s.x[i] - s.mark_x[k]
+    dy = s.y[i] - s.mark_y[k]
+    return math.sqrt(dx * dx + dy * dy)

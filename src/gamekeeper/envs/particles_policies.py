@@ -1,0 +1,163 @@
+"""Scripted agents for worlds of particles: functions of what one agent is shown.
+
+They know discrete actions, and observations in which nobody is hidden. `reference` plays its task
+as it is meant, `greedy` looks after itself alone, `lazy` does nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import permutations
+from typing import Any, Final
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from gamekeeper.envs.particles import DAMPING, DOWN, DT, LEFT, MOVES, NOTHING, RIGHT, UP
+
+Seen = NDArray[np.float32]
+Points = NDArray[np.float64]
+
+GLIDE: Final = DT / DAMPING
+"""Seconds of its velocity that a body still glides when nothing pushes it."""
+NEAR: Final = 0.03
+"""Nearer than this there is nothing to do."""
+FEW: Final = 6
+"""So many agents try all ways to share out landmarks; more take turns."""
+EDGE: Final = 0.8
+"""Who flees turns back to the middle beyond it."""
+
+
+def move_towards(way: Points, velocity: Points) -> int:
+    """The move that shortens the way that is left after gliding out, along its longer axis."""
+    x, y = (way - GLIDE * velocity).tolist()
+    if max(abs(x), abs(y)) < NEAR:
+        return NOTHING
+    if abs(x) >= abs(y):
+        return RIGHT if x > 0 else LEFT
+    return UP if y > 0 else DOWN
+
+
+def lazy(observation: Seen, agent: str, info: Mapping[str, Any], rng: Generator) -> int:
+    """Does nothing."""
+    return NOTHING
+
+
+def _pairs(observation: Seen, first: int, count: int) -> Points:
+    """So many places from number `first` on, [count, 2]."""
+    return np.asarray(observation[first : first + 2 * count], np.float64).reshape(count, 2)
+
+
+# -- spread
+
+
+def spread_reference(
+    observation: Seen, agent: str, info: Mapping[str, Any], rng: Generator
+) -> int:
+    """Goes where the shares of least total way send it; all agents work out the same shares."""
+    n = len(observation) // 6
+    me = int(agent.rpartition("_")[2])
+    marks, others = _pairs(observation, 4, n), _pairs(observation, 4 + 2 * n, n - 1)
+    bodies = np.insert(others, me, 0.0, axis=0)
+    far = np.linalg.norm(bodies[:, None] - marks[None], axis=2).round(4)
+    return move_towards(marks[_shares(far)[me]], _pairs(observation, 0, 1)[0])
+
+
+def spread_greedy(observation: Seen, agent: str, info: Mapping[str, Any], rng: Generator) -> int:
+    """Goes to the nearest landmark, whoever else does."""
+    return _to_nearest(observation, _pairs(observation, 4, len(observation) // 6))
+
+
+def _to_nearest(observation: Seen, marks: Points) -> int:
+    nearest = int(np.linalg.norm(marks, axis=1).argmin())
+    return move_towards(marks[nearest], _pairs(observation, 0, 1)[0])
+
+
+def _shares(far: Points) -> list[int]:
+    """A landmark for each agent; `far` is [agent, landmark]."""
+    n = len(far)
+    if n <= FEW:
+        return list(min(permutations(range(n)), key=lambda p: sum(far[i, k] for i, k in enumerate(p))))
+    found, rest = [0] * n, far.copy()
+    for _ in range(n):
+        i, k = divmod(int(rest.argmin()), n)
+        found[i] = k
+        rest[i, :] = rest[:, k] = np.inf
+    return found
+
+
+# -- tag
+
+
+def tag_reference(observation: Seen, agent: str, info: Mapping[str, Any], rng: Generator) -> int:
+    """Adversaries run to where the nearest prey glides; prey flees all of them, within the edge."""
+    return _tag(observation, agent, info, is_bold=True)
+
+
+def tag_greedy(observation: Seen, agent: str, info: Mapping[str, Any], rng: Generator) -> int:
+    """Adversaries run at the nearest prey; prey runs from the nearest adversary, anywhere."""
+    return _tag(observation, agent, info, is_bold=False)
+
+
+def _tag(observation: Seen, agent: str, info: Mapping[str, Any], *, is_bold: bool) -> int:
+    hunters, prey, obstacles = (int(n) for n in info["counts"])
+    is_hunter = agent.startswith("adversary")
+    others = _pairs(observation, 4 + 2 * obstacles, hunters + prey - 1)
+    speeds = _pairs(observation, 4 + 2 * obstacles + 2 * len(others), prey - (not is_hunter))
+    own, place = _pairs(observation, 0, 2)
+    if is_hunter:
+        quarry = others[hunters - 1 :] + (GLIDE * speeds if is_bold else 0.0)
+        return move_towards(quarry[int(np.linalg.norm(quarry, axis=1).argmin())], own)
+    threats = others[:hunters]
+    far = np.linalg.norm(threats, axis=1)
+    if not is_bold:
+        return move_towards(-threats[int(far.argmin())], 0.0 * own)
+    away = -(threats / np.maximum(far, 1e-3)[:, None] ** 2).sum(axis=0)
+    beyond = np.abs(place) > EDGE
+    away[beyond] = -10.0 * place[beyond]
+    return move_towards(away, 0.0 * own)
+
+
+# -- reference, speaker_listener
+
+
+def reference_reference(
+    observation: Seen, agent: str, info: Mapping[str, Any], rng: Generator
+) -> int:
+    """Says which landmark the other's goal is, and goes to the one that it hears of."""
+    goal = int(np.argmax(observation[8:11]))
+    return goal * MOVES + _to_heard(observation, observation[11:14])
+
+
+def reference_greedy(
+    observation: Seen, agent: str, info: Mapping[str, Any], rng: Generator
+) -> int:
+    """Goes to the nearest landmark, and says nothing to the point."""
+    return _to_nearest(observation, _pairs(observation, 2, 3))
+
+
+def speaker_listener_reference(
+    observation: Seen, agent: str, info: Mapping[str, Any], rng: Generator
+) -> int:
+    """The speaker names the goal, the listener goes to what is named."""
+    if agent.startswith("speaker"):
+        return int(np.argmax(observation))
+    return _to_heard(observation, observation[8:11])
+
+
+def speaker_listener_greedy(
+    observation: Seen, agent: str, info: Mapping[str, Any], rng: Generator
+) -> int:
+    """The speaker says the same all the time, the listener goes to the nearest landmark."""
+    if agent.startswith("speaker"):
+        return 0
+    return _to_nearest(observation, _pairs(observation, 2, 3))
+
+
+def _to_heard(observation: Seen, word: Seen) -> int:
+    """Towards the landmark that was named; nowhere before anything was."""
+    if not word.any():
+        return NOTHING
+    way = _pairs(observation, 2, 3)[int(np.argmax(word))]
+    return move_towards(way, _pairs(observation, 0, 1)[0])

@@ -1,0 +1,279 @@
+"""Agents spread over landmarks, as many as they are, and keep out of each other's way.
+
+    R1. Agents and landmarks begin at random places in [-1, 1] on both axes, agents at rest.
+    R2. All agents move at once; they are discs of radius SIZE that push each other, and don't
+        collide with landmarks. How they move is told in `particles` (P1 to P3).
+    R3. After each tick every agent is paid 1 - `local_ratio` times minus the sum, over landmarks, of
+        how far the nearest agent is from it ("cover"),
+    R4. and `local_ratio` times minus the number of other agents that it overlaps ("collision"). At
+        stage 0 of a curriculum overlaps cost nothing.
+    R5. An agent sees its velocity, its place, and from where it stands the places of landmarks and
+        of other agents; then two zeros for each other agent, which says nothing. With
+        `num_landmark_neighbors` or `num_agent_neighbors` it sees so many of the nearest of these,
+        the nearest first, and zeros where there are fewer.
+    R6. After `max_cycles` ticks (the contract's, 25, unless given) all are truncated ("horizon").
+    R7. With `terminate_on_success`, where before that every landmark has an agent nearer than
+        COVERED, all are terminated ("covered").
+
+Equal to mpe2's `simple_spread_v3` but for the random places (ours are drawn from our Stream, in the
+same order) and the infos: `collisions`, how many others an agent overlaps, and `uncovered`, how many
+landmarks nobody is nearer to than COVERED.
+
+Source: mpe2 1.1.1, `simple_spread`; Lowe et al. 2017, "Multi-Agent Actor-Critic for Mixed
+Cooperative-Competitive Environments".
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final, TypedDict, Unpack
+
+import numpy as np
+
+from gamekeeper.envs import particles as p
+from gamekeeper.envs import particles_sight as sight
+from gamekeeper.envs.drawing import BLUE, STONE
+from gamekeeper.envs.particles_face import ParticleTicks
+from gamekeeper.envs.particles_policies import lazy, spread_greedy, spread_reference
+from gamekeeper.kernels.kernel import Kernel
+from gamekeeper.kernels.rules import rule
+
+SIZE: Final = 0.15
+"""Radius of an agent."""
+COVERED: Final = 0.1
+"""Nearer than this an agent covers a landmark."""
+WORD: Final = 2
+"""Numbers that would be heard of each other agent, if it said anything."""
+HORIZON: Final = 25
+"""Ticks of an episode, as the contract has them."""
+LAST_STAGE: Final = 1
+"""Of a curriculum: overlaps cost something."""
+NUMBERS: Final = np.dtype(
+    [("local_ratio", "f8"), ("max_cycles", "i8"), ("is_paid", "f8"), ("ends_covered", "i8")]
+)
+"""What is weighed how, and when an episode ends."""
+
+
+class Arguments(TypedDict, total=False):
+    """Arguments that the rules hang on, beside the number of agents; see `Spread`."""
+
+    local_ratio: float
+    max_cycles: int
+    continuous_actions: bool
+    curriculum: bool
+    curriculum_stage: int
+    terminate_on_success: bool
+    num_agent_neighbors: int | None
+    num_landmark_neighbors: int | None
+
+
+@rule
+def reset(s, t):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """Everybody and everything at a random place (R1)."""
+    p.scatter(s, 1.0)
+
+
+@rule
+def move(s):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """Agents push each other and move (R2)."""
+    n = len(s.x)
+    for i in range(n):
+        for j in range(i + 1, n):
+            p.push_agents(s, i, j, 2 * SIZE)
+    for i in range(n):
+        p.drift(s, i)
+
+
+@rule
+def nearest(s, k):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """How far the nearest agent is from a landmark."""
+    best = math.inf
+    for i in range(len(s.x)):
+        dx = s.x[i] - s.mark_x[k]
+        dy = s.y[i] - s.mark_y[k]
+        best = min(best, dx * dx + dy * dy)
+    return math.sqrt(best)
+
+
+@rule
+def pay(s, t, rewards):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """What landmarks and overlaps cost (R3, R4)."""
+    n = len(s.x)
+    far = 0.0
+    for k in range(n):
+        far -= nearest(s, k)
+    far *= 1 - t.local_ratio
+    for i in range(n):
+        for j in range(i + 1, n):
+            if p.apart(s, i, j) < 2 * SIZE:
+                rewards[i, 1] -= t.is_paid
+                rewards[j, 1] -= t.is_paid
+    for i in range(n):
+        rewards[i, 0] = far
+        rewards[i, 1] *= t.local_ratio
+
+
+@rule
+def uncovered(s):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """How many landmarks nobody covers."""
+    count = 0
+    for k in range(len(s.mark_x)):
+        if nearest(s, k) >= COVERED:
+            count += 1
+    return count
+
+
+@rule
+def after(s, t, rewards, terminated):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """What follows once all have said where they want to (R2 to R4, R7)."""
+    move(s)
+    pay(s, t, rewards)
+    if t.ends_covered != 0 and s.time < t.max_cycles and uncovered(s) == 0:
+        for i in range(len(s.x)):
+            terminated[i] = True
+            s.ending[i] = 1
+
+
+@rule
+def step(s, t, actions, rewards, terminated, truncated):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """A tick of discrete actions."""
+    for i in range(len(s.x)):
+        p.steer(s, i, actions[i], p.STRENGTH)
+    after(s, t, rewards, terminated)
+
+
+@rule
+def step_by(s, t, actions, rewards, terminated, truncated):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """A tick of continuous actions."""
+    for i in range(len(s.x)):
+        p.steer_by(s, i, actions, i, p.STRENGTH)
+    after(s, t, rewards, terminated)
+
+
+def observer(others: int | None, marks: int | None) -> Any:
+    """`observe(s, t, obs)`: what each agent sees (R5), of so many others and marks; None: of all."""
+    show_others, show_marks = sight.others_shower(others), sight.marks_shower(marks)
+    most = None if others is None else WORD * others
+
+    @rule
+    def observe(s: Any, t: Any, obs: Any) -> None:
+        n = len(s.x)
+        words = WORD * (n - 1) if most is None else most
+        for i in range(n):
+            at = sight.show_self(s, i, obs, i)
+            at = show_marks(s, i, obs, i, at)
+            at = show_others(s, i, obs, i, at)
+            sight.show_nothing(obs, i, at, at + words)
+
+    return observe
+
+
+@rule
+def inform(s, t, infos):  # type: ignore[no-untyped-def]  # likewise
+    """How many others each agent overlaps, and how many landmarks are uncovered."""
+    n = len(s.x)
+    left = uncovered(s)
+    for i in range(n):
+        overlaps = 0
+        for j in range(n):
+            if j != i and p.apart(s, i, j) < 2 * SIZE:
+                overlaps += 1
+        infos[i].collisions = overlaps
+        infos[i].uncovered = left
+
+
+def spread_kernel(
+    *,
+    N: int = 3,
+    local_ratio: float = 0.5,
+    max_cycles: int = HORIZON,
+    continuous_actions: bool = False,
+    curriculum: bool = False,
+    curriculum_stage: int = 0,
+    terminate_on_success: bool = False,
+    num_agent_neighbors: int | None = None,
+    num_landmark_neighbors: int | None = None,
+) -> Kernel:
+    """The rules for `N` agents; arguments as of `Spread`.
+
+    Raises:
+        SpecError: an argument is out of its range.
+    """
+    for name, count in (("N", N), ("max_cycles", max_cycles)):
+        p.check_count(name, count)
+    p.check_ratio(local_ratio)
+    p.check_count("curriculum_stage", curriculum_stage, least=0, most=LAST_STAGE)
+    others, marks = num_agent_neighbors, num_landmark_neighbors
+    for name, most in (("num_agent_neighbors", others), ("num_landmark_neighbors", marks)):
+        p.check_count(name, 1 if most is None else most)
+    others_seen, marks_seen = N - 1 if others is None else others, N if marks is None else marks
+    length = 4 + 2 * marks_seen + (2 + WORD) * others_seen
+    observe = observer(others, marks)
+    is_paid = not curriculum or curriculum_stage == LAST_STAGE
+    numbers = (local_ratio, max_cycles, float(is_paid), int(terminate_on_success))
+    return Kernel(
+        name="spread_v0",
+        agents=[f"agent_{i}" for i in range(N)],
+        observation_space=p.seen_space(length),
+        action_space=p.action_space(continuous=continuous_actions),
+        state=p.bodies(N, N),
+        tables=np.array([numbers], NUMBERS),
+        reset=reset,
+        step=step_by if continuous_actions else step,
+        observe=observe,
+        inform=inform,
+        info=[("collisions", "i8"), ("uncovered", "i8")],
+        overview=sight.overview_of(observe, [(N, length)]),
+        state_space=p.seen_space(N * length),
+        terms=("cover", "collision"),
+        endings=("covered",),
+        horizon=max_cycles,
+    )
+
+
+class Spread(ParticleTicks):
+    """Agents `agent_0`, ... and as many landmarks; observations are [length] float32.
+
+    Args:
+        N: agents, and landmarks.
+        local_ratio: part of the reward that is an agent's own.
+        max_cycles: ticks after which all are truncated.
+        continuous_actions: actions are five numbers from 0 to 1, in place of one of five moves.
+        dynamic_rescaling: discs shrink in a picture as the world in it grows.
+        curriculum: overlaps cost nothing before the last stage.
+        curriculum_stage: 0 or 1; mpe2 moves on within one environment, here each stage is one.
+        terminate_on_success: the episode ends once every landmark is covered.
+        num_agent_neighbors, num_landmark_neighbors: how many others and landmarks an agent sees,
+            the nearest first; None: all.
+        render_mode: `ansi`, `rgb_array` or None.
+        debug: the rules run as plain Python.
+    Raises:
+        SpecError: an argument is out of its range.
+    """
+
+    metadata = {  # noqa: RUF012  # PettingZoo declares it so
+        "name": "spread_v0",
+        "render_modes": ["ansi", "rgb_array"],
+        "render_fps": 10,
+        "is_parallelizable": True,
+    }
+    contract = "spread.toml"
+    policies = {"reference": spread_reference, "greedy": spread_greedy, "lazy": lazy}  # noqa: RUF012
+
+    def __init__(
+        self,
+        *,
+        N: int = 3,
+        dynamic_rescaling: bool = True,
+        render_mode: str | None = None,
+        debug: bool = False,
+        **arguments: Unpack[Arguments],
+    ) -> None:
+        super().__init__(
+            spread_kernel(N=N, **arguments),
+            radii=[SIZE] * N + [p.MARK_SIZE] * N,
+            colors=[BLUE] * N + [STONE] * N,
+            render_mode=render_mode,
+            dynamic_rescaling=dynamic_rescaling,
+            debug=debug,
+        )
