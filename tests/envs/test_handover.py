@@ -83,12 +83,12 @@ def test_handover_parts_arrive_whatever_is_done():
     env, gaps = Handover(parts=6), []
     for seed in range(100):
         env.reset(seed=seed)
-        times = env.arrivals[::-1]
+        times = env.arrivals
         assert 1 <= times[0] <= 16
         gaps += np.diff(times).tolist()
         other = Handover(parts=6, reach=5, shared=1)
         other.reset(seed=seed)
-        assert other.arrivals[::-1] == times
+        assert other.arrivals == times
     assert (min(gaps), max(gaps)) == (1, 31)
     assert 15 < np.mean(gaps) < 17
 
@@ -115,14 +115,14 @@ def test_handover_gives_the_turn_to_who_is_ready_first():
     assert "".join(order) == "rgrrgrrg"
 
 
-def test_handover_gives_a_tie_to_who_is_in_the_shared_space():
+@pytest.mark.parametrize(("reaches", "then"), [(2, RECEIVER), (1, GIVER)])
+def test_handover_gives_a_tie_to_who_is_in_the_shared_space(reaches, then):
     """R4: of two that are ready, who is in the shared space acts first; else the giver."""
-    env = begun(gap=60)
-    env.arms[RECEIVER].extension = 2
-    env.arms[GIVER].ready = env.arms[RECEIVER].ready = env.clock
-    assert env.next_agent(GIVER) == RECEIVER
-    env.arms[RECEIVER].extension = 1
-    assert env.next_agent(GIVER) == GIVER
+    env = do(begun(gap=60), receiver=[REACH] * reaches)
+    assert env.is_inside(RECEIVER) == (then == RECEIVER)
+    while env.arms[GIVER].ready != env.arms[RECEIVER].ready:
+        env.step(WAIT)
+    assert env.agent_selection == then
 
 
 def test_handover_moves_cost_effort():

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from gamekeeper.core.stream import Stream
 from gamekeeper.envs.knobs import Disturbances, Knobs
 from gamekeeper.game.authoring.snapshot import Snapshot
-from gamekeeper.kernels.drivers import tables_of
 from gamekeeper.kernels.faces import KernelRules, KernelTicks, KernelTurns
 
 
@@ -105,8 +104,10 @@ class Disturbed(KernelRules):
     def _lay_out(self) -> None:
         knobs = self.disturbances
         assert knobs is not None  # asked by the caller
-        is_other = knobs.is_held_out
-        self.tables = self.held_out(knobs.layout_rng()) if is_other else tables_of(self.kernel)
+        if knobs.is_held_out:
+            self.tables = self.held_out(knobs.layout_rng())
+        elif knobs.knobs.held_out:
+            self.tables = self.kernel.tables.reshape(1)
 
     # -- a step
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 RETRACT, REACH, GRASP, RELEASE, WAIT = range(5)
 OWN, HOLDS, OTHER, OTHER_HOLDS, SLOT, TRAY, SLOT_AT, EDGE, LEFT = range(9)
-"""Places of an observation; see `Handover.observe`."""
+"""Places of an observation; see `Handover`."""
 UNSEEN: Final = 0
 EMPTY: Final = 1
 """What stands for a slot or a hand that is seen empty, and a tray; more is more."""
