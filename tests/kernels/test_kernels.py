@@ -17,7 +17,8 @@ from gamekeeper.errors import SpecError
 from gamekeeper.kernels import draws, seeding
 from gamekeeper.kernels.batch import Batch
 from gamekeeper.kernels.drivers import copies
-from gamekeeper.kernels.rules import as_python, key_of, numba
+from gamekeeper.kernels.keys import key_of
+from gamekeeper.kernels.rules import as_python, numba
 from tests.kernels import lines
 from tests.kernels.lines import WINDY
 

@@ -28,7 +28,7 @@ class Arrays(NamedTuple):
         actions: what is done next.
         obs, masks, infos: what is given.
         rewards, terminated, truncated: [copy, agent] of the last step.
-        terms: [copy, agent, term] of the last step.
+        terms: [copy, agent, term] of the last step; the rewards' own memory where there is one.
         live: [copy, agent], who is there now.
         turn: [copy], the number of the agent in turn.
         over: [copy], True where the next step begins an episode (`next_step`).
@@ -93,14 +93,15 @@ def arrays_of(kernel: Kernel, records: NDArray[Any], make: Made | None = None) -
         return one
 
     own = (envs,) if kernel.api == "aec" else each
+    rewards, count = make("rewards", each, np.float64), len(kernel.terms)
     return Arrays(
         raw=records.view(np.uint8).reshape(envs, -1),
         actions=by_group(acted),
         obs=by_group(observed("obs")),
         masks=by_group(masked("mask")),
         infos=make("infos", own, kernel.info_dtype),
-        rewards=make("rewards", each, np.float64),
-        terms=make("terms", (*each, len(kernel.terms)), np.float64),
+        rewards=rewards,
+        terms=rewards[..., None] if count == 1 else make("terms", (*each, count), np.float64),
         terminated=make("terminated", each, np.bool_),
         truncated=make("truncated", each, np.bool_),
         live=make("live", each, np.bool_),
@@ -125,6 +126,15 @@ def _observed(
         if not (key == MASK and kernel.mask is not None)
     }
     return leaves_class(tuple(found))(**found)
+
+
+def bound(arrays: Arrays, records: NDArray[Any]) -> Arrays:
+    """The arrays with these records' bytes, and terms that are the rewards where there is one."""
+    has_one = arrays.terms.shape[-1] == 1
+    return arrays._replace(
+        raw=records.view(np.uint8).reshape(len(records), -1),
+        terms=arrays.rewards[..., None] if has_one else arrays.terms,
+    )
 
 
 def part(arrays: Arrays, first: int, last: int) -> Arrays:

@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gamekeeper.core.episode_seeds import EpisodeSeeds
-from gamekeeper.errors import ActionError, SpecError
+from gamekeeper.errors import SpecError
 from gamekeeper.kernels.arrays import Arrays, Made, arrays_of
-from gamekeeper.kernels.drivers import driver_of, tables_of
-from gamekeeper.kernels.judge import FINE, judge_of
+from gamekeeper.kernels.drivers import driver_of, plain_driver
+from gamekeeper.kernels.judge import refuse
 from gamekeeper.kernels.kernel import Kernel
+from gamekeeper.kernels.places import places_of, tables_of
+from gamekeeper.kernels.rules import numba
 
 
 class Batch:
@@ -48,8 +50,13 @@ class Batch:
         self.records: NDArray[Any] = np.zeros(num_envs, kernel.dtype)
         self.arrays: Arrays = arrays_of(kernel, self.records, make)
         self._tables = tables_of(kernel)
-        self._driver = driver_of(kernel, is_plain=debug)
-        self._judges = judge_of(kernel, is_plain=debug)
+        self._places = places_of(self.records, self._tables, self.arrays)
+        is_plain = debug or numba() is None
+        self._driver = (
+            plain_driver(kernel, self.records, self._tables, self.arrays)
+            if is_plain
+            else driver_of(kernel)
+        )
         self._seeds = EpisodeSeeds(seed)
         self._is_next, self._tells = autoreset == "next_step", infos
 
@@ -60,9 +67,7 @@ class Batch:
         a, seeds = self.arrays, self._seeds
         for array in (a.rewards, a.terms, a.terminated, a.truncated, a.over, a.ended):
             array[...] = 0
-        self._driver.begin(
-            self.records, self._tables, a, seeds.pool, seeds.constant, 0, self._tells
-        )
+        self._driver.begin(self._places, 0, self.num_envs, seeds.pool, seeds.constant, self._tells)
         return a.obs
 
     def step(self, actions: Any = None) -> tuple[Any, Any, Any, Any]:
@@ -78,32 +83,13 @@ class Batch:
         a = self.arrays
         if actions is not None:
             a.actions[...] = actions
-        self._judge()
+        if not self._driver.judge(self._places, 0, self.num_envs):
+            refuse(self.kernel, a)
         self._driver.step(
-            self.records, self._tables, a, self._seeds.pool, self._seeds.constant,
+            self._places, 0, self.num_envs, self._seeds.pool, self._seeds.constant,
             self.num_envs, self._is_next, self._tells,
         )  # fmt: skip
         return a.obs, a.rewards, a.terminated, a.truncated
-
-    def _judge(self) -> None:
-        a, groups = self.arrays, self.kernel.groups
-        for g, (judge, group) in enumerate(zip(self._judges, groups, strict=True)):
-            actions = a.actions if len(groups) == 1 else a.actions[g]
-            masks = a.masks if len(groups) == 1 else a.masks[g]
-            live = a.live[:, group.first : group.first + group.count]
-            if self.kernel.api == "aec":
-                actions, masks, live = actions[:, None], masks[:, None], ~a.over[:, None]
-            place = judge(actions, masks, live, a.over)
-            if place != FINE:
-                e, i = divmod(place, live.shape[1])
-                i = int(a.turn[e]) if self.kernel.api == "aec" else group.first + i
-                legal = f", mask {masks[e, place % live.shape[1]]}" if masks.size else ""
-                raise ActionError(
-                    "an action isn't legal",
-                    where=f"copy {e}, agent {self.kernel.agents[i]!r}",
-                    expected=f"one of {group.action_space}{legal}",
-                    seen=str(actions[e, place % live.shape[1]]),
-                )
 
     def snapshot(self) -> bytes:
         """The state of all copies."""

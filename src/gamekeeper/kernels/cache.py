@@ -1,44 +1,115 @@
-"""Compiled code on disk, found again by what it was compiled from."""
+"""Compiled code on disk, found again by what it was compiled from.
+
+Numba's own cache goes by the text of one file and by a pickle of the closure; neither says what a
+driver over somebody's rules is made of, so here one key does. It lies in `NUMBA_CACHE_DIR` where
+that is set, else beside this package, else in the user's cache folder: read from any of them, and
+written to the first that can be written to.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import os
+import pickle
 import sys
+import tempfile
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
 from typing import Any
 
-from gamekeeper.kernels.rules import OPTIONS, key_of, numba
+from gamekeeper.kernels.rules import OPTIONS, numba, numba_part
+
+BROKEN = (EOFError, pickle.UnpicklingError, AttributeError, ImportError, ValueError, TypeError)
+"""What reading a file back can say that is no such code, or of another version."""
 
 
-def compiled(function: Any, name: str) -> Any:
+def compiled(function: Any, name: str, key: str) -> Any:
     """The function, compiled at its first call or read from disk; which of the two it says.
 
-    Numba's own key is a pickle of the closure, which holds other dispatchers and so never matches.
-    The code lies beside ours, or in the user's cache folder where that can't be written to
-    (`NUMBA_CACHE_DIR` names another one); where nothing can be written, it is compiled each time.
+    Where nothing can be written, it is compiled in each process.
 
     Args:
         function: a driver over rules.
         name: of the kernel, for who waits.
+        key: of the kernel.
     """
-    from numba.core.caching import FunctionCache
-
-    key = key_of(function)
     dispatcher = numba().njit(function, **OPTIONS)
-
-    class StableCache(FunctionCache):  # type: ignore[misc]  # numba has no types
-        def _index_key(self, signature: Any, codegen: Any) -> Any:
-            return (signature, codegen.magic_tuple(), (key, key))
-
-        def load_overload(self, *arguments: Any) -> Any:
-            found = super().load_overload(*arguments)
-            if found is None:
-                sys.stderr.write(f"gamekeeper: compiles {name}, once; it is kept on disk\n")
-            return found
-
-    try:
-        dispatcher._cache = StableCache(dispatcher.py_func)
-    except RuntimeError:  # no place for a cache
-        sys.stderr.write(
-            f"gamekeeper: compiles {name}, and can't keep it: no cache folder can be written to; "
-            "NUMBA_CACHE_DIR=folder names one\n"
-        )
+    dispatcher._cache = _store_class()(name, f"{name}-{function.__name__}", key)
     return dispatcher
+
+
+def folders() -> Iterator[Path]:
+    """Where compiled code may lie, first where it is written."""
+    config, dirs = numba_part("core.config"), numba_part("misc.appdirs")
+    if config.CACHE_DIR:
+        yield Path(config.CACHE_DIR)
+    else:
+        yield Path(__file__).with_name("__pycache__")
+    yield Path(dirs.AppDirs(appname="gamekeeper", appauthor=False).user_cache_dir)
+
+
+@cache
+def _say(name: str, key: str, what: str) -> None:
+    """One line for each kernel, whatever the number of its functions."""
+    sys.stderr.write(f"gamekeeper: {what.format(name=name)}\n")
+
+
+@cache
+def _store_class() -> Any:
+    """The class of what a dispatcher asks; made where Numba is there."""
+    results, dumps = numba_part("core.compiler").CompileResult, numba_part("core.serialize").dumps
+
+    class Store(numba_part("core.caching").NullCache):  # type: ignore[misc]  # Numba's
+        """The compiled forms of one function."""
+
+        def __init__(self, name: str, title: str, key: str) -> None:
+            self.name, self.title, self.key = name, title, key
+
+        def file_of(self, signature: Any, codegen: Any) -> str:
+            """A file's name, by all that the code hangs on."""
+            target = str(signature), codegen.magic_tuple(), numba().__version__, sys.version
+            digest = hashlib.blake2b(repr((self.key, target)).encode(), digest_size=16).hexdigest()
+            return f"{self.title}-{digest}.kernel"
+
+        def load_overload(self, signature: Any, target: Any) -> Any:
+            target.refresh()
+            file = self.file_of(signature, target.codegen())
+            for folder in folders():
+                try:
+                    parts = pickle.loads((folder / file).read_bytes())
+                    return results._rebuild(target, *parts)
+                except (OSError, *BROKEN):
+                    continue
+            _say(self.name, self.key, "compiles {name}, once; it is kept on disk")
+            return None
+
+        def save_overload(self, signature: Any, result: Any) -> None:
+            data = dumps(result._reduce())
+            file = self.file_of(signature, result.library.codegen)
+            for folder in folders():
+                try:
+                    _write(folder / file, data)
+                    return
+                except OSError:
+                    continue
+            _say(
+                self.name, self.key,
+                "can't keep {name} compiled: no cache folder can be written to; "
+                "NUMBA_CACHE_DIR=folder names one",
+            )  # fmt: skip
+
+    return Store
+
+
+def _write(file: Path, data: bytes) -> None:
+    """Writes a file that is there whole or not at all."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=file.parent, prefix=file.name)
+    try:
+        with os.fdopen(handle, "wb") as whole:
+            whole.write(data)
+        Path(name).replace(file)
+    except OSError:
+        Path(name).unlink(missing_ok=True)
+        raise

@@ -8,102 +8,120 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from gamekeeper.kernels.arrays import Arrays
 from gamekeeper.kernels.cache import compiled
+from gamekeeper.kernels.judge import judge_one
 from gamekeeper.kernels.kernel import Kernel
+from gamekeeper.kernels.keys import kernel_key
 from gamekeeper.kernels.parts import Parts
+from gamekeeper.kernels.places import copy_of
+from gamekeeper.kernels.places import tables_of as tables_of
 from gamekeeper.kernels.rows import plain_row
-from gamekeeper.kernels.rules import Copy, numba
+from gamekeeper.kernels.rules import Copy
 from gamekeeper.kernels.ticks import tick_driver
 from gamekeeper.kernels.turns import turn_driver
 
 
 @dataclass(frozen=True)
 class Driver:
-    """Two functions over batches; arrays are overwritten.
+    """Functions over the copies `first` to before `last` of a batch; its arrays are overwritten.
+
+    `places` are what `places_of` gives, `pool` and `constant` those of the run's `EpisodeSeeds`,
+    `tells` says whether infos are filled.
 
     Attributes:
-        begin: `begin(records, tables, arrays, pool, constant, first, tells)`: every copy begins
-            its first episode, copy e episode first + e.
-        step: `step(records, tables, arrays, pool, constant, slots, is_next, tells)`: one step of
-            every copy; who ends begins episode number + slots. `tells`: infos are filled.
+        begin: `begin(places, first, last, pool, constant, tells)`: every copy begins its first
+            episode, copy e episode e.
+        step: `step(places, first, last, pool, constant, slots, is_next, tells)`: one step of every
+            copy; who ends begins episode number + slots.
+        judge: `judge(places, first, last)`: whether all actions are legal.
     """
 
     begin: Callable[..., None]
     step: Callable[..., None]
+    judge: Callable[..., bool]
 
 
-def driver_of(kernel: Kernel, *, is_plain: bool = False) -> Driver:
-    """The driver of a kernel: compiled where Numba is there, unless plain Python is asked for."""
-    parts = Parts(kernel, is_plain=is_plain or numba() is None)
+def driver_of(kernel: Kernel) -> Driver:
+    """The compiled driver of a kernel; the same one for kernels that are alike."""
+    key = kernel_key(kernel)
+    known = _known()
+    if key not in known:
+        known[key] = _compiled(kernel, key)
+    return known[key]
+
+
+@cache
+def _known() -> dict[str, Driver]:
+    return {}
+
+
+def _compiled(kernel: Kernel, key: str) -> Driver:
+    parts = Parts(kernel, is_plain=False)
     one = turn_driver(parts) if kernel.api == "aec" else tick_driver(parts)
-    if parts.is_plain:
-        return _plain(*one)
-    begin, step = _loops(parts, *one)
-    return Driver(compiled(begin, kernel.name), compiled(step, kernel.name))
+    loops = _loops(copy_of(kernel), *one, judge_one(parts))
+    return Driver(*(compiled(each, kernel.name, key) for each in loops))
 
 
-def _loops(parts: Parts, begin_one: Any, step_one: Any) -> tuple[Any, Any]:
-    row = parts.row
-
-    def begin(
-        records: Any, tables: Any, a: Any, pool: Any, constant: Any, first: Any, tells: Any
-    ) -> None:
-        t = tables[0]
-        for e in range(len(records)):
-            s = records[e]
-            s.number = first + e
-            begin_one(s, t, row(a, e), pool, constant, tells)
+def _loops(copy: Any, begin_one: Any, step_one: Any, judge: Any) -> tuple[Any, Any, Any]:
+    def begin(places: Any, first: Any, last: Any, pool: Any, constant: Any, tells: Any) -> None:
+        for e in range(first, last):
+            s, t, a = copy(places, e)
+            s.number = e
+            begin_one(s, t, a, pool, constant, tells)
 
     def step(
-        records: Any, tables: Any, a: Any,
+        places: Any, first: Any, last: Any,
         pool: Any, constant: Any, slots: Any, is_next: Any, tells: Any,
     ) -> None:  # fmt: skip
-        t = tables[0]
-        for e in range(len(records)):
-            end = step_one(
-                records[e], t, row(a, e), a.over[e], pool, constant, slots, is_next, tells
-            )
-            a.ended[e] = end != 0
-            a.over[e] = end > 1
+        for e in range(first, last):
+            s, t, a = copy(places, e)
+            end = step_one(s, t, a, a.over[()], pool, constant, slots, is_next, tells)
+            a.ended[()] = end != 0
+            a.over[()] = end > 1
 
-    return begin, step
+    def judge_all(places: Any, first: Any, last: Any) -> Any:
+        is_fine = True
+        for e in range(first, last):
+            _, _, a = copy(places, e)
+            is_fine &= judge(a, a.over[()])
+        return is_fine
+
+    return begin, step, judge_all
 
 
-def _plain(begin_one: Any, step_one: Any) -> Driver:
-    """The same loops over copies that plain Python can read."""
+def plain_driver(
+    kernel: Kernel, records: NDArray[Any], tables: NDArray[Any], arrays: Arrays
+) -> Driver:
+    """The same over copies that plain Python can read; `places` mean nothing to it."""
+    parts = Parts(kernel, is_plain=True)
+    begin_one, step_one = turn_driver(parts) if kernel.api == "aec" else tick_driver(parts)
+    judge_a = judge_one(parts)
+    t, found = copies(tables)[0], copies(records)
+    rows = [plain_row(arrays, e) for e in range(len(records))]
 
-    def begin(
-        records: Any, tables: Any, a: Arrays, pool: int, constant: int, first: int, tells: bool
-    ) -> None:
-        t = copies(tables)[0]
-        for e, s in enumerate(copies(records)):
-            s.number = first + e
-            begin_one(s, t, plain_row(a, e), pool, constant, tells)
+    def begin(places: Any, first: int, last: int, *rest: Any) -> None:
+        for e in range(first, last):
+            found[e].number = e
+            begin_one(found[e], t, rows[e], *rest)
 
-    def step(records: Any, tables: Any, a: Arrays, *rest: Any) -> None:
-        t = copies(tables)[0]
-        for e, s in enumerate(copies(records)):
-            end = step_one(s, t, plain_row(a, e), bool(a.over[e]), *rest)
-            a.ended[e] = end != 0
-            a.over[e] = end > 1
+    def step(places: Any, first: int, last: int, *rest: Any) -> None:
+        for e in range(first, last):
+            end = step_one(found[e], t, rows[e], bool(arrays.over[e]), *rest)
+            arrays.ended[e] = end != 0
+            arrays.over[e] = end > 1
 
-    return Driver(begin, step)
+    def judge(places: Any, first: int, last: int) -> bool:
+        return all(judge_a(rows[e], bool(arrays.over[e])) for e in range(first, last))
+
+    return Driver(begin, step, judge)
 
 
 def copies(records: NDArray[Any]) -> list[Copy]:
     """The copies of a batch as plain Python sees them."""
     return [Copy(records[e : e + 1].reshape(())) for e in range(len(records))]
-
-
-def tables_of(kernel: Kernel) -> NDArray[Any]:
-    """The kernel's tables as an array of one record; of a kernel without any, an empty record's."""
-    if kernel.tables is None:
-        return np.zeros(1, np.dtype([("nothing", "i1")]))
-    tables: NDArray[Any] = kernel.tables.reshape(1)
-    return tables

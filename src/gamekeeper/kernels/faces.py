@@ -17,9 +17,9 @@ from gamekeeper.game.authoring.authored import Authored
 from gamekeeper.game.tick_env import TickEnv
 from gamekeeper.game.turn_env import TurnEnv
 from gamekeeper.kernels.arrays import Arrays, arrays_of
-from gamekeeper.kernels.drivers import tables_of
 from gamekeeper.kernels.kernel import MASK, Kernel
 from gamekeeper.kernels.parts import HORIZON, UNNAMED
+from gamekeeper.kernels.places import tables_of
 from gamekeeper.kernels.single import ENDED, JOINED, PAID, Single, single_of
 
 SIGN: Final = 1 << 63
@@ -158,7 +158,7 @@ class KernelRules(Authored):
     def state(self) -> Any:
         """The whole state, as the kernel's `overview` gives it."""
         if self.kernel.state_space is None:
-            return super().state()
+            return super().state()  # type: ignore[misc]  # TickEnv and TurnEnv have it
         space: Any = self.kernel.state_space
         out = np.zeros(space.shape, space.dtype)
         self.single.overview(self.bench.records, self.tables, out)
@@ -210,7 +210,6 @@ class Masks:
         if not isinstance(space, spaces.MultiDiscrete):
             return row
         return tuple(np.split(row, np.cumsum(space.nvec)[:-1]))
-
 
     def illegal(self, agent: Any, action: Any) -> Any:
         """A masked action is played where the rules know what becomes of it."""

@@ -142,8 +142,9 @@ class Kernel:
         """Neighbours that share their spaces."""
         found: list[Group] = []
         for i, agent in enumerate(self.agents):
-            kinds = self._space_of(self.observation_space, agent), self._space_of(
-                self.action_space, agent
+            kinds = (
+                self._space_of(self.observation_space, agent),
+                self._space_of(self.action_space, agent),
             )
             last = found[-1] if found else None
             if last and kinds == (last.observation_space, last.action_space):
@@ -164,11 +165,13 @@ class Kernel:
 
     def observation_of(self, agent: str) -> Space:
         """The observation space of an agent."""
-        return self._space_of(self.observation_space, agent)
+        space: Space = self._space_of(self.observation_space, agent)
+        return space
 
     def action_of(self, agent: str) -> Space:
         """The action space of an agent."""
-        return self._space_of(self.action_space, agent)
+        space: Space = self._space_of(self.action_space, agent)
+        return space
 
     def flags(self, group: Group) -> int:
         """How long the masks of a group are; 0 without one."""

@@ -33,7 +33,7 @@ def leaves_class(keys: tuple[str, ...]) -> Any:
 
 @cache
 def _made(name: str) -> Any:
-    found = namedtuple(name, name.removeprefix(PREFIX).split("__"))  # type: ignore[misc]  # its fields are known when it runs  # noqa: PYI024
+    found = namedtuple(name, name.removeprefix(PREFIX).split("__"))  # type: ignore[misc]  # its fields are known when it runs
     found.__module__, found.__qualname__ = __name__, name
     return found
 

@@ -59,11 +59,14 @@ class Parts:
 
     def own(self, function: Any) -> Any:
         """A rule, or its plain twin."""
-        return as_python(function) if self.is_plain else function
+        return as_python(function) if self.is_plain else self.made(function.py_func)
 
     def made(self, function: Any) -> Any:
-        """A function of the driver's, compiled unless plain."""
-        return function if self.is_plain else numba().njit(function, **OPTIONS)
+        """A function of the driver's, compiled unless plain; always into its caller.
+
+        A call hands over seven words for each array, and that costs more than a cheap rule.
+        """
+        return function if self.is_plain else numba().njit(function, forceinline=True, **OPTIONS)
 
     def _count(self, name: str) -> int:
         turns = self.kernel.api == "aec"

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from gamekeeper.kernels.rules import Plain, numba
+from gamekeeper.kernels.rules import Plain, numba, numba_part
 
 
 def _compiled() -> Any:
-    from numba.core import cgutils, types
-    from numba.extending import intrinsic
-    from numba.np import arrayobj
+    cgutils, types = numba_part("core.cgutils"), numba_part("core.types")
+    arrayobj, intrinsic = numba_part("np.arrayobj"), numba_part("extending").intrinsic
 
     def view_type(whole: Any) -> Any:
         if isinstance(whole, types.BaseTuple):
@@ -51,7 +50,7 @@ def _compiled() -> Any:
         )
         return part._getvalue()
 
-    @intrinsic  # type: ignore[untyped-decorator]  # Numba ships no types
+    @intrinsic  # type: ignore[untyped-decorator]  # Numba's
     def row(typing_context: Any, array: Any, index: Any) -> Any:
         """The borrowed view `array[index]`, or a tuple of such views."""
         if not isinstance(array, types.Array | types.BaseTuple):

@@ -6,11 +6,11 @@ every rule that it calls, for breakpoints and for comparison.
 
 from __future__ import annotations
 
-import hashlib
 import sys
 import types
 from collections.abc import Callable
 from functools import cache
+from importlib import import_module
 from typing import Any, Final
 
 import numpy as np
@@ -33,6 +33,11 @@ def numba() -> Any:
     return found
 
 
+def numba_part(name: str) -> Any:
+    """A module of Numba's, which has types here and there."""
+    return import_module(f"numba.{name}")
+
+
 def rule(function: Callable[..., Any]) -> Any:
     """Makes a rule of a function: compiled at its first call, or itself without Numba.
 
@@ -46,8 +51,8 @@ def rule(function: Callable[..., Any]) -> Any:
 class Plain(np.ndarray[Any, Any]):
     """An array whose elements come out as Python numbers, as wide as compiled arithmetic is.
 
-    A bare `np.int16` would overflow where 64 bits don't, a bare `np.bool_` refuses a minus. Those of
-    an array of records come out as `Copy`s.
+    A bare `np.int16` would overflow where 64 bits don't, a bare `np.bool_` refuses a minus.
+    Those of an array of records come out as `Copy`s.
     """
 
     def __getitem__(self, key: Any) -> Any:
@@ -119,35 +124,3 @@ class _PlainModule:
 
     def __getattr__(self, name: str) -> Any:
         return _plain_value(getattr(self._module, name), self._known)
-
-
-def key_of(function: Any) -> str:
-    """What a rule compiles to hangs on this: its code, its constants, all that it calls.
-
-    Equal in every process, so that compiled code on disk is found again.
-    """
-    digest = hashlib.blake2b(digest_size=16)
-    _feed(digest, function, set())
-    return digest.hexdigest()
-
-
-def _feed(digest: Any, value: Any, seen: set[Any]) -> None:
-    plain = getattr(value, "py_func", value)
-    if isinstance(plain, types.FunctionType):
-        if plain in seen:
-            return
-        seen.add(plain)
-        code = plain.__code__
-        constants = [c for c in code.co_consts if not isinstance(c, types.CodeType)]
-        digest.update(code.co_code + repr((constants, code.co_names)).encode())
-        for cell in plain.__closure__ or ():
-            _feed(digest, cell.cell_contents, seen)
-        for name in code.co_names:
-            if name in plain.__globals__:
-                _feed(digest, plain.__globals__[name], seen)
-    elif isinstance(plain, types.ModuleType):
-        digest.update(plain.__name__.encode())  # whose source is of the same release as its name
-    elif isinstance(plain, np.ndarray):
-        digest.update(f"{plain.dtype} {plain.shape}".encode() + plain.tobytes())
-    elif isinstance(plain, int | float | str | bool | tuple | type(None)):
-        digest.update(repr(plain).encode())

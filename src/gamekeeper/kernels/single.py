@@ -9,6 +9,7 @@ from typing import Any, Final
 from gamekeeper.kernels.cache import compiled
 from gamekeeper.kernels.drivers import copies
 from gamekeeper.kernels.kernel import Kernel
+from gamekeeper.kernels.keys import kernel_key
 from gamekeeper.kernels.parts import Parts
 from gamekeeper.kernels.rows import plain_row
 from gamekeeper.kernels.rules import numba
@@ -51,7 +52,7 @@ def single_of(kernel: Kernel, *, is_plain: bool = False) -> Single:
     if parts.is_plain:
         return Single(_plain(start), _plain(play), _plain(look), _plain_overview(overview))
     loops = _loops(parts, start, play, look, overview)
-    return Single(*(compiled(each, kernel.name) for each in loops))
+    return Single(*(compiled(each, kernel.name, kernel_key(kernel)) for each in loops))
 
 
 def _on_one(parts: Parts) -> tuple[Any, Any, Any, Any]:

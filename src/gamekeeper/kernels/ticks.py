@@ -8,12 +8,12 @@ from gamekeeper.kernels.parts import HORIZON, UNNAMED, Parts
 from gamekeeper.kernels.seeding import episode_seed
 
 
-def begin_one(parts: Parts, show: Any) -> Any:
-    """`begin(s, t, a, pool, constant, tells)`: begins the episode whose number stands in `s`."""
+def begin_one(parts: Parts) -> Any:
+    """`begin(s, t, a, pool, constant)`: begins the episode whose number stands in `s`."""
     reset, seed_of = parts.rule("reset"), parts.own(episode_seed)
     count, is_aec = len(parts.kernel.agents), parts.kernel.api == "aec"
 
-    def begin(s: Any, t: Any, a: Any, pool: Any, constant: Any, tells: Any) -> None:
+    def begin(s: Any, t: Any, a: Any, pool: Any, constant: Any) -> None:
         number = s.number
         for i in range(len(a.raw)):
             a.raw[i] = 0
@@ -23,13 +23,24 @@ def begin_one(parts: Parts, show: Any) -> Any:
         for i in range(count):
             s.live[i] = 1
         reset(s, t)
-        for i in range(count):
-            a.live[i] = s.live[i] != 0
-            if is_aec:
+        if is_aec:
+            for i in range(count):
                 s.due[i] = s.live[i]
-        show(s, t, a, tells, False)
 
     return parts.made(begin)
+
+
+def first_one(parts: Parts, begin: Any, show: Any) -> Any:
+    """`first(s, t, a, pool, constant, tells)`: begins an episode, and shows it."""
+    count = len(parts.kernel.agents)
+
+    def first(s: Any, t: Any, a: Any, pool: Any, constant: Any, tells: Any) -> None:
+        begin(s, t, a, pool, constant)
+        for i in range(count):
+            a.live[i] = s.live[i] != 0
+        show(s, t, a, tells, False)
+
+    return parts.made(first)
 
 
 def clear_books(parts: Parts) -> Any:
@@ -41,8 +52,9 @@ def clear_books(parts: Parts) -> Any:
             a.rewards[i] = 0.0
             a.terminated[i] = False
             a.truncated[i] = False
-            for k in range(terms):
-                a.terms[i, k] = 0.0
+            if terms > 1:
+                for k in range(terms):
+                    a.terms[i, k] = 0.0
 
     return parts.made(clear)
 
@@ -63,8 +75,11 @@ def close_books(parts: Parts) -> Any:
                     s.ending[i] = HORIZON
                 else:
                     left += 1
-            for k in range(terms):
-                a.rewards[i] += a.terms[i, k]
+            if terms > 1:
+                for k in range(terms):
+                    a.rewards[i] += a.terms[i, k]
+            else:
+                a.rewards[i] += 0.0  # a sum, too, is never -0.0
         return left
 
     return parts.made(close)
@@ -73,7 +88,7 @@ def close_books(parts: Parts) -> Any:
 def tick_driver(parts: Parts) -> tuple[Any, Any]:
     """What begins an episode of one copy, and what plays one tick of it."""
     show, keep, play = shower(parts), _keeper(parts), player(parts)
-    begin, clear = begin_one(parts, show), clear_books(parts)
+    begin, clear = begin_one(parts), clear_books(parts)
     count = len(parts.kernel.agents)
 
     def step(
@@ -82,27 +97,23 @@ def tick_driver(parts: Parts) -> tuple[Any, Any]:
     ) -> Any:  # fmt: skip
         """Returns 0 where it goes on, 1 where an episode ended, and 2 more where it is over."""
         clear(a)
-        if over:  # next_step: this step resets, and no action is taken
-            s.number += slots
-            begin(s, t, a, pool, constant, tells)
-            return 0
-        if play(s, t, a) == 0:
+        end = 0
+        begins = over  # next_step: this step resets, and no action is taken
+        if not over and play(s, t, a) == 0:
             for i in range(count):
                 a.last[i] = a.live[i] or a.terminated[i] or a.truncated[i]
-                a.live[i] = False
             keep(s, t, a)
-            if not is_next:
-                s.number += slots
-                begin(s, t, a, pool, constant, tells)
-                return 1
-            show(s, t, a, tells, True)
-            return 3
+            begins = not is_next
+            end = 1 if begins else 3
+        if begins:
+            s.number += slots
+            begin(s, t, a, pool, constant)
         for i in range(count):
             a.live[i] = s.live[i] != 0
-        show(s, t, a, tells, True)
-        return 0
+        show(s, t, a, tells, not begins)  # at one place, since rules are compiled into it
+        return end
 
-    return begin, parts.made(step)
+    return first_one(parts, begin, show), parts.made(step)
 
 
 def player(parts: Parts) -> Any:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from gamekeeper.kernels.parts import Parts
-from gamekeeper.kernels.ticks import begin_one, clear_books, close_books
+from gamekeeper.kernels.ticks import begin_one, clear_books, close_books, first_one
 
 
 def turn_driver(parts: Parts) -> tuple[Any, Any]:
     """What begins an episode of one copy, and what plays one turn of it."""
     show, keep, play = _shower(parts), keeper(parts), player(parts)
-    begin, clear = begin_one(parts, show), clear_books(parts)
+    begin, clear = begin_one(parts), clear_books(parts)
     count = len(parts.kernel.agents)
 
     def step(
@@ -20,28 +20,27 @@ def turn_driver(parts: Parts) -> tuple[Any, Any]:
     ) -> Any:  # fmt: skip
         """Returns 0 where it goes on, 1 where an episode ended, and 2 more where it is over."""
         clear(a)
-        if over:  # next_step: this step resets, and no action is taken
-            s.number += slots
-            begin(s, t, a, pool, constant, tells)
-            return 0
-        left = play(s, t, a)
-        for i in range(count):
-            if a.terminated[i] or a.truncated[i]:
-                keep(s, t, a, i)
-            a.live[i] = s.live[i] != 0
-        if left == 0:
+        end = 0
+        begins = over  # next_step: this step resets, and no action is taken
+        if not over:
+            left = play(s, t, a)
             for i in range(count):
-                a.last[i] = s.ending[i] != 0
-            if not is_next:
-                s.number += slots
-                begin(s, t, a, pool, constant, tells)
-                return 1
-            show(s, t, a, tells, True)
-            return 3
-        show(s, t, a, tells, False)
-        return 0
+                if a.terminated[i] or a.truncated[i]:
+                    keep(s, t, a, i)
+            if left == 0:
+                for i in range(count):
+                    a.last[i] = s.ending[i] != 0
+                begins = not is_next
+                end = 1 if begins else 3
+        if begins:
+            s.number += slots
+            begin(s, t, a, pool, constant)
+        for i in range(count):
+            a.live[i] = s.live[i] != 0
+        show(s, t, a, tells, end == 3)
+        return end
 
-    return begin, parts.made(step)
+    return first_one(parts, begin, show), parts.made(step)
 
 
 def player(parts: Parts) -> Any:
