@@ -37,6 +37,7 @@ class Arrays(NamedTuple):
         final, final_masks, final_infos: [copy, agent, ...], what those who ended were given last,
             where `ended`.
         last: [copy, agent], whose these are.
+        state: [copy, ...], what `state()` gives, as `Batch.overview` left it.
     """
 
     raw: Any
@@ -56,6 +57,7 @@ class Arrays(NamedTuple):
     final_masks: Any
     final_infos: Any
     last: Any
+    state: Any
 
 
 def arrays_of(kernel: Kernel, records: NDArray[Any], make: Made | None = None) -> Arrays:
@@ -112,7 +114,15 @@ def arrays_of(kernel: Kernel, records: NDArray[Any], make: Made | None = None) -
         final_masks=by_group(masked("final_mask"), turns=False),
         final_infos=make("final_infos", each, kernel.info_dtype),
         last=make("last", each, np.bool_),
+        state=_state(kernel, envs, make),
     )
+
+
+def _state(kernel: Kernel, envs: int, make: Made) -> NDArray[Any]:
+    space = kernel.state_space
+    if space is None:
+        return make("state", (envs, 0), np.int8)
+    return make("state", (envs, *(space.shape or ())), space.dtype)
 
 
 def _observed(

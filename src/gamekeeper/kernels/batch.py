@@ -83,13 +83,38 @@ class Batch:
         a = self.arrays
         if actions is not None:
             a.actions[...] = actions
+        self._play(is_next=self._is_next)
+        return a.obs, a.rewards, a.terminated, a.truncated
+
+    def play(self) -> None:
+        """As `step` under `next_step`, whatever the batch was made with.
+
+        Raises:
+            ActionError: as `step`.
+        """
+        self._play(is_next=True)
+
+    def restart(self) -> None:
+        """Copies that are over begin their next episodes; what was paid stands."""
+        self._driver.restart(
+            self._places, 0, self.num_envs, self._seeds.pool, self._seeds.constant,
+            self.num_envs, self._tells,
+        )  # fmt: skip
+
+    def overview(self) -> NDArray[Any]:
+        """The state of every copy as `state()` gives it, [copy, ...]; the batch's own array."""
+        self._driver.overview(self._places, 0, self.num_envs)
+        states: NDArray[Any] = self.arrays.state
+        return states
+
+    def _play(self, *, is_next: bool) -> None:
+        a = self.arrays
         if not self._driver.judge(self._places, 0, self.num_envs):
             refuse(self.kernel, a)
         self._driver.step(
             self._places, 0, self.num_envs, self._seeds.pool, self._seeds.constant,
-            self.num_envs, self._is_next, self._tells,
+            self.num_envs, is_next, self._tells,
         )  # fmt: skip
-        return a.obs, a.rewards, a.terminated, a.truncated
 
     def snapshot(self) -> bytes:
         """The state of all copies."""

@@ -40,11 +40,16 @@ class Driver:
         step: `step(places, first, last, pool, constant, slots, is_next, tells)`: one step of every
             copy; who ends begins episode number + slots.
         judge: `judge(places, first, last)`: whether all actions are legal.
+        restart: `restart(places, first, last, pool, constant, slots, tells)`: who is over begins
+            episode number + slots.
+        overview: `overview(places, first, last)`: fills the states that `state()` gives.
     """
 
     begin: Callable[..., None]
     step: Callable[..., None]
     judge: Callable[..., bool]
+    restart: Callable[..., None]
+    overview: Callable[..., None]
 
 
 def driver_of(kernel: Kernel) -> Driver:
@@ -65,6 +70,7 @@ def _compiled(kernel: Kernel, key: str) -> Driver:
     parts = Parts(kernel, is_plain=False)
     one = turn_driver(parts) if kernel.api == "aec" else tick_driver(parts)
     loops = _loops(copy_of(kernel), *one, judge_one(parts))
+    loops += _rare_loops(copy_of(kernel), one[0], parts.rule("overview"))
     return Driver(*(compiled(each, kernel.name, key) for each in loops))
 
 
@@ -95,6 +101,25 @@ def _loops(copy: Any, begin_one: Any, step_one: Any, judge: Any) -> tuple[Any, A
     return begin, step, judge_all
 
 
+def _rare_loops(copy: Any, begin_one: Any, overview_one: Any) -> tuple[Any, Any]:
+    def restart(
+        places: Any, first: Any, last: Any, pool: Any, constant: Any, slots: Any, tells: Any
+    ) -> None:
+        for e in range(first, last):
+            s, t, a = copy(places, e)
+            if a.over[()]:
+                s.number += slots
+                begin_one(s, t, a, pool, constant, tells)
+                a.over[()] = False
+
+    def overview(places: Any, first: Any, last: Any) -> None:
+        for e in range(first, last):
+            s, t, a = copy(places, e)
+            overview_one(s, t, a.state)
+
+    return restart, overview
+
+
 def plain_driver(
     kernel: Kernel, records: NDArray[Any], tables: NDArray[Any], arrays: Arrays
 ) -> Driver:
@@ -119,7 +144,22 @@ def plain_driver(
     def judge(places: Any, first: int, last: int) -> bool:
         return all(judge_a(rows[e], bool(arrays.over[e])) for e in range(first, last))
 
-    return Driver(begin, step, judge)
+    def restart(
+        places: Any, first: int, last: int, pool: int, constant: int, slots: int, tells: bool
+    ) -> None:
+        for e in range(first, last):
+            if arrays.over[e]:
+                found[e].number += slots
+                begin_one(found[e], t, rows[e], pool, constant, tells)
+                arrays.over[e] = False
+
+    overview_one = parts.rule("overview")
+
+    def overview(places: Any, first: int, last: int) -> None:
+        for e in range(first, last):
+            overview_one(found[e], t, rows[e].state)
+
+    return Driver(begin, step, judge, restart, overview)
 
 
 def copies(records: NDArray[Any]) -> list[Copy]:

@@ -136,7 +136,8 @@ def player(parts: Parts) -> Any:
 def shower(parts: Parts) -> Any:
     """`show(s, t, a, tells, is_after)`: what everybody is given; zeros for who isn't there.
 
-    Who ended in the tick that was just played (`is_after`) still sees its outcome.
+    Who ended in the tick that was just played (`is_after`) still sees its outcome; and its mask,
+    which is a part of infos, where these are told.
     """
     observe, mask, inform = (parts.rule(name) for name in ("observe", "mask", "inform"))
     blank, blank_mask, count = parts.blank(), parts.blank_mask(), len(parts.kernel.agents)
@@ -148,9 +149,11 @@ def shower(parts: Parts) -> Any:
             inform(s, t, a.infos)
         for i in range(count):
             if s.live[i] == 0:
-                blank_mask(a.masks, i)
-                if not (is_after and (a.terminated[i] or a.truncated[i])):
+                sees = is_after and (a.terminated[i] or a.truncated[i])
+                if not sees:
                     blank(a.obs, i)
+                if not (sees and tells):
+                    blank_mask(a.masks, i)
 
     return parts.made(show)
 
