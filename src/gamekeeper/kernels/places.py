@@ -77,7 +77,7 @@ def copy_of(kernel: Kernel) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         reader = _Reader(context, builder, signature.args[0], *values)
         records = [
-            builder.inttoptr(reader.address(size), context.get_value_type(kind))
+            builder.bitcast(reader.pointer(size), context.get_value_type(kind))
             for size, kind in zip(sizes, kinds, strict=True)
         ]
         return context.make_tuple(builder, found, [*records, reader.view(sample)])
@@ -111,13 +111,14 @@ class _Reader:
         """A constant."""
         return self.context.get_constant(numba().intp, n)
 
-    def address(self, size: int) -> Any:
+    def pointer(self, size: int) -> Any:
         """The next address, moved on by as many times `size` bytes as the copy's number."""
-        builder = self.builder
+        builder, byte = self.builder, self.context.get_value_type(numba().int8)
         start = builder.load(builder.gep(self.base, [self.number(self.count)]))
         start.set_metadata("invariant.load", builder.module.add_metadata([]))
         self.count += 1
-        return builder.add(start, builder.mul(self.index, self.number(size)))
+        offset = builder.mul(self.index, self.number(size))
+        return builder.gep(builder.inttoptr(start, byte.as_pointer()), [offset], inbounds=True)
 
     def view(self, whole: Any) -> Any:
         """One copy's views of an array of one copy, or of a tuple of such."""
@@ -127,7 +128,7 @@ class _Reader:
         array = self.arrayobj.make_array(kind)(self.context, self.builder)
         self.arrayobj.populate_array(
             array,
-            data=self.builder.inttoptr(self.address(whole.strides[0]), array.data.type),
+            data=self.builder.bitcast(self.pointer(whole.strides[0]), array.data.type),
             shape=[self.number(n) for n in whole.shape[1:]],
             strides=[self.number(n) for n in whole.strides[1:]],
             itemsize=self.number(whole.itemsize),
