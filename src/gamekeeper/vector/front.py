@@ -31,6 +31,7 @@ def make(
     seed: int = 0,
     env_kwargs: Mapping[str, Any] | None = None,
     workers: int = 2,
+    threads: int = 1,
     contract: Contract | str | PathLike[str] | None = None,
     infos: bool = False,
     copy: bool = True,
@@ -50,6 +51,7 @@ def make(
         seed: of the run; `reset(seed=...)` takes another.
         env_kwargs: handed to the factory, a copy for each instance.
         workers: processes of the `process` engine.
+        threads: of the `kernel` engine; small batches take one.
         contract: names roles and masks; None: what lies beside the environment.
         infos: also hand out each agent's info at every step, in `infos["agents"]`.
         copy: False: arrays are the engine's own, overwritten by the next step.
@@ -58,9 +60,10 @@ def make(
             others go on without the copies of that worker.
     Raises:
         SpecError: nothing can be opened under that name, its spaces have no fixed shape, or an
-            option isn't known.
+            option isn't known; `kernel`: it has none, or one that plays it otherwise.
     """
-    _check(engine, autoreset, num_envs, workers, on_failure)
+    counts = {"num_envs": num_envs, "workers": workers, "threads": threads}
+    _check(engine, autoreset, on_failure, **counts)
     kwargs = dict(env_kwargs or {})
     opened = open_env(spec, **kwargs)
     if opened.make is None:
@@ -85,6 +88,14 @@ def make(
             wants_infos=infos, timeout_s=timeout_s, goes_on=on_failure == "go_on",
         )  # fmt: skip
         return VectorEnv(many, form, **options)
+    if engine == "kernel":
+        from gamekeeper.vector.kernel import KernelEngine, kernel_of  # loads Numba
+
+        batch = KernelEngine(
+            kernel_of(opened.env), form, num_envs=num_envs, autoreset=autoreset,
+            wants_infos=infos, threads=threads, debug=bool(kwargs.get("debug")),
+        )  # fmt: skip
+        return VectorEnv(batch, form, **options)
     doors = [slim(opened.env), *(slim(opened.make()) for _ in range(num_envs - 1))]
     here = SerialEngine(doors, form, autoreset=autoreset, wants_infos=infos)
     return VectorEnv(here, form, **options)
@@ -99,7 +110,7 @@ def seen_form(opened: Opened, contract: Contract | None) -> tuple[Form, Layout]:
     return form_of(opened.env, opened.api, contract, infos), shelf.layout
 
 
-def _check(engine: str, autoreset: str, num_envs: int, workers: int, on_failure: str) -> None:
+def _check(engine: str, autoreset: str, on_failure: str, **counts: int) -> None:
     for name, value, known in (
         ("engine", engine, ENGINES),
         ("autoreset", autoreset, AUTORESETS),
@@ -109,12 +120,8 @@ def _check(engine: str, autoreset: str, num_envs: int, workers: int, on_failure:
             raise SpecError(
                 f"there is no such {name}", where=name, expected=" or ".join(known), seen=value
             )
-    for name, count in (("num_envs", num_envs), ("workers", workers)):
+    for name, count in counts.items():
         if type(count) is not int or count < 1:
             raise SpecError(
                 f"{name} is no number of them", where=name, expected="1 or more", seen=repr(count)
             )
-    if engine == "kernel":
-        raise SpecError(
-            "this environment has no kernel", where="engine", expected="serial or process"
-        )

@@ -1,0 +1,281 @@
+"""The kernel engine: all copies in one batch, its rules compiled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from gamekeeper.errors import OrderError, SpecError
+from gamekeeper.kernels.batch import Batch
+from gamekeeper.kernels.faces import KernelRules
+from gamekeeper.kernels.kernel import MASK, Kernel
+from gamekeeper.vector.block import Autoreset, Said
+from gamekeeper.vector.form import Form, Group
+from gamekeeper.vector.rows import Batches, Recording
+
+MEND: Final = "engine='serial' or 'process' steps it as it is"
+BATCHED: Final = ("obs", "final", "action", "mask")
+
+
+def kernel_of(env: Any) -> Kernel:
+    """The kernel whose batch gives what `env` gives.
+
+    Raises:
+        SpecError: it has none, or says why a batch wouldn't be the same.
+    """
+    if not isinstance(env, KernelRules):
+        raise SpecError(
+            "this environment has no kernel",
+            where="engine",
+            expected="rules that are written as a kernel, without anything around them",
+            seen=f"{type(env).__module__}.{type(env).__qualname__}",
+            mend=MEND,
+        )
+    reason = getattr(env, "not_batched", "")
+    if reason:
+        raise SpecError(
+            f"the kernel of this environment plays it otherwise: {reason}",
+            where="engine",
+            expected="an environment that is its kernel alone",
+            seen=reason,
+            mend=MEND,
+        )
+    return env.kernel
+
+
+class KernelEngine:
+    """Steps all copies here, in a batch."""
+
+    def __init__(
+        self,
+        kernel: Kernel,
+        form: Form,
+        *,
+        num_envs: int,
+        autoreset: Autoreset,
+        wants_infos: bool,
+        threads: int = 1,
+        debug: bool = False,
+    ) -> None:
+        """Makes the batch.
+
+        Raises:
+            SpecError: agents of a role don't stand together in the kernel's list.
+        """
+        self.failed: Mapping[int, str] = {}
+        self._kernel, self._form, self._wants_infos = kernel, form, wants_infos
+        self._made: dict[str, NDArray[Any]] = {}
+        self._places = _places(form, kernel)
+        self._group_of = [(k, own) for k, own in enumerate(kernel.groups) for _ in range(own.count)]
+        self._options: dict[str, Any] = {"autoreset": autoreset, "debug": debug}
+        if threads > 1:
+            self._options["threads"] = threads
+        self._size = num_envs
+        # masks of who has just ended are told with the infos
+        self._tells = wants_infos or self._is_masked_dict()
+        self._batch = self._new_batch()
+        self.arrays = self._by_form()
+        self._scribe: Any = None
+
+    def _new_batch(self) -> Batch:
+        return Batch(self._kernel, self._size, infos=self._tells, make=self._make, **self._options)
+
+    def _is_masked_dict(self) -> bool:
+        spaces_ = [group.observation_space for group in self._kernel.groups]
+        return self._kernel.mask is not None and any(
+            isinstance(space, spaces.Dict) and MASK in space.spaces for space in spaces_
+        )
+
+    def reset(self, seed: int, options: Any) -> Said:
+        """Begins a run; a kernel has no options, so they are only recorded.
+
+        Raises:
+            OrderError: the copies are being recorded, and were reset before.
+        """
+        if self._scribe is not None and self._scribe.is_begun:
+            raise OrderError(
+                "copies that are recorded were reset a second time",
+                mend="close the vector environment, and make another one for another run",
+            )
+        self._batch.reset(seed)
+        if self._scribe is not None:
+            self._scribe.begin(options)
+        return self._said(is_reset=True)
+
+    def step(self) -> Said:
+        """One step of every copy.
+
+        Raises:
+            ActionError: the action of a live agent isn't legal; nothing has changed.
+        """
+        if self._scribe is None:
+            self._batch.step()
+        else:
+            self._scribe.step()
+        return self._said(is_reset=False)
+
+    def record(self, recording: Recording, out: Callable[[Batches], None]) -> None:
+        """Every copy's rows go to `out` from its next episode on."""
+        from gamekeeper.vector.kernel_scribe import Scribe  # only where it is recorded
+
+        if not self._tells:
+            self._tells = True
+            self._made.clear()
+            self._batch = self._new_batch()
+            self.arrays = self._by_form()
+        self._scribe = Scribe(self._batch, recording, out)
+
+    def end_recording(self) -> None:
+        """Ends the episodes in progress; the rest of the rows goes out."""
+        if self._scribe is not None:
+            self._scribe.end()
+
+    def close(self) -> None:
+        """There is nothing to close."""
+
+    # -- arrays
+
+    def _make(self, name: str, shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
+        array = self._made[name] = np.zeros(shape, dtype)
+        return array
+
+    def _by_form(self) -> dict[str, NDArray[Any]]:
+        """The batch's arrays by the names of `Form.plan`; roles look into those of their kind."""
+        plan = self._form.plan(self._size)
+        found: dict[str, NDArray[Any]] = {}
+        for name, shape, dtype in plan:
+            kind, _, rest = name.partition(".")
+            if kind not in BATCHED:
+                array = self._made.get(name)
+                found[name] = np.zeros(shape, dtype) if array is None else array
+                continue
+            g, _, leaf = rest.partition(".")
+            k, first = self._places[int(g)]
+            batched = self._made.get(f"{kind}.{k}.{leaf}" if leaf else f"{kind}.{k}")
+            if batched is None or batched.shape[-1:] == (0,):  # a mask in a Dict, or told by rules
+                found[name] = np.zeros(shape, dtype)
+            elif batched.shape == shape:
+                found[name] = batched
+            else:
+                found[name] = batched[:, first : first + shape[1]]
+        return found
+
+    # -- after a step
+
+    def _said(self, *, is_reset: bool) -> Said:
+        batch, arrays, said = self._batch, self.arrays, Said()
+        arrays["episode"][...] = batch.records["number"]
+        if self._wants_infos:
+            self._tell(said, is_reset=is_reset)
+        self._fill_masks()
+        ended = np.zeros(0, np.intp) if is_reset else np.flatnonzero(batch.arrays.ended)
+        if len(ended):
+            self._fill_finals(ended)
+            told, last = batch.arrays.final_infos, batch.arrays.last
+            for e in ended.tolist():
+                agents = np.flatnonzero(last[e]).tolist()
+                said.final[e] = dict(self._told(told, e, i, "final_mask") for i in agents)
+        return said
+
+    def _fill_masks(self) -> None:
+        """Masks within observations, and none for who isn't there."""
+        arrays, is_aec = self.arrays, self._form.api == "aec"
+        for g, group in enumerate(self._form.groups):
+            if not group.flags:
+                continue
+            mask, leaf = arrays[f"mask.{g}"], _leaf_of_mask(group)
+            live = ~arrays["over"] if is_aec else arrays["live"][:, group.columns]
+            if self._kernel.mask is None:
+                mask[...] = 1 if leaf is None else arrays[f"obs.{g}.{leaf}"]
+                mask[~live] = 0
+                continue
+            if leaf is not None:
+                arrays[f"obs.{g}.{leaf}"][...] = mask
+            if self._tells and not is_aec and (arrays["terminated"] | arrays["truncated"]).any():
+                mask[~live] = 0
+
+    def _fill_finals(self, ended: NDArray[np.intp]) -> None:
+        """The last observations of those who had one; of turns others' stand there from before."""
+        last = self._batch.arrays.last[ended]
+        for g, group in enumerate(self._form.groups):
+            absent, leaf = ~last[:, group.columns], _leaf_of_mask(group)
+            k, first = self._places[g]
+            for i in range(len(group.observed)):
+                final = self.arrays[f"final.{g}.{i}"]
+                if i == leaf and self._kernel.mask is not None:
+                    flags = self._made[f"final_mask.{k}"]
+                    found = flags[ended, first : first + len(group.agents)].astype(final.dtype)
+                else:
+                    found = final[ended]
+                found[absent] = 0
+                final[ended] = found
+
+    # -- infos, as faces give them
+
+    def _tell(self, said: Said, *, is_reset: bool) -> None:
+        a = self._batch.arrays
+        if self._form.api == "aec":
+            for e in np.flatnonzero(~a.over).tolist():
+                said.infos[e] = dict([self._told(a.infos, e, int(a.turn[e]), "mask")])
+            return
+        present = a.live.copy()
+        if not is_reset:
+            goes_on = ~a.ended | a.over  # the others show an episode that has just begun
+            present[goes_on] |= (a.terminated | a.truncated)[goes_on]
+        for e, agents in enumerate(present):
+            present_e = np.flatnonzero(agents).tolist()
+            said.infos[e] = dict(self._told(a.infos, e, i, "mask") for i in present_e)
+
+    def _told(self, infos: Any, e: int, i: int, masks: str) -> tuple[str, Any]:
+        """Name and info of agent i of copy e."""
+        k, group = self._group_of[i]
+        place = (e,) if infos.ndim == 1 else (e, i)
+        info: dict[str, Any] = {}
+        if self._kernel.info:
+            record = infos[place]
+            info = {name: _plain(record[name]) for name in record.dtype.names}
+        if self._kernel.mask is not None:
+            flags = self._made[f"{masks}.{k}"]
+            row = flags[e].copy() if flags.ndim == 2 else flags[e, i - group.first].copy()
+            space = group.action_space
+            if isinstance(space, spaces.MultiDiscrete):
+                info[MASK] = tuple(np.split(row, np.cumsum(space.nvec)[:-1]))
+            else:
+                info[MASK] = row
+        return self._kernel.agents[i], info
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if value.ndim == 0 else value.copy()
+
+
+def _leaf_of_mask(group: Group) -> int | None:
+    """Which leaf of the observations holds the mask."""
+    paths = [leaf.path for leaf in group.observed]
+    return paths.index((MASK,)) if (MASK,) in paths else None
+
+
+def _places(form: Form, kernel: Kernel) -> list[tuple[int, int]]:
+    """Of each group of the form: the kernel's group that it is in, and its first place there.
+
+    Raises:
+        SpecError: agents of a role don't stand together in the kernel's list.
+    """
+    if form.agents != tuple(kernel.agents):
+        raise SpecError(
+            "agents of a role don't stand together",
+            where="engine",
+            expected=f"agents in this order: {list(form.agents)}"[:300],
+            seen=str(list(kernel.agents))[:300],
+            mend="name the kernel's agents role by role",
+        )
+    found = []
+    for group in form.groups:
+        for k, own in enumerate(kernel.groups):
+            if own.first <= group.first < own.first + own.count:
+                found.append((k, group.first - own.first))
+    return found
