@@ -1,0 +1,1 @@
+"""Adapters: trainers, data sets and viewers, each imported where it is used and nowhere else."""

@@ -1,0 +1,22 @@
+"""Stable-Baselines3: `vec_env`, `buffer`, `policy`, and callbacks that evaluate and record."""
+
+from __future__ import annotations
+
+from gamekeeper.errors import SpecError
+
+try:
+    import stable_baselines3
+except ImportError as error:
+    raise SpecError(
+        "Stable-Baselines3 isn't installed",
+        where="gamekeeper.adapters.sb3",
+        mend="pip install 'gamekeeper[sb3]'",
+    ) from error
+
+from gamekeeper.adapters.sb3.buffers import buffer
+from gamekeeper.adapters.sb3.callbacks import EvalCallback, RecordCallback
+from gamekeeper.adapters.sb3.policy import policy
+from gamekeeper.adapters.sb3.vec_env import vec_env
+
+VERSION = stable_baselines3.__version__
+__all__ = ["EvalCallback", "RecordCallback", "buffer", "policy", "vec_env"]
