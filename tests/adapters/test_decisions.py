@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -54,7 +55,8 @@ def test_decided_gives_a_reward_to_the_last_action(seed: int, acts: list[bool]) 
         np.array([last]), np.array([True]), gamma=GAMMA, trace=TRACE,
     )  # fmt: skip
     places = np.flatnonzero(acted)
-    sums = [rewards[a:b].sum() for a, b in zip(places, [*places[1:], len(acts)], strict=True)]
+    bounds = [*places.tolist(), len(acts)]
+    sums = [rewards[a:b].sum() for a, b in itertools.pairwise(bounds)]
     expected = usual(np.array(sums), values[places], ends[places], last) if sums else []
     assert valid[:, 0].tolist() == acts
     np.testing.assert_allclose(expected, found[places, 0], atol=1e-12)
