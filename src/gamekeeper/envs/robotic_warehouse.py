@@ -66,8 +66,10 @@ NOOP, FORWARD, LEFT, RIGHT, TOGGLE = range(5)
 INDIVIDUAL, GLOBAL, TWO_STAGE = range(3)
 REWARDS: Final = {"individual": INDIVIDUAL, "global": GLOBAL, "two_stage": TWO_STAGE}
 TERMS: Final = {
-    "individual": ("delivery",), "global": ("team_delivery",), "two_stage": ("delivery", "put_back"),
-}  # fmt: skip
+    "individual": ("delivery",),
+    "global": ("team_delivery",),
+    "two_stage": ("delivery", "put_back"),
+}
 INACTIVITY: Final = 1
 """Which of the endings it is, from 1."""
 
