@@ -25,7 +25,7 @@ PARTS: Final = 5
 
 
 def jaxmarl(envs: int) -> Callable[[], int]:
-    """JaxMARL's MPE_simple_spread_v3 on the processor: an episode is one compiled scan of a vmap."""
+    """JaxMARL's MPE_simple_spread_v3 on the processor: an episode is a compiled scan of a vmap."""
     import jax
     import jaxmarl
 
