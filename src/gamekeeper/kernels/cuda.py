@@ -1,0 +1,195 @@
+"""A batch of copies of one kernel on a CUDA device."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+
+from gamekeeper.core.episode_seeds import EpisodeSeeds
+from gamekeeper.errors import ActionError, DependencyError, SpecError
+from gamekeeper.kernels.arrays import Arrays, arrays_of
+from gamekeeper.kernels.judge import refuse
+from gamekeeper.kernels.kernel import Kernel
+from gamekeeper.kernels.places import leaves, tables_of
+
+CHECKS: Final = ("each", "later", "never")
+
+
+class CudaBatch:
+    """Copies of one kernel, stepped together on a CUDA device; the twin of `Batch`.
+
+    Copy i plays the episodes i, i + num_envs, ... of the run, with the seeds and draws that they
+    have on any engine. `arrays` are on the device and always the same memory: torch sees every step
+    through `torch.from_dlpack(batch.arrays.obs)` without a copy, and may write what comes next
+    into `torch.from_dlpack(batch.arrays.actions)`. All work is on the default stream, as torch's.
+
+    Args:
+        kernel: whose copies.
+        num_envs: how many.
+        seed: of the run.
+        autoreset: `same_step` or `next_step`, as `gk.vector.make` has them.
+        infos: fills `arrays.infos` at every step.
+        checks: of actions. `each`: a step with an illegal one raises, and nothing has changed; this
+            waits for the device. `later`: nothing waits; such a step and all after it do nothing,
+            until `check` raises. `never`: rules index by what they are given, for actions that are
+            drawn from the masks.
+        threads: of a block, one for each copy.
+    Raises:
+        DependencyError: the extra `cuda`, or a device, isn't there.
+        SpecError: an argument isn't one of those above.
+    """
+
+    def __init__(
+        self,
+        kernel: Kernel,
+        num_envs: int,
+        *,
+        seed: int = 0,
+        autoreset: str = "same_step",
+        infos: bool = False,
+        checks: str = "each",
+        threads: int = 64,
+    ) -> None:
+        _one_of("autoreset", autoreset, ("same_step", "next_step"))
+        _one_of("checks", checks, CHECKS)
+        memory_of, code = _parts()
+        self.kernel, self.num_envs, self._checks = kernel, num_envs, checks
+        self._seeds = EpisodeSeeds(seed)
+        self._is_next, self._tells = autoreset == "next_step", infos
+        self._records = np.zeros(num_envs, kernel.dtype)
+        self._host, tables = arrays_of(kernel, self._records), tables_of(kernel)
+        self._wrong = np.full(1, code.NOBODY, np.int64)
+        self._memory, self._put, self._nobody = memory_of.Memory(), memory_of.put, code.NOBODY
+        twins = self._memory.twins
+        self.records, self.arrays, self._flag = map(twins, (self._records, self._host, self._wrong))
+        self._tables = twins(np.array(tables))
+        found = [self.records, self._tables, *leaves(self.arrays)]
+        self._at = np.array([memory_of.address(array) for array in found], np.int64)
+        self._places = twins(self._at)
+        if code.IS_SIMULATED:
+            self._code = code.simulated(kernel, self._records, tables, self._host)
+        else:
+            self._code = code.code_of(kernel)
+        self._grid = -(-num_envs // threads), threads
+
+    def reset(self, seed: int | None = None) -> Any:
+        """Every copy begins its first episode of the run; returns the observations."""
+        if seed is not None:
+            self._seeds = EpisodeSeeds(seed)
+        self._forgive()
+        seeds = self._seeds
+        self._code.begin[self._grid](
+            self._places, self.num_envs, seeds.pool, seeds.constant, self._tells
+        )
+        return self.arrays.obs
+
+    def step(self, actions: Any = None) -> tuple[Any, Any, Any, Any]:
+        """One step of every copy.
+
+        Args:
+            actions: arrays of the host or the device, copied into `arrays.actions`; None: what
+                stands there.
+        Returns:
+            Observations, rewards, terminated, truncated: the batch's own arrays, on the device.
+        Raises:
+            ActionError: a live agent's action is out of its space, or masked out (see `checks`).
+        """
+        a = self.arrays
+        if actions is not None:
+            mine, given = a.actions, actions
+            if not isinstance(mine, tuple):
+                mine, given = (mine,), (given,)
+            for place, values in zip(mine, given, strict=True):
+                self._put(place, values)
+        if self._checks != "never":
+            self._code.judge[self._grid](self._places, self.num_envs, self._flag)
+            if self._checks == "each":
+                self.check()
+        seeds = self._seeds
+        self._code.step[self._grid](
+            self._places, self.num_envs, self._flag, seeds.pool, seeds.constant,
+            self.num_envs, self._is_next, self._tells,
+        )  # fmt: skip
+        return a.obs, a.rewards, a.terminated, a.truncated
+
+    def check(self) -> None:
+        """Waits for all steps so far; afterwards the batch takes steps again.
+
+        Raises:
+            ActionError: one of them had an illegal action; it and those after it did nothing.
+        """
+        self._memory.pull(self._wrong)
+        wrong = int(self._wrong[0])
+        if wrong == self._nobody:
+            return
+        self._forgive()
+        if self._checks == "each":
+            refuse(self.kernel, self.host())
+        raise ActionError(  # those that it was are overwritten by now
+            "an action wasn't legal",
+            where=f"copy {wrong}, a step since the last check",
+            mend='checks="each" names the agent and its action',
+        )
+
+    def host(self) -> Arrays:
+        """All arrays as they are now, on the host: the same memory at each call."""
+        self._memory.pull()
+        return self._host
+
+    def snapshot(self) -> bytes:
+        """The state of all copies, the same bytes as those of a `Batch`."""
+        self._memory.pull(self._records)
+        return self._records.tobytes()
+
+    def restore(self, snapshot: bytes) -> None:
+        """Goes on from a snapshot of a batch of the same kernel and as many copies, of any engine.
+
+        Raises:
+            SpecError: it is of another one.
+        """
+        if len(snapshot) != self._records.nbytes:
+            raise SpecError(
+                "a snapshot of other copies",
+                where="restore",
+                expected=f"{self._records.nbytes} bytes",
+                seen=f"{len(snapshot)} bytes",
+            )
+        self._records[...] = np.frombuffer(snapshot, self._records.dtype)
+        self._memory.push(self._records)
+
+    def _forgive(self) -> None:
+        self._wrong[0] = self._nobody
+        self._memory.push(self._wrong)
+
+
+def _one_of(name: str, value: str, known: tuple[str, ...]) -> None:
+    if value not in known:
+        raise SpecError(
+            f"a batch has no such {name}", where=name, expected=", ".join(known), seen=repr(value)
+        )
+
+
+def _parts() -> tuple[Any, Any]:
+    """The modules that need Numba's CUDA target.
+
+    Raises:
+        DependencyError: it, or a device, isn't there.
+    """
+    try:
+        from gamekeeper.kernels import cuda_code, cuda_memory
+    except ImportError as error:
+        raise DependencyError(
+            "kernels run on CUDA with Numba alone",
+            seen=str(error),
+            mend="pip install 'gamekeeper[cuda]'",
+        ) from error
+    if not cuda_code.cuda.is_available():
+        raise DependencyError(
+            "there is no CUDA device",
+            expected="an NVIDIA device and its driver",
+            seen="none",
+            mend="kernel.batch(...) plays on the processor's cores; NUMBA_ENABLE_CUDASIM=1 "
+            "simulates a device, for tests",
+        )
+    return cuda_memory, cuda_code
