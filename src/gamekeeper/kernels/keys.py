@@ -18,14 +18,15 @@ RULES: Final = ("reset", "step", "act", "observe", "mask", "inform", "overview")
 
 
 def kernel_key(kernel: Kernel) -> str:
-    """Names all that a driver of this kernel compiles to: rules, shapes, spaces, our own drivers.
+    """Names all that a driver of this kernel compiles to: rules, shapes, actions, our own drivers.
 
-    Values of tables aren't in it: they are read as the rules run.
+    Values of tables aren't in it: they are read as the rules run. Nor are bounds of observations,
+    which no driver looks at: their shapes are all that it knows.
     """
     digest = hashlib.blake2b(sources(), digest_size=SIZE)
     for name in RULES:
         digest.update(f"{name} {key_of(getattr(kernel, name))}".encode())
-    spaces = [(str(group.observation_space), str(group.action_space)) for group in kernel.groups]
+    spaces = [str(group.action_space) for group in kernel.groups]
     numbers = kernel.horizon, kernel.plays_illegal, len(kernel.terms), kernel.tables is None
     digest.update(repr((shapes(kernel), spaces, numbers)).encode())
     return digest.hexdigest()
