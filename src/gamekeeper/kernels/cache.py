@@ -13,7 +13,7 @@ import os
 import pickle
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -37,6 +37,19 @@ def compiled(function: Any, name: str, key: str) -> Any:
     dispatcher = numba().njit(function, **OPTIONS)
     dispatcher._cache = _store_class()(name, f"{name}-{function.__name__}", key)
     return dispatcher
+
+
+def known(key: str, make: Callable[[], Any]) -> Any:
+    """What was made under that key in this process, so that a second batch compiles nothing."""
+    made = _made()
+    if key not in made:
+        made[key] = make()
+    return made[key]
+
+
+@cache
+def _made() -> dict[str, Any]:
+    return {}
 
 
 def folders() -> Iterator[Path]:

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 from numpy.typing import NDArray
 
 from gamekeeper.kernels.arrays import Arrays
-from gamekeeper.kernels.cache import compiled
+from gamekeeper.kernels.cache import compiled, known
 from gamekeeper.kernels.judge import judge_one
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.keys import kernel_key
@@ -55,22 +54,18 @@ class Driver:
 def driver_of(kernel: Kernel) -> Driver:
     """The compiled driver of a kernel; the same one for kernels that are alike."""
     key = kernel_key(kernel)
-    known = _known()
-    if key not in known:
-        known[key] = _compiled(kernel, key)
-    return known[key]
-
-
-@cache
-def _known() -> dict[str, Driver]:
-    return {}
+    driver: Driver = known(f"driver {key}", lambda: _compiled(kernel, key))
+    return driver
 
 
 def _compiled(kernel: Kernel, key: str) -> Driver:
     parts = Parts(kernel, is_plain=False)
     one = turn_driver(parts) if kernel.api == "aec" else tick_driver(parts)
-    loops = _loops(copy_of(kernel), *one, judge_one(parts))
-    loops += _rare_loops(copy_of(kernel), one[0], parts.rule("overview"))
+    copy = copy_of(kernel)
+    loops = (
+        *_loops(copy, *one, judge_one(parts)),
+        *_rare_loops(copy, one[0], parts.rule("overview")),
+    )
     return Driver(*(compiled(each, kernel.name, key) for each in loops))
 
 

@@ -14,43 +14,18 @@ from numpy.typing import NDArray
 
 from gamekeeper.core.stream import Stream
 from gamekeeper.game.authoring.authored import Authored
+from gamekeeper.game.authoring.snapshot import Snapshot
 from gamekeeper.game.tick_env import TickEnv
 from gamekeeper.game.turn_env import TurnEnv
-from gamekeeper.kernels.arrays import Arrays, arrays_of
+from gamekeeper.kernels.bench import Ties, bench_of
 from gamekeeper.kernels.kernel import MASK, Kernel
 from gamekeeper.kernels.parts import HORIZON, UNNAMED
 from gamekeeper.kernels.places import tables_of
-from gamekeeper.kernels.single import ENDED, JOINED, PAID, Single, single_of
+from gamekeeper.kernels.single import ENDED, JOINED, PAID, SIGN_BITS, Single, single_of
 
 SIGN: Final = 1 << 63
+SIGNS: Final = (1 << SIGN_BITS) - 1
 NAMES: Final = {HORIZON: "horizon"}
-
-
-class Bench:
-    """One copy's record and arrays; copied and pickled, its parts still belong together."""
-
-    __slots__ = ("arrays", "records")
-
-    def __init__(self, records: NDArray[Any], arrays: Arrays) -> None:
-        """Takes what `arrays_of` made for one record."""
-        self.records, self.arrays = records, arrays
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _bench, (self.records, self.arrays._replace(raw=None))
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> Bench:
-        return _bench(self.records.copy(), _copied(self.arrays._replace(raw=None)))
-
-
-def _bench(records: NDArray[Any], arrays: Arrays) -> Bench:
-    return Bench(records, arrays._replace(raw=records.view(np.uint8).reshape(1, -1)))
-
-
-def _copied(value: Any) -> Any:
-    if isinstance(value, tuple):
-        parts = [_copied(part) for part in value]
-        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
-    return None if value is None else value.copy()
 
 
 class KernelRules(Authored):
@@ -66,13 +41,13 @@ class KernelRules(Authored):
         bench: the state and the arrays of the one copy.
     """
 
-    snapshot_without = ("kernel", "single", "tables", "number_of")
+    snapshot_without = ("kernel", "single", "_tables", "number_of")
 
     def __init__(
         self, kernel: Kernel, *, render_mode: str | None = None, debug: bool = False
     ) -> None:
         super().__init__(render_mode=render_mode, horizon=kernel.horizon)
-        self.kernel, self.tables = kernel, tables_of(kernel)
+        self.kernel, self._tables = kernel, tables_of(kernel)
         self.single: Single = single_of(kernel, is_plain=debug)
         if kernel.metadata or "name" not in self.metadata:
             self.metadata = {"name": kernel.name, "render_modes": [], **kernel.metadata}
@@ -82,8 +57,28 @@ class KernelRules(Authored):
         self.action_spaces = {a: kernel.action_of(a) for a in kernel.agents}
         if kernel.state_space is not None:
             self.state_space: Any = kernel.state_space
-        records = np.zeros(1, kernel.dtype)
-        self.bench = Bench(records, arrays_of(kernel, records))
+        self.bench = bench_of(kernel)
+
+    @property
+    def tables(self) -> NDArray[Any]:
+        """The rules' tables, an array of one record; others may be laid in their place."""
+        return self._tables
+
+    @tables.setter
+    def tables(self, tables: NDArray[Any]) -> None:
+        self._tables, self.bench.ties = tables, None
+
+    def tied(self) -> Ties:
+        """What is called at a step, looked up anew."""
+        self.bench.ties = Ties(self.kernel, self.single, self._tables, self.bench)
+        return self.bench.ties
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Goes on from a snapshot, in the memory that is tied already."""
+        own = self.bench
+        super().restore(snapshot)
+        own.take(self.bench)
+        self.bench = own
 
     # -- episodes
 
@@ -91,7 +86,7 @@ class KernelRules(Authored):
         """Who lives as the rules begin: they are asked first."""
         rng, bench = self.rng, self.bench
         seed = rng.seed - 2 * SIGN if rng.seed >= SIGN else rng.seed
-        self.single.start(bench.records, self.tables, bench.arrays, seed, rng.episode)
+        (bench.ties or self.tied()).start(seed, rng.episode)
         live = bench.arrays.live[0].tolist()
         return [agent for agent, is_live in zip(self.possible_agents, live, strict=True) if is_live]
 
@@ -101,12 +96,12 @@ class KernelRules(Authored):
 
     def crossed(self) -> None:
         """Plays the action in the arrays, and tells the books what came of it."""
-        bench, agents = self.bench, self.possible_agents
-        records, arrays = bench.records, bench.arrays
-        found = self.single.play(records, self.tables, arrays)
-        self.rng.draws = int(records["draws"][0])
-        if not found:
+        bench = self.bench
+        found = (bench.ties or self.tied()).play()
+        self.rng.draws = found >> SIGN_BITS
+        if not found & SIGNS:
             return
+        agents, records, arrays = self.possible_agents, bench.records, bench.arrays
         if found & JOINED:
             live, was = records["live"][0].tolist(), arrays.live[0].tolist()
             for agent, is_live, was_live in zip(agents, live, was, strict=True):
@@ -145,58 +140,22 @@ class KernelRules(Authored):
 
     def observe(self, agent: Any) -> Any:
         """What an agent sees now."""
-        obs, i = self.seen("obs", agent)
-        return shown(self.observation_spaces[agent], obs, i)
+        return (self.bench.ties or self.tied()).seen[agent]()
 
     def info(self, agent: Any) -> dict[str, Any]:
         """What the rules tell an agent beside it."""
-        if not self.kernel.info:
-            return {}
-        record = self.told("infos", agent)
-        return {name: _plain(record[name]) for name in record.dtype.names}
+        told: dict[str, Any] = (self.bench.ties or self.tied()).told[agent]()
+        return told
 
     def state(self) -> Any:
         """The whole state, as the kernel's `overview` gives it."""
         if self.kernel.state_space is None:
             return super().state()  # type: ignore[misc]  # TickEnv and TurnEnv have it
-        space: Any = self.kernel.state_space
-        out = np.zeros(space.shape, space.dtype)
-        self.single.overview(self.bench.records, self.tables, out)
-        return out
+        (self.bench.ties or self.tied()).overview()
+        return self.bench.arrays.state[0].copy()
 
     def render(self) -> Any:
         """Nothing: a kernel has no picture of its own."""
-
-    def seen(self, kind: str, agent: Any) -> tuple[Any, int]:
-        """The arrays of an agent's group, and its place in them."""
-        arrays, i = getattr(self.bench.arrays, kind), self.number_of[agent]
-        groups = self.kernel.groups
-        if len(groups) == 1:
-            return arrays, i
-        for g, group in enumerate(groups):
-            if i < group.first + group.count:
-                return arrays[g], i - group.first
-        raise KeyError(agent)
-
-    def told(self, kind: str, agent: Any) -> Any:
-        """An agent's record of an array by copy and agent."""
-        return getattr(self.bench.arrays, kind)[0, self.number_of[agent]]
-
-
-def shown(space: spaces.Space[Any], obs: Any, i: int) -> Any:
-    """An agent's own observation, out of arrays by copy and agent."""
-    if isinstance(space, spaces.Dict):
-        return {
-            key: shown(part, getattr(obs, key), i)
-            for key, part in space.spaces.items()
-            if hasattr(obs, key)
-        }
-    value = obs[0, i]
-    return value.copy() if space.shape else np.asarray(value)[()]
-
-
-def _plain(value: Any) -> Any:
-    return value.item() if value.ndim == 0 else value.copy()
 
 
 class Masks:
@@ -204,9 +163,8 @@ class Masks:
 
     def mask(self, agent: Any) -> Any:
         """Which actions an agent may take, 0 or 1 each."""
-        flags, i = self.seen("masks", agent)  # type: ignore[attr-defined]  # KernelRules has it
+        row = (self.bench.ties or self.tied()).masks[agent]()  # type: ignore[attr-defined]  # KernelRules has it
         space = self.action_spaces[agent]  # type: ignore[attr-defined]  # likewise
-        row = flags[0, i].copy()
         if not isinstance(space, spaces.MultiDiscrete):
             return row
         return tuple(np.split(row, np.cumsum(space.nvec)[:-1]))
@@ -224,13 +182,13 @@ class KernelTicks(KernelRules, TickEnv):
 
     def tick(self, actions: dict[Any, Any]) -> None:
         """All act."""
-        arrays, groups = self.bench.arrays.actions, self.kernel.groups
-        if len(groups) == 1 and not groups[0].action_space.shape:
-            get = actions.get
-            arrays[0] = [get(agent, 0) for agent in self.possible_agents]
+        ties = self.bench.ties or self.tied()
+        if ties.put is not None:
+            for i, agent in enumerate(self.possible_agents):
+                ties.put[i] = actions.get(agent, 0)
         else:
             for agent, action in actions.items():
-                array, i = self.seen("actions", agent)
+                array, i = ties.doing[agent]
                 array[0, i] = action
         self.crossed()
 
@@ -250,20 +208,6 @@ class KernelTurns(KernelRules, TurnEnv):
         """One acts."""
         self.bench.arrays.actions[0] = action
         self.crossed()
-
-    def seen(self, kind: str, agent: Any) -> tuple[Any, int]:
-        """As of ticks, once the rules were asked what the agent is given."""
-        i = self.number_of[agent]
-        bench = self.bench
-        self.single.look(bench.records, self.tables, bench.arrays, i)
-        kinds = {"obs": "final", "masks": "final_masks"}
-        return getattr(bench.arrays, kinds[kind]), i
-
-    def told(self, kind: str, agent: Any) -> Any:
-        """As of ticks, likewise."""
-        i = self.number_of[agent]
-        self.single.look(self.bench.records, self.tables, self.bench.arrays, i)
-        return self.bench.arrays.final_infos[0, i]
 
 
 class MaskedTicks(Masks, KernelTicks):
