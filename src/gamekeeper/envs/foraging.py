@@ -34,7 +34,7 @@ Source: Papoudakis et al. 2021, "Benchmarking Multi-Agent Deep Reinforcement Lea
 Cooperative Tasks"; Albrecht & Ramamoorthy 2013; rules of the package lbforaging 2.0.0, equal step
 by step but for R9, for the bounds of observations on fields that aren't square, which it swaps, and
 for the cells where players of the episode before stood, which it doesn't give to those that it puts
-down before them. Observations as a grid, which it declares with a shape that it doesn't have, are left out.
+down before them. Observations as a grid, whose space it can't make, are left out.
 """
 
 from __future__ import annotations

@@ -286,7 +286,8 @@ def robotic_warehouse_kernel(
     requests = n_agents if request_queue_size is None else request_queue_size
     _check(floor, n_agents, sensor_range, requests, reward_type, max_inactivity_steps, max_steps)
     size = reach(floor, sensor_range)
-    short = "i2" if max(size, n_agents) < 1 << 15 else "i4"
+    short = "i2" if size < 1 << 15 else "i4"
+    number = "i1" if n_agents < 1 << 7 else short
     robots, cells = (n_agents,), (size,)
     numbers = OWN + SENSED * (2 * sensor_range + 1) ** 2
     seen = np.ones(numbers, np.float32)
@@ -300,8 +301,8 @@ def robotic_warehouse_kernel(
         state=[
             ("idle", "i4"), ("cell", short, robots), ("to", short, robots),
             ("behind", short, robots), ("facing", "i1", robots), ("load", "i1", robots),
-            ("owed", "i1", robots), ("sight", "i1", cells), ("robots", short, cells),
-            ("claims", short, cells),
+            ("owed", "i1", robots), ("sight", "i1", cells), ("robots", number, cells),
+            ("claims", number, cells),
         ],
         reset=reset,
         step=step,
