@@ -100,6 +100,16 @@ def check_ratio(value: Any) -> None:
         )
 
 
+def check_neighbors(**counts: int | None) -> None:
+    """Refuses to show fewer than one of a kind.
+
+    Raises:
+        SpecError: a count is neither None nor a whole number above 0.
+    """
+    for name, count in counts.items():
+        check_count(name, 1 if count is None else count)
+
+
 @rule
 def scatter(s, reach):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
     """Draws where agents are, and marks within `reach` of both axes."""
@@ -116,6 +126,12 @@ def steer(s, i, move, strength):  # type: ignore[no-untyped-def]  # a rule's typ
     """The force of one of the moves (P2)."""
     s.fx[i] = strength * ((move == RIGHT) - (move == LEFT))
     s.fy[i] = strength * ((move == UP) - (move == DOWN))
+
+
+@rule
+def steer_as(s, i, moves, place, strength):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """The force of the move that stands in `moves[place]` (P2)."""
+    steer(s, i, moves[place], strength)
 
 
 @rule

@@ -21,6 +21,8 @@ SIDE: Final = 350
 """Side of a picture in pixels."""
 REACH: Final = 0.9
 """Part of the picture that the farthest body may be away from the middle."""
+BRIGHT: Final = 200
+"""The brightest that a colour of pixels is."""
 COLUMNS, ROWS = 41, 21
 """Letters of a picture in text."""
 
@@ -37,7 +39,7 @@ class ParticleTicks(KernelTicks):
         debug: the rules run as plain Python.
     """
 
-    snapshot_without = (*KernelTicks.snapshot_without, "colors", "contract", "radii")
+    snapshot_without = (*KernelTicks.snapshot_without, "colors", "contract", "policies", "radii")
 
     def __init__(
         self,
@@ -144,3 +146,18 @@ def fitted(kind: type[KernelTicks], kernel: Kernel) -> Contract:
             roles[name] = replace(role, noop=(0.0,) * int(space.shape[0]))
     schedule = replace(written.schedule, horizon=kernel.horizon)
     return replace(written, roles=roles, schedule=schedule)
+
+
+def shade(color: NDArray[np.float64]) -> Color:
+    """A colour in parts of 1 as one of pixels, as bright as mpe2 draws it."""
+    red, green, blue = (np.clip(color, 0.0, 1.0) * BRIGHT).astype(int).tolist()
+    return red, green, blue
+
+
+def spoken(word: Any) -> str:
+    """A word as a letter, or as numbers; nothing: a line."""
+    if not word.any():
+        return "_"
+    if np.count_nonzero(word) == 1 and word.max() == 1.0:
+        return chr(ord("A") + int(word.argmax()))
+    return " ".join(f"{part:.2f}" for part in word)

@@ -7,6 +7,7 @@ as it is meant, `greedy` looks after itself alone, `lazy` does nothing.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from itertools import permutations
 from typing import Any, Final
 
@@ -90,33 +91,43 @@ def _shares(far: Points) -> list[int]:
 # -- tag
 
 
-def tag_reference(observation: Seen, agent: str, info: Mapping[str, Any], rng: Generator) -> int:
-    """Adversaries run to where the nearest prey glides; prey flees all of them, within the edge."""
-    return _tag(observation, agent, info, is_bold=True)
+@dataclass(frozen=True, slots=True)
+class Chase:
+    """Adversaries run after the nearest prey, and prey runs away.
 
+    Args:
+        hunters, prey, obstacles: how many there are of each.
+        is_bold: adversaries run to where prey glides, and prey flees all of them and keeps within
+            the edge; else both look at the nearest alone.
+    """
 
-def tag_greedy(observation: Seen, agent: str, info: Mapping[str, Any], rng: Generator) -> int:
-    """Adversaries run at the nearest prey; prey runs from the nearest adversary, anywhere."""
-    return _tag(observation, agent, info, is_bold=False)
+    hunters: int
+    prey: int
+    obstacles: int
+    is_bold: bool
 
-
-def _tag(observation: Seen, agent: str, info: Mapping[str, Any], *, is_bold: bool) -> int:
-    hunters, prey, obstacles = (int(n) for n in info["counts"])
-    is_hunter = agent.startswith("adversary")
-    others = _pairs(observation, 4 + 2 * obstacles, hunters + prey - 1)
-    speeds = _pairs(observation, 4 + 2 * obstacles + 2 * len(others), prey - (not is_hunter))
-    own, place = _pairs(observation, 0, 2)
-    if is_hunter:
-        quarry = others[hunters - 1 :] + (GLIDE * speeds if is_bold else 0.0)
+    def __call__(
+        self, observation: Seen, agent: str, info: Mapping[str, Any], rng: Generator
+    ) -> int:
+        """The move of an agent."""
+        own, place = _pairs(observation, 0, 2)
+        first = 4 + 2 * self.obstacles
+        others = _pairs(observation, first, self.hunters + self.prey - 1)
+        if not agent.startswith("adversary"):
+            return self._flee(place, others[: self.hunters])
+        quarry = others[self.hunters - 1 :]
+        if self.is_bold:
+            quarry = quarry + GLIDE * _pairs(observation, first + 2 * len(others), self.prey)
         return move_towards(quarry[int(np.linalg.norm(quarry, axis=1).argmin())], own)
-    threats = others[:hunters]
-    far = np.linalg.norm(threats, axis=1)
-    if not is_bold:
-        return move_towards(-threats[int(far.argmin())], 0.0 * own)
-    away = -(threats / np.maximum(far, 1e-3)[:, None] ** 2).sum(axis=0)
-    beyond = np.abs(place) > EDGE
-    away[beyond] = -10.0 * place[beyond]
-    return move_towards(away, 0.0 * own)
+
+    def _flee(self, place: Points, threats: Points) -> int:
+        far = np.linalg.norm(threats, axis=1)
+        if not self.is_bold:
+            return move_towards(-threats[int(far.argmin())], np.zeros(2))
+        away = -(threats / np.maximum(far, NEAR)[:, None] ** 2).sum(axis=0)
+        beyond = np.abs(place) > EDGE
+        away[beyond] = -10.0 * place[beyond]
+        return move_towards(away, np.zeros(2))
 
 
 # -- reference, speaker_listener

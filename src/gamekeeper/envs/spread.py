@@ -204,8 +204,7 @@ def spread_kernel(
     p.check_ratio(local_ratio)
     p.check_count("curriculum_stage", curriculum_stage, least=0, most=LAST_STAGE)
     others, marks = num_agent_neighbors, num_landmark_neighbors
-    for name, most in (("num_agent_neighbors", others), ("num_landmark_neighbors", marks)):
-        p.check_count(name, 1 if most is None else most)
+    p.check_neighbors(num_agent_neighbors=others, num_landmark_neighbors=marks)
     others_seen, marks_seen = N - 1 if others is None else others, N if marks is None else marks
     length = 4 + 2 * marks_seen + (2 + WORD) * others_seen
     observe = observer(others, marks)
@@ -241,7 +240,8 @@ class Spread(ParticleTicks):
         continuous_actions: actions are five numbers from 0 to 1, in place of one of five moves.
         dynamic_rescaling: discs shrink in a picture as the world in it grows.
         curriculum: overlaps cost nothing before the last stage.
-        curriculum_stage: 0 or 1; mpe2 moves on within one environment, here each stage is one.
+        curriculum_stage: 0 or 1; each stage is an environment of its own (in mpe2 1.1.1 the
+            stage stays 0: its base class's property swallows every other).
         terminate_on_success: the episode ends once every landmark is covered.
         num_agent_neighbors, num_landmark_neighbors: how many others and landmarks an agent sees,
             the nearest first; None: all.
