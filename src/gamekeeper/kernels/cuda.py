@@ -53,7 +53,7 @@ class CudaBatch:
     ) -> None:
         _one_of("autoreset", autoreset, ("same_step", "next_step"))
         _one_of("checks", checks, CHECKS)
-        memory_of, code = _parts()
+        memory_of, code = require_device()
         self.kernel, self.num_envs, self._checks = kernel, num_envs, checks
         self._seeds = EpisodeSeeds(seed)
         self._is_next, self._tells = autoreset == "next_step", infos
@@ -170,11 +170,11 @@ def _one_of(name: str, value: str, known: tuple[str, ...]) -> None:
         )
 
 
-def _parts() -> tuple[Any, Any]:
-    """The modules that need Numba's CUDA target.
+def require_device() -> tuple[Any, Any]:
+    """The modules that compile for and hold memory on a device that is there.
 
     Raises:
-        DependencyError: it, or a device, isn't there.
+        DependencyError: Numba's CUDA target, or a device, isn't there.
     """
     try:
         from gamekeeper.kernels import cuda_code, cuda_memory
