@@ -74,15 +74,19 @@ class Batch:
         """One step of every copy.
 
         Args:
-            actions: copied into `arrays.actions`; None: what stands there.
+            actions: copied into `arrays.actions`, by group where these are a tuple; None: what
+                stands there.
         Returns:
             Observations, rewards, terminated, truncated: the batch's own arrays.
         Raises:
             ActionError: a live agent's action is out of its space, or masked out; nothing changed.
         """
         a = self.arrays
-        if actions is not None:
+        if actions is not None and len(self.kernel.groups) == 1:
             a.actions[...] = actions
+        elif actions is not None:
+            for array, part in zip(a.actions, actions, strict=True):
+                array[...] = part
         self._play(is_next=self._is_next)
         return a.obs, a.rewards, a.terminated, a.truncated
 
