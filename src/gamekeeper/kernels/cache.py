@@ -32,7 +32,7 @@ def compiled(function: Any, name: str, key: str) -> Any:
     Args:
         function: a driver over rules.
         name: of the kernel, for who waits.
-        key: of the kernel.
+        key: of its code, and of what that has from elsewhere.
     """
     dispatcher = numba().njit(function, **OPTIONS)
     dispatcher._cache = _store_class()(name, f"{name}-{function.__name__}", key)
@@ -63,8 +63,8 @@ def folders() -> Iterator[Path]:
 
 
 @cache
-def _say(name: str, key: str, what: str) -> None:
-    """One line for each kernel, whatever the number of its functions."""
+def _say(name: str, what: str) -> None:
+    """One line for each kernel's name, whatever the number of its functions and sizes."""
     sys.stderr.write(f"gamekeeper: {what.format(name=name)}\n")
 
 
@@ -94,7 +94,7 @@ def _store_class() -> Any:
                     return results._rebuild(target, *parts)
                 except (OSError, *BROKEN):
                     continue
-            _say(self.name, self.key, "compiles {name}, once; it is kept on disk")
+            _say(self.name, "compiles {name}, once; it is kept on disk")
             return None
 
         def save_overload(self, signature: Any, result: Any) -> None:
@@ -107,7 +107,7 @@ def _store_class() -> Any:
                 except OSError:
                     continue
             _say(
-                self.name, self.key,
+                self.name,
                 "can't keep {name} compiled: no cache folder can be written to; "
                 "NUMBA_CACHE_DIR=folder names one",
             )  # fmt: skip

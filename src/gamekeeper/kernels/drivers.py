@@ -16,7 +16,7 @@ from gamekeeper.kernels.arrays import Arrays
 from gamekeeper.kernels.cache import compiled, known
 from gamekeeper.kernels.judge import judge_one
 from gamekeeper.kernels.kernel import Kernel
-from gamekeeper.kernels.keys import kernel_key
+from gamekeeper.kernels.keys import code_key, kernel_key
 from gamekeeper.kernels.parts import Parts
 from gamekeeper.kernels.places import copy_of
 from gamekeeper.kernels.places import tables_of as tables_of
@@ -54,11 +54,11 @@ class Driver:
 def driver_of(kernel: Kernel) -> Driver:
     """The compiled driver of a kernel; the same one for kernels that are alike."""
     key = kernel_key(kernel)
-    driver: Driver = known(f"driver {key}", lambda: _compiled(kernel, key))
+    driver: Driver = known(f"driver {key}", lambda: _compiled(kernel))
     return driver
 
 
-def _compiled(kernel: Kernel, key: str) -> Driver:
+def _compiled(kernel: Kernel) -> Driver:
     parts = Parts(kernel, is_plain=False)
     one = turn_driver(parts) if kernel.api == "aec" else tick_driver(parts)
     copy = copy_of(kernel)
@@ -66,7 +66,7 @@ def _compiled(kernel: Kernel, key: str) -> Driver:
         *_loops(copy, *one, judge_one(parts)),
         *_rare_loops(copy, one[0], parts.rule("overview")),
     )
-    return Driver(*(compiled(each, kernel.name, key) for each in loops))
+    return Driver(*(compiled(each, kernel.name, code_key(each, kernel)) for each in loops))
 
 
 def _loops(copy: Any, begin_one: Any, step_one: Any, judge: Any) -> tuple[Any, Any, Any]:

@@ -18,12 +18,12 @@ RULES: Final = ("reset", "step", "act", "observe", "mask", "inform", "overview")
 
 
 def kernel_key(kernel: Kernel) -> str:
-    """Names all that a driver of this kernel compiles to: rules, shapes, actions, our own drivers.
+    """Names what a driver of this kernel is made of: rules, shapes, actions, numbers.
 
     Values of tables aren't in it: they are read as the rules run. Nor are bounds of observations,
     which no driver looks at: their shapes are all that it knows.
     """
-    digest = hashlib.blake2b(sources(), digest_size=SIZE)
+    digest = hashlib.blake2b(digest_size=SIZE)
     for name in RULES:
         digest.update(f"{name} {key_of(getattr(kernel, name))}".encode())
     spaces = [str(group.action_space) for group in kernel.groups]
@@ -32,15 +32,17 @@ def kernel_key(kernel: Kernel) -> str:
     return digest.hexdigest()
 
 
+def code_key(function: Any, kernel: Kernel) -> str:
+    """Names what a driver's function compiles to: its code with all that it calls, and shapes."""
+    told = key_of(function), shapes(kernel), views_source()
+    return hashlib.blake2b(repr(told).encode(), digest_size=SIZE).hexdigest()
+
+
 @cache
-def sources() -> bytes:
-    """A digest of the text of this package, which compiled code is made of as well."""
-    digest = hashlib.blake2b(digest_size=SIZE)
-    for package in ("gamekeeper.kernels", "gamekeeper.core"):
-        files = (f for f in resources.files(package).iterdir() if f.name.endswith(".py"))
-        for file in sorted(files, key=lambda f: f.name):
-            digest.update(file.read_bytes())
-    return digest.digest()
+def views_source() -> bytes:
+    """The text of what writes the code of views, which no function's own code shows."""
+    files = resources.files("gamekeeper.kernels")
+    return b"".join(files.joinpath(name).read_bytes() for name in ("places.py", "rows.py"))
 
 
 def key_of(function: Any) -> str:

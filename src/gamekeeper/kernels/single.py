@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gamekeeper.kernels.arrays import Arrays
 from gamekeeper.kernels.cache import compiled, known
 from gamekeeper.kernels.kernel import Kernel
-from gamekeeper.kernels.keys import kernel_key
+from gamekeeper.kernels.keys import code_key, kernel_key
 from gamekeeper.kernels.parts import Parts
 from gamekeeper.kernels.places import copy_of, places_of
 from gamekeeper.kernels.rows import plain_row
@@ -71,13 +71,13 @@ def single_of(kernel: Kernel, is_plain: bool = False) -> Single:
         parts = Parts(kernel, is_plain=True)
         return Single(kernel, True, *_on_one(parts))
     key = kernel_key(kernel)
-    functions = known(f"single {key}", lambda: _compiled(kernel, key))
+    functions = known(f"single {key}", lambda: _compiled(kernel))
     return Single(kernel, False, *functions)
 
 
-def _compiled(kernel: Kernel, key: str) -> Any:
+def _compiled(kernel: Kernel) -> Any:
     loops = _on_places(copy_of(kernel), *_on_one(Parts(kernel, is_plain=False)))
-    return [compiled(each, kernel.name, key) for each in loops]
+    return [compiled(each, kernel.name, code_key(each, kernel)) for each in loops]
 
 
 def _on_one(parts: Parts) -> tuple[Any, Any, Any, Any]:
