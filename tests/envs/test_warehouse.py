@@ -8,10 +8,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gamekeeper.envs.warehouse import CHARGE, COLLISION, DELIVERY, ENERGY, GRASP, Warehouse
 from gamekeeper.envs.warehouse_moves import EAST, HANDLE, NOOP, NORTH, SOUTH, WEST
+from gamekeeper.envs.warehouse_work import CHARGE, COLLISION, DELIVERY, ENERGY, GRASP
 from gamekeeper.errors import ActionError, SpecError
-from tests.envs.warehouses import at, give, is_loaded, made, ordered, put, step, tick
+from tests.envs.warehouses import (
+    Warehouse,
+    at,
+    charge,
+    give,
+    is_loaded,
+    lay,
+    made,
+    ordered,
+    put,
+    step,
+    tick,
+)
 
 
 @pytest.fixture
@@ -143,7 +155,7 @@ def test_r6_too_many_grasps_are_a_tie(env: Any) -> None:
 def test_r7_carriers_take_and_deliver(env: Any) -> None:
     """A carrier takes what lies on a hand-over cell; at a dock everybody is paid for it."""
     put(env, carrier_0=(1, 2))
-    env.lying[15] = 1
+    lay(env, 15)
     tick(env, carrier_0=HANDLE)
     assert is_loaded(env, "carrier_0")
     assert not env.lying
@@ -158,7 +170,7 @@ def test_r7_carriers_take_and_deliver(env: Any) -> None:
 def test_r7_roles_handle_their_own_things_alone(env: Any) -> None:
     """A carrier can't grasp from a shelf, a picker can't take from a hand-over cell or deliver."""
     ordered(env, 0)
-    env.lying[15] = 0
+    lay(env, 15)
     give(env, "picker_1")
     put(env, carrier_0=(1, 0), picker_0=(1, 2), picker_1=(5, 2))
     assert [env.mask(a)[HANDLE] for a in ("carrier_0", "picker_0", "picker_1")] == [0, 0, 0]
@@ -197,7 +209,7 @@ def test_r9_queues_move_on(env: Any) -> None:
 def test_r10_work_costs_battery_and_chargers_fill_it(env: Any) -> None:
     """A move, tried or done, costs a unit; doing nothing costs none and gains some on a charger."""
     put(env, picker_0=(0, 4), picker_1=(3, 0), carrier_0=(4, 0))
-    env.robots["picker_0"].battery = 20
+    charge(env, "picker_0", 20)
     paid = tick(env, picker_1=EAST)
     assert pytest.approx(ENERGY + COLLISION) == paid["picker_1"]
     assert [env.robots[a].battery for a in ("picker_0", "picker_1", "carrier_0")] == [
@@ -205,7 +217,7 @@ def test_r10_work_costs_battery_and_chargers_fill_it(env: Any) -> None:
         59,
         60,
     ]
-    env.robots["picker_0"].battery = 59
+    charge(env, "picker_0", 59)
     tick(env)
     assert env.robots["picker_0"].battery == 60
 
@@ -214,7 +226,7 @@ def test_r10_an_empty_robot_can_do_nothing() -> None:
     """On a charger with an empty battery only doing nothing is legal; then it goes on."""
     env = made()
     put(env, picker_0=(0, 4))
-    env.robots["picker_0"].battery = 0
+    charge(env, "picker_0", 0)
     assert env.mask("picker_0").tolist() == [0, 0, 0, 0, 1, 0]
     assert tick(env, picker_0=NORTH)["picker_0"] == 0.0
     assert at(env, "picker_0") == (0, 4)
@@ -225,7 +237,7 @@ def test_r11_an_empty_robot_is_truncated_alone(env: Any) -> None:
     """It leaves the floor, its order is open again, and the others go on."""
     give(env, "carrier_0", shelf=1)
     put(env, carrier_0=(3, 1))
-    env.robots["carrier_0"].battery = 1
+    charge(env, "carrier_0", 1)
     _, _, terminated, truncated, _ = step(env, carrier_0=EAST)
     assert env.endings == {"carrier_0": "battery"}
     assert truncated["carrier_0"]
@@ -238,7 +250,7 @@ def test_r11_an_empty_robot_is_truncated_alone(env: Any) -> None:
 def test_r11_the_last_unit_may_reach_a_charger(env: Any) -> None:
     """A robot that arrives at a charger with an empty battery isn't truncated."""
     put(env, picker_0=(0, 3), picker_1=(1, 0))
-    env.robots["picker_0"].battery = 1
+    charge(env, "picker_0", 1)
     tick(env, picker_0=SOUTH)
     assert not env.endings
     assert env.robots["picker_0"].battery == 0
@@ -247,7 +259,7 @@ def test_r11_the_last_unit_may_reach_a_charger(env: Any) -> None:
 def test_r12_a_spare_joins_for_one_that_ended(env: Any) -> None:
     """It stands on the first free charger with a full battery, and acts from the next tick."""
     put(env, carrier_0=(3, 1), picker_0=(0, 4))
-    env.robots["carrier_0"].battery = 1
+    charge(env, "carrier_0", 1)
     observations, *_ = step(env, carrier_0=EAST)
     assert at(env, "carrier_2") == (6, 4)  # picker_0 is on the first charger
     assert env.robots["carrier_2"].battery == 60
@@ -259,7 +271,7 @@ def test_r12_a_spare_joins_for_one_that_ended(env: Any) -> None:
 def test_r12_spares_wait_for_a_free_charger(env: Any) -> None:
     """While robots stand on all chargers nobody joins; then one does."""
     put(env, carrier_0=(3, 1), picker_0=(0, 4), picker_1=(6, 4))
-    env.robots["carrier_0"].battery = 1
+    charge(env, "carrier_0", 1)
     tick(env, carrier_0=EAST)
     assert "carrier_2" not in env.agents
     tick(env, picker_0=NORTH)

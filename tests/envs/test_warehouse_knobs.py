@@ -9,12 +9,23 @@ import pytest
 
 from gamekeeper.envs.knobs import LABELS
 from gamekeeper.envs.layouts import layout_of
-from gamekeeper.envs.warehouse import COLLISION, ENERGY, Warehouse
 from gamekeeper.envs.warehouse_moves import EAST, NOOP, SOUTH, WEST
 from gamekeeper.envs.warehouse_sight import KINDS_AT, LENGTH, OWN, PLACE, ROBOTS_AT
-from gamekeeper.envs.warehouse_turns import WarehouseTurns
+from gamekeeper.envs.warehouse_work import COLLISION, ENERGY
 from gamekeeper.errors import SpecError
-from tests.envs.warehouses import at, give, made, put, rows_of, tick, turns_of
+from tests.envs.warehouses import (
+    Warehouse,
+    WarehouseTurns,
+    at,
+    charge,
+    give,
+    lay,
+    made,
+    put,
+    rows_of,
+    tick,
+    turns_of,
+)
 
 IDEAL = dict.fromkeys(LABELS, 0)
 SEEING = ("observation_noise", "occlusion", "observation_delay", "odometry_drift")
@@ -107,7 +118,7 @@ def test_observations_may_be_asked_for_twice(name: str) -> None:
 def test_observation_noise_has_its_deviation() -> None:
     """A number in the middle of its range is off by about the deviation."""
     env = made(observation_noise=2.0, battery=1000)
-    env.robots["picker_0"].battery = 500
+    charge(env, "picker_0", 500)
     errors = []
     for _ in range(190):
         errors.append(int(env.observe("picker_0")[4]) - 500)
@@ -122,7 +133,7 @@ def test_occlusion_hides_whole_things() -> None:
     hidden = total = 0
     for seed in range(40):
         env.reset(seed=seed)
-        clean, shown = env.sight.view("picker_0"), env.observe("picker_0")
+        clean, shown = env.believed("picker_0"), env.observe("picker_0")
         assert np.array_equal(clean[:OWN], shown[:OWN])
         assert np.array_equal(clean[KINDS_AT:ROBOTS_AT], shown[KINDS_AT:ROBOTS_AT])
         for first in range(OWN, KINDS_AT, PLACE):
@@ -175,7 +186,7 @@ def test_actuator_slip_turns_moves_aside() -> None:
         tick(env, picker_0=EAST)
         ends.add(at(env, "picker_0"))
     assert ends == {(4, 0), (4, 2)}
-    env.lying[15] = 0
+    lay(env, 15)
     put(env, carrier_0=(1, 2))
     tick(env, carrier_0=5)
     assert not env.lying
@@ -282,7 +293,7 @@ def test_delay_holds_by_turns_too() -> None:
         agent = env.agent_selection
         if agent == "picker_0":
             shown = env.observe(agent)
-            assert np.array_equal(shown, clean[-1] if clean else env.sight.view(agent))
-            clean.append(env.sight.view(agent))
+            assert np.array_equal(shown, clean[-1] if clean else env.believed(agent))
+            clean.append(env.believed(agent))
         legal = np.flatnonzero(env.infos[agent]["action_mask"])
         env.step(int(legal[turn % len(legal)]))

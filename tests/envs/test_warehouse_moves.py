@@ -3,13 +3,31 @@
 from __future__ import annotations
 
 import itertools
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamekeeper.envs.warehouse_moves import refused_moves
+from gamekeeper.envs.layouts import NOWHERE
+from gamekeeper.envs.warehouse_moves import refuse
+from gamekeeper.kernels.rules import as_python
+
+
+def refused_moves(moves: dict[str, tuple[int, int]], stands: dict[int, str]) -> set[str]:
+    """Whom the rule refuses, robots being numbered in the order in which they are listed."""
+    names = list(stands.values())
+    state = SimpleNamespace(
+        cell=list(stands),
+        wants=[moves[name][1] if name in moves else NOWHERE for name in names],
+        refused=[0] * len(names),
+        robot_at=[names.index(stands[cell]) + 1 if cell in stands else 0 for cell in range(9)],
+        claims=[0] * 9,
+    )
+    as_python(refuse)(state)
+    assert state.claims == [0] * 9
+    return {name for name, flag in zip(names, state.refused, strict=True) if flag}
 
 
 @st.composite

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gamekeeper.envs.warehouse import COLLISION, ENERGY
 from gamekeeper.envs.warehouse_moves import EAST, HANDLE, NOOP, NORTH, SOUTH, WEST
-from gamekeeper.envs.warehouse_turns import WarehouseTurns
-from tests.envs.warehouses import at, give, is_loaded, made, ordered, put
+from gamekeeper.envs.warehouse_work import COLLISION, ENERGY
+from tests.envs.warehouses import WarehouseTurns, at, charge, give, is_loaded, made, ordered, put
 
 
 @pytest.fixture
@@ -69,7 +68,7 @@ def test_t2_who_comes_first_has_the_item(env: Any) -> None:
 def test_t3_a_spare_acts_from_the_next_tick(env: Any) -> None:
     """It joins after the last turn of the tick, and has its place among its role."""
     put(env, picker_0=(3, 0))
-    env.robots["picker_0"].battery = 1
+    charge(env, "picker_0", 1)
     play(env, EAST, None)  # it ends, and has its last turn
     assert "picker_2" not in env.agents
     assert env.agent_selection == "picker_1"
@@ -97,7 +96,7 @@ def test_t3_the_last_robot_s_end_ends_the_tick() -> None:
     """Where the last robot in the order runs empty, the tick still ends, and a spare comes."""
     env = made(WarehouseTurns, pickers=1, carriers=1)
     put(env, picker_0=(1, 1), carrier_0=(3, 1))
-    env.robots["carrier_0"].battery = 1
+    charge(env, "carrier_0", 1)
     play(env, NOOP, SOUTH if env.mask("carrier_0")[SOUTH] else NORTH)
     assert env.ticks == 1
     assert env.agents == ["picker_0", "carrier_0", "carrier_1"]

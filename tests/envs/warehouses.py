@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
+from gamekeeper.envs import warehouse, warehouse_turns
+from gamekeeper.envs import warehouse_sight as sight
 from gamekeeper.envs.layouts import NOWHERE
-from gamekeeper.envs.warehouse import Warehouse, WarehouseRules
-from gamekeeper.envs.warehouse_moves import NOOP
-from gamekeeper.envs.warehouse_turns import WarehouseTurns
+from gamekeeper.envs.warehouse import WarehouseRules
+from gamekeeper.envs.warehouse_moves import CARRIER, NOOP, PICKER, padded
+from gamekeeper.kernels.rules import Copy, Plain, as_python
 
 FLOOR = (
     "s.....s",
@@ -21,12 +24,26 @@ FLOOR = (
 """Shelf 0 is in the north-west, shelf 1 in the north-east."""
 
 
+class Warehouse(warehouse.Warehouse):
+    """A warehouse whose rules run as plain Python: each size would compile anew."""
+
+    def __init__(self, **given: Any) -> None:
+        super().__init__(**{"debug": True, **given})
+
+
+class WarehouseTurns(warehouse_turns.WarehouseTurns):
+    """The same by turns."""
+
+    def __init__(self, **given: Any) -> None:
+        super().__init__(**{"debug": True, **given})
+
+
 def made(kind: type[Any] = Warehouse, **given: Any) -> Any:
     """A warehouse of FLOOR with two robots of each role and no orders open, just reset."""
     env = kind(**{"pickers": 2, "carriers": 2, "layout": FLOOR, **given})
     env.reset(seed=3)
     env.wanted[:] = 0
-    env.coming.clear()
+    env.bench.records["arrived"] = env.orders
     return env
 
 
@@ -34,24 +51,49 @@ def put(env: WarehouseRules, **places: tuple[int, int]) -> None:
     """Puts live robots on cells (x, y), all of them: the others go to the last row, in order."""
     width, height = env.floor.width, env.floor.height
     spare = [(x, height - 2) for x in range(width) if (x, height - 2) not in places.values()]
-    env.stands.clear()
+    env.read("robot_at")[:] = 0
+    env.read("marks")[:] = 0
+    table = SimpleNamespace(width=width)
     for agent in env.agents:
         x, y = places[agent] if agent in places else spare.pop()
-        env.robots[agent].cell = y * width + x
-        env.stands[y * width + x] = agent
-    env.sight.look_again(env.robots)
+        cell, number = y * width + x, env.number_of[agent]
+        env.read("cell")[number] = cell
+        env.read("robot_at")[cell] = number + 1
+        mark = PICKER if env.roles[agent] == "picker" else CARRIER
+        env.read("marks")[as_python(padded)(table, cell)] = mark
+    looked(env)
 
 
 def give(env: WarehouseRules, agent: str, shelf: int = 0) -> None:
     """Puts an item from a shelf on a robot."""
-    env.robots[agent].load = shelf
-    env.sight.look_again([agent])
+    env.read("load")[env.number_of[agent]] = shelf
+    looked(env)
+
+
+def charge(env: WarehouseRules, agent: str, battery: int) -> None:
+    """Gives a robot so many units of battery."""
+    env.read("battery")[env.number_of[agent]] = battery
+    looked(env)
+
+
+def lay(env: WarehouseRules, cell: int, shelf: int = 0) -> None:
+    """Lays an item from a shelf on a hand-over cell."""
+    env.read("lying")[env.floor.hand_overs.index(cell)] = shelf + 1
+    looked(env)
 
 
 def ordered(env: WarehouseRules, shelf: int, count: int = 1) -> None:
     """Opens orders at a shelf."""
     env.wanted[shelf] = count
-    env.sight.look_again([])
+    looked(env)
+
+
+def looked(env: WarehouseRules) -> None:
+    """The rules show the state as it was changed by hand: of turns they always do."""
+    if isinstance(env, Warehouse):
+        s, t = Copy(env.bench.records.reshape(())), Copy(env.tables.reshape(()))
+        as_python(sight.observe)(s, t, env.bench.arrays.obs[0].view(Plain))
+        as_python(sight.mask)(s, t, env.bench.arrays.masks[0].view(Plain))
 
 
 def at(env: WarehouseRules, agent: str) -> tuple[int, int]:

@@ -28,230 +28,306 @@ for each cell the open orders of a shelf, or the item lying there.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import Final
 
 import numpy as np
 from gymnasium.spaces import Box
-from numpy.typing import NDArray
 
-from gamekeeper.envs.layouts import (
-    CHARGER,
-    CLOSED,
-    DOCK,
-    FAR,
-    HAND_OVER,
-    NOWHERE,
-    SHELF,
-    Layout,
+from gamekeeper.envs.layouts import FAR, NOWHERE, Layout
+from gamekeeper.envs.warehouse_floor import CHARGES, REACH, ROOM, SHELVES, Sizes
+from gamekeeper.envs.warehouse_moves import (
+    ACTIONS,
+    CARRIER,
+    HANDLE,
+    NOOP,
+    is_there,
+    padded,
 )
-
-if TYPE_CHECKING:
-    from gamekeeper.envs.warehouse import WarehouseRules
+from gamekeeper.envs.warehouse_work import can_handle
+from gamekeeper.kernels.rules import rule
 
 OWN: Final = 6
 PLACE: Final = 9
 PLACES: Final = 3
 """Two goals and a charger."""
-REACH: Final = 2
-"""Cells that a robot looks in each direction."""
 SIDE: Final = 2 * REACH + 1
 KINDS_AT: Final = OWN + PLACE * PLACES
 ROBOTS_AT: Final = KINDS_AT + SIDE * SIDE
 LENGTH: Final = ROBOTS_AT + SIDE * SIDE
-PICKER, CARRIER = 1, 2
-KINDS: Final = {".": 0, "#": 1, "s": 1, "h": 2, "d": 3, "c": 4}
-SHELF_KIND: Final = 5
+CENTRE: Final = SIDE * SIDE // 2
 HEADER: Final = 3
 PER_ROBOT: Final = 5
 MANY: Final = 2**31 - 1
-
-Seeker: TypeAlias = tuple[str, bool]
-"""A role, and whether with an item: robots of one kind have the same goals."""
-Goals: TypeAlias = tuple[str, NDArray[np.intp], NDArray[np.int16]]
-"""Kind of place, numbers of the open ones, and for each of them the two least ways to it."""
-
-
-class Sight:
-    """The eyes of all robots over one episode's floor; looks again after each crossing.
-
-    Args:
-        task: the rules whose state is looked at.
-    """
-
-    LENGTH: Final = LENGTH
-
-    def __init__(self, task: WarehouseRules) -> None:
-        # What the rules change in place is held, and not the rules: copies of either stay whole.
-        self._robots_of, self._stands = task.robots, task.stands
-        self._wanted, self._lying = task.wanted, task.lying
-        self._battery, self._disturbances = task.battery, task.disturbances
-        floor = self._floor = task.floor
-        shape = (floor.height, floor.width)
-        kinds = np.array([KINDS[letter] for letter in floor.text], np.int16).reshape(shape)
-        self._kinds = np.pad(kinds, REACH, constant_values=KINDS["#"])
-        self._robots = np.zeros_like(self._kinds)
-        numbers = {cell: number for number, cell in enumerate(floor.shelves)}
-        self._beside = [
-            [numbers[near] for near in floor.beside(cell) if near in numbers]
-            if floor.text[cell] not in CLOSED
-            else []
-            for cell in range(floor.size)
-        ]
-        self._cells = {
-            kind: tuple(cell for cell in range(floor.size) if floor.text[cell] == kind)
-            for kind in (SHELF, HAND_OVER, DOCK, CHARGER)
-        }
-        self._goals: dict[Seeker, Goals | None] = {}
-        self._known: dict[str, tuple[Seeker, int]] = {}
-        self._seekers: dict[Seeker, dict[str, int]] = {
-            (role, is_loaded): {} for role in ("picker", "carrier") for is_loaded in (False, True)
-        }
-        self.look_again(task.robots)
-
-    @staticmethod
-    def space(floor: Layout, battery: int) -> Box:
-        """The space of every robot's observations."""
-        low, high = np.zeros(LENGTH, np.int16), np.ones(LENGTH, np.int16)
-        high[:OWN] = floor.width - 1, floor.height - 1, 1, 1, battery, battery
-        for at in range(OWN, KINDS_AT, PLACE):
-            low[at + 1 : at + 3] = 1 - floor.width, 1 - floor.height
-            high[at + 1 : at + 5] = floor.width - 1, floor.height - 1, floor.size, floor.size
-        high[KINDS_AT:ROBOTS_AT] = KINDS["c"]
-        high[ROBOTS_AT:] = CARRIER
-        return Box(low, high, dtype=np.int16)
-
-    @staticmethod
-    def things() -> list[tuple[int, int]]:
-        """The parts of an observation that stand for one thing each, and may be hidden."""
-        places = [(at, at + PLACE) for at in range(OWN, KINDS_AT, PLACE)]
-        return places + [(at, at + 1) for at in range(ROBOTS_AT, LENGTH)]
-
-    def look_again(self, agents: Iterable[str]) -> None:
-        """Sees the state anew: only these robots acted, came or went."""
-        self._goals.clear()
-        width, marks = self._floor.width, self._robots
-        for agent in agents:
-            if agent in self._known:
-                key, cell = self._known.pop(agent)
-                del self._seekers[key][agent]
-                marks[cell // width + REACH, cell % width + REACH] = 0
-        for agent in agents:
-            robot = self._robots_of[agent]
-            if self._stands.get(robot.cell) == agent:
-                y, x = divmod(robot.cell, width)
-                marks[y + REACH, x + REACH] = PICKER if robot.role == "picker" else CARRIER
-                key = robot.role, robot.load != NOWHERE
-                self._known[agent] = key, robot.cell
-                self._seekers[key][agent] = robot.cell
-
-    def shelves_beside(self, cell: int) -> list[int]:
-        """Numbers of the shelves north, east, south and west of an open cell, in this order."""
-        return self._beside[cell]
-
-    def view(self, agent: str) -> NDArray[np.int16]:
-        """What a robot sees, but for the knobs of perception; drift is in it."""
-        robot, floor = self._robots_of[agent], self._floor
-        y, x = divmod(robot.cell, floor.width)
-        seen = np.zeros(LENGTH, np.int16)
-        if robot.cell == NOWHERE:  # a spare, which nobody has to show anything
-            return seen
-        window = slice(y, y + SIDE), slice(x, x + SIDE)
-        seen[KINDS_AT:ROBOTS_AT] = self._kinds[window].ravel()
-        seen[ROBOTS_AT:] = self._robots[window].ravel()
-        seen[ROBOTS_AT + SIDE * SIDE // 2] = 0  # itself
-        believed = robot.cell
-        if self._disturbances is not None:
-            east, south = self._disturbances.drift[agent]
-            x = min(max(x + east, 0), floor.width - 1)
-            y = min(max(y + south, 0), floor.height - 1)
-            believed = y * floor.width + x
-        lack = self._battery - robot.battery
-        seen[:OWN] = x, y, robot.role == "carrier", robot.load != NOWHERE, robot.battery, lack
-        self._tell_goals(seen, robot.role, robot.load != NOWHERE, robot.cell, believed)
-        self._tell_charger(seen, robot.cell, believed)
-        return seen
-
-    def _tell_goals(
-        self, seen: NDArray[np.int16], role: str, is_loaded: bool, cell: int, believed: int
-    ) -> None:
-        """Writes the two nearest goals, and how near the nearest rival is to each."""
-        key = (role, is_loaded)
-        if key not in self._goals:
-            self._goals[key] = self._look_for(*key)
-        goals = self._goals[key]
-        if goals is None:
-            return
-        kind, rows, nearest = goals
-        ways = self._floor.distances(kind)
-        mine, thought = ways[rows, cell], ways[rows, believed]
-        for place, index in enumerate(np.argsort(thought, kind="stable")[:2].tolist()):
-            rival = nearest[index, int(mine[index] == nearest[index, 0])]
-            self._tell(seen, place, kind, int(rows[index]), believed, int(rival))
-
-    def _look_for(self, role: str, is_loaded: bool) -> Goals | None:
-        """The goals of a kind of robot, and the two nearest of its kind to each of them."""
-        if role == "picker" and not is_loaded:
-            kind, rows = SHELF, np.flatnonzero(self._wanted)
-        elif role == "carrier" and is_loaded:
-            kind, rows = DOCK, np.arange(len(self._floor.docks))
-        else:
-            kind = HAND_OVER
-            lies = [cell in self._lying for cell in self._floor.hand_overs]
-            rows = np.flatnonzero(np.array(lies) != (role == "picker"))
-        if not len(rows):
-            return None
-        cells = np.array(list(self._seekers[role, is_loaded].values()), np.intp)
-        nearest: NDArray[np.int16] = np.full((len(rows), len(cells) + 2), FAR, np.int16)
-        nearest[:, 2:] = self._floor.distances(kind)[rows[:, None], cells]
-        return kind, rows, np.partition(nearest, 1, axis=1)[:, :2]
-
-    def _tell_charger(self, seen: NDArray[np.int16], cell: int, believed: int) -> None:
-        """Writes the nearest charger without another robot on it, or else the nearest one."""
-        ways = self._floor.distances(CHARGER)[:, believed]
-        stands = self._stands
-        taken = [other != cell and other in stands for other in self._floor.chargers]
-        row = int(np.argmin(ways if all(taken) else np.where(taken, np.int16(FAR), ways)))
-        self._tell(seen, PLACES - 1, CHARGER, row, believed, 0)
-
-    def _tell(
-        self, seen: NDArray[np.int16], place: int, kind: str, row: int, believed: int, rival: int
-    ) -> None:
-        """Writes one place."""
-        floor = self._floor
-        at = OWN + place * PLACE
-        y, x = divmod(believed, floor.width)
-        to_y, to_x = divmod(self._cells[kind][row], floor.width)
-        ways = floor.distances(kind)[row]
-        moves = int(ways[believed])
-        seen[at : at + 5] = 1, to_x - x, to_y - y, min(moves, floor.size), min(rival, floor.size)
-        for move in range(4):
-            ahead = floor.ways[move][believed]
-            if ahead != NOWHERE and ways[ahead] < moves:
-                seen[at + 5 + move] = 1
+THINGS: Final = (
+    *((at, at + PLACE) for at in range(OWN, KINDS_AT, PLACE)),
+    *((at, at + 1) for at in range(ROBOTS_AT, LENGTH)),
+)
+"""The parts of an observation that stand for one thing each, and may be hidden."""
 
 
-def state_space(task: WarehouseRules) -> Box:
+def seen_space(floor: Layout, battery: int) -> Box:
+    """The space of every robot's observations."""
+    low, high = np.zeros(LENGTH, np.int16), np.ones(LENGTH, np.int16)
+    high[:OWN] = floor.width - 1, floor.height - 1, 1, 1, battery, battery
+    for at in range(OWN, KINDS_AT, PLACE):
+        low[at + 1 : at + 3] = 1 - floor.width, 1 - floor.height
+        high[at + 1 : at + 5] = floor.width - 1, floor.height - 1, floor.size, floor.size
+    high[KINDS_AT:ROBOTS_AT] = CHARGES
+    high[ROBOTS_AT:] = CARRIER
+    return Box(low, high, dtype=np.int16)
+
+
+def state_space(sizes: Sizes) -> Box:
     """The space of the whole state."""
-    floor, robots = task.layout, len(task.possible_agents)
-    robot = (1, floor.width - 1, floor.height - 1, 1, task.battery)
-    kinds, items = [SHELF_KIND] * floor.size, [task.orders] * floor.size
-    high = np.array((MANY, task.orders, task.orders, *robot * robots, *kinds, *items), np.int32)
+    floor, robots = sizes.layout, len(sizes.roles)
+    robot = (1, floor.width - 1, floor.height - 1, 1, sizes.battery)
+    kinds, items = [SHELVES] * floor.size, [sizes.orders] * floor.size
+    high = np.array((MANY, sizes.orders, sizes.orders, *robot * robots, *kinds, *items), np.int32)
     return Box(np.zeros_like(high), high, dtype=np.int32)
 
 
-def state_of(task: WarehouseRules) -> NDArray[np.int32]:
-    """The whole state; its layout is in the module's docstring."""
-    floor = task.floor
-    numbers = [min(task.ticks, MANY), len(task.coming), task.delivered]
-    for robot in task.robots.values():
-        is_there = robot.cell in task.stands and task.robots[task.stands[robot.cell]] is robot
-        y, x = divmod(robot.cell, floor.width)
-        numbers += (1, x, y, robot.load != NOWHERE, robot.battery) if is_there else [0] * PER_ROBOT
-    numbers += [SHELF_KIND if letter == SHELF else KINDS[letter] for letter in floor.text]
-    items = [0] * floor.size
-    for cell, count in zip(floor.shelves, task.wanted, strict=True):
-        items[cell] = count
-    for cell in task.lying:
-        items[cell] = 1
-    return np.array(numbers + items, np.int32)
+# -- observations
+
+
+@rule
+def observe(s, t, obs):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """What all robots see; how near robots are to a goal is found out once for all of them."""
+    for goal in range(len(s.near)):
+        if is_open(s, t, goal):
+            one, two = nearest_two(s, t, goal)
+            s.near[goal, 0] = one
+            s.near[goal, 1] = two
+    for i in range(len(s.cell)):
+        goal, other = look(s, t, i, obs[i])
+        for k in range(2):
+            if goal != NOWHERE:
+                tell_rival(s, t, i, obs[i], k, goal, s.near[goal, 0], s.near[goal, 1])
+            goal = other
+
+
+@rule
+def observe_one(s, t, i, seen):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """What one robot sees."""
+    goal, other = look(s, t, i, seen)
+    for k in range(2):
+        if goal != NOWHERE:
+            one, two = nearest_two(s, t, goal)
+            tell_rival(s, t, i, seen, k, goal, one, two)
+        goal = other
+
+
+@rule
+def look(s, t, i, seen):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """All that a robot sees but for rivals; returns its nearest and second nearest goal."""
+    cell = s.cell[i]
+    for k in range(KINDS_AT):
+        seen[k] = 0
+    if cell == NOWHERE:  # a spare, which nobody has to show anything
+        for k in range(KINDS_AT, LENGTH):
+            seen[k] = 0
+        return NOWHERE, NOWHERE
+    look_around(s, t, cell, seen)
+    width = t.width
+    x = min(max(cell % width + s.drift[i, 0], 0), width - 1)
+    y = min(max(cell // width + s.drift[i, 1], 0), len(t.kinds) // width - 1)
+    believed = y * width + x
+    seen[0] = x
+    seen[1] = y
+    seen[2] = 0 if i < t.first_carrier else 1
+    seen[3] = 0 if s.load[i] == NOWHERE else 1
+    seen[4] = s.battery[i]
+    seen[5] = t.full - s.battery[i]
+    first, second = nearest_goals(s, t, i, believed)
+    for k in range(PLACES):
+        place = first
+        if k == 1:
+            place = second
+        elif k == 2:
+            place = nearest_charger(s, t, cell, believed)
+        if place != NOWHERE:
+            tell(t, seen, k, place, believed)
+    return first, second
+
+
+@rule
+def look_around(s, t, cell, seen):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """The cells around a robot."""
+    corner = padded(t, cell) - REACH * (t.width + ROOM) - REACH
+    for j in range(SIDE):
+        row = corner + j * (t.width + ROOM)
+        for k in range(SIDE):
+            seen[KINDS_AT + j * SIDE + k] = t.seen[row + k]
+            seen[ROBOTS_AT + j * SIDE + k] = s.marks[row + k]
+    seen[ROBOTS_AT + CENTRE] = 0  # itself
+
+
+@rule
+def is_open(s, t, goal):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """Whether anybody has a goal there: all but shelves without orders."""
+    return goal >= t.hand_overs or s.wanted[goal] > 0
+
+
+@rule
+def goals_of(s, t, i):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """The numbers of the places where a robot's goals are: the first, and one after the last."""
+    is_loaded = s.load[i] != NOWHERE
+    if i < t.first_carrier and not is_loaded:
+        return 0, t.hand_overs
+    if i >= t.first_carrier and is_loaded:
+        return t.docks, t.chargers
+    return t.hand_overs, t.docks
+
+
+@rule
+def nearest_goals(s, t, i, believed):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """A robot's nearest and second nearest goal, of two as near the first; or NOWHERE."""
+    first, end = goals_of(s, t, i)
+    one, two, least, second = NOWHERE, NOWHERE, MANY, MANY
+    for goal in range(first, end):
+        if goal >= t.docks:
+            is_goal = True
+        elif goal >= t.hand_overs:
+            is_goal = (s.lying[goal - t.hand_overs] == 0) == (i < t.first_carrier)
+        else:
+            is_goal = s.wanted[goal] > 0
+        if is_goal:
+            far = t.far[believed, goal]
+            if far < least:
+                two, second = one, least
+                one, least = goal, far
+            elif far < second:
+                two, second = goal, far
+    return one, two
+
+
+@rule
+def nearest_two(s, t, goal):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """The two least ways that robots on the floor have to a goal of theirs."""
+    if goal >= t.docks:
+        is_picker, is_loaded = False, True
+    elif goal >= t.hand_overs:
+        is_picker = s.lying[goal - t.hand_overs] == 0
+        is_loaded = is_picker
+    else:
+        is_picker, is_loaded = True, False
+    one, two = FAR, FAR
+    begin = 0 if is_picker else t.first_carrier
+    end = t.first_carrier if is_picker else len(s.cell)
+    for i in range(begin, end):
+        if (s.load[i] != NOWHERE) == is_loaded and is_there(s, i):
+            far = t.far[s.cell[i], goal]
+            if far < one:
+                one, two = far, one
+            elif far < two:
+                two = far
+    return one, two
+
+
+@rule
+def nearest_charger(s, t, cell, believed):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """The nearest charger without another robot, or the nearest one where all have one."""
+    free, any_, least, least_any = NOWHERE, NOWHERE, MANY, MANY
+    has_free = False
+    for place in range(t.chargers, len(t.places)):
+        there = t.places[place]
+        far = t.far[believed, place]
+        if far < least_any:
+            any_, least_any = place, far
+        if there != cell and s.robot_at[there] != 0:
+            far = FAR
+        else:
+            has_free = True
+        if far < least:
+            free, least = place, far
+    return free if has_free else any_
+
+
+# -- how places are told
+
+
+@rule
+def tell(t, seen, k, place, believed):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """Writes the k-th place, but for rivals."""
+    at = OWN + k * PLACE
+    width, cell = t.width, t.places[place]
+    far = t.far[believed, place]
+    seen[at] = 1
+    seen[at + 1] = cell % width - believed % width
+    seen[at + 2] = cell // width - believed // width
+    seen[at + 3] = min(far, len(t.kinds))
+    for move in range(4):
+        ahead = t.ways[believed, move]
+        if ahead != NOWHERE and t.far[ahead, place] < far:
+            seen[at + 5 + move] = 1
+
+
+@rule
+def tell_rival(s, t, i, seen, k, goal, one, two):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """Writes how near the nearest other robot is, of the two least ways to its k-th goal."""
+    seen[OWN + k * PLACE + 4] = min(two if t.far[s.cell[i], goal] == one else one, len(t.kinds))
+
+
+# -- masks, infos, the state
+
+
+@rule
+def mask(s, t, masks):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """Which actions all robots may take."""
+    for i in range(len(s.cell)):
+        mask_one(s, t, i, masks[i])
+
+
+@rule
+def mask_one(s, t, i, legal):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """Which actions a robot may take (R4)."""
+    cell = s.cell[i]
+    for action in range(ACTIONS):
+        legal[action] = 0
+    legal[NOOP] = 1
+    if s.battery[i] > 0 and cell != NOWHERE:
+        for move in range(4):
+            legal[move] = 1 if t.ways[cell, move] != NOWHERE else 0
+        legal[HANDLE] = 1 if can_handle(s, t, i) else 0
+
+
+@rule
+def inform(s, t, infos):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """Where all robots really are, and how many orders are undelivered."""
+    for i in range(len(s.cell)):
+        inform_one(s, t, i, infos[i])
+
+
+@rule
+def inform_one(s, t, i, info):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """The same for one robot."""
+    info.position[0] = s.cell[i] % t.width
+    info.position[1] = s.cell[i] // t.width
+    info.undelivered = len(s.arrival) - s.delivered
+
+
+@rule
+def overview(s, t, state):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
+    """The whole state."""
+    state[0] = min(s.clock, MANY)
+    state[1] = len(s.arrival) - s.arrived
+    state[2] = s.delivered
+    at = HEADER
+    for i in range(len(s.cell)):
+        if is_there(s, i):
+            state[at] = 1
+            state[at + 1] = s.cell[i] % t.width
+            state[at + 2] = s.cell[i] // t.width
+            state[at + 3] = 0 if s.load[i] == NOWHERE else 1
+            state[at + 4] = s.battery[i]
+        else:
+            for k in range(PER_ROBOT):
+                state[at + k] = 0
+        at += PER_ROBOT
+    cells = len(t.kinds)
+    for cell in range(cells):
+        state[at + cell] = t.kinds[cell]
+        state[at + cells + cell] = 0
+    for shelf in range(len(s.wanted)):
+        state[at + cells + t.places[shelf]] = s.wanted[shelf]
+    for place in range(len(s.lying)):
+        state[at + cells + t.places[t.hand_overs + place]] = 0 if s.lying[place] == 0 else 1

@@ -14,11 +14,52 @@ Rules R1 to R14 of `gamekeeper.envs.warehouse` hold, read for one robot at a tim
 
 from __future__ import annotations
 
-from gamekeeper.envs.warehouse import WarehouseRules
-from gamekeeper.game.turn_env import TurnEnv
+from gamekeeper.envs import warehouse_sight as sight
+from gamekeeper.envs import warehouse_work as work
+from gamekeeper.envs.disturbed import DisturbedTurns
+from gamekeeper.envs.layouts import Layout, layout_of
+from gamekeeper.envs.warehouse import WarehouseRules, shared_parts
+from gamekeeper.envs.warehouse_floor import Sizes
+from gamekeeper.kernels.faces import MaskedTurns
+from gamekeeper.kernels.kernel import Kernel
 
 
-class WarehouseTurns(WarehouseRules, TurnEnv):
+def warehouse_turns_kernel(
+    *,
+    pickers: int = 3,
+    carriers: int = 2,
+    spares: int = 1,
+    orders: int = 8,
+    every: int = 8,
+    battery: int = 60,
+    layout: str | tuple[str, ...] | list[str] | Layout = "small",
+    horizon: int | None = None,
+) -> Kernel:
+    """The rules of `warehouse_turns`; arguments are those of `WarehouseRules`.
+
+    Raises:
+        SpecError: a number is out of its range, or the layout has too few cells.
+    """
+    sizes = Sizes(
+        pickers=pickers,
+        carriers=carriers,
+        spares=spares,
+        orders=orders,
+        every=every,
+        battery=battery,
+        layout=layout_of(layout),
+    )
+    return Kernel(
+        name="warehouse_turns_v0",
+        act=work.act,
+        observe=sight.observe_one,
+        mask=sight.mask_one,
+        inform=sight.inform_one,
+        **shared_parts(sizes, horizon, is_parallel=False),
+    )
+
+
+class WarehouseTurns(WarehouseRules, DisturbedTurns, MaskedTurns):
     """The warehouse as an AEC environment; arguments are those of `WarehouseRules`."""
 
     metadata = {  # noqa: RUF012
@@ -28,24 +69,4 @@ class WarehouseTurns(WarehouseRules, TurnEnv):
         "is_parallelizable": False,
     }
     contract = "warehouse_turns.toml"
-
-    def act(self, agent: str, action: int) -> None:
-        """One robot acts; after the last one the tick ends."""
-        self.play({agent: action})
-        self.is_tick_over = self._after(agent) is None
-        if self.is_tick_over:
-            self.end_tick()
-
-    def next_agent(self, agent: str) -> str:
-        """The next live robot in the order of possible agents, from the front after the last."""
-        return self._after(None if self.is_tick_over else agent) or agent
-
-    def _after(self, agent: str | None) -> str | None:
-        """The first live robot after one of them, or of all of them; None where there is none."""
-        turn = 0 if agent is None else self.turn_of[agent] + 1
-        order: list[str] = self.possible_agents
-        while turn < len(order):
-            if order[turn] in self.rewards and order[turn] not in self.endings:
-                return order[turn]
-            turn += 1
-        return None
+    kernel_of = staticmethod(warehouse_turns_kernel)

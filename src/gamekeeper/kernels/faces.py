@@ -6,7 +6,7 @@ Books, errors, seeds and copies are those of `TickEnv` and `TurnEnv`; the rules 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from gymnasium import spaces
@@ -41,7 +41,7 @@ class KernelRules(Authored):
         bench: the state and the arrays of the one copy.
     """
 
-    snapshot_without = ("kernel", "single", "_tables", "number_of")
+    snapshot_without: ClassVar[Iterable[str]] = ("kernel", "single", "_tables", "number_of")
 
     def __init__(
         self, kernel: Kernel, *, render_mode: str | None = None, debug: bool = False
