@@ -8,8 +8,9 @@ from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
-from gamekeeper.core.block import Block, Cells, Raw, Text, most_rows
+from gamekeeper.core.block import Block, Cells, Coded, Raw, Text, most_rows
 from gamekeeper.core.layout import Column
 from gamekeeper.core.space import Leaf
 from gamekeeper.errors import EvidenceError
@@ -37,23 +38,23 @@ def steps_batch(block: Block, *, digests: Any | None = None) -> pa.RecordBatch:
 
     put("episode", pa.array(block.episode))
     put("turn", pa.array(block.turn))
-    put("agent", pa.array(block.agent, pa.string()))
+    put("agent", _names(block.agent))
     put("order", _number(block.order, "order"))
     for name, (column, cells) in block.values.items():
         if digests is None or not name.startswith("obs"):
             field, array = cells_field(column, cells)
             fields[field] = array
-    put("mask", pa.array(block.mask, pa.binary()))
+    put("mask", _masks(block.mask, len(block)))
     put("received", _number(block.received, "received"))
     put("terminated", _flag(block.terminated))
     put("truncated", _flag(block.truncated))
-    put("info", pa.array(block.info, pa.string()))
+    put("info", _texts(block.info, len(block)))
     put("reward", _number(block.reward, "reward"))
     for term, raw in block.terms.items():
         put(TERM + term, _number(raw, "reward"))
     put("live", pa.array(block.live))
-    put("raised", pa.array(block.raised, pa.string()))
-    put("odd", pa.array(block.odd, pa.string()))
+    put("raised", _texts(block.raised, len(block)))
+    put("odd", _texts(block.odd, len(block)))
     if digests is not None:
         put("digest", _binary(np.ascontiguousarray(digests)))
     return pa.RecordBatch.from_arrays(list(fields.values()), schema=pa.schema(list(fields)))
@@ -185,6 +186,27 @@ def _binary(values: Any, valid: Any | None = None) -> pa.Array:
     if valid is not None and not valid.all():
         bits = pa.py_buffer(np.packbits(valid, bitorder="little"))
     return pa.Array.from_buffers(pa.binary(), count, [bits, offsets, pa.py_buffer(values)])
+
+
+def _names(names: list[str] | Coded) -> pa.Array:
+    if isinstance(names, Coded):
+        return pa.array(names.names, pa.string()).take(pa.array(names.codes))
+    return pa.array(names, pa.string())
+
+
+def _texts(texts: Any, count: int) -> pa.Array:
+    if texts is None:
+        return pa.nulls(count, pa.string())
+    return texts if isinstance(texts, pa.Array) else pa.array(texts, pa.string())
+
+
+def _masks(masks: list[bytes | None] | dict[int, Raw], count: int) -> pa.Array:
+    if not isinstance(masks, dict):
+        return pa.array(masks, pa.binary())
+    arrays = [_binary(raw.values, raw.valid) for raw in masks.values()]
+    if len(arrays) < 2:
+        return arrays[0] if arrays else pa.nulls(count, pa.binary())
+    return pc.coalesce(*arrays)
 
 
 def _number(raw: Raw, name: str) -> pa.Array:

@@ -45,27 +45,39 @@ Cells: TypeAlias = "Raw | Text"
 
 
 @dataclass(frozen=True, slots=True)
+class Coded:
+    """One column of names, `names[codes[row]]`."""
+
+    codes: NDArray[np.int32]
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Block:
-    """Rows in the order turn, order, agent. Every column has `len(episode)` elements."""
+    """Rows in the order turn, order, agent. Every column has `len(episode)` elements.
+
+    Who has columns already hands them over as they are: names by number, masks by their length,
+    infos as an Arrow array, None for texts of which there are none.
+    """
 
     episode: NDArray[np.int32]
     turn: NDArray[np.int32]
-    agent: list[str]
+    agent: list[str] | Coded
     order: Raw
     values: dict[str, tuple[Column, Cells]]  # obs and action columns by name
-    mask: list[bytes | None]
+    mask: list[bytes | None] | dict[int, Raw]
     received: Raw
     terminated: Raw
     truncated: Raw
-    info: Texts
+    info: Texts | Any
     reward: Raw
     terms: dict[str, Raw]
     live: NDArray[np.bool_]
-    raised: Texts
-    odd: Texts
+    raised: Texts | None
+    odd: Texts | None
 
     def __len__(self) -> int:
-        return len(self.agent)
+        return len(self.episode)
 
 
 def block_of(reel: Reel, layout: Layout, *, open_large: Opener) -> Block:

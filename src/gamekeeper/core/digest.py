@@ -10,23 +10,27 @@ Source: RFC 7693 (BLAKE2); O'Connor et al. 2020 (BLAKE3).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from hashlib import blake2b
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from blake3 import blake3
 from numpy.typing import NDArray
 
-from gamekeeper.core.block import Block, Bytes2, Cells, Raw, Text
+from gamekeeper.core.block import Block, Bytes2, Cells, Coded, Raw, Text
 from gamekeeper.core.canon import to_json
 from gamekeeper.core.layout import LARGE_BYTES
 
 SIZE: Final = 16  # bytes of a row's digest
 _ALL: Final = slice(None)
 _BITS: Final = 30  # of a pattern of present fields, before it is renumbered
+_FEW: Final = 1 << 16  # patterns that are counted rather than sorted
+
+Hasher: TypeAlias = Callable[[Bytes2, int], Bytes2]
+"""The blake2b of that size of every row of bytes, [rows, size]; for who has a faster one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,40 +44,52 @@ class Field:
     valid: NDArray[np.bool_] | None = None
 
 
-def row_digests(block: Block) -> Bytes2:
+def row_digests(block: Block, *, hasher: Hasher | None = None) -> Bytes2:
     """The digest of every row of `block`, [rows, 16]."""
-    return digest_fields(list(_fields(block)), len(block))
+    return digest_fields(list(_fields(block)), len(block), hasher=hasher)
 
 
-def digest_fields(fields: list[Field], count: int) -> Bytes2:
+def digest_fields(fields: list[Field], count: int, *, hasher: Hasher | None = None) -> Bytes2:
     """The digest of each of `count` rows, [rows, 16]; absent fields leave no bytes."""
+    hasher = hasher or _each
     out = np.empty((count, SIZE), np.uint8)
     sometimes = [f.valid for f in fields if f.valid is not None and not f.valid.all()]
     if not sometimes or not count:
-        out[_ALL] = _hash_rows(fields, _ALL, count)
+        out[_ALL] = hasher(_table(fields, _ALL, count), SIZE)
         return out
     code = np.zeros(count, np.int64)
     for place, valid in enumerate(sometimes):
         code = code << 1 | valid
-        if place % _BITS == _BITS - 1 or place == len(sometimes) - 1:  # so that any number fits
+        if place % _BITS == _BITS - 1:  # so that any number fits
             code = np.unique(code, return_inverse=True)[1].reshape(-1)
-    for number in range(int(code.max()) + 1):
+    for number in _patterns(code):
         rows = np.flatnonzero(code == number)
         present = [f for f in fields if f.valid is None or f.valid[rows[0]]]
-        out[rows] = _hash_rows(present, rows, len(rows))
+        out[rows] = hasher(_table(present, rows, len(rows)), SIZE)
     return out
 
 
-def _hash_rows(fields: list[Field], rows: Any, count: int) -> Bytes2:
+def _patterns(code: NDArray[np.int64]) -> list[int]:
+    """The patterns that there are."""
+    if int(code.max()) < _FEW:
+        return list(map(int, np.flatnonzero(np.bincount(code))))
+    return list(map(int, np.unique(code)))
+
+
+def _table(fields: list[Field], rows: Any, count: int) -> Bytes2:
+    """The canonical bytes of rows that have the same fields, [rows, bytes]."""
     head = _head(tuple((f.tag, f.dtype, f.shape) for f in fields))
-    table = np.concatenate(
-        [np.broadcast_to(head, (count, SIZE)), *(f.values[rows] for f in fields)], axis=1
-    )
-    size, raw, h = table.shape[1], table.tobytes(), blake2b
+    parts = [np.broadcast_to(head, (count, SIZE)), *(f.values[rows] for f in fields)]
+    return np.concatenate(parts, axis=1)
+
+
+def _each(table: Bytes2, size: int) -> Bytes2:
+    """The digests of rows of bytes, one after the other."""
+    (count, width), raw, h = table.shape, table.tobytes(), blake2b
     digests = [
-        h(raw[at : at + size], digest_size=SIZE).digest() for at in range(0, size * count, size)
+        h(raw[at : at + width], digest_size=size).digest() for at in range(0, width * count, width)
     ]
-    return np.frombuffer(b"".join(digests), np.uint8).reshape(count, SIZE)
+    return np.frombuffer(b"".join(digests), np.uint8).reshape(count, size)
 
 
 @lru_cache(maxsize=256)
@@ -99,8 +115,9 @@ def _fields(block: Block) -> Iterator[Field]:
     for term, raw in sorted(block.terms.items()):
         yield Field(f"reward.{term}", "<f8", (), _one_nan(raw.values, "<f8"), raw.valid)
     yield Field("live", "|b1", (), block.live.view(np.uint8).reshape(count, 1))
-    yield cells_digest_field("raised", "", (), Text(block.raised))
-    yield cells_digest_field("odd", "", (), Text(block.odd))
+    for name, texts in (("raised", block.raised), ("odd", block.odd)):
+        if texts is not None:
+            yield cells_digest_field(name, "", (), Text(texts))
 
 
 def cells_digest_field(tag: str, dtype: str, shape: tuple[int, ...], cells: Cells) -> Field:
@@ -134,7 +151,9 @@ def _one_nan(values: Bytes2, dtype: str) -> Bytes2:
     return floats.view(np.uint8).reshape(values.shape)
 
 
-def _names(names: list[str]) -> Bytes2:
+def _names(names: list[str] | Coded) -> Bytes2:
+    if isinstance(names, Coded):
+        return _names(list(names.names))[names.codes]
     known = {
         name: blake2b(name.encode(errors="surrogatepass"), digest_size=SIZE).digest()
         for name in set(names)
@@ -150,8 +169,12 @@ def _texts(texts: list[str | None]) -> tuple[Bytes2, NDArray[np.bool_]]:
     return _names([text or "" for text in texts]), valid
 
 
-def _masks(masks: list[bytes | None]) -> Iterator[Field]:
+def _masks(masks: list[bytes | None] | dict[int, Raw]) -> Iterator[Field]:
     """A field for each length of mask, so that the layout tells it."""
+    if isinstance(masks, dict):
+        for length, raw in sorted(masks.items()):
+            yield Field("mask", "|u1", (length,), raw.values, raw.valid)
+        return
     count = len(masks)
     if masks.count(None) == count:
         return

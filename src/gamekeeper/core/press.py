@@ -16,6 +16,7 @@ from gamekeeper.core.canon import drop, from_json, to_json
 from gamekeeper.core.digest import (
     EpisodeDigest,
     Field,
+    Hasher,
     cells_digest_field,
     digest_fields,
     episode_header,
@@ -151,7 +152,8 @@ class Press:
 def add_infos(episodes: dict[int, EpisodeDigest], block: Block, volatile: Collection[str]) -> None:
     """Adds the infos of `block` to the info digests of their episodes."""
     bounds = [0, *(np.flatnonzero(np.diff(block.episode)) + 1).tolist(), len(block)]
-    turns, agents, infos = block.turn.tolist(), block.agent, block.info
+    turns, infos = block.turn.tolist(), block.info
+    agents: Any = block.agent  # names: who has columns adds lines of its own
     for first, last in pairwise(bounds):
         texts = infos[first:last]
         if volatile:
@@ -161,7 +163,9 @@ def add_infos(episodes: dict[int, EpisodeDigest], block: Block, volatile: Collec
         episodes[int(block.episode[first])].add_infos(lines)
 
 
-def state_digests(turn: Any, cells: list[tuple[Column, Cells]], odd: list[Any]) -> Any:
+def state_digests(
+    turn: Any, cells: list[tuple[Column, Cells]], odd: list[Any], *, hasher: Hasher | None = None
+) -> Any:
     """The digest of the state at every turn, [turns, 16]."""
     fields = [Field("turn", "<i4", (), turn.view(np.uint8).reshape(len(turn), 4))]
     fields += [
@@ -169,7 +173,7 @@ def state_digests(turn: Any, cells: list[tuple[Column, Cells]], odd: list[Any]) 
         for column, values in cells
     ]
     fields.append(cells_digest_field("odd", "", (), Text(odd)))
-    return digest_fields(fields, len(turn))
+    return digest_fields(fields, len(turn), hasher=hasher)
 
 
 def _without(info: str | None, volatile: Collection[str]) -> str | None:

@@ -17,7 +17,7 @@ from gamekeeper.errors import ActionError, OrderError
 from gamekeeper.vector.arrays import Arrays
 from gamekeeper.vector.block import Autoreset, Said
 from gamekeeper.vector.form import ALL, Form, Group, built
-from gamekeeper.vector.rows import Batches, InOrder, Recording
+from gamekeeper.vector.rows import AsTheyCome, Batches, InOrder, Recording
 
 
 class Engine(Protocol):
@@ -92,7 +92,7 @@ class VectorEnv:
         self.spec, self.metadata, self.seen = seen.spec, dict(seen.metadata), seen
         self._engine, self._form, self._seed, self._copy = engine, form, seed, copy
         self._is_begun = self._is_closed = False
-        self._in_order: InOrder | None = None
+        self._in_order: InOrder | AsTheyCome | None = None
         self._on_close: Callable[[], None] = _nothing
         named = {group.name: list(group.agents) for group in form.groups}
         self.agents: Any = named.pop(ALL) if ALL in named else named
@@ -196,7 +196,9 @@ class VectorEnv:
             raise OrderError(
                 "recording begins before the first reset", mend="record right after making it"
             )
-        self._in_order, self._on_close = InOrder(write), on_close
+        is_in_order = getattr(self._engine, "is_in_order", False)
+        self._in_order = AsTheyCome(write) if is_in_order else InOrder(write)
+        self._on_close = on_close
         self._engine.record(Recording(level, terms, volatile), self._in_order.take)
 
     def __enter__(self) -> Self:

@@ -89,11 +89,12 @@ def make(
         )  # fmt: skip
         return VectorEnv(many, form, **options)
     if engine == "kernel":
-        from gamekeeper.vector.kernel import KernelEngine, kernel_of  # loads Numba
+        from gamekeeper.vector.kernel import KernelEngine, kernel_of, leaves_in_turn  # loads Numba
 
         batch = KernelEngine(
             kernel_of(opened.env), form, num_envs=num_envs, autoreset=autoreset,
-            wants_infos=infos, threads=threads, debug=bool(kwargs.get("debug")),
+            wants_infos=infos, layout=layout, threads=threads, debug=bool(kwargs.get("debug")),
+            in_turn_first=leaves_in_turn(opened.env),
         )  # fmt: skip
         return VectorEnv(batch, form, **options)
     doors = [slim(opened.env), *(slim(opened.make()) for _ in range(num_envs - 1))]

@@ -9,12 +9,14 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from gamekeeper.core.layout import Layout
 from gamekeeper.errors import OrderError, SpecError
 from gamekeeper.kernels.batch import Batch
-from gamekeeper.kernels.faces import KernelRules
+from gamekeeper.kernels.faces import KernelRules, KernelTurns
 from gamekeeper.kernels.kernel import MASK, Kernel
 from gamekeeper.vector.block import Autoreset, Said
 from gamekeeper.vector.form import Form, Group
+from gamekeeper.vector.kernel_scribe import Scribe
 from gamekeeper.vector.rows import Batches, Recording
 
 MEND: Final = "engine='serial' or 'process' steps it as it is"
@@ -47,8 +49,20 @@ def kernel_of(env: Any) -> Kernel:
     return env.kernel
 
 
+def leaves_in_turn(env: Any) -> bool:
+    """Whether of several that end together who would be in turn has its last turn first."""
+    kind = type(env)
+    return isinstance(env, KernelTurns) and kind.first_to_leave is not KernelTurns.first_to_leave
+
+
 class KernelEngine:
-    """Steps all copies here, in a batch."""
+    """Steps all copies here, in a batch.
+
+    Attributes:
+        is_in_order: what is recorded comes out episode by episode.
+    """
+
+    is_in_order = True
 
     def __init__(
         self,
@@ -58,11 +72,24 @@ class KernelEngine:
         num_envs: int,
         autoreset: Autoreset,
         wants_infos: bool,
+        layout: Layout,
         threads: int = 1,
         debug: bool = False,
+        in_turn_first: bool = False,
     ) -> None:
         """Makes the batch.
 
+        Args:
+            kernel: whose copies.
+            form: of the environment.
+            num_envs: how many copies.
+            autoreset: when a copy that is over is reset.
+            wants_infos: hand out what agents are told at every step.
+            layout: the columns of its evidence.
+            threads: that step them.
+            debug: rules run as plain Python.
+            in_turn_first: of several that end together who would be in turn has its last turn
+                first.
         Raises:
             SpecError: agents of a role don't stand together in the kernel's list.
         """
@@ -74,12 +101,12 @@ class KernelEngine:
         self._options: dict[str, Any] = {"autoreset": autoreset, "debug": debug}
         if threads > 1:
             self._options["threads"] = threads
-        self._size = num_envs
+        self._size, self._layout, self._in_turn_first = num_envs, layout, in_turn_first
         # masks of who has just ended are told with the infos
         self._tells = wants_infos or self._is_masked_dict()
         self._batch = self._new_batch()
         self.arrays = self._by_form()
-        self._scribe: Any = None
+        self._scribe: Scribe | None = None
 
     def _new_batch(self) -> Batch:
         return Batch(self._kernel, self._size, infos=self._tells, make=self._make, **self._options)
@@ -120,14 +147,15 @@ class KernelEngine:
 
     def record(self, recording: Recording, out: Callable[[Batches], None]) -> None:
         """Every copy's rows go to `out` from its next episode on."""
-        from gamekeeper.vector.kernel_scribe import Scribe  # only where it is recorded
-
         if not self._tells:
             self._tells = True
             self._made.clear()
             self._batch = self._new_batch()
             self.arrays = self._by_form()
-        self._scribe = Scribe(self._batch, recording, out)
+        self._scribe = Scribe(
+            self._batch, recording, out, layout=self._layout,
+            is_next=self._options["autoreset"] == "next_step", in_turn_first=self._in_turn_first,
+        )  # fmt: skip
 
     def end_recording(self) -> None:
         """Ends the episodes in progress; the rest of the rows goes out."""
