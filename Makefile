@@ -48,7 +48,7 @@ format: $(VENV)/test.stamp
 lock:
 	@command -v uv >/dev/null || { echo "make lock needs uv: pip install uv" >&2; exit 1; }
 	$(LOCK) $(UPGRADE) --extra fast pyproject.toml requirements/base.in -o requirements/base.txt
-	$(LOCK) $(UPGRADE) --all-extras pyproject.toml requirements/base.in requirements/test.in -o requirements/test.txt
+	$(LOCK) $(UPGRADE) --extra fast --extra frames --extra query pyproject.toml requirements/base.in requirements/test.in -o requirements/test.txt
 
 clean:
 	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis
