@@ -25,13 +25,14 @@ def uniform(count: int) -> Choose:
 
 def bits(value: Any) -> Any:
     """A value that is equal to another one only where types, shapes and bits are the same."""
-    if isinstance(value, np.ndarray | np.generic):
-        return str(value.dtype), value.shape, value.tobytes()
-    if isinstance(value, dict):
+    kind = type(value)
+    if kind is np.ndarray:
+        return value.dtype.str, value.shape, value.tobytes()
+    if kind is dict:
         return [(key, bits(item)) for key, item in value.items()]
-    if isinstance(value, tuple | list):
+    if kind is tuple or kind is list:
         return [bits(item) for item in value]
-    return type(value), repr(value)
+    return kind, repr(value)
 
 
 def told(env: Any, given: Any) -> dict[str, Any]:

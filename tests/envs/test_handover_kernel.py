@@ -45,7 +45,7 @@ def played_by(env: Reference, policy: str) -> Choose:
 @pytest.mark.parametrize("seed", range(len(SIZES)))
 def test_handover_kernel_equals_the_reference(seed: int, debug: bool) -> None:
     """Random play: all that is seen, paid, told and drawn, turn by turn."""
-    sizes, steps = SIZES[seed], 3_000 if debug else 10_000
+    sizes, steps = SIZES[seed], 2_000 if debug else 10_000
     one, two = Reference(**sizes), Handover(**sizes, debug=debug)
     endings = turns_alike(one, two, choose=legal_often, seed=seed, steps=steps)
     assert len(endings) > 1
@@ -59,7 +59,7 @@ def test_handover_kernel_follows_policies_as_the_reference(
 ) -> None:
     """Whole episodes, in which parts arrive, are handed over, delivered and fall off."""
     one, two = Reference(**sizes), Handover(**sizes, debug="parts" in sizes)
-    endings = turns_alike(one, two, choose=played_by(one, policy), seed=7, steps=2_000)
+    endings = turns_alike(one, two, choose=played_by(one, policy), seed=7, steps=1_500)
     assert ("overflow" if policy == "lazy" else "done") in endings
 
 
@@ -78,8 +78,8 @@ def test_handover_knobs_disturb_as_in_the_reference(name: str) -> None:
     """Each knob alone and all together: the same is seen, done, paid for and drawn."""
     knobs = HARD if name == "all" else {name: HARD[name]}
     one, two = Reference(**knobs), Handover(**knobs)
-    turns_alike(one, two, choose=played_by(one, "reference"), seed=8, steps=600)
-    turns_alike(one, two, choose=legal_often, seed=9, steps=600)
+    turns_alike(one, two, choose=played_by(one, "reference"), seed=8, steps=400)
+    turns_alike(one, two, choose=legal_often, seed=9, steps=200)
     assert two.not_batched == "knobs"
 
 
