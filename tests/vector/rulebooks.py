@@ -172,7 +172,7 @@ def ring_act(s, agent, action, rewards, terminated, truncated):
         terminated[agent] = True
         s.ending[agent] = 1
         other = (agent + 3) % 4
-        if s.live[other] != 0 and draws.integers(s, 2) == 0:
+        if s.live[other] != 0 and s.time != s.comes and draws.integers(s, 2) == 0:
             truncated[other] = True
     then = agent
     for _ in range(4):

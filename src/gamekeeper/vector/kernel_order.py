@@ -155,7 +155,9 @@ class Ordered:
         empty = np.zeros(0, np.uint8), np.zeros(len(numbers) + 1, np.int64)
         if table is None:
             return digests(*empty, WHOLE)
-        table = table.select([TEXT if TEXT in table.schema.names else "info", "episode", "turn", "agent"])
+        table = table.select(
+            [TEXT if TEXT in table.schema.names else "info", "episode", "turn", "agent"]
+        )
         table = table.filter(pc.is_valid(table.column(0))).combine_chunks()
         if not table.num_rows:
             return digests(*empty, WHOLE)

@@ -190,8 +190,13 @@ class KernelPress:
             if parts is None:
                 known = masks.get(flags.shape[1])
                 raw = _spread(flags.view(np.uint8), own["given"], mine, len(rows))
-                masks[flags.shape[1]] = raw if known is None else Raw(
-                    np.where(raw.valid[:, None], raw.values, known.values), known.valid | raw.valid
+                masks[flags.shape[1]] = (
+                    raw
+                    if known is None
+                    else Raw(
+                        np.where(raw.valid[:, None], raw.values, known.values),
+                        known.valid | raw.valid,
+                    )
                 )
         if places[0] is None:
             return masks, texts[0]
@@ -238,8 +243,6 @@ def _merge(
         return
     cells: Any = known[1]
     cells.values[mine], cells.valid[mine] = raw, valid
-
-
 
 
 __all__ = ["DIGEST", "TEXT", "KernelPress", "group_of"]

@@ -266,7 +266,7 @@ class TickTape(Tape):
             given["present"][0], given["began"][0] = a.live, True
             return
         goes_on = ~began[:, None]
-        given["received"][t] = a.rewards * goes_on
+        given["received"][t] = np.where(goes_on, a.rewards, 0.0)
         given["ended"][t] = a.terminated & goes_on
         given["cut"][t] = a.truncated & goes_on
         gone = (self.was_live | a.terminated | a.truncated) & goes_on
