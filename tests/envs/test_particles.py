@@ -77,7 +77,7 @@ def test_world_renders(name: str) -> None:
     """As text agents and landmarks stand in lines, as an array in a square picture."""
     env = made(name, render_mode="ansi")
     env.reset(seed=1)
-    env.step({a: 1 for a in env.agents})
+    env.step(dict.fromkeys(env.agents, 1))
     text = env.render()
     assert set("".join(text.splitlines()[:21])) <= set(".oASL")
     assert "o" in text
@@ -167,10 +167,10 @@ def test_world_is_what_its_seed_says(name: str) -> None:
         one, two = first.reset(seed=seed)[0], second.reset(seed=seed)[0]
         assert all(np.array_equal(one[a], two[a]) for a in one)
     kept, pickled = first.snapshot(), pickle.loads(pickle.dumps(second.snapshot()))
-    after = [env.step({a: 2 for a in env.agents})[0] for env in (first, second)]
+    after = [env.step(dict.fromkeys(env.agents, 2))[0] for env in (first, second)]
     for env, snapshot in ((first, kept), (second, pickled)):
         env.restore(snapshot)
-        after.append(env.step({a: 2 for a in env.agents})[0])
+        after.append(env.step(dict.fromkeys(env.agents, 2))[0])
     assert all(np.array_equal(after[0][a], other[a]) for other in after for a in other)
 
 
@@ -217,7 +217,7 @@ def test_words_are_shown_as_letters_or_numbers() -> None:
 @pytest.mark.skipif(numba() is None, reason="Numba, the extra `fast`, isn't installed")
 @pytest.mark.parametrize("name", ["spread", "tag", "speaker_listener"])
 def test_compiled_batch_gives_the_bits_of_the_plain_one(name: str) -> None:
-    """Every observation, reward and byte of state, over episodes; groups are arrays of their own."""
+    """Every observation, reward and byte of state, over episodes; an array for each group."""
     kernel = made(name).kernel
     plain, compiled = (kernel.batch(3, seed=5, debug=d) for d in (True, False))
     rng = np.random.default_rng(0)

@@ -47,7 +47,7 @@ def test_spread_begins_at_rest_within_the_square() -> None:
     ("action", "way"), [(0, (0, 0)), (1, (-1, 0)), (2, (1, 0)), (3, (0, -1)), (4, (0, 1))]
 )
 def test_spread_moves_push(action: int, way: tuple[int, int]) -> None:
-    """R2: a move gives a velocity of 0.5, which moves the agent in the next tick, less a quarter."""
+    """R2: a move gives a velocity of 0.5, which moves the agent in the next tick, then less."""
     env = spread((0.0, 0.0))
     tick(env, action)
     assert env.places()[0].tolist() == [0.0, 0.0]

@@ -104,7 +104,7 @@ def test_tag_shows_velocities_of_prey() -> None:
 
 
 def test_tag_shows_the_nearest_where_few_are_shown() -> None:
-    """R5: velocities go with the agents that are shown, zeros for adversaries; one shape for all."""
+    """R5: velocities go with the agents that are shown, zeros for adversaries; all of a shape."""
     env = tag((0.0, 0.0), (2.0, 0.0), (0.0, 4.0), num_agent_neighbors=2, hunters=2)
     seen = tick(env, 2)[0]
     assert {observation.shape for observation in seen.values()} == {(12,)}

@@ -1,12 +1,13 @@
 """The physics of the Multi-Agent Particle Environments, as rules over one copy's state.
 
-Bodies are discs in the plane. Agents move, marks (landmarks) don't. The rules that stand here, which
-`spread`, `tag`, `reference` and `speaker_listener` share:
+Bodies are discs in the plane. Agents move, marks (landmarks) don't. Rules that `spread`, `tag`,
+`reference` and `speaker_listener` share:
 
     P1. A tick moves an agent by its velocity times DT; of the velocity 1 - DAMPING stays, and force
         times DT is added (all masses are 1); what is above its top speed is cut to it.
     P2. Of its five moves (nothing, left, right, down, up) each but the first is a force of the
-        agent's strength. A continuous action says how much of each: right minus left, up minus down.
+        agent's strength. A continuous action says how much of each: right minus left, up minus
+        down.
     P3. Bodies that collide push each other apart with CONTACT_FORCE times how deep they stand in
         each other, softened: log(1 + exp(-gap / MARGIN)) * MARGIN. Marks push and aren't pushed.
     P4. What is heard of a word is the word: one of several flags, or, of continuous actions, a

@@ -53,9 +53,7 @@ def _pairs(observation: Seen, first: int, count: int) -> Points:
 # -- spread
 
 
-def spread_reference(
-    observation: Seen, agent: str, info: Mapping[str, Any], rng: Generator
-) -> int:
+def spread_reference(observation: Seen, agent: str, info: Mapping[str, Any], rng: Generator) -> int:
     """Goes where the shares of least total way send it; all agents work out the same shares."""
     n = len(observation) // 6
     me = int(agent.rpartition("_")[2])
@@ -79,7 +77,9 @@ def _shares(far: Points) -> list[int]:
     """A landmark for each agent; `far` is [agent, landmark]."""
     n = len(far)
     if n <= FEW:
-        return list(min(permutations(range(n)), key=lambda p: sum(far[i, k] for i, k in enumerate(p))))
+        return list(
+            min(permutations(range(n)), key=lambda p: sum(far[i, k] for i, k in enumerate(p)))
+        )
     found, rest = [0] * n, far.copy()
     for _ in range(n):
         i, k = divmod(int(rest.argmin()), n)
@@ -141,9 +141,7 @@ def reference_reference(
     return goal * MOVES + _to_heard(observation, observation[11:14])
 
 
-def reference_greedy(
-    observation: Seen, agent: str, info: Mapping[str, Any], rng: Generator
-) -> int:
+def reference_greedy(observation: Seen, agent: str, info: Mapping[str, Any], rng: Generator) -> int:
     """Goes to the nearest landmark, and says nothing to the point."""
     return _to_nearest(observation, _pairs(observation, 2, 3))
 

@@ -3,8 +3,8 @@
     R1. Agents and landmarks begin at random places in [-1, 1] on both axes, agents at rest.
     R2. All agents move at once; they are discs of radius SIZE that push each other, and don't
         collide with landmarks. How they move is told in `particles` (P1 to P3).
-    R3. After each tick every agent is paid 1 - `local_ratio` times minus the sum, over landmarks, of
-        how far the nearest agent is from it ("cover"),
+    R3. After each tick every agent is paid 1 - `local_ratio` times minus the sum, over landmarks,
+        of how far the nearest agent is from it ("cover"),
     R4. and `local_ratio` times minus the number of other agents that it overlaps ("collision"). At
         stage 0 of a curriculum overlaps cost nothing.
     R5. An agent sees its velocity, its place, and from where it stands the places of landmarks and
@@ -16,8 +16,8 @@
         COVERED, all are terminated ("covered").
 
 Equal to mpe2's `simple_spread_v3` but for the random places (ours are drawn from our Stream, in the
-same order) and the infos: `collisions`, how many others an agent overlaps, and `uncovered`, how many
-landmarks nobody is nearer to than COVERED.
+same order) and the infos: `collisions`, how many others an agent overlaps, and `uncovered`, how
+many landmarks nobody is nearer to than COVERED.
 
 Source: mpe2 1.1.1, `simple_spread`; Lowe et al. 2017, "Multi-Agent Actor-Critic for Mixed
 Cooperative-Competitive Environments".
@@ -151,7 +151,7 @@ def step_by(s, t, actions, rewards, terminated, truncated):  # type: ignore[no-u
 
 
 def observer(others: int | None, marks: int | None) -> Any:
-    """`observe(s, t, obs)`: what each agent sees (R5), of so many others and marks; None: of all."""
+    """`observe(s, t, obs)`: what all see (R5), of so many others and marks each; None: of all."""
     show_others, show_marks = sight.others_shower(others), sight.marks_shower(marks)
     most = None if others is None else WORD * others
 
@@ -184,7 +184,7 @@ def inform(s, t, infos):  # type: ignore[no-untyped-def]  # likewise
 
 def spread_kernel(
     *,
-    N: int = 3,
+    N: int = 3,  # noqa: N803  # as mpe2 calls it
     local_ratio: float = 0.5,
     max_cycles: int = HORIZON,
     continuous_actions: bool = False,
@@ -263,7 +263,7 @@ class Spread(ParticleTicks):
     def __init__(
         self,
         *,
-        N: int = 3,
+        N: int = 3,  # noqa: N803  # as mpe2 calls it
         dynamic_rescaling: bool = True,
         render_mode: str | None = None,
         debug: bool = False,

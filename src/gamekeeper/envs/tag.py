@@ -156,7 +156,7 @@ def stepper(steer: Any, *, by_role: bool) -> Any:
 
 
 def observer(others: int | None, marks: int | None) -> Any:
-    """`observe(s, t, obs)`: what each agent sees (R5), of so many others and marks; None: of all."""
+    """`observe(s, t, obs)`: what all see (R5), of so many others and marks each; None: of all."""
     show_marks, show_others = sight.marks_shower(marks), sight.others_shower(others)
     show_speeds = show_prey if others is None else speeds_shower(others)
 
@@ -271,9 +271,7 @@ def tag_kernel(
         observe=observe,
         inform=inform,
         info=[("collisions", "i8")],
-        overview=sight.overview_of(
-            observe, shapes if others is None else [(len(names), hunter)]
-        ),
+        overview=sight.overview_of(observe, shapes if others is None else [(len(names), hunter)]),
         state_space=p.seen_space(sum(lengths.values())),
         terms=("catch", "caught", "bound"),
         endings=("caught",),
