@@ -86,7 +86,7 @@ def _store_class() -> Any:
             return f"{self.title}-{digest}.kernel"
 
         def load_overload(self, signature: Any, target: Any) -> Any:
-            target.refresh()
+            numba_part("core.runtime").rtsys.initialize(target)  # all that machine code needs
             file = self.file_of(signature, target.codegen())
             for folder in folders():
                 try:
