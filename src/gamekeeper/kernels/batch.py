@@ -47,7 +47,7 @@ class Batch:
         make: Made | None = None,
     ) -> None:
         self.kernel, self.num_envs = kernel, num_envs
-        self.records: NDArray[Any] = np.zeros(num_envs, kernel.dtype)
+        self.records: NDArray[Any] = kernel.records(num_envs)
         self.arrays: Arrays = arrays_of(kernel, self.records, make)
         self._tables = tables_of(kernel)
         self._places = places_of(self.records, self._tables, self.arrays)

@@ -56,8 +56,8 @@ class Bench:
 
 
 def bench_of(kernel: Kernel) -> Bench:
-    """A bench of zeros."""
-    records = np.zeros(1, kernel.dtype)
+    """A bench before its first episode."""
+    records = kernel.records(1)
     return Bench(records, arrays_of(kernel, records))
 
 

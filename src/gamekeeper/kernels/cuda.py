@@ -57,7 +57,7 @@ class CudaBatch:
         self.kernel, self.num_envs, self._checks = kernel, num_envs, checks
         self._seeds = EpisodeSeeds(seed)
         self._is_next, self._tells = autoreset == "next_step", infos
-        self._records = np.zeros(num_envs, kernel.dtype)
+        self._records = kernel.records(num_envs)
         self._host, tables = arrays_of(kernel, self._records), tables_of(kernel)
         self._wrong = np.full(1, code.NOBODY, np.int64)
         self._memory, self._put, self._nobody = memory_of.Memory(), memory_of.put, code.NOBODY

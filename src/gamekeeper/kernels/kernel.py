@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from gymnasium import spaces
@@ -17,6 +17,8 @@ Field: TypeAlias = tuple[str, str] | tuple[str, str, tuple[int, ...]]
 """Name, dtype and shape of a part of the state."""
 Space: TypeAlias = spaces.Space[Any]
 MASK = "action_mask"
+MOST: Final = 2**31
+"""Ticks that nobody plays."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,6 +165,20 @@ class Kernel:
         """One agent's info; a byte that nobody fills where there is none."""
         return np.dtype(list(self.info), align=True) if self.info else np.dtype(np.int8)
 
+    @property
+    def limit(self) -> int:
+        """What stands in `s.limit` of every copy: the horizon, 0 where there is none.
+
+        It is state and no constant of the rules, so that all horizons share their compiled code.
+        """
+        return 0 if self.horizon is None or self.horizon >= MOST else self.horizon
+
+    def records(self, num_envs: int) -> np.ndarray[Any, Any]:
+        """The state of so many copies, before their first episode."""
+        records = np.zeros(num_envs, self.dtype)
+        records["limit"] = self.limit
+        return records
+
     def observation_of(self, agent: str) -> Space:
         """The observation space of an agent."""
         space: Space = self._space_of(self.observation_space, agent)
@@ -183,8 +199,8 @@ class Kernel:
     def _own_fields(self) -> list[Any]:
         agents = (len(self.agents),)
         own: list[Any] = [
-            *draws.FIELDS, ("number", "i8"), ("time", "i8"), ("live", "i1", agents),
-            ("ending", "i1", agents),
+            *draws.FIELDS, ("number", "i8"), ("time", "i8"), ("limit", "i4"),
+            ("live", "i1", agents), ("ending", "i1", agents),
         ]  # fmt: skip
         if self.step is None:
             own += [("turn", "i8"), ("ticks", "i8"), ("acted", "i1", agents), ("due", "i1", agents)]

@@ -27,7 +27,7 @@ def kernel_key(kernel: Kernel) -> str:
     for name in RULES:
         digest.update(f"{name} {key_of(getattr(kernel, name))}".encode())
     spaces = [str(group.action_space) for group in kernel.groups]
-    numbers = kernel.horizon, kernel.plays_illegal, len(kernel.terms), kernel.tables is None
+    numbers = kernel.limit > 0, kernel.plays_illegal, len(kernel.terms), kernel.tables is None
     digest.update(repr((shapes(kernel), spaces, numbers)).encode())
     return digest.hexdigest()
 

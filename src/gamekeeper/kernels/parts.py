@@ -7,11 +7,11 @@ from typing import Any, Final
 
 from gymnasium import spaces
 
+from gamekeeper.kernels.inner import inner
 from gamekeeper.kernels.kernel import MASK, Kernel
 from gamekeeper.kernels.rows import plain_row, row
-from gamekeeper.kernels.rules import OPTIONS, as_python, numba
+from gamekeeper.kernels.rules import as_python
 
-NO_HORIZON: Final = 1 << 62
 HORIZON: Final = -1
 """What `s.ending` says of who met the horizon."""
 UNNAMED: Final = 127
@@ -36,9 +36,9 @@ class Parts:
         return plain_row if self.is_plain else row
 
     @property
-    def horizon(self) -> int:
-        """Ticks, or more than anybody plays."""
-        return NO_HORIZON if self.kernel.horizon is None else self.kernel.horizon
+    def is_timed(self) -> bool:
+        """Whether `s.limit` says after how many ticks everybody is truncated."""
+        return self.kernel.limit > 0
 
     def rule(self, name: str) -> Any:
         """The kernel's rule of that name, with `t` (tables) as its second argument.
@@ -66,7 +66,7 @@ class Parts:
 
         A call hands over seven words for each array, and that costs more than a cheap rule.
         """
-        return function if self.is_plain else numba().njit(function, forceinline=True, **OPTIONS)
+        return function if self.is_plain else inner(function, forceinline=True)
 
     def _count(self, name: str) -> int:
         turns = self.kernel.api == "aec"

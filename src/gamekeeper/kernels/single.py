@@ -92,8 +92,10 @@ def _on_one(parts: Parts) -> tuple[Any, Any, Any, Any]:
 
     def start(s: Any, t: Any, a: Any, seed: Any, episode: Any) -> None:
         clear(a)
+        limit = s.limit
         for i in range(len(a.raw)):
             a.raw[i] = 0
+        s.limit = limit
         s.seed = seed
         s.episode = episode
         s.block = -1

@@ -14,10 +14,11 @@ def begin_one(parts: Parts) -> Any:
     count, is_aec = len(parts.kernel.agents), parts.kernel.api == "aec"
 
     def begin(s: Any, t: Any, a: Any, pool: Any, constant: Any) -> None:
-        number = s.number
+        number, limit = s.number, s.limit
         for i in range(len(a.raw)):
             a.raw[i] = 0
         s.number = number
+        s.limit = limit
         s.seed = seed_of(pool, constant, number)
         s.block = -1
         for i in range(count):
@@ -119,12 +120,12 @@ def tick_driver(parts: Parts) -> tuple[Any, Any]:
 def player(parts: Parts) -> Any:
     """`play(s, t, a)`: the rules of a tick; who ended isn't live after it. How many are left."""
     rules, close = parts.rule("step"), close_books(parts)
-    count, horizon = len(parts.kernel.agents), parts.horizon
+    count, is_timed = len(parts.kernel.agents), parts.is_timed
 
     def play(s: Any, t: Any, a: Any) -> Any:
         s.time += 1
         rules(s, t, a.actions, a.terms, a.terminated, a.truncated)
-        left = close(s, a, s.time >= horizon)
+        left = close(s, a, is_timed and s.time >= s.limit)
         for i in range(count):
             if a.terminated[i] or a.truncated[i]:
                 s.live[i] = 0

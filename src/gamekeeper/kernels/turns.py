@@ -10,7 +10,7 @@ from gamekeeper.kernels.ticks import begin_one, clear_books, close_books, first_
 
 def turn_driver(parts: Parts) -> tuple[Any, Any]:
     """What begins an episode of one copy, and what plays one turn of it."""
-    show, keep, play = _shower(parts), keeper(parts), player(parts)
+    show, keep, play = shower(parts), keeper(parts), player(parts)
     begin, clear = begin_one(parts), clear_books(parts)
     count = len(parts.kernel.agents)
 
@@ -80,7 +80,7 @@ def _clock(parts: Parts) -> Any:
     A tick is over once all who were live as it began have had a turn or ended, or the turn comes to
     an agent that already had one in it; who joins begins with the next.
     """
-    count, horizon, is_timed = len(parts.kernel.agents), parts.horizon, parts.kernel.horizon
+    count = len(parts.kernel.agents)
 
     def ended(s: Any, a: Any, agent: Any) -> Any:
         s.acted[agent] = 1
@@ -98,15 +98,15 @@ def _clock(parts: Parts) -> Any:
             s.acted[i] = 0
             is_there = s.live[i] != 0 and not (a.terminated[i] or a.truncated[i])
             s.due[i] = 1 if is_there else 0
-        return s.ticks == horizon
+        return s.ticks == s.limit
 
     def never(s: Any, a: Any, agent: Any) -> Any:
         return False
 
-    return parts.made(ended if is_timed is not None else never)
+    return parts.made(ended if parts.is_timed else never)
 
 
-def _shower(parts: Parts) -> Any:
+def shower(parts: Parts) -> Any:
     """`show(s, t, a, tells, is_over)`: what the agent in turn is given; nothing where all ended."""
     observe, mask, inform = (parts.rule(name) for name in ("observe", "mask", "inform"))
     blank, blank_mask = parts.blank_whole(), parts.made(_clear)
