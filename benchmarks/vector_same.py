@@ -1,4 +1,4 @@
-"""Serial and process engines, 1 to 4 workers: the same fingerprints, episode by episode.
+"""Serial, process (1 to 4 workers) and kernel engines: the same fingerprints, episode by episode.
 
 Copies of each of our tasks are recorded at level `digest` under random legal actions. An action
 hangs on its episode, turn and agent alone, so that engines and workers have no say in it; what is
@@ -28,7 +28,7 @@ import gamekeeper as gk
 
 FIGURE: Final = "vector_same"
 TASKS: Final = ("two_robot_line", "handover", "warehouse_turns", "warehouse")
-ENGINES: Final = ("serial", *(f"process {workers}" for workers in (1, 2, 3, 4)))
+ENGINES: Final = ("serial", *(f"process {workers}" for workers in (1, 2, 3, 4)), "kernel")
 TAG: Final = np.uint64(0x9E3779B97F4A7C15)  # the golden ratio's, as splitmix64 has it
 SEED: Final = 0
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from gamekeeper.core.press import state_digests
 from gamekeeper.kernels.hashing import row_digests as hashed
 from gamekeeper.kernels.kernel import MASK
 from gamekeeper.vector.kernel_rows import done_values, given_values, rows_of
-from gamekeeper.vector.kernel_tape import Tape, group_of, key_of
+from gamekeeper.vector.kernel_tape import Tape
 from gamekeeper.vector.kernel_texts import info_texts, mask_texts
 
 DIGEST, TEXT = "digest", "info without"
@@ -178,7 +178,7 @@ class KernelPress:
         masks: dict[int, Raw] = {}
         if self._kernel.mask is None:
             return masks, None
-        texts, places = [], []
+        texts, places = [], list[Any]()
         for g, group in enumerate(self._kernel.groups):
             mine = self._of_group(rows, g)
             own = rows if mine is None else rows[mine]
@@ -245,4 +245,4 @@ def _merge(
     cells.values[mine], cells.valid[mine] = raw, valid
 
 
-__all__ = ["DIGEST", "TEXT", "KernelPress", "group_of"]
+__all__ = ["DIGEST", "TEXT", "KernelPress"]

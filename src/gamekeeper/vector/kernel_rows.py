@@ -242,7 +242,7 @@ def _in_group(
         return source
     group = tape.kernel.groups[group_of(name)]
     whole = (tape.slots + 1) * tape.copies * tape.agents
-    inside = (source // tape.agents) * group.count + agent - group.first
+    inside: NDArray[np.int64] = (source // tape.agents) * group.count + agent - group.first
     is_apart = source >= whole
     if is_apart.any():
         others = _apart(tape, "agent")

@@ -202,7 +202,7 @@ def by_group(kernel: Kernel, name: str, whole: Any) -> Arrays:
     parts = (whole,) if len(kernel.groups) == 1 else whole
     found: Arrays = {}
     for g, part in enumerate(parts):
-        if isinstance(part, tuple):
+        if hasattr(part, "_fields"):
             found |= {f"{name}.{g}.{key}": getattr(part, key) for key in part._fields}
         else:
             found[f"{name}.{g}"] = part
@@ -284,7 +284,7 @@ class TurnTape(Tape):
     given_more = (("news", "?"), ("received", "f8"))
 
     def __init__(self, batch: Batch, *, is_next: bool, in_turn_first: bool = False) -> None:
-        """As of all tapes; `in_turn_first`: of several that end, who would be in turn leaves first."""
+        """As of all tapes; `in_turn_first`: who would be in turn leaves before others that end."""
         super().__init__(batch, is_next=is_next)
         self.in_turn_first = in_turn_first
         self.sums = np.zeros((self.copies, self.agents))
@@ -332,8 +332,9 @@ class TurnTape(Tape):
         a, given = self.batch.arrays, self.given
         places = np.where(flags, self.places, np.iinfo(np.int64).max)
         if self.in_turn_first:
-            is_first = flags[self.everybody, a_turn := self.batch.records["turn"]]
-            places[self.everybody[is_first], a_turn[is_first]] = -1
+            then = self.batch.records["turn"]
+            is_first = np.flatnonzero(flags[self.everybody, then])
+            places[is_first, then[is_first]] = -1
         order = np.argsort(places, axis=1, kind="stable")
         rank = np.argsort(order, axis=1, kind="stable")
         e, i = np.nonzero(flags)
@@ -346,7 +347,8 @@ class TurnTape(Tape):
         )  # fmt: skip
         if "state" in given:
             put(self.apart.states, episode=episode, turn=turn, state=a.state[e])
-        others = (flags | joined) & flags.any(1)[:, None] & (rank != 0)
+        has_ended: Any = flags.any(1)
+        others = (flags | joined) & has_ended[:, None] & (rank != 0)
         e, i = np.nonzero(others)
         put(
             self.apart.rows,
