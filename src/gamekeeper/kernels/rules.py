@@ -44,8 +44,11 @@ def rule(function: Callable[..., Any]) -> Any:
     A rule works on numbers, on records and on arrays of fixed shape; it may call other rules, and
     functions of `math`. What it takes from outside (constants, tables) is frozen when it compiles.
     """
-    found = numba()
-    return function if found is None else found.njit(function, **OPTIONS)
+    if numba() is None:
+        return function
+    from gamekeeper.kernels.inner import inner  # which knows rules
+
+    return inner(function)
 
 
 class Plain(np.ndarray[Any, Any]):
