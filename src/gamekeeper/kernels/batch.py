@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+import math
+import time
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +12,20 @@ from numpy.typing import NDArray
 from gamekeeper.core.episode_seeds import EpisodeSeeds
 from gamekeeper.errors import SpecError
 from gamekeeper.kernels.arrays import Arrays, Made, arrays_of
+from gamekeeper.kernels.crew import Crew
 from gamekeeper.kernels.drivers import driver_of, plain_driver
+from gamekeeper.kernels.hashing import row_digests
 from gamekeeper.kernels.judge import refuse
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.places import places_of, tables_of
 from gamekeeper.kernels.rules import numba
+
+DIGEST_SIZE: Final = 16
+"""Bytes of a state's digest."""
+WORTH_S: Final = 60e-6
+"""A step that takes less time in one thread isn't shared: waking another one takes 10 us or so."""
+TRIES: Final = 4
+"""Steps in one thread before that is known; the first may compile."""
 
 
 class Batch:
@@ -32,6 +43,8 @@ class Batch:
         autoreset: `same_step` or `next_step`, as `gk.vector.make` has them.
         infos: fills `arrays.infos` at every step.
         debug: plain Python, for breakpoints in the rules.
+        threads: that step parts of the batch at once, where a step takes long enough for it to
+            pay; the results are the same to the last bit.
         make: makes the arrays; None: they are NumPy's.
     """
 
@@ -44,6 +57,7 @@ class Batch:
         autoreset: str = "same_step",
         infos: bool = False,
         debug: bool = False,
+        threads: int = 1,
         make: Made | None = None,
     ) -> None:
         self.kernel, self.num_envs = kernel, num_envs
@@ -59,6 +73,8 @@ class Batch:
         )
         self._seeds = EpisodeSeeds(seed)
         self._is_next, self._tells = autoreset == "next_step", infos
+        self._crew = Crew(threads) if threads > 1 and not is_plain else None
+        self._quickest_s, self._tries = math.inf, TRIES
 
     def reset(self, seed: int | None = None) -> Any:
         """Every copy begins its first episode of the run; returns the observations."""
@@ -112,29 +128,72 @@ class Batch:
         return states
 
     def _play(self, *, is_next: bool) -> None:
-        a = self.arrays
         if not self._driver.judge(self._places, 0, self.num_envs):
-            refuse(self.kernel, a)
-        self._driver.step(
-            self._places, 0, self.num_envs, self._seeds.pool, self._seeds.constant,
-            self.num_envs, is_next, self._tells,
-        )  # fmt: skip
+            refuse(self.kernel, self.arrays)
+        rest = self._seeds.pool, self._seeds.constant, self.num_envs, is_next, self._tells
+        if self._crew is None:
+            self._driver.step(self._places, 0, self.num_envs, *rest)
+        elif self._tries:
+            self._try(rest)
+        else:
+            step, places = self._driver.step, self._places
+            self._crew.run(lambda first, last: step(places, first, last, *rest), self.num_envs)
 
-    def snapshot(self) -> bytes:
-        """The state of all copies."""
-        return self.records.tobytes()
+    def _try(self, rest: tuple[Any, ...]) -> None:
+        """A step in one thread, by the clock: whether it is worth more threads."""
+        start = time.perf_counter()
+        self._driver.step(self._places, 0, self.num_envs, *rest)
+        self._quickest_s = min(self._quickest_s, time.perf_counter() - start)
+        self._tries -= 1
+        if not self._tries and self._quickest_s < WORTH_S:
+            self._crew = None
 
-    def restore(self, snapshot: bytes) -> None:
-        """Goes on from a snapshot of a batch of the same kernel and as many copies.
+    # -- copies as bytes
+
+    def snapshot(self, e: int | None = None) -> bytes:
+        """The state of copy e; None: of all copies, one after the other."""
+        return self._chosen(e).tobytes()
+
+    def restore(self, snapshot: bytes, e: int | None = None) -> None:
+        """Goes on from a snapshot of copy e, or of all; also of another batch of the same kernel.
+
+        The arrays show the state that was put back: nobody was paid, and who had just ended sees
+        nothing any more. Where all have ended, a new episode begins with the next step.
 
         Raises:
-            SpecError: it is of another one.
+            SpecError: it is of another kernel, or of another number of copies.
         """
-        if len(snapshot) != self.records.nbytes:
+        chosen = self._chosen(e)
+        if len(snapshot) != chosen.nbytes:
             raise SpecError(
                 "a snapshot of other copies",
                 where="restore",
-                expected=f"{self.records.nbytes} bytes",
+                expected=f"{chosen.nbytes} bytes",
                 seen=f"{len(snapshot)} bytes",
             )
-        self.records[...] = np.frombuffer(snapshot, self.records.dtype)
+        chosen[...] = np.frombuffer(snapshot, self.records.dtype)
+        first = 0 if e is None else e
+        last = first + len(chosen)
+        a = self.arrays
+        for array in (a.rewards, a.terms, a.terminated, a.truncated, a.ended):
+            array[first:last] = 0
+        self._driver.show(self._places, first, last, self._tells)
+
+    def digest(self) -> NDArray[np.uint8]:
+        """A digest of each copy's state, [copy, 16]; equal states have equal ones."""
+        return row_digests(self.arrays.raw, DIGEST_SIZE)
+
+    def equal(self, other: Batch) -> NDArray[np.bool_]:
+        """Which copies are in the same state as those of another batch of the kernel, [copy]."""
+        same: NDArray[np.bool_] = (self.arrays.raw == other.arrays.raw).all(axis=1)
+        return same
+
+    def _chosen(self, e: int | None) -> NDArray[Any]:
+        if e is not None and not 0 <= e < self.num_envs:
+            raise SpecError(
+                "there is no such copy",
+                where="snapshot",
+                expected=f"0 to {self.num_envs - 1}",
+                seen=repr(e),
+            )
+        return self.records if e is None else self.records[e : e + 1]

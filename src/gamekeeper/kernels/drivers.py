@@ -22,7 +22,9 @@ from gamekeeper.kernels.places import copy_of
 from gamekeeper.kernels.places import tables_of as tables_of
 from gamekeeper.kernels.rows import plain_row
 from gamekeeper.kernels.rules import Copy
+from gamekeeper.kernels.ticks import shower as tick_shower
 from gamekeeper.kernels.ticks import tick_driver
+from gamekeeper.kernels.turns import shower as turn_shower
 from gamekeeper.kernels.turns import turn_driver
 
 
@@ -42,6 +44,8 @@ class Driver:
         restart: `restart(places, first, last, pool, constant, slots, tells)`: who is over begins
             episode number + slots.
         overview: `overview(places, first, last)`: fills the states that `state()` gives.
+        show: `show(places, first, last, tells)`: shows the copies as they are; who is without a
+            live agent is over.
     """
 
     begin: Callable[..., None]
@@ -49,6 +53,7 @@ class Driver:
     judge: Callable[..., bool]
     restart: Callable[..., None]
     overview: Callable[..., None]
+    show: Callable[..., None]
 
 
 def driver_of(kernel: Kernel) -> Driver:
@@ -64,7 +69,7 @@ def _compiled(kernel: Kernel) -> Driver:
     copy = copy_of(kernel)
     loops = (
         *_loops(copy, *one, judge_one(parts)),
-        *_rare_loops(copy, one[0], parts.rule("overview")),
+        *_rare_loops(copy, one[0], parts.rule("overview"), show_one(parts)),
     )
     return Driver(*(compiled(each, kernel.name, code_key(each, kernel)) for each in loops))
 
@@ -96,7 +101,23 @@ def _loops(copy: Any, begin_one: Any, step_one: Any, judge: Any) -> tuple[Any, A
     return begin, step, judge_all
 
 
-def _rare_loops(copy: Any, begin_one: Any, overview_one: Any) -> tuple[Any, Any]:
+def show_one(parts: Parts) -> Any:
+    """`show(s, t, a, tells)`: what is given now; whether nobody is live any more."""
+    is_aec, count = parts.kernel.api == "aec", len(parts.kernel.agents)
+    show = turn_shower(parts) if is_aec else tick_shower(parts)
+
+    def show_now(s: Any, t: Any, a: Any, tells: Any) -> Any:
+        is_over = True
+        for i in range(count):
+            a.live[i] = s.live[i] != 0
+            is_over &= s.live[i] == 0
+        show(s, t, a, tells, is_aec and is_over)
+        return is_over
+
+    return parts.made(show_now)
+
+
+def _rare_loops(copy: Any, begin_one: Any, overview_one: Any, show: Any) -> tuple[Any, Any, Any]:
     def restart(
         places: Any, first: Any, last: Any, pool: Any, constant: Any, slots: Any, tells: Any
     ) -> None:
@@ -112,7 +133,12 @@ def _rare_loops(copy: Any, begin_one: Any, overview_one: Any) -> tuple[Any, Any]
             s, t, a = copy(places, e)
             overview_one(s, t, a.state)
 
-    return restart, overview
+    def show_all(places: Any, first: Any, last: Any, tells: Any) -> None:
+        for e in range(first, last):
+            s, t, a = copy(places, e)
+            a.over[()] = show(s, t, a, tells)
+
+    return restart, overview, show_all
 
 
 def plain_driver(
@@ -154,7 +180,13 @@ def plain_driver(
         for e in range(first, last):
             overview_one(found[e], t, rows[e].state)
 
-    return Driver(begin, step, judge, restart, overview)
+    show_row = show_one(parts)
+
+    def show(places: Any, first: int, last: int, tells: bool) -> None:
+        for e in range(first, last):
+            arrays.over[e] = show_row(found[e], t, rows[e], tells)
+
+    return Driver(begin, step, judge, restart, overview, show)
 
 
 def copies(records: NDArray[Any]) -> list[Copy]:
