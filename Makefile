@@ -2,6 +2,7 @@
 # Settings: PYTHON=/path/to/python3   VENV=.venv   ARGS="arguments for pytest"
 
 VENV ?= .venv
+TRAINER ?= sb3
 PYTHON ?=
 ARGS ?=
 export PYTHON
@@ -11,12 +12,13 @@ SOURCES := $(wildcard src tests examples benchmarks)
 LOCK := uv pip compile --quiet --generate-hashes --no-emit-index-url --universal --fork-strategy fewest --python-version 3.11
 DEMO := warehouse --policy reference
 
-.PHONY: help demo test check format-check lint types format lock clean moved
+.PHONY: help demo test trainer-test check format-check lint types format lock clean moved
 .DELETE_ON_ERROR:
 
 help:
 	@echo "make demo     set up, then record and replay the warehouse task; evidence in runs/demo"
 	@echo "make test     set up, then run the tests (ARGS='-k replay' hands arguments to pytest)"
+	@echo "make trainer-test TRAINER=sb3   the tests of one trainer's adapter, in an environment of its own, $(VENV)-sb3"
 	@echo "make check    what must hold before a commit: format, lint, types, tests (docs drift and layers are among them)"
 	@echo "make format   reformat the sources, mend what ruff can mend"
 	@echo "make lock     compile requirements/*.txt again (needs uv; UPGRADE=--upgrade for newer versions)"
@@ -29,6 +31,16 @@ demo: $(VENV)/base.stamp
 
 test: $(VENV)/test.stamp
 	$(RUN) pytest $(ARGS)
+
+# A trainer's pins conflict with another's, so each has its own environment and lock; several gigabytes with torch.
+trainer-test:
+	@test -f requirements/trainers/$(TRAINER).txt || { echo "no trainer of that name; known: $(notdir $(basename $(wildcard requirements/trainers/*.txt)))" >&2; exit 1; }
+	$(MAKE) $(VENV)-$(TRAINER)/trainer.stamp VENV=$(VENV)-$(TRAINER)
+	$(VENV)-$(TRAINER)/bin/python -m pytest -m trainer tests/adapters/test_$(TRAINER).py $(ARGS)
+
+$(VENV)/trainer.stamp: $(VENV)/home.stamp requirements/trainers/$(TRAINER).txt pyproject.toml
+	@requirements/setup.sh install $(VENV) requirements/trainers/$(TRAINER).txt
+	@touch $@
 
 check: format-check lint types test
 
@@ -49,6 +61,8 @@ lock:
 	@command -v uv >/dev/null || { echo "make lock needs uv: pip install uv" >&2; exit 1; }
 	$(LOCK) $(UPGRADE) --extra fast pyproject.toml requirements/base.in -o requirements/base.txt
 	$(LOCK) $(UPGRADE) --extra fast --extra frames --extra query pyproject.toml requirements/base.in requirements/test.in -o requirements/test.txt
+	@set -e; for asked in requirements/trainers/*.in; do trainer=$$(basename $$asked .in); echo "locking $$trainer"; \
+		$(LOCK) $(UPGRADE) --extra fast --extra $$trainer pyproject.toml requirements/base.in $$asked -o requirements/trainers/$$trainer.txt; done
 
 clean:
 	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -72,6 +72,15 @@ def load(group: str, package: str | None = None) -> Plugins:
     return Plugins(MappingProxyType(found), tuple(broken))
 
 
+def one(group: str, name: str) -> object | None:
+    """What an entry point of this name is, of the first distribution by its value; None: nobody's.
+
+    Nothing else of the group is loaded.
+    """
+    entries = sorted(entry_points(group=group, name=name), key=lambda entry: entry.value)
+    return entries[0].load() if entries else None
+
+
 def _modules(package: str) -> list[str]:
     names = [info.name for info in pkgutil.iter_modules(importlib.import_module(package).__path__)]
     return sorted(name for name in names if not name.startswith("_"))

@@ -16,6 +16,7 @@ EXTRAS = [
     text
     for extra, texts in PROJECT["optional-dependencies"].items()
     if extra != "cuda"  # only machines with a device install it
+    and not (ROOT / "requirements" / "trainers" / f"{extra}.in").exists()  # has its own lock
     for text in texts
 ]
 

@@ -18,6 +18,8 @@ from gamekeeper.game.opening.identity import source_digest
 from gamekeeper.game.opening.load import load_file, load_module, split_file
 
 GROUP: Final = "gamekeeper.policies"
+SCHEMES: Final = "gamekeeper.schemes"
+"""Entry points by the word before a policy's colon; each is a `Scheme`."""
 _PACKAGE: Final = "gamekeeper.game.policies"
 EVERYONE: Final = "*"
 """Whom a choice is for that names neither an agent nor a role."""
@@ -59,7 +61,8 @@ def resolve(choice: Choice, *, schemes: Mapping[str, Scheme] | None = None) -> C
     Args:
         choice: `random`, `first-legal`, `noop`, `module:callable`, `file.py:callable`, or a
             callable.
-        schemes: further forms by the word before their colon.
+        schemes: further forms by the word before their colon, beside those that entry points
+            bring (`sb3:model.zip`).
 
     Raises:
         PolicyError: there is no such policy, loading it raised, or it can't be called as a policy.
@@ -73,10 +76,12 @@ def resolve(choice: Choice, *, schemes: Mapping[str, Scheme] | None = None) -> C
     if name in built_ins:
         return Chosen(name, built_ins[name].VERSION, built_ins[name])
     scheme, colon, rest = name.partition(":")
-    if colon and scheme in (schemes or {}):
+    if colon:
         with _as_policy_error(name):
-            policy = (schemes or {})[scheme](rest)
-        return _checked(name, policy)
+            load: Any = (schemes or {}).get(scheme) or plugins.one(SCHEMES, scheme)
+            policy = None if load is None else load(rest)
+        if policy is not None:
+            return _checked(name, policy)
     if not colon or not rest:
         raise PolicyError(
             f"there is no policy called {name!r}{nearest(name, built_ins)}",
