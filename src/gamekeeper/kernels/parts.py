@@ -8,7 +8,6 @@ from typing import Any, Final
 from gymnasium import spaces
 
 from gamekeeper.kernels.inner import inner
-from gamekeeper.kernels.inner import inner
 from gamekeeper.kernels.kernel import MASK, Kernel
 from gamekeeper.kernels.rows import plain_row, row
 from gamekeeper.kernels.rules import as_python
