@@ -80,13 +80,13 @@ def test_handover_has_its_slot_in_the_middle(reach, shared, slot):
 
 def test_handover_parts_arrive_whatever_is_done():
     """R2: arrivals depend on the seed alone, the first within `gap`, then gaps of `gap` on mean."""
-    env, gaps = Handover(parts=6), []
+    env, gaps = Handover(parts=6, debug=True), []
     for seed in range(100):
         env.reset(seed=seed)
         times = env.arrivals
         assert 1 <= times[0] <= 16
         gaps += np.diff(times).tolist()
-        other = Handover(parts=6, reach=5, shared=1)
+        other = Handover(parts=6, reach=5, shared=1, debug=True)
         other.reset(seed=seed)
         assert other.arrivals == times
     assert (min(gaps), max(gaps)) == (1, 31)
@@ -253,7 +253,7 @@ def test_handover_policies_differ():
 def test_handover_reference_solves_other_sizes():
     """The reference reads sizes from what it sees."""
     for sizes in ({"reach": 1, "shared": 1}, {"reach": 3, "shared": 4, "gap": 30}, {"parts": 9}):
-        env = Handover(**sizes, horizon=900, tray=9)
+        env = Handover(**sizes, horizon=900, tray=9, debug=True)
         rows(env, 2, most=3000)
         assert env.endings[GIVER] == "done", sizes
 

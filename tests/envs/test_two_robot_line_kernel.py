@@ -11,6 +11,7 @@ import pytest
 
 from gamekeeper.core.episode_seeds import EpisodeSeeds
 from gamekeeper.envs.two_robot_line import HORIZON, KNOBS, TwoRobotLine, two_robot_line_kernel
+from gamekeeper.kernels.keys import kernel_key
 from tests.envs.alike import ticks_alike, uniform
 from tests.references.two_robot_line import TwoRobotLine as Reference
 
@@ -34,6 +35,8 @@ def test_line_kernel_meets_the_horizon_as_the_reference(n: int) -> None:
     """Robots that stand still are truncated in the same tick."""
     ends = ticks_alike(Reference(n=n), TwoRobotLine(n=n), choose=_stay, seed=0, steps=500)
     assert ends == {"horizon": 4}
+    short = Reference(n=n, horizon=7), TwoRobotLine(n=n, horizon=7)
+    assert ticks_alike(*short, choose=_stay, seed=0, steps=50) == {"horizon": 14}
     form = TwoRobotLine().declared
     assert form is not None
     assert form.schedule is not None
@@ -48,6 +51,12 @@ def test_line_knobs_disturb_as_in_the_reference(name: str) -> None:
     endings = ticks_alike(Reference(n=7, **knobs), ours, choose=uniform(3), seed=6, steps=1_000)
     assert endings["met"] > 5
     assert ours.not_batched == "knobs"
+
+
+def test_line_lengths_and_horizons_share_compiled_code() -> None:
+    """Numbers of the task are read as the rules run, so none of them makes a user wait."""
+    kernels = [two_robot_line_kernel(n=n, horizon=horizon) for n, horizon in ((2, 7), (50, None))]
+    assert kernel_key(kernels[0]) == kernel_key(kernels[1])
 
 
 def test_line_batch_plays_as_copies_one_by_one() -> None:
