@@ -32,7 +32,7 @@ constexpr int AHEAD[4] = {-WIDTH, WIDTH, -1, 1}, TURNED[2][4] = {{2, 3, 1, 0}, {
 struct Copy {
     int64_t seed, draws, block, number, time;
     uint32_t words[4];
-    int idle;
+    int idle, delivered;
     int16_t cell[N], to[N], behind[N];
     int8_t live[N], ending[N], facing[N], load[N];
     int8_t sight[CELLS], robots[CELLS], claims[CELLS];
@@ -192,7 +192,7 @@ static void play(Copy& s, const Tables& t, const int64_t* actions, double* rewar
     s.idle++;
     for (int goal : t.goals)
         if (s.sight[goal] >= 10) {
-            s.idle = 0;
+            s.idle = 0, s.delivered++;
             int left = integers(s, uint32_t(t.shelves - REQUESTS));
             for (auto& cell : s.sight)
                 if (cell >= 5 && cell < 10 && left-- == 0) {

@@ -91,7 +91,7 @@ def compare(arguments, *, steps, seed):
 @pytest.mark.parametrize("name", CASES)
 def test_foraging_is_lbforaging_step_by_step(name):
     """Observations, rewards and ends are equal bit by bit, from the first state on."""
-    paid, _, episodes = compare(CASES[name], steps=500, seed=len(name))
+    paid, _, episodes = compare(CASES[name], steps=300, seed=len(name))
     assert paid != 0
     assert episodes > 4
 

@@ -135,7 +135,7 @@ def test_robotic_warehouse_is_rware_step_by_step(name, monkeypatch):
     """Observations, rewards and ends are equal bit by bit, from the first state on."""
     weights = [0.2] * 5 if "uniform" in name else BIASED
     paid, _, ends = compare(
-        CASES[name], steps=400, seed=len(name), monkeypatch=monkeypatch, weights=weights
+        CASES[name], steps=200, seed=len(name), monkeypatch=monkeypatch, weights=weights
     )
     assert paid > 0 or name in ("tiny", "tiny, uniform", "small", "medium")
     assert ends > 0 or name not in ("alley", "scaled")

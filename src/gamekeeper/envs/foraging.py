@@ -308,8 +308,9 @@ def show(s, t, obs, i, at, j, top, left):  # type: ignore[no-untyped-def]  # lik
 
 @rule
 def inform(s, t, infos):  # type: ignore[no-untyped-def]  # likewise
-    """How much food observations have room for: they don't say where players begin."""
+    """How much food is left, and how much observations have room for, before the players."""
     for i in range(len(s.row)):
+        infos[i].left = s.left
         infos[i].foods = len(s.worth)
 
 
@@ -373,7 +374,7 @@ def foraging_kernel(
         step=step,
         observe=observe,
         inform=inform,
-        info=[("foods", "i8")],
+        info=[("left", "i8"), ("foods", "i8")],
         overview=overview,
         state_space=Box(np.zeros_like(top), top, dtype=np.int64),
         tables=field.tables(),

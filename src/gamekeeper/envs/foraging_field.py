@@ -54,6 +54,7 @@ class Field:
             within("field_size", side, 3, WIDEST)
         within("sight", self.sight, 1, WIDEST)
         within("players", self.players, 1, self.size[0] * self.size[1])
+        within("max_num_food", self.foods, 1, self.size[0] * self.size[1])
         least = int(self._three()[0])
         if not self.is_coop and ((self.worth[:, 1] == 0) & (self.worth[:, 0] > least)).any():
             raise SpecError(

@@ -160,7 +160,7 @@ def tables_of(
             ("floor", "i1", (inside.size,)), ("cells", "i4", (cells.size,)),
             ("homes", "i4", (homes.size,)), ("goals", "i4", (len(goals),)),
             ("around", "i4", (side * side,)), ("ahead", "i4", (4,)), ("turned", "i1", (2, 4)),
-            ("own", "f4", (inside.size, 3)), ("look", "f4", (LOOKS, SENSED)),
+            ("own", "f4", (inside.size, 3)), ("look", "f4", (LOOKS, 1 + SENSED)),
             ("requests", "i4"), ("inactivity", "i4"), ("pays", "i4"),
         ],
     )  # fmt: skip
@@ -174,7 +174,7 @@ def tables_of(
     y, x = np.divmod(np.arange(inside.size), width)
     scale = (max(columns - 1, 1), max(rows - 1, 1)) if is_scaled else (1, 1)
     t["own"] = np.stack([(x - margin) / scale[0], (y - margin) / scale[1], ~places.ravel()], 1)
-    t["look"] = [_look(code) for code in range(LOOKS)]
+    t["look"][:, 1:] = [_look(code) for code in range(LOOKS)]
     t["requests"], t["inactivity"], t["pays"] = requests, inactivity, pays
     return tables
 
