@@ -53,11 +53,12 @@ from gamekeeper.errors import SpecError
 from gamekeeper.kernels import draws
 from gamekeeper.kernels.faces import KernelTicks
 from gamekeeper.kernels.kernel import Kernel
-from gamekeeper.kernels.parts import NO_HORIZON
 from gamekeeper.kernels.rules import rule
 
 NOTHING, NORTH, SOUTH, WEST, EAST, LOAD = range(6)
 FOOD, PENALTY = range(2)
+NEVER: Final = 1 << 62
+"""More ticks than anybody plays."""
 CLEARED: Final = 1
 """Which of the endings it is, from 1."""
 ATTEMPTS: Final = 1000
@@ -354,7 +355,7 @@ def foraging_kernel(
         is_coop=force_coop, is_normalized=normalize_reward, shows_levels=observe_agent_levels,
         penalty=penalty,
     )  # fmt: skip
-    within("max_episode_steps", max_episode_steps, 1, NO_HORIZON)
+    within("max_episode_steps", max_episode_steps, 1, NEVER)
     top = np.array([rows - 1, columns - 1, max(field.best, field.strongest)])
     top = np.tile(top, (players + max_num_food, 1))
     each, foods = (players,), (max_num_food,)

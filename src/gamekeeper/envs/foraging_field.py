@@ -89,14 +89,15 @@ class Field:
 
     def tables(self) -> NDArray[Any]:
         """The record that rules read."""
-        tables = np.zeros(
-            1,
+        fields = np.dtype(
             [
                 ("ahead", "i1", (6, 2)), ("player_levels", "i4", self.strength.shape),
                 ("food_levels", "i4", self.worth.shape), ("sight", "i4"), ("penalty", "f8"),
                 ("coop", "i1"), ("normalized", "i1"), ("levels", "i1"),
             ],
+            align=True,
         )  # fmt: skip
+        tables = np.zeros(1, fields)
         tables[0] = (
             AHEAD, self.strength, self.worth, self.sight, self.penalty, self.is_coop,
             self.is_normalized, self.shows_levels,

@@ -59,7 +59,6 @@ from gamekeeper.errors import SpecError
 from gamekeeper.kernels import draws
 from gamekeeper.kernels.faces import KernelTicks
 from gamekeeper.kernels.kernel import Kernel
-from gamekeeper.kernels.parts import NO_HORIZON
 from gamekeeper.kernels.rules import rule
 
 NOOP, FORWARD, LEFT, RIGHT, TOGGLE = range(5)
@@ -70,6 +69,8 @@ TERMS: Final = {
     "global": ("team_delivery",),
     "two_stage": ("delivery", "put_back"),
 }
+NEVER: Final = 1 << 62
+"""More ticks than anybody plays."""
 INACTIVITY: Final = 1
 """Which of the endings it is, from 1."""
 
@@ -336,7 +337,7 @@ def robotic_warehouse_kernel(
         ),
         terms=TERMS[reward_type],
         endings=("inactivity",),
-        horizon=max_steps or NO_HORIZON,
+        horizon=max_steps or NEVER,
     )  # fmt: skip
 
 
@@ -349,8 +350,8 @@ def _check(
         "n_agents": (n_agents, 1, cells),
         "sensor_range": (sensor_range, 1, cells),
         "request_queue_size": (requests, 1, floor.shelves - 1),
-        "max_inactivity_steps": (max_inactivity_steps or 1, 1, NO_HORIZON),
-        "max_steps": (max_steps or 1, 1, NO_HORIZON),
+        "max_inactivity_steps": (max_inactivity_steps or 1, 1, NEVER),
+        "max_steps": (max_steps or 1, 1, NEVER),
     }
     for name, (number, low, high) in limits.items():
         if type(number) is not int or not low <= number <= high:

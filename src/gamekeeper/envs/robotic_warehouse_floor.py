@@ -154,8 +154,7 @@ def tables_of(
     cells = np.flatnonzero(inside)
     homes = np.flatnonzero(places)
     goals = [(y + margin) * width + x + margin for x, y in floor.goals]
-    tables = np.zeros(
-        1,
+    fields = np.dtype(
         [
             ("floor", "i1", (inside.size,)), ("cells", "i4", (cells.size,)),
             ("homes", "i4", (homes.size,)), ("goals", "i4", (len(goals),)),
@@ -163,7 +162,9 @@ def tables_of(
             ("own", "f4", (inside.size, 3)), ("look", "f4", (LOOKS, 1 + SENSED)),
             ("requests", "i4"), ("inactivity", "i4"), ("pays", "i4"),
         ],
+        align=True,
     )  # fmt: skip
+    tables = np.zeros(1, fields)
     t = tables[0]
     t["floor"] = np.where(inside, np.where(places, PLACE, HIGHWAY), BEYOND).ravel()
     t["cells"], t["homes"], t["goals"] = cells, homes, goals
