@@ -285,7 +285,7 @@ class VectorEnv:
         if said.infos:
             infos["agents"] = _objects(self.num_envs, said.infos)
         if said.final:
-            finals = {e: self._final(e) for e in said.final}
+            finals = self._finals(list(said.final))
             is_final = np.zeros(self.num_envs, bool)
             is_final[list(said.final)] = True
             infos["final_obs"], infos["final_info"] = (
@@ -297,14 +297,24 @@ class VectorEnv:
             infos["failed"] = dict(self._engine.failed)
         return infos
 
-    def _final(self, e: int) -> Any:
+    def _finals(self, envs: list[int]) -> dict[int, Any]:
+        """The last observations of these copies, by copy."""
         parts = {}
         for g, group in enumerate(self._form.groups):
-            arrays = (
-                self._engine.arrays[f"final.{g}.{i}"][e].copy() for i in range(len(group.observed))
+            arrays = [
+                list(self._engine.arrays[f"final.{g}.{i}"][envs])
+                for i in range(len(group.observed))
+            ]
+            space, is_one = group.observation_space, group.observed[0].path == ()
+            parts[group.name] = (
+                arrays[0]
+                if is_one
+                else [built(space, iter(row)) for row in zip(*arrays, strict=True)]
             )
-            parts[group.name] = built(group.observation_space, arrays)
-        return parts.get(ALL, parts)
+        if ALL in parts:
+            return dict(zip(envs, parts[ALL], strict=True))
+        rows = zip(*parts.values(), strict=True)
+        return {e: dict(zip(parts, row, strict=True)) for e, row in zip(envs, rows, strict=True)}
 
     # -- the rest
 

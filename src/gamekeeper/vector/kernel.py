@@ -16,6 +16,7 @@ from gamekeeper.kernels.faces import KernelRules, KernelTurns
 from gamekeeper.kernels.kernel import MASK, Kernel
 from gamekeeper.vector.block import Autoreset, Said
 from gamekeeper.vector.form import Form, Group
+from gamekeeper.vector.kernel_infos import Infos
 from gamekeeper.vector.kernel_scribe import Scribe
 from gamekeeper.vector.rows import Batches, Recording
 
@@ -97,7 +98,7 @@ class KernelEngine:
         self._kernel, self._form, self._wants_infos = kernel, form, wants_infos
         self._made: dict[str, NDArray[Any]] = {}
         self._places = _places(form, kernel)
-        self._group_of = [(k, own) for k, own in enumerate(kernel.groups) for _ in range(own.count)]
+        self._infos = Infos(kernel)
         self._options: dict[str, Any] = {"autoreset": autoreset, "debug": debug}
         if threads > 1:
             self._options["threads"] = threads
@@ -203,10 +204,10 @@ class KernelEngine:
         ended = np.zeros(0, np.intp) if is_reset else np.flatnonzero(batch.arrays.ended)
         if len(ended):
             self._fill_finals(ended)
-            told, last = batch.arrays.final_infos, batch.arrays.last
-            for e in ended.tolist():
-                agents = np.flatnonzero(last[e]).tolist()
-                said.final[e] = dict(self._told(told, e, i, "final_mask") for i in agents)
+            a = batch.arrays
+            masks = [flags[ended] for flags in self._masks("final_mask")]
+            rows = self._infos.of_all(a.final_infos[ended], masks, a.last[ended])
+            said.final.update(zip(ended.tolist(), rows, strict=True))
         return said
 
     def _fill_masks(self) -> None:
@@ -247,38 +248,22 @@ class KernelEngine:
     def _tell(self, said: Said, *, is_reset: bool) -> None:
         a = self._batch.arrays
         if self._form.api == "aec":
-            for e in np.flatnonzero(~a.over).tolist():
-                said.infos[e] = dict([self._told(a.infos, e, int(a.turn[e]), "mask")])
+            goes_on = np.flatnonzero(~a.over)
+            masks = [flags[goes_on] for flags in self._masks("mask")]
+            rows = self._infos.of_turns(a.infos[goes_on], masks, a.turn[goes_on])
+            said.infos.update(zip(goes_on.tolist(), rows, strict=True))
             return
         present = a.live.copy()
         if not is_reset:
             goes_on = ~a.ended | a.over  # the others show an episode that has just begun
             present[goes_on] |= (a.terminated | a.truncated)[goes_on]
-        for e, agents in enumerate(present):
-            present_e = np.flatnonzero(agents).tolist()
-            said.infos[e] = dict(self._told(a.infos, e, i, "mask") for i in present_e)
+        said.infos.update(enumerate(self._infos.of_all(a.infos, self._masks("mask"), present)))
 
-    def _told(self, infos: Any, e: int, i: int, masks: str) -> tuple[str, Any]:
-        """Name and info of agent i of copy e."""
-        k, group = self._group_of[i]
-        place = (e,) if infos.ndim == 1 else (e, i)
-        info: dict[str, Any] = {}
-        if self._kernel.info:
-            record = infos[place]
-            info = {name: _plain(record[name]) for name in record.dtype.names}
-        if self._kernel.mask is not None:
-            flags = self._made[f"{masks}.{k}"]
-            row = flags[e].copy() if flags.ndim == 2 else flags[e, i - group.first].copy()
-            space = group.action_space
-            if isinstance(space, spaces.MultiDiscrete):
-                info[MASK] = tuple(np.split(row, np.cumsum(space.nvec)[:-1]))
-            else:
-                info[MASK] = row
-        return self._kernel.agents[i], info
-
-
-def _plain(value: Any) -> Any:
-    return value.item() if value.ndim == 0 else value.copy()
+    def _masks(self, kind: str) -> list[NDArray[Any]]:
+        """The masks of each of the kernel's groups; none where it has none."""
+        if self._kernel.mask is None:
+            return []
+        return [self._made[f"{kind}.{k}"] for k in range(len(self._kernel.groups))]
 
 
 def _leaf_of_mask(group: Group) -> int | None:
