@@ -40,19 +40,23 @@ class Bench:
         self.ties: Ties | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Bench, (self.records, self._unbound())
+        """Pickled it is bytes: twenty arrays one by one take ten times as long."""
+        return bytes, (b"".join(part.tobytes() for part in leaves(self.arrays)),)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Bench:
-        return Bench(self.records.copy(), _copied(self._unbound()))
+        return Bench(self.records.copy(), _copied(self.arrays._replace(raw=None)))
 
-    def take(self, other: Bench) -> None:
+    def take(self, other: Bench | bytes) -> None:
         """Becomes what another bench of the same kernel is, in its own memory."""
-        self.records[...] = other.records
+        if isinstance(other, bytes):
+            first = 0
+            for mine in leaves(self.arrays):
+                found = np.frombuffer(other, mine.dtype, mine.size, first)
+                mine[...] = found.reshape(mine.shape)
+                first += mine.nbytes
+            return
         for mine, its in zip(leaves(self.arrays), leaves(other.arrays), strict=True):
             mine[...] = its
-
-    def _unbound(self) -> Arrays:
-        return self.arrays._replace(raw=None)
 
 
 def bench_of(kernel: Kernel) -> Bench:

@@ -80,6 +80,15 @@ class KernelRules(Authored):
         own.take(self.bench)
         self.bench = own
 
+    def __setstate__(self, state: Any) -> None:
+        """A bench comes out of a pickle as bytes; whose they are the kernel knows."""
+        for part in state if isinstance(state, tuple) else (state,):
+            for name, value in (part or {}).items():
+                object.__setattr__(self, name, value)
+        if isinstance(self.bench, bytes):
+            held, self.bench = self.bench, bench_of(self.kernel)
+            self.bench.take(held)
+
     # -- episodes
 
     def starting_agents(self) -> Iterable[Any]:
