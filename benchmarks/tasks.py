@@ -49,6 +49,7 @@ class Task:
 
 TASKS = {
     "handover": Task("gamekeeper.envs.handover:Handover", "done"),
+    "pursuit": Task("gamekeeper.envs.pursuit:Pursuit", "cleared"),
     "two_robot_line": Task("gamekeeper.envs.two_robot_line:TwoRobotLine", "met"),
     "warehouse": Task("gamekeeper.envs.warehouse:Warehouse", "cleared"),
     "warehouse_turns": Task("gamekeeper.envs.warehouse_turns:WarehouseTurns", "cleared"),
