@@ -41,7 +41,9 @@ from numpy.typing import NDArray
 import gamekeeper as gk
 from gamekeeper.kernels.kernel import Kernel
 
-WEIGHTS: Final = Path(__file__).with_suffix(".npz")
+LEARNT: Final = Path(__file__).with_suffix(".npz")
+WEIGHTS: Final = {"grasp": 5.0, "collision": 0.2, "energy": 0.0}
+"""What robots learn from; they are judged by the reward itself."""
 FAR: Final = 5.0
 """Standard deviations beyond which what is seen makes no difference."""
 
@@ -55,6 +57,9 @@ class Settings:
     Attributes:
         env: what is learnt, one of Gamekeeper's tasks.
         env_kwargs: its arguments.
+        weights: of terms of the reward, while learning; 1 of those that aren't named. From the sum
+            itself robots that know nothing yet learn to stand still: moving costs them at once, and
+            what it earns comes late and to all.
         copies: played at once.
         length: steps of every copy between two updates.
         steps: of all robots together, after which learning is over.
@@ -69,17 +74,18 @@ class Settings:
 
     env: str = "warehouse"
     env_kwargs: Mapping[str, Any] = field(default_factory=dict)
+    weights: Mapping[str, float] = field(default_factory=lambda: dict(WEIGHTS))
     copies: int = 256
     length: int = 32
     steps: int = 10_000_000
     epochs: int = 3
-    minibatch: int = 8_192
+    minibatch: int = 4_096
     rate: float = 1e-3
     discount: float = 0.99
     trace: float = 0.95
     clip: float = 0.2
     entropy: float = 0.01
-    hidden: int = 128
+    hidden: int = 64
 
 
 # What plays: plain NumPy.
@@ -93,7 +99,7 @@ class Robots:
     """
 
     def __init__(self, path: str | Path | None = None) -> None:
-        path = Path(path or os.environ.get("PPO_WAREHOUSE") or WEIGHTS)
+        path = Path(path or os.environ.get("PPO_WAREHOUSE") or LEARNT)
         with np.load(path) as file:
             self.weights = {name: file[name] for name in file.files}
         self.version = hashlib.blake2b(path.read_bytes(), digest_size=8).hexdigest()
@@ -121,7 +127,7 @@ class Steps:
         live: whether one was there.
         actions, likely: what it did, and the logarithm of how likely that was.
         values: what the network expected.
-        rewards: paid, and beyond a cut what was expected.
+        rewards: paid, terms weighted, and beyond a cut what was expected.
         goes_on: whether the robot lived on.
         after: [copy, robot], what the network expects after the last step.
     """
@@ -160,6 +166,8 @@ class Learner:
         )
         # The same memory as the batch's: every step shows here without a copy.
         self.obs, self.masks = torch.from_dlpack(arrays.obs), torch.from_dlpack(arrays.masks)
+        self.weights = torch.tensor([settings.weights.get(term, 1.0) for term in kernel.terms])
+        self.played = 0
         self.count, self.mean = 1e-4, torch.zeros(self.length)
         self.square = torch.ones(self.length)
 
@@ -210,8 +218,10 @@ class Learner:
                 chance = torch.distributions.Categorical(logits=self.logits(seen, masks))
                 actions, values = chance.sample(), self.nets["critic"](seen).squeeze(-1)
                 likely = chance.log_prob(actions)
-                _, rewards, terminated, truncated = batch.step(actions.numpy())
-                paid = torch.from_numpy(rewards).float() + self._beyond(truncated)
+                _, _, terminated, truncated = batch.step(actions.numpy())
+                paid = torch.from_numpy(arrays.terms).float() @ self.weights + self._beyond(
+                    truncated
+                )
                 goes_on = live & ~torch.from_numpy(terminated | truncated)
                 rows.append((seen, masks, live, actions, likely, values, paid, goes_on))
             after = self.nets["critic"](self.scaled(self.obs.float())).squeeze(-1)
@@ -220,7 +230,7 @@ class Learner:
         return Steps(*columns, after)
 
     def _beyond(self, truncated: Array) -> Any:
-        """[copy, robot]: what those who were cut off would have had, discounted; 0 of all others."""
+        """What those who were cut off would have had, discounted, [copy, robot]; 0 of others."""
         beyond, arrays = self.torch.zeros(truncated.shape), self.batch.arrays
         if truncated.any():
             last = np.where(arrays.ended[:, None, None], arrays.final, arrays.obs)[truncated]
@@ -263,16 +273,16 @@ class Learner:
 
     def run(self) -> Iterator[int]:
         """Learns until enough steps are played; yields how many were, after each update."""
-        settings, played = self.settings, 0
+        settings = self.settings
         optimizer = self.torch.optim.Adam(self.nets.parameters(), lr=settings.rate, eps=1e-5)
         self.note(self.torch.from_numpy(self.batch.arrays.obs[self.batch.arrays.live]).float())
-        while played < settings.steps:
+        while self.played < settings.steps:
             for group in optimizer.param_groups:
-                group["lr"] = settings.rate * (1 - played / settings.steps)
+                group["lr"] = settings.rate * (1 - self.played / settings.steps)
             steps = self.play()
             self.learn(steps, optimizer)
-            played += int(steps.live.sum())
-            yield played
+            self.played += int(steps.live.sum())
+            yield self.played
 
     def act(self, seen: Array, masks: Array, live: Array) -> Array:
         """Actions drawn for all places, as `Robots` draws them."""
@@ -333,10 +343,10 @@ def interval(values: Array) -> list[float]:
 
 def main() -> None:
     """Learns with each seed; prints progress and results as JSON lines."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser, usual = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0]), Settings()
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
-    parser.add_argument("--steps", type=float, default=Settings.steps)
-    parser.add_argument("--env", default=Settings.env)
+    parser.add_argument("--steps", type=float, default=usual.steps)
+    parser.add_argument("--env", default=usual.env)
     parser.add_argument("--kwargs", type=json.loads, default={}, help="of the environment, as JSON")
     parser.add_argument("--episodes", type=int, default=500, help="that are played to judge")
     parser.add_argument("--out", type=Path, default=Path("runs/ppo"))
