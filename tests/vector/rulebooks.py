@@ -237,6 +237,50 @@ RING = Kernel(
 )
 
 
+# -- continuous actions, no masks
+
+
+@rule
+def glide_reset(s):
+    """All at the origin."""
+
+
+@rule
+def glide_step(s, actions, rewards, terminated, truncated):
+    """Moves; who is far away has arrived."""
+    for i in range(2):
+        if s.live[i] != 0:
+            s.at[i] += actions[i, 0] * 0.5 + draws.normal(s) * 0.1
+            rewards[i, 0] = -abs(s.at[i])
+            if s.at[i] > 1.5:
+                terminated[i] = True
+
+
+@rule
+def glide_observe(s, obs):
+    """Where one is."""
+    for i in range(2):
+        obs[i, 0] = s.at[i]
+
+
+GLIDE = Kernel(
+    name="glide_v0",
+    agents=("a", "b"),
+    observation_space=spaces.Box(-np.inf, np.inf, (1,), np.float64),
+    action_space=spaces.Box(-1.0, 1.0, (2,), np.float32),
+    state=[("at", "f8", (2,))],
+    reset=glide_reset,
+    step=glide_step,
+    observe=glide_observe,
+    horizon=12,
+)
+
+
+def glide(*, debug: bool = False) -> Any:
+    """Ticks, continuous actions, neither masks nor infos nor states."""
+    return GLIDE.env(debug=debug)
+
+
 def windy(*, debug: bool = False) -> Any:
     """Ticks, one kind of agents, masks in infos, actions played though they are masked out."""
     return WINDY.env(debug=debug)

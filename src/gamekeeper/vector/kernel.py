@@ -10,7 +10,7 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from gamekeeper.core.layout import Layout
-from gamekeeper.errors import OrderError, SpecError
+from gamekeeper.errors import ActionError, OrderError, SpecError
 from gamekeeper.kernels.batch import Batch
 from gamekeeper.kernels.faces import KernelRules, KernelTurns
 from gamekeeper.kernels.kernel import MASK, Kernel
@@ -140,11 +140,35 @@ class KernelEngine:
         Raises:
             ActionError: the action of a live agent isn't legal; nothing has changed.
         """
+        self._judge_boxes()
         if self._scribe is None:
             self._batch.step()
         else:
             self._scribe.step()
         return self._said(is_reset=False)
+
+    def _judge_boxes(self) -> None:
+        """Continuous actions of the living lie within their bounds; the batch looks at others."""
+        arrays, is_aec = self.arrays, self._form.api == "aec"
+        for g, group in enumerate(self._form.groups):
+            space = group.action_space
+            if not isinstance(space, spaces.Box):
+                continue
+            actions = arrays[f"action.{g}.0"]
+            fits = (actions >= space.low) & (actions <= space.high)  # which NaN isn't
+            fits = np.all(fits.reshape(self._size, 1 if is_aec else len(group.agents), -1), -1)
+            acts = ~arrays["over"][:, None]
+            if not is_aec:
+                acts = acts & arrays["live"][:, group.columns]
+            if (acts & ~fits).any():
+                e, i = np.argwhere(acts & ~fits)[0].tolist()
+                agent = self._form.agents[arrays["turn"][e] if is_aec else group.first + i]
+                raise ActionError(
+                    "an action isn't legal",
+                    where=f"copy {e}, agent {agent!r}",
+                    expected=f"one of {space}",
+                    seen=str(actions[e] if is_aec else actions[e, i]),
+                )
 
     def record(self, recording: Recording, out: Callable[[Batches], None]) -> None:
         """Every copy's rows go to `out` from its next episode on."""

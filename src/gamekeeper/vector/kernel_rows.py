@@ -7,7 +7,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gamekeeper.vector.kernel_tape import Tape, TickTape, TurnTape, group_of
+from gamekeeper.vector.kernel_tape import Tape, group_of
+from gamekeeper.vector.kernel_ticks import TickTape
+from gamekeeper.vector.kernel_turns import TurnTape
 
 SPAN: Final = 1 << 62
 NOT_ACTED: Final = 0
@@ -41,8 +43,10 @@ def rows_of(tape: Tape, *, is_last: bool) -> NDArray[Any]:
     parts = _tick_rows(tape, is_last) if isinstance(tape, TickTape) else []
     if isinstance(tape, TurnTape):
         parts = _turn_rows(tape, is_last)
-    rows = np.concatenate(parts)
-    return rows[_sorted(rows, 2 * tape.agents)]
+    kind = parts[0].dtype
+    # as bytes: rows are copied whole, not field by field
+    whole = np.concatenate([part.view(f"V{kind.itemsize}") for part in parts])
+    return whole[_sorted(whole.view(kind), 2 * tape.agents)].view(kind)
 
 
 def _sorted(rows: NDArray[Any], slots: int) -> NDArray[np.intp]:

@@ -19,7 +19,9 @@ from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.parts import HORIZON, UNNAMED
 from gamekeeper.vector.kernel_order import Ordered
 from gamekeeper.vector.kernel_press import KernelPress
-from gamekeeper.vector.kernel_tape import TERMINATED, TRUNCATED, Tape, TickTape, TurnTape
+from gamekeeper.vector.kernel_tape import TERMINATED, TRUNCATED, Tape
+from gamekeeper.vector.kernel_ticks import TickTape
+from gamekeeper.vector.kernel_turns import TurnTape
 from gamekeeper.vector.rows import FLUSH_S, Batches, Recording
 
 NAMES: Final = {
