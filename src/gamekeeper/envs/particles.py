@@ -9,13 +9,15 @@ Bodies are discs in the plane. Agents move, marks (landmarks) don't. Rules that 
         agent's strength. A continuous action says how much of each: right minus left, up minus
         down.
     P3. Bodies that collide push each other apart with CONTACT_FORCE times how deep they stand in
-        each other, softened: log(1 + exp(-gap / MARGIN)) * MARGIN. Marks push and aren't pushed.
+        each other, softened: log(1 + exp(-gap / MARGIN)) * MARGIN, where their edges are
+        nearer than CLOSE. Marks push and aren't pushed.
     P4. What is heard of a word is the word: one of several flags, or, of continuous actions, a
         number for each.
 
 Float operations stand in the order in which mpe2 has them, so that results are equal to the last
-digit where the C library's `exp` and `log1p` are NumPy's. Bodies at the very same point don't push
-each other (mpe2: NaN); of equally near bodies the lowest number is taken first.
+digit where the C library's `exp` and `log1p` are NumPy's; but mpe2 computes pushes at any distance,
+so what is 0 here may be a number below 1e-17 there. Bodies at the very same point don't push each
+other (mpe2: NaN); of equally near bodies the lowest number is taken first.
 
 Source: mpe2 1.1.1, `_mpe_utils/core.py` and `simple_env.py`; Lowe et al. 2017, "Multi-Agent
 Actor-Critic for Mixed Cooperative-Competitive Environments"; Mordatch & Abbeel 2017.
@@ -32,7 +34,7 @@ from gymnasium.spaces import Box, Discrete, Space
 from gamekeeper.errors import SpecError
 from gamekeeper.kernels import draws
 from gamekeeper.kernels.kernel import Field
-from gamekeeper.kernels.rules import rule
+from gamekeeper.kernels.rules import inlined, rule
 
 DT: Final = 0.1
 """A tick in seconds."""
@@ -45,10 +47,8 @@ STRENGTH: Final = 5.0
 """Force of a move, of agents that have none of their own."""
 NOTHING, LEFT, RIGHT, DOWN, UP = range(5)
 MOVES: Final = 5
-SMALL: Final = -38.0
-"""Below it log(1 + exp(z)) is exp(z), to the last digit."""
-UNDERFLOW: Final = -745.2
-"""Below it exp(z) is 0."""
+CLOSE: Final = 0.038
+"""Bodies that are farther apart don't push: it would be with less than 4e-18."""
 MARK_SIZE: Final = 0.05
 """Radius of a mark that has none of its own."""
 
@@ -101,6 +101,16 @@ def check_ratio(value: Any) -> None:
         )
 
 
+def least_square(distance: float) -> float:
+    """The least number whose square root isn't below the distance, to the last digit."""
+    square = distance * distance
+    while math.sqrt(square) >= distance:
+        square = math.nextafter(square, 0.0)
+    while math.sqrt(square) < distance:
+        square = math.nextafter(square, math.inf)
+    return square
+
+
 def check_neighbors(**counts: int | None) -> None:
     """Refuses to show fewer than one of a kind.
 
@@ -122,20 +132,20 @@ def scatter(s, reach):  # type: ignore[no-untyped-def]  # a rule's types are fou
         s.mark_y[k] = draws.uniform(s, -reach, reach)
 
 
-@rule
+@inlined
 def steer(s, i, move, strength):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
     """The force of one of the moves (P2)."""
     s.fx[i] = strength * ((move == RIGHT) - (move == LEFT))
     s.fy[i] = strength * ((move == UP) - (move == DOWN))
 
 
-@rule
+@inlined
 def steer_as(s, i, moves, place, strength):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
     """The force of the move that stands in `moves[place]` (P2)."""
     steer(s, i, moves[place], strength)
 
 
-@rule
+@inlined
 def steer_by(s, i, amounts, place, strength):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
     """The force of a continuous action, which stands in `amounts[place]` (P2)."""
     right = np.float32(amounts[place, RIGHT] - amounts[place, LEFT])  # as narrow as actions are
@@ -144,20 +154,16 @@ def steer_by(s, i, amounts, place, strength):  # type: ignore[no-untyped-def]  #
     s.fy[i] = strength * float(up)
 
 
-@rule
+@inlined
 def penetration(gap):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
-    """How deep bodies stand in each other whose edges are `gap` apart (P3)."""
+    """How deep bodies stand in each other whose edges are `gap` apart, less than CLOSE (P3)."""
     z = -gap / MARGIN
-    if z < UNDERFLOW:
-        return 0.0
-    if z < SMALL:
-        return math.exp(z) * MARGIN
-    if z <= 0.0:
-        return math.log1p(math.exp(z)) * MARGIN
-    return (z + math.log1p(math.exp(-z))) * MARGIN
+    if z > 0.0:
+        return (z + math.log1p(math.exp(-z))) * MARGIN
+    return math.log1p(math.exp(z)) * MARGIN
 
 
-@rule
+@inlined
 def repulsion(dx, dy, reach):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
     """The force on a body from another, of which it stands dx, dy away (P3).
 
@@ -165,14 +171,15 @@ def repulsion(dx, dy, reach):  # type: ignore[no-untyped-def]  # a rule's types 
         dx, dy: the way from the other to it.
         reach: the sum of their radii.
     """
-    distance = math.sqrt(dx * dx + dy * dy)
-    depth = penetration(distance - reach)
-    if depth == 0.0 or distance == 0.0:
+    square = dx * dx + dy * dy
+    if square > (reach + CLOSE) * (reach + CLOSE) or square == 0.0:
         return 0.0, 0.0
+    distance = math.sqrt(square)
+    depth = penetration(distance - reach)
     return CONTACT_FORCE * dx / distance * depth, CONTACT_FORCE * dy / distance * depth
 
 
-@rule
+@inlined
 def push_agents(s, i, j, reach):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
     """Two agents push each other."""
     fx, fy = repulsion(s.x[i] - s.x[j], s.y[i] - s.y[j], reach)
@@ -182,7 +189,7 @@ def push_agents(s, i, j, reach):  # type: ignore[no-untyped-def]  # a rule's typ
     s.fy[j] -= fy
 
 
-@rule
+@inlined
 def push_off(s, i, k, reach):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
     """A mark pushes an agent."""
     fx, fy = repulsion(s.x[i] - s.mark_x[k], s.y[i] - s.mark_y[k], reach)
@@ -190,7 +197,7 @@ def push_off(s, i, k, reach):  # type: ignore[no-untyped-def]  # a rule's types 
     s.fy[i] += fy
 
 
-@rule
+@inlined
 def drift(s, i):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
     """An agent moves, and its force changes how fast it does (P1)."""
     s.x[i] += s.vx[i] * DT
@@ -199,7 +206,7 @@ def drift(s, i):  # type: ignore[no-untyped-def]  # a rule's types are found whe
     s.vy[i] = s.vy[i] * KEPT + s.fy[i] * DT
 
 
-@rule
+@inlined
 def slow_down(s, i, top):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
     """Cuts an agent's speed to its top speed (P1)."""
     speed = math.sqrt(s.vx[i] * s.vx[i] + s.vy[i] * s.vy[i])
@@ -208,7 +215,7 @@ def slow_down(s, i, top):  # type: ignore[no-untyped-def]  # a rule's types are 
         s.vy[i] = s.vy[i] / speed * top
 
 
-@rule
+@inlined
 def apart(s, i, j):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
     """How far two agents are from each other."""
     dx = s.x[i] - s.x[j]
@@ -216,7 +223,7 @@ def apart(s, i, j):  # type: ignore[no-untyped-def]  # a rule's types are found 
     return math.sqrt(dx * dx + dy * dy)
 
 
-@rule
+@inlined
 def away(s, i, k):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
     """How far an agent is from a mark."""
     dx = s.x[i] - s.mark_x[k]

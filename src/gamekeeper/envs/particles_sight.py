@@ -11,12 +11,12 @@ from __future__ import annotations
 import math
 from typing import Any, Final
 
-from gamekeeper.kernels.rules import rule
+from gamekeeper.kernels.rules import inlined, rule
 
 NOBODY: Final = -1
 
 
-@rule
+@inlined
 def show_self(s, i, obs, row):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
     """An agent's own velocity and place."""
     obs[row, 0] = s.vx[i]
@@ -26,7 +26,7 @@ def show_self(s, i, obs, row):  # type: ignore[no-untyped-def]  # a rule's types
     return 4
 
 
-@rule
+@inlined
 def show_marks(s, i, obs, row, at):  # type: ignore[no-untyped-def]  # likewise
     """All marks."""
     for k in range(len(s.mark_x)):
@@ -36,7 +36,7 @@ def show_marks(s, i, obs, row, at):  # type: ignore[no-untyped-def]  # likewise
     return at
 
 
-@rule
+@inlined
 def show_others(s, i, obs, row, at):  # type: ignore[no-untyped-def]  # likewise
     """All other agents."""
     for j in range(len(s.x)):
@@ -47,7 +47,7 @@ def show_others(s, i, obs, row, at):  # type: ignore[no-untyped-def]  # likewise
     return at
 
 
-@rule
+@inlined
 def show_nothing(obs, row, at, end):  # type: ignore[no-untyped-def]  # likewise
     """Zeros."""
     for place in range(at, end):

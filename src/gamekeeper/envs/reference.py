@@ -33,7 +33,7 @@ from gamekeeper.envs.particles_face import ParticleTicks, shade, spoken
 from gamekeeper.envs.particles_policies import lazy, reference_greedy, reference_reference
 from gamekeeper.kernels import draws
 from gamekeeper.kernels.kernel import Kernel
-from gamekeeper.kernels.rules import rule
+from gamekeeper.kernels.rules import inlined, rule
 
 MARKS: Final = 3
 WORDS: Final = 10
@@ -52,7 +52,7 @@ def reset(s, t):  # type: ignore[no-untyped-def]  # a rule's types are found whe
     p.scatter(s, 1.0)
 
 
-@rule
+@inlined
 def after(s, t, rewards):  # type: ignore[no-untyped-def]  # likewise
     """Both move, and are paid (R2, R4)."""
     for i in range(2):

@@ -35,7 +35,7 @@ from gamekeeper.envs.particles_policies import (
 )
 from gamekeeper.kernels import draws
 from gamekeeper.kernels.kernel import Kernel
-from gamekeeper.kernels.rules import rule
+from gamekeeper.kernels.rules import inlined, rule
 
 SPEAKER, LISTENER = range(2)
 AGENTS: Final = ("speaker_0", "listener_0")
@@ -59,7 +59,7 @@ def reset(s):  # type: ignore[no-untyped-def]  # a rule's types are found when i
     p.scatter(s, 1.0)
 
 
-@rule
+@inlined
 def after(s, rewards):  # type: ignore[no-untyped-def]  # likewise
     """The listener moves, and both are paid (R2, R3)."""
     p.drift(s, LISTENER)

@@ -36,10 +36,12 @@ from gamekeeper.envs.drawing import BLUE, STONE
 from gamekeeper.envs.particles_face import ParticleTicks
 from gamekeeper.envs.particles_policies import lazy, spread_greedy, spread_reference
 from gamekeeper.kernels.kernel import Kernel
-from gamekeeper.kernels.rules import rule
+from gamekeeper.kernels.rules import inlined, rule
 
 SIZE: Final = 0.15
 """Radius of an agent."""
+TOUCHING: Final = p.least_square(2 * SIZE)
+"""Squares of distances below it are of agents that overlap."""
 COVERED: Final = 0.1
 """Nearer than this an agent covers a landmark."""
 WORD: Final = 2
@@ -73,7 +75,7 @@ def reset(s, t):  # type: ignore[no-untyped-def]  # a rule's types are found whe
     p.scatter(s, 1.0)
 
 
-@rule
+@inlined
 def move(s):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
     """Agents push each other and move (R2)."""
     n = len(s.x)
@@ -84,7 +86,7 @@ def move(s):  # type: ignore[no-untyped-def]  # a rule's types are found when it
         p.drift(s, i)
 
 
-@rule
+@inlined
 def nearest(s, k):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
     """How far the nearest agent is from a landmark."""
     best = math.inf
@@ -95,7 +97,7 @@ def nearest(s, k):  # type: ignore[no-untyped-def]  # a rule's types are found w
     return math.sqrt(best)
 
 
-@rule
+@inlined
 def pay(s, t, rewards):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
     """What landmarks and overlaps cost (R3, R4)."""
     n = len(s.x)
@@ -105,7 +107,9 @@ def pay(s, t, rewards):  # type: ignore[no-untyped-def]  # a rule's types are fo
     far *= 1 - t.local_ratio
     for i in range(n):
         for j in range(i + 1, n):
-            if p.apart(s, i, j) < 2 * SIZE:
+            dx = s.x[i] - s.x[j]
+            dy = s.y[i] - s.y[j]
+            if dx * dx + dy * dy < TOUCHING:
                 rewards[i, 1] -= t.is_paid
                 rewards[j, 1] -= t.is_paid
     for i in range(n):
@@ -123,7 +127,7 @@ def uncovered(s):  # type: ignore[no-untyped-def]  # a rule's types are found wh
     return count
 
 
-@rule
+@inlined
 def after(s, t, rewards, terminated):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
     """What follows once all have said where they want to (R2 to R4, R7)."""
     move(s)

@@ -37,7 +37,7 @@ from gamekeeper.envs.drawing import GREEN, INK, RED
 from gamekeeper.envs.particles_face import ParticleTicks
 from gamekeeper.envs.particles_policies import Chase, lazy
 from gamekeeper.kernels.kernel import Kernel
-from gamekeeper.kernels.rules import rule
+from gamekeeper.kernels.rules import inlined, rule
 
 ADVERSARY: Final = (0.075, 3.0, 1.0)
 GOOD: Final = (0.05, 4.0, 1.3)
@@ -75,7 +75,7 @@ def reset(s, t):  # type: ignore[no-untyped-def]  # a rule's types are found whe
     p.scatter(s, SPREAD)
 
 
-@rule
+@inlined
 def move(s, t):  # type: ignore[no-untyped-def]  # likewise
     """Bodies push each other and move (R2)."""
     n = len(s.x)
@@ -89,13 +89,13 @@ def move(s, t):  # type: ignore[no-untyped-def]  # likewise
         p.slow_down(s, i, t.top[i])
 
 
-@rule
+@inlined
 def overlap(s, t, i, j):  # type: ignore[no-untyped-def]  # likewise
     """Whether two agents overlap."""
     return p.apart(s, i, j) < t.radius[i] + t.radius[j]
 
 
-@rule
+@inlined
 def price(far):  # type: ignore[no-untyped-def]  # likewise
     """What being so far out on an axis costs (R4)."""
     if far < INNER:
@@ -105,7 +105,7 @@ def price(far):  # type: ignore[no-untyped-def]  # likewise
     return min(math.exp(2 * far - 2), MOST)
 
 
-@rule
+@inlined
 def after(s, t, rewards, terminated):  # type: ignore[no-untyped-def]  # likewise
     """What follows once all have said where they want to (R2 to R4, R7)."""
     move(s, t)
@@ -160,7 +160,7 @@ def observer(others: int | None, marks: int | None) -> Any:
     show_marks, show_others = sight.marks_shower(marks), sight.others_shower(others)
     show_speeds = show_prey if others is None else speeds_shower(others)
 
-    @rule
+    @inlined
     def show(s: Any, t: Any, i: Any, obs: Any, row: Any) -> None:
         at = sight.show_self(s, i, obs, row)
         at = show_marks(s, i, obs, row, at)
@@ -182,7 +182,7 @@ def observer(others: int | None, marks: int | None) -> Any:
     return observe_by_role if others is None else observe
 
 
-@rule
+@inlined
 def show_prey(s, t, i, obs, row, at):  # type: ignore[no-untyped-def]  # likewise
     """The velocities of all other prey."""
     for j in range(t.adversaries, len(s.x)):

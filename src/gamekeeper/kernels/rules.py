@@ -51,6 +51,19 @@ def rule(function: Callable[..., Any]) -> Any:
     return inner(function)
 
 
+def inlined(function: Callable[..., Any]) -> Any:
+    """A rule that is taken in wherever it is called: a small one that others call in loops.
+
+    A call that isn't taken in costs as much as some ten operations, and hides from the compiler
+    what is the same before and after it.
+    """
+    if numba() is None:
+        return function
+    from gamekeeper.kernels.inner import inner  # likewise
+
+    return inner(function, forceinline=True)
+
+
 class Plain(np.ndarray[Any, Any]):
     """An array whose elements come out as Python numbers, as wide as compiled arithmetic is.
 
