@@ -14,7 +14,8 @@
 #include <vector>
 
 constexpr int N = 3, OBS = 4 + 2 * N + 4 * (N - 1), HORIZON = 25;
-constexpr double DT = 0.1, KEPT = 0.75, FORCE = 1e2, MARGIN = 1e-3, STRENGTH = 5.0, SIZE = 0.15, RATIO = 0.5;
+constexpr double DT = 0.1, KEPT = 0.75, FORCE = 1e2, MARGIN = 1e-3, STRENGTH = 5.0, SIZE = 0.15, RATIO = 0.5,
+                 CLOSE = 0.038, TOUCHING = 0.08999999999999998;
 constexpr uint64_t WORD = 0xffffffffu;
 
 struct Copy {
@@ -64,10 +65,7 @@ static double uniform(Copy& s) {
 
 static double penetration(double gap) {
     const double z = -gap / MARGIN;
-    if (z < -745.2) return 0.0;
-    if (z < -38.0) return std::exp(z) * MARGIN;
-    if (z <= 0.0) return std::log1p(std::exp(z)) * MARGIN;
-    return (z + std::log1p(std::exp(-z))) * MARGIN;
+    return (z > 0.0 ? z + std::log1p(std::exp(-z)) : std::log1p(std::exp(z))) * MARGIN;
 }
 
 static void play(Copy& s, const int64_t* actions, double* terms) {
@@ -77,9 +75,9 @@ static void play(Copy& s, const int64_t* actions, double* terms) {
     }
     for (int i = 0; i < N; i++)
         for (int j = i + 1; j < N; j++) {
-            const double dx = s.x[i] - s.x[j], dy = s.y[i] - s.y[j], distance = std::sqrt(dx * dx + dy * dy);
-            const double depth = penetration(distance - 2 * SIZE);
-            if (depth == 0.0 || distance == 0.0) continue;
+            const double dx = s.x[i] - s.x[j], dy = s.y[i] - s.y[j], square = dx * dx + dy * dy;
+            if (square > (2 * SIZE + CLOSE) * (2 * SIZE + CLOSE) || square == 0.0) continue;
+            const double distance = std::sqrt(square), depth = penetration(distance - 2 * SIZE);
             const double fx = FORCE * dx / distance * depth, fy = FORCE * dy / distance * depth;
             s.fx[i] += fx, s.fy[i] += fy, s.fx[j] -= fx, s.fy[j] -= fy;
         }
@@ -100,7 +98,7 @@ static void play(Copy& s, const int64_t* actions, double* terms) {
     for (int i = 0; i < N; i++)
         for (int j = i + 1; j < N; j++) {
             const double dx = s.x[i] - s.x[j], dy = s.y[i] - s.y[j];
-            if (std::sqrt(dx * dx + dy * dy) < 2 * SIZE) terms[2 * i + 1] -= 1.0, terms[2 * j + 1] -= 1.0;
+            if (dx * dx + dy * dy < TOUCHING) terms[2 * i + 1] -= 1.0, terms[2 * j + 1] -= 1.0;
         }
     for (int i = 0; i < N; i++) terms[2 * i] = far, terms[2 * i + 1] *= RATIO;
 }
