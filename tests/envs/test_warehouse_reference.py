@@ -11,9 +11,12 @@ import pytest
 
 from gamekeeper.envs import warehouse, warehouse_turns
 from gamekeeper.envs.layouts import NAMED
+from gamekeeper.vector import make
 from tests.envs.warehouses import Warehouse, WarehouseTurns
 from tests.references.warehouse import Warehouse as WrittenTicks
 from tests.references.warehouse_turns import WarehouseTurns as WrittenTurns
+from tests.vector.test_kernel_engine import history, text
+from tests.vector.test_vector import same as equal
 
 PAIRS = ((Warehouse, WrittenTicks), (WarehouseTurns, WrittenTurns))
 COMPILED = ((warehouse.Warehouse, WrittenTicks), (warehouse_turns.WarehouseTurns, WrittenTurns))
@@ -133,6 +136,21 @@ def test_warehouse_is_drawn_as_the_one_written_by_hand(pair: Any) -> None:
                 assert np.array_equal(env.render(), its.render())
             if turn == 40:
                 break
+
+
+@pytest.mark.parametrize("spec", ["warehouse", "warehouse_turns"])
+def test_warehouse_batches_give_what_serial_gives(spec: str) -> None:
+    """Robots that end and join, last observations, infos: of a batch as of copies one by one."""
+    kwargs = {"debug": True, "battery": 10, "horizon": 9, "pickers": 2, "carriers": 2}
+    options: dict[str, Any] = {"infos": True, "env_kwargs": kwargs}
+    with make(spec, 2, **options) as serial, make(spec, 2, engine="kernel", **options) as kernel:
+        finals = 0
+        for one, two in zip(history(serial, 40), history(kernel, 40), strict=True):
+            assert one[-1].keys() == two[-1].keys()
+            assert all(text(value) == text(two[-1][key]) for key, value in one[-1].items())
+            assert all(map(equal, one[:-1], two[:-1]))
+            finals += "final_obs" in one[-1]
+        assert finals
 
 
 @pytest.mark.parametrize("layout", NAMED)
