@@ -37,15 +37,14 @@ def test_robots_play_legal_actions_by_what_they_see(tmp_path: Path) -> None:
 def test_robots_play_the_warehouse(tmp_path: Path) -> None:
     """As a policy for everybody, in evidence that replays."""
     robots = Robots(weights(tmp_path, seen=83, actions=6))
-    evidence = gk.rollout(
-        "warehouse", policies=robots, episodes=1, seed=0, env_kwargs={"horizon": 9, "debug": True}
-    )
+    few = {"pickers": 1, "carriers": 1, "spares": 0, "orders": 1, "horizon": 5, "debug": True}
+    evidence = gk.rollout("warehouse", policies=robots, episodes=1, seed=0, env_kwargs=few)
     assert len(list(evidence.traces)) == 1
 
 
 def test_played_counts_the_first_episode_of_each_copy() -> None:
     """As many episodes as asked for, solved where somebody was terminated in the last tick."""
-    found = played(WINDY, legal(0), episodes=12, seed=3)
+    found = played(WINDY.batch(12, seed=3, debug=True), legal(0))
     assert {name: len(values) for name, values in found.items()} == {
         "solved": 12, "delivered": 12, "return": 12,
     }  # fmt: skip
@@ -95,6 +94,7 @@ def test_learner_gets_better_on_a_line(tmp_path: Path) -> None:
     learner = Learner(WINDY, settings, 0)
     for _ in learner.run():
         pass
-    before = played(WINDY, legal(0), episodes=200, seed=9)["solved"].mean()
-    after = played(WINDY, learner.act, episodes=200, seed=9)["solved"].mean()
+    unseen = WINDY.batch(200, seed=9)
+    before = played(unseen, legal(0))["solved"].mean()
+    after = played(unseen, learner.act)["solved"].mean()
     assert after > before + 0.1
