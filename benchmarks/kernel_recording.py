@@ -4,7 +4,8 @@ Random legal actions, whose choice isn't timed; both levels; the same run bare a
 after the other, medians of several rounds. Closing (sealing, Parquet) is timed apart. With `--serial` the serial engine's recording of the same copies beside it.
 
 One JSON line a task, level and number of copies: {"figure", "task", "level", "copies", "steps",
-"agent_steps", "bare_us", "recorded_us", "overhead_us", "close_us", "bytes"}; times an agent-step.
+"agent_steps", "bare_us", "recorded_us", "overhead_us", "overhead_cpu_us", "close_us", "bytes"}; times an agent-step, the
+last but two of them of the processor, which a busy machine disturbs less.
 
     python benchmarks/kernel_recording.py [--tasks two_robot_line ...] [--copies 64 1024]
 """
@@ -30,18 +31,19 @@ TASKS: Final = ("two_robot_line", "handover", "warehouse", "warehouse_turns")
 AGENT_STEPS: Final = 400_000
 
 
-def played(venv: Any, steps: int) -> tuple[float, int]:
-    """Seconds of the steps alone, and agent-steps; the choice of actions isn't counted."""
+def played(venv: Any, steps: int) -> tuple[float, float, int]:
+    """Seconds of the steps alone, by the clock and of the processor, and agent-steps."""
     _, infos = venv.reset(seed=0)
-    spent_s, done, none = 0.0, 0, np.zeros(venv.num_envs, np.int64)
+    spent_s, busy_s, done, none = 0.0, 0.0, 0, np.zeros(venv.num_envs, np.int64)
     for step in range(steps):
         actions = actions_of(venv, infos, none + step)
         lives = infos["live"].values() if isinstance(infos["live"], dict) else [infos["live"]]
         done += venv.num_envs if venv.api == "aec" else sum(int(each.sum()) for each in lives)
-        begun_s = time.perf_counter()
+        begun_s, idle_s = time.perf_counter(), time.process_time()
         infos = venv.step(actions)[-1]
         spent_s += time.perf_counter() - begun_s
-    return spent_s, done
+        busy_s += time.process_time() - idle_s
+    return spent_s, busy_s, done
 
 
 def once(task: str, engine: str, copies: int, level: str, agent_steps: int) -> dict[str, float]:
@@ -50,19 +52,20 @@ def once(task: str, engine: str, copies: int, level: str, agent_steps: int) -> d
         agents = 1 if venv.api == "aec" else sum(len(group.agents) for group in venv.groups)
         steps = max(4, agent_steps // (copies * agents))
         played(venv, 2)
-        bare_s, done = played(venv, steps)
+        bare_s, idle_s, done = played(venv, steps)
     with tempfile.TemporaryDirectory(prefix="kernel-recording-") as folder:
         out = Path(folder, "run")
-        venv = gk.record(
-            gk.vector.make(task, copies, engine=engine, copy=False), out, level=level
-        )
-        recorded_s, also = played(venv, steps)
+        venv = gk.record(gk.vector.make(task, copies, engine=engine, copy=False), out, level=level)
+        recorded_s, busy_s, also = played(venv, steps)
         begun_s = time.perf_counter()
         venv.close()
         close_s = time.perf_counter() - begun_s
         size = sum(file.stat().st_size for file in out.rglob("*") if file.is_file())
     assert done == also
-    parts = {"bare": bare_s, "recorded": recorded_s, "overhead": recorded_s - bare_s}
+    parts = {
+        "bare": bare_s, "recorded": recorded_s, "overhead": recorded_s - bare_s,
+        "overhead_cpu": busy_s - idle_s,
+    }  # fmt: skip
     found = {f"{name}_us": seconds / done * 1e6 for name, seconds in parts.items()}
     return {**found, "close_us": close_s / done * 1e6, "bytes": size / done, "steps": steps,
             "agent_steps": done}  # fmt: skip
@@ -85,9 +88,7 @@ def main() -> int:
                 for engine in engines:
                     work = given.agent_steps if engine == "kernel" else given.agent_steps // 20
                     once(task, engine, copies, level, 4 * copies)  # compiles
-                    rounds = [
-                        once(task, engine, copies, level, work) for _ in range(given.rounds)
-                    ]
+                    rounds = [once(task, engine, copies, level, work) for _ in range(given.rounds)]
                     medians = {
                         name: round(statistics.median(each[name] for each in rounds), 3)
                         for name in rounds[0]

@@ -7,7 +7,8 @@ compared is the fingerprint of every episode, with its infos.
 One JSON line a task: {"figure", "task", "episodes", "copies", "seconds", "same", "fingerprint"}.
 Exits 1 where any differs.
 
-    python benchmarks/vector_same.py [--tasks two_robot_line handover ...] [--episodes 10000]
+    python benchmarks/vector_same.py [--tasks two_robot_line handover ...] [--episodes 10000] \
+        [--engines serial kernel]
 """
 
 from __future__ import annotations
@@ -106,12 +107,13 @@ def main() -> int:
     parser.add_argument("--tasks", nargs="+", default=list(TASKS))
     parser.add_argument("--episodes", type=int, default=10_000)
     parser.add_argument("--copies", type=int, default=64)
+    parser.add_argument("--engines", nargs="+", default=list(ENGINES), help="serial among them")
     given = parser.parse_args()
     is_same = True
     for task in given.tasks:
         begun_s = time.perf_counter()
-        found = {e: prints(task, e, given.episodes, given.copies) for e in ENGINES}
-        same = {engine: found[engine] == found["serial"] for engine in ENGINES}
+        found = {e: prints(task, e, given.episodes, given.copies) for e in given.engines}
+        same = {engine: found[engine] == found["serial"] for engine in given.engines}
         is_same = is_same and all(same.values())
         print(json.dumps({
             "figure": FIGURE, "task": task, "episodes": given.episodes, "copies": given.copies,
