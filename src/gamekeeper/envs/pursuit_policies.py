@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-Window = NDArray[np.int8]
+Window: TypeAlias = NDArray[np.int8]
+Way: TypeAlias = tuple[int, int]
+"""Rows and columns from the middle of a window."""
 
 STAY: Final = 0
 STEPS: Final = ((0, 0), (-1, 0), (0, 1), (1, 0), (0, -1))
@@ -17,8 +19,10 @@ STEPS: Final = ((0, 0), (-1, 0), (0, 1), (1, 0), (0, -1))
 CLOSED, PURSUERS, EVADERS = range(3)
 STRAIGHT: Final = 0.9
 """Probability that a pursuer which sees no evader goes on in the direction of its round."""
-IMPATIENCE: Final = 0.1
+IMPATIENCE: Final = 0.25
 """Probability that a pursuer alone with an evader lets it be, to find somebody."""
+APART: Final = 0.6
+"""What a cell's distance from the partner counts for, in cells of one's own way to it."""
 LEG: Final = 10
 """Ticks in one direction."""
 
@@ -27,8 +31,10 @@ def reference(observation: Window, agent: str, info: Mapping[str, Any], rng: Gen
     """Pursuers agree whom to hunt by what all of them see, and go rounds; evaders flee."""
     if agent.startswith("evader"):
         return _flee(observation, rng)
-    target, is_helped = _agreed(observation)
-    if target is not None and (is_helped or rng.random() >= IMPATIENCE):
+    target, partner = _agreed(observation)
+    if target is not None and partner is not None:
+        return _around(observation, target, partner, rng)
+    if target is not None and rng.random() >= IMPATIENCE:
         return _towards(observation, target, rng)
     return _round(observation, agent, info, rng)
 
@@ -46,17 +52,17 @@ def lazy(observation: Window, agent: str, info: Mapping[str, Any], rng: Generato
     return STAY
 
 
-def _places(window: Window, plane: int) -> list[tuple[int, int]]:
+def _places(window: Window, plane: int) -> list[Way]:
     """Where something is in a plane, rows and columns from the middle."""
     sight = len(window) // 2
     return [(y - sight, x - sight) for y, x in np.argwhere(window[..., plane]).tolist()]
 
 
-def _length(way: tuple[int, int]) -> int:
+def _length(way: Way) -> int:
     return abs(way[0]) + abs(way[1])
 
 
-def _between(one: tuple[int, int], other: tuple[int, int]) -> int:
+def _between(one: Way, other: Way) -> int:
     return abs(one[0] - other[0]) + abs(one[1] - other[1])
 
 
@@ -70,26 +76,42 @@ def _open(window: Window) -> list[int]:
     ]
 
 
-def _agreed(window: Window) -> tuple[tuple[int, int] | None, bool]:
-    """The evader that two pursuers can be at soonest, and whether a second one is in sight.
+def _agreed(window: Window) -> tuple[Way | None, Way | None]:
+    """The evader that two pursuers can be at soonest, and who the other one is.
 
-    Pursuers near each other see nearly the same, so that they choose the same one.
+    Pursuers near each other see nearly the same, so that they choose the same evader.
     """
     others = [place for place in _places(window, PURSUERS) if place != (0, 0)]
-    best, soonest = None, None
+    best, partner, soonest = None, None, None
     for evader in _places(window, EVADERS):
-        ways = sorted(_between(other, evader) for other in others)
-        if len(ways) > 1 and ways[1] < _length(evader):
+        near = sorted(others, key=lambda other, evader=evader: _between(other, evader))
+        if len(near) > 1 and _between(near[1], evader) < _length(evader):
             continue  # two others are nearer
-        when = max(_length(evader), ways[0] if ways else len(window)), _length(evader)
+        way = _between(near[0], evader) if near else len(window)
+        when = max(_length(evader), way), _length(evader)
         if soonest is None or when < soonest:
-            best, soonest = evader, when
-    return best, bool(others)
+            best, partner, soonest = evader, near[0] if near else None, when
+    return best, partner
 
 
-def _towards(window: Window, place: tuple[int, int], rng: Generator) -> int:
-    """A step that shortens the way, or holds where the evader is beside; else around."""
-    if _length(place) == 1:
+def _around(window: Window, evader: Way, partner: Way, rng: Generator) -> int:
+    """A step to the side of the evader that is near oneself and far from the partner."""
+    sight, beside = len(window) // 2, []
+    for down, right in STEPS[1:]:
+        side = evader[0] + down, evader[1] + right
+        is_seen = max(abs(side[0]), abs(side[1])) <= sight
+        is_own = side == (0, 0)
+        if is_own or (is_seen and not window[side[0] + sight, side[1] + sight].any()):
+            beside.append((_length(side) - APART * _between(partner, side), side))
+    if not beside:
+        return _towards(window, evader, rng)
+    goal = min(beside)[1]
+    return STAY if goal == (0, 0) else _towards(window, goal, rng, arrives=True)
+
+
+def _towards(window: Window, place: Way, rng: Generator, *, arrives: bool = False) -> int:
+    """A step that shortens the way to a place, or to beside it; around what is in the way."""
+    if _length(place) == 1 and not arrives:
         return STAY
     ways = {action: _between(STEPS[action], place) for action in _open(window)}
     shortest = min(ways.values())
