@@ -1,11 +1,12 @@
 """What recording a kernel batch costs beside the bare batch, an agent-step.
 
 Random legal actions, whose choice isn't timed; both levels; the same run bare and recorded, one
-after the other, medians of several rounds. Closing (sealing, Parquet) is timed apart. With `--serial` the serial engine's recording of the same copies beside it.
+after the other, medians of several rounds. Closing (sealing, Parquet) is timed apart. With
+`--serial` the serial engine's recording of the same copies beside it.
 
-One JSON line a task, level and number of copies: {"figure", "task", "level", "copies", "steps",
-"agent_steps", "bare_us", "recorded_us", "overhead_us", "overhead_cpu_us", "close_us", "bytes"}; times an agent-step, the
-last but two of them of the processor, which a busy machine disturbs less.
+One JSON line a task, level and number of copies: {"figure", "task", "engine", "level", "copies",
+"steps", "agent_steps", "bare_us", "recorded_us", "overhead_us", "overhead_cpu_us", "close_us",
+"bytes"}; times an agent-step, `cpu` of the processor, which a busy machine disturbs less.
 
     python benchmarks/kernel_recording.py [--tasks two_robot_line ...] [--copies 64 1024]
 """
@@ -22,9 +23,9 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from vector_same import actions_of
 
 import gamekeeper as gk
-from vector_same import actions_of
 
 FIGURE: Final = "kernel_recording"
 TASKS: Final = ("two_robot_line", "handover", "warehouse", "warehouse_turns")
