@@ -2,8 +2,9 @@
 
 PATH/bin/python benchmarks/peers/kernel_peers_particles.py jaxmarl --envs 1024 --seconds 2
 
-Three agents, 25 ticks an episode, discrete actions drawn beforehand, observations written. Prints a
-JSON line: agent-steps a second, the best of five parts. A peer that isn't installed says so.
+Three agents, 25 ticks an episode, discrete actions drawn beforehand, observations written. The last
+line printed is JSON: agent-steps a second, the best of five parts. A peer that isn't installed says
+so there.
 """
 
 from __future__ import annotations

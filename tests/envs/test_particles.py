@@ -24,6 +24,7 @@ from gamekeeper.envs.particles_face import SIDE, spoken
 from gamekeeper.errors import ActionError, SpecError
 from gamekeeper.game.draft import agent_specs, draft_contract
 from gamekeeper.kernels.rules import as_python, numba
+from gamekeeper.vector import make
 from tests.envs.particle_worlds import PAIRS
 
 KERNELS = {name: pair[0] for name, pair in PAIRS.items()}
@@ -241,3 +242,26 @@ def test_compiled_batch_gives_the_bits_of_the_plain_one(name: str) -> None:
             pairs = zip(one, two, strict=True) if isinstance(one, tuple) else [(one, two)]
             assert all(np.array_equal(a, b) for a, b in pairs), field
     assert plain.records["number"].min() >= 3
+
+
+@pytest.mark.parametrize("name", ["tag", "speaker_listener"])
+def test_vector_engines_agree_where_roles_differ(name: str) -> None:
+    """The kernel engine gives what the serial one gives, a group of arrays for each role."""
+    options: dict[str, Any] = {"seed": 2, "infos": True, "env_kwargs": {"debug": True}}
+    told = []
+    for engine in ("serial", "kernel"):
+        with make(name, 3, engine=engine, **options) as venv:
+            venv.action_space.seed(1)
+            given = [venv.reset()]
+            given += [venv.step(venv.action_space.sample()) for _ in range(30)]
+            told.append([[plain(part) for part in step] for step in given])
+    assert told[0] == told[1]
+
+
+def plain(value: Any) -> Any:
+    """Arrays as lists, whatever they stand in."""
+    if isinstance(value, dict):
+        return {key: plain(part) for key, part in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    return [plain(part) for part in value] if isinstance(value, list) else value

@@ -45,13 +45,14 @@ def test_particles_are_those_of_mpe2(name: str, given: dict[str, Any]) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2])
-@pytest.mark.parametrize(("name", "given"), SOME, ids=NAMES)
-def test_compiled_particles_are_those_of_mpe2(name: str, given: dict[str, Any], seed: int) -> None:
-    """The same for 10,000 steps of compiled rules."""
-    seen, paid = differences(name, steps=10_000, seed=seed, debug=False, **given)
-    assert seen < SEEN
-    assert paid < REWARDS
+@pytest.mark.parametrize("number", [0, 2, 9, 15, 18], ids=lambda number: NAMES[number])
+def test_compiled_particles_are_those_of_mpe2(number: int) -> None:
+    """The same for 10,000 steps of compiled rules, from four seeds."""
+    name, given = SOME[number]
+    for seed in range(4):
+        seen, paid = differences(name, steps=2_500, seed=seed, debug=False, **given)
+        assert seen < SEEN
+        assert paid < REWARDS
 
 
 def test_every_task_is_compared() -> None:
