@@ -319,3 +319,28 @@ def test_robotic_warehouse_draws_pictures():
     env = RoboticWarehouse(render_mode="rgb_array", debug=True, n_agents=5)
     env.reset(seed=0)
     assert env.render().shape == (11 * 24, 10 * 24, 3)
+
+
+def test_robotic_warehouse_tells_what_is_nearest():
+    """Infos point right and down to the nearest request, goal, empty place and its highway."""
+    env = scene(*EMPTY, "v.....", "..x.X.", layout=OPEN)
+    infos = after(env, "0")[1][4]["robot_0"]
+    assert infos["to_request"].tolist() == [4, 1]
+    assert infos["to_goal"].tolist() == [0, 1]
+    assert infos["to_place"].tolist() == [5, 1]
+    assert infos["delivered"] == 0
+
+
+def test_robotic_warehouse_reference_delivers():
+    """The reference delivers shelf after shelf and puts them back; who does nothing doesn't."""
+    delivered = {}
+    for name, policy in RoboticWarehouse.policies.items():
+        env = RoboticWarehouse(n_agents=2, max_steps=250, debug=True, reward_type="two_stage")
+        rng = np.random.default_rng(0)
+        seen, infos = env.reset(seed=3)
+        while env.agents:
+            actions = {a: policy(seen[a], a, infos[a], rng) for a in env.agents}
+            seen, _, _, _, infos = env.step(actions)
+        delivered[name] = infos["robot_0"]["delivered"]
+    assert delivered["reference"] >= 5
+    assert delivered["reference"] > delivered["greedy"] > delivered["lazy"] == 0

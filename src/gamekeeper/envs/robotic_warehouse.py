@@ -47,6 +47,7 @@ from numpy.typing import NDArray
 from gamekeeper.envs import robotic_warehouse_picture as picture
 from gamekeeper.envs.robotic_warehouse_floor import (
     BEYOND,
+    HIGHWAY,
     OWN,
     PLACE,
     SENSED,
@@ -55,6 +56,7 @@ from gamekeeper.envs.robotic_warehouse_floor import (
     reach,
     tables_of,
 )
+from gamekeeper.envs.robotic_warehouse_policies import greedy, lazy, reference
 from gamekeeper.errors import SpecError
 from gamekeeper.kernels import draws
 from gamekeeper.kernels.faces import KernelTicks
@@ -266,9 +268,51 @@ def sense(t, code, obs, i, at):  # type: ignore[no-untyped-def]  # likewise
 
 @rule
 def inform(s, t, infos):  # type: ignore[no-untyped-def]  # likewise
-    """How many shelves were delivered."""
+    """How many shelves were delivered, and (right, down) to what is nearest of each kind.
+
+    0, 0 where there is none: of requested shelves that nobody carries, of goals, of empty places;
+    and of the highway beside that place.
+    """
     for i in range(len(s.cell)):
         infos[i].delivered = s.delivered
+        best, far = -1, NEVER
+        for k in range(len(t.cells)):
+            c = t.cells[k]
+            is_carried = s.robots[c] > 0 and s.load[s.robots[c] - 1] != 0
+            if s.sight[c] >= 10 and not is_carried and steps_to(s, t, i, c) < far:
+                best, far = c, steps_to(s, t, i, c)
+        point(s, t, i, best, infos[i].to_request)
+        best, far = -1, NEVER
+        for k in range(len(t.goals)):
+            if steps_to(s, t, i, t.goals[k]) < far:
+                best, far = t.goals[k], steps_to(s, t, i, t.goals[k])
+        point(s, t, i, best, infos[i].to_goal)
+        best, far = -1, NEVER
+        for k in range(len(t.homes)):
+            c = t.homes[k]
+            if s.sight[c] < 5 and steps_to(s, t, i, c) < far:
+                best, far = c, steps_to(s, t, i, c)
+        point(s, t, i, best, infos[i].to_place)
+        if best >= 0:
+            best = best - 1 if t.floor[best - 1] == HIGHWAY else best + 1
+        point(s, t, i, best, infos[i].to_door)
+
+
+@rule
+def steps_to(s, t, i, cell):  # type: ignore[no-untyped-def]  # likewise
+    """Steps from robot i to a cell, as if nothing stood between them."""
+    width = t.ahead[1]
+    here = s.cell[i]
+    return abs(cell % width - here % width) + abs(cell // width - here // width)
+
+
+@rule
+def point(s, t, i, cell, offset):  # type: ignore[no-untyped-def]  # likewise
+    """Writes how far right and down of robot i a cell lies; 0, 0 of no cell (-1)."""
+    width = t.ahead[1]
+    here = s.cell[i]
+    offset[0] = cell % width - here % width if cell >= 0 else 0
+    offset[1] = cell // width - here // width if cell >= 0 else 0
 
 
 @rule
@@ -328,7 +372,10 @@ def robotic_warehouse_kernel(
         step=step,
         observe=observe,
         inform=inform,
-        info=[("delivered", "i8")],
+        info=[
+            ("delivered", "i8"), ("to_request", "i8", (2,)), ("to_goal", "i8", (2,)),
+            ("to_place", "i8", (2,)), ("to_door", "i8", (2,)),
+        ],
         overview=overview,
         state_space=Box(0, max(4, n_agents), (4, floor.rows, floor.columns), np.int32),
         tables=tables_of(
@@ -446,6 +493,7 @@ class RoboticWarehouse(KernelTicks):
         "is_parallelizable": True,
     }
     contract = "robotic_warehouse.toml"
+    policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012
     not_batched = ""
 
     def __init__(
