@@ -57,6 +57,8 @@ PYTHON_PEERS: Final = ("mpe2", "rware", "lbforaging")
 PARTS: Final = 5
 RATE: Final = "agent_steps_per_s"
 DRAWN: Final = 16
+LONGEST_S: Final = 600
+"""A subject that takes longer is given up."""
 LONG: Final = 10**8
 """Agent-steps over which memory may not grow."""
 
@@ -202,7 +204,14 @@ class Bench:
 
     def run(self, task: str, subject: str, command: list[str], envs: int, threads: int) -> None:
         """Runs a command that prints a JSON line, and keeps it if it is the best so far."""
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        sys.stderr.write(f"{task} {subject}, {envs} copies, {threads} threads\n")
+        try:
+            done = subprocess.run(
+                command, capture_output=True, text=True, check=False, timeout=LONGEST_S
+            )
+        except subprocess.TimeoutExpired:
+            self.best.setdefault((task, subject, envs, threads), {"why": f"over {LONGEST_S} s"})
+            return
         lines = done.stdout.splitlines()
         if done.returncode or not lines:
             found = {"why": (done.stderr.strip().splitlines() or ["?"])[-1][:200]}
