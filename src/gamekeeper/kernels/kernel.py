@@ -131,6 +131,11 @@ class Kernel:
                 seen=f"{len(self.groups)} kinds of agents",
                 mend="pad the smaller spaces, and mask what they don't have",
             )
+        if self.horizon is not None and self.horizon < 1:
+            self._refuse(
+                "a horizon is no number of ticks",
+                expected="a whole number above 0, or None", seen=repr(self.horizon),
+            )  # fmt: skip
         for group in self.groups:
             self._check_spaces(group)
 
