@@ -81,8 +81,8 @@ def _compiled() -> Any:
     return compiled(all_of, "blake2b", key_of(all_of))
 
 
-def _all_of() -> Any:
-    """What fills `out`, [parts, words], with the digests."""
+def _rounds() -> Any:
+    """`rounds(w, message)`, compiled: the twelve rounds over all lanes."""
     mix = numba().njit(_mix, forceinline=True, **OPTIONS)
 
     def rounds(w: Any, message: Any) -> None:
@@ -100,7 +100,12 @@ def _all_of() -> Any:
             mix(w, 2, 7, 8, 13, 12)
             mix(w, 3, 4, 9, 14, 14)
 
-    rounds = numba().njit(rounds, forceinline=True, **OPTIONS)
+    return numba().njit(rounds, forceinline=True, **OPTIONS)
+
+
+def _all_of() -> Any:
+    """What fills `out`, [parts, words], with the digests."""
+    rounds = _rounds()
     word_at = numba().njit(_word_at, forceinline=True, **OPTIONS)
 
     def all_of(data: Any, bounds: Any, out: Any) -> None:
