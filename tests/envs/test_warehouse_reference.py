@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from itertools import count
 from typing import Any
 
@@ -18,7 +19,10 @@ from tests.references.warehouse_turns import WarehouseTurns as WrittenTurns
 from tests.vector.test_kernel_engine import history, text
 from tests.vector.test_vector import same as equal
 
-PAIRS = ((Warehouse, WrittenTicks), (WarehouseTurns, WrittenTurns))
+PAIRS = (
+    (partial(Warehouse, debug=True), WrittenTicks),
+    (partial(WarehouseTurns, debug=True), WrittenTurns),
+)
 COMPILED = ((warehouse.Warehouse, WrittenTicks), (warehouse_turns.WarehouseTurns, WrittenTurns))
 SIZES: tuple[dict[str, Any], ...] = (
     {},
