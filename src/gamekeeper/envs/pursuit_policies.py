@@ -84,13 +84,13 @@ def _agreed(window: Window) -> tuple[Way | None, Way | None]:
     others = [place for place in _places(window, PURSUERS) if place != (0, 0)]
     best, partner, soonest = None, None, None
     for evader in _places(window, EVADERS):
-        near = sorted(others, key=lambda other, evader=evader: _between(other, evader))
-        if len(near) > 1 and _between(near[1], evader) < _length(evader):
+        near = sorted((_between(other, evader), k) for k, other in enumerate(others))
+        if len(near) > 1 and near[1][0] < _length(evader):
             continue  # two others are nearer
-        way = _between(near[0], evader) if near else len(window)
+        way = near[0][0] if near else len(window)
         when = max(_length(evader), way), _length(evader)
         if soonest is None or when < soonest:
-            best, partner, soonest = evader, near[0] if near else None, when
+            best, partner, soonest = evader, others[near[0][1]] if near else None, when
     return best, partner
 
 
