@@ -12,10 +12,11 @@ What it shows of a batch of copies (`kernel.batch`):
     - All arrays are [copy, robot, ...]. Every step overwrites them, so what is kept is copied.
     - A robot that ran empty has ended alone; its place stays dead until a spare joins or the copy
       begins anew. Places count only for steps at whose beginning a robot was `live` there.
-    - `terminated` means that nothing follows: its value is 0. `truncated` (an empty battery, the
-      horizon) means that the episode was cut: what would have followed is estimated from what the
-      robot saw last, which stands in `obs` where the copy goes on and in `final` where it began
-      anew.
+    - Who was terminated, or ran empty while the others play on, gets nothing more: what follows is
+      worth 0, and a robot learns to recharge. (The contract calls an empty battery a truncation,
+      as the task isn't over; but no clock cut it off.) At the horizon the episode is cut: what
+      would have followed is estimated from what a robot saw last, which stands in `final`, as
+      `obs` shows the next episode already.
     - What is masked out gets probability 0.
 
 Source: Schulman et al. 2017, "Proximal Policy Optimization Algorithms"; Schulman et al. 2016
@@ -80,7 +81,7 @@ class Settings:
     weights: Mapping[str, float] = field(default_factory=lambda: dict(WEIGHTS))
     copies: int = 256
     length: int = 32
-    steps: int = 3_000_000
+    steps: int = 2_000_000
     epochs: int = 3
     minibatch: int = 4_096
     rate: float = 1e-3
@@ -235,10 +236,11 @@ class Learner:
     def _beyond(self, truncated: Array) -> Any:
         """What those who were cut off would have had, discounted, [copy, robot]; 0 of others."""
         beyond, arrays = self.torch.zeros(truncated.shape), self.batch.arrays
-        if truncated.any():
-            last = np.where(arrays.ended[:, None, None], arrays.final, arrays.obs)[truncated]
-            values = self.nets["critic"](self.scaled(self.torch.from_numpy(last).float()))
-            beyond[self.torch.from_numpy(truncated)] = self.settings.discount * values.squeeze(-1)
+        cut = truncated & arrays.ended[:, None]
+        if cut.any():
+            last = self.scaled(self.torch.from_numpy(arrays.final[cut]).float())
+            values = self.nets["critic"](last).squeeze(-1)
+            beyond[self.torch.from_numpy(cut)] = self.settings.discount * values
         return beyond
 
     def advantages(self, steps: Steps) -> Any:
