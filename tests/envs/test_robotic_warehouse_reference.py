@@ -130,6 +130,7 @@ def compare(arguments, *, steps, seed, monkeypatch, weights=BIASED):
     return paid, ties.count, ends
 
 
+@pytest.mark.filterwarnings("ignore:.*precision lowered by casting:UserWarning")  # rware's spaces
 @pytest.mark.parametrize("name", CASES)
 def test_robotic_warehouse_is_rware_step_by_step(name, monkeypatch):
     """Observations, rewards and ends are equal bit by bit, from the first state on."""
