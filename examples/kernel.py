@@ -17,9 +17,7 @@ from __future__ import annotations
 import numpy as np
 from gymnasium.spaces import Box, Discrete
 
-from gamekeeper.kernels import draws
-from gamekeeper.kernels.kernel import Kernel
-from gamekeeper.kernels.rules import rule
+from gamekeeper.kernels import Kernel, draws, rule
 
 ROBOTS, CELLS, CHARGE = 3, 12, 30
 

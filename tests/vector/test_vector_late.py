@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gamekeeper as gk
+from gamekeeper.core.episode_seeds import EpisodeSeeds
 from gamekeeper.core.seeds import episode_seed
 from gamekeeper.vector import make
-from gamekeeper.core.episode_seeds import EpisodeSeeds
 from tests.vector import worlds
 
 HERE = worlds.__file__

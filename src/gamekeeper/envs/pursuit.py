@@ -36,6 +36,7 @@ reinforcement learning"), in which catches and collisions are others.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -89,29 +90,9 @@ def pursuit_kernel(
     Raises:
         SpecError: a number is out of its range, or the field is too small for so many.
     """
-    least = {"pursuers": 1, "evaders": 1, "rows": 2, "columns": 2, "catchers": 1, "stamina": 0}
     given = locals()
-    for name in (*least, "pursuer_sight", "evader_sight", "horizon"):
-        _check(name, given[name], least.get(name, 1), {"catchers": 4, "stamina": MOST_ENERGY})
-    if not 0.0 <= rocks <= 1.0:
-        raise SpecError(
-            "rocks is a probability", where="rocks", expected="0 to 1", seen=repr(rocks)
-        )
-    if evaders_are not in SCRIPTS:
-        raise SpecError(
-            "nobody knows how to move the evaders", where="evaders_are",
-            expected=" | ".join(SCRIPTS), seen=repr(evaders_are),
-        )  # fmt: skip
-    free = rows * columns - (rows // 2) * (columns // 2)
+    _check_all(given)
     count = pursuers + evaders
-    if 2 * count > free:
-        raise SpecError(
-            "the field is too small for so many",
-            where="rows, columns",
-            expected=f"{2 * count} cells that can't be rocks, two for each of them",
-            seen=str(free),
-            mend="make the field larger, or play with fewer",
-        )
     border = max(pursuer_sight, evader_sight)
     width = columns + 2 * border
     given |= {"border": border, "width": width, "script": SCRIPTS.index(evaders_are)}
@@ -147,6 +128,34 @@ def pursuit_kernel(
         horizon=horizon,
         metadata=METADATA,
     )  # fmt: skip
+
+
+def _check_all(given: Mapping[str, Any]) -> None:
+    """Refuses numbers out of their ranges, and a field that is too small."""
+    least = {"pursuers": 1, "evaders": 1, "rows": 2, "columns": 2, "catchers": 1, "stamina": 0}
+    for name in (*least, "pursuer_sight", "evader_sight", "horizon"):
+        _check(name, given[name], least.get(name, 1), {"catchers": 4, "stamina": MOST_ENERGY})
+    rocks, evaders_are = given["rocks"], given["evaders_are"]
+    if not 0.0 <= rocks <= 1.0:
+        raise SpecError(
+            "rocks is a probability", where="rocks", expected="0 to 1", seen=repr(rocks)
+        )
+    if evaders_are not in SCRIPTS:
+        raise SpecError(
+            "nobody knows how to move the evaders", where="evaders_are",
+            expected=" | ".join(SCRIPTS), seen=repr(evaders_are),
+        )  # fmt: skip
+    rows, columns = given["rows"], given["columns"]
+    free = rows * columns - (rows // 2) * (columns // 2)
+    count = given["pursuers"] + given["evaders"]
+    if 2 * count > free:
+        raise SpecError(
+            "the field is too small for so many",
+            where="rows, columns",
+            expected=f"{2 * count} cells that can't be rocks, two for each of them",
+            seen=str(free),
+            mend="make the field larger, or play with fewer",
+        )
 
 
 def _names(role: str, count: int) -> tuple[str, ...]:

@@ -10,12 +10,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, TypeAlias
 
+from gamekeeper.core.episode_seeds import EpisodeSeeds
 from gamekeeper.game.door import AgentId, Game
 from gamekeeper.game.faces import game_of
 from gamekeeper.vector.arrays import Arrays
 from gamekeeper.vector.form import Form, Group, built
 from gamekeeper.vector.rows import Batches, Recording, Shelf, SlotSink
-from gamekeeper.core.episode_seeds import EpisodeSeeds
 
 Autoreset: TypeAlias = Literal["same_step", "next_step"]
 AUTORESETS: Final = ("same_step", "next_step")
