@@ -328,7 +328,7 @@ def checked(task: str, program: str, envs: int = 64, steps: int = 1000) -> bool:
     count, state, numbers = 64 * envs * group.count, 12345, []
     for _ in range(count):
         state = (state * 6364136223846793005 + 1442695040888963407) % 2**64
-        numbers.append((state >> 33) % int(group.action_space.n))  # type: ignore[attr-defined]
+        numbers.append((state >> 33) % int(group.action_space.n))  # type: ignore[attr-defined]  # Discrete
     drawn = np.array(numbers, np.int64).reshape(64, envs, group.count)
     shown = paid = 0.0
     for k in range(steps):

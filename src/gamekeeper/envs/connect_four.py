@@ -242,7 +242,7 @@ class ConnectFour(MaskedTurns):
 
     metadata = METADATA
     contract = "connect_four.toml"
-    policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012
+    policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012  # PettingZoo declares it so
     not_batched = ""
 
     def __init__(self, *, render_mode: str | None = None, debug: bool = False) -> None:

@@ -175,7 +175,7 @@ class Foraging(KernelTicks):
         "is_parallelizable": True,
     }
     contract = "foraging.toml"
-    policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012
+    policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012  # PettingZoo declares it so
     not_batched = ""
 
     def __init__(

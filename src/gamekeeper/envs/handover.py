@@ -195,7 +195,7 @@ class Handover(DisturbedTurns, MaskedTurns):
         "is_parallelizable": False,  # who acts next depends on the state
     }
     contract = "handover.toml"
-    policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012
+    policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012  # PettingZoo declares it so
 
     def __init__(
         self,

@@ -203,7 +203,7 @@ class Pursuit(KernelTicks):
 
     metadata = METADATA
     contract = "pursuit.toml"
-    policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012
+    policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012  # PettingZoo declares it so
     not_batched = ""
 
     def __init__(

@@ -157,7 +157,7 @@ class Reference(ParticleTicks):
         "is_parallelizable": True,
     }
     contract = "reference.toml"
-    policies = {  # noqa: RUF012
+    policies = {  # noqa: RUF012  # PettingZoo declares it so
         "reference": reference_reference, "greedy": reference_greedy, "lazy": lazy,
     }  # fmt: skip
 

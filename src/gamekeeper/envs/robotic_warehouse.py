@@ -235,7 +235,7 @@ class RoboticWarehouse(KernelTicks):
         "is_parallelizable": True,
     }
     contract = "robotic_warehouse.toml"
-    policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012
+    policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012  # PettingZoo declares it so
     not_batched = ""
 
     def __init__(

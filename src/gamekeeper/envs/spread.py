@@ -262,7 +262,7 @@ class Spread(ParticleTicks):
         "is_parallelizable": True,
     }
     contract = "spread.toml"
-    policies = {"reference": spread_reference, "greedy": spread_greedy, "lazy": lazy}  # noqa: RUF012
+    policies = {"reference": spread_reference, "greedy": spread_greedy, "lazy": lazy}  # noqa: RUF012  # PettingZoo declares it so
 
     def __init__(
         self,

@@ -211,7 +211,7 @@ class Tictactoe(MaskedTurns):
 
     metadata = METADATA
     contract = "tictactoe.toml"
-    policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012
+    policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012  # PettingZoo declares it so
     not_batched = ""
 
     def __init__(self, *, render_mode: str | None = None, debug: bool = False) -> None:

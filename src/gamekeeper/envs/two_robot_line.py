@@ -166,7 +166,7 @@ class TwoRobotLine(DisturbedTicks):
         "is_parallelizable": True,
     }
     contract = "two_robot_line.toml"
-    policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012
+    policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012  # PettingZoo declares it so
 
     def __init__(
         self,

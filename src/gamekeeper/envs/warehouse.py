@@ -164,7 +164,7 @@ class WarehouseRules(Disturbed):
         SpecError: a number is out of its range, or the layout has too few cells.
     """
 
-    policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012
+    policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012  # PettingZoo declares it so
     snapshot_without = (*Disturbed.snapshot_without, "knobs", "layout", "roles", "shuffled")
     kernel_of: ClassVar[Callable[..., Kernel]]
 
@@ -310,7 +310,7 @@ def _plainly(rule: Any) -> Any:
 class Warehouse(WarehouseRules, DisturbedTicks, MaskedTicks):
     """The warehouse as a Parallel environment; rules in the module's docstring."""
 
-    metadata = {  # noqa: RUF012
+    metadata = {  # noqa: RUF012  # PettingZoo declares it so
         "name": "warehouse_v0",
         "render_modes": ["ansi", "rgb_array"],
         "render_fps": 8,

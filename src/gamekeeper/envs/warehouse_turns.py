@@ -62,7 +62,7 @@ def warehouse_turns_kernel(
 class WarehouseTurns(WarehouseRules, DisturbedTurns, MaskedTurns):
     """The warehouse as an AEC environment; arguments are those of `WarehouseRules`."""
 
-    metadata = {  # noqa: RUF012
+    metadata = {  # noqa: RUF012  # PettingZoo declares it so
         "name": "warehouse_turns_v0",
         "render_modes": ["ansi", "rgb_array"],
         "render_fps": 8,
