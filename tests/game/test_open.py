@@ -53,7 +53,8 @@ def test_open_env_names_what_comes_near_an_unknown_id() -> None:
     """A misspelled id and a version that isn't there get what is."""
     assert "'sisl/pursuit-v5'" in told("sisl/prusuit-v5")
     assert "there is sisl/pursuit-v5" in told("sisl/pursuit-v4")
-    assert "sisl/pursuit-v5" in told("pursuit-v5")
+    assert "sisl/multiwalker-v9" in told("multiwalker-v9")
+    assert "gamekeeper/pursuit-v0" in told("pursuit-v5")  # a short name is one of ours first
 
 
 def test_open_env_passes_on_where_pettingzoo_moved_a_group() -> None:

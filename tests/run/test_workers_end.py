@@ -53,7 +53,8 @@ def script(tmp_path: Path) -> Callable[..., subprocess.Popen[str]]:
     def start(name: str, arguments: dict[str, Any]) -> subprocess.Popen[str]:
         program = tmp_path / "program.py"
         program.write_text(
-            "import dataclasses, json\n"
+            "import dataclasses, json, signal\n"
+            "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # if ignored
             "from gamekeeper.run.workers import run_task\n"
             "show = lambda fields: print(json.dumps(fields), flush=True)\n"
             f"outcome = run_task('tests.run.worker_tasks:{name}', {arguments!r}, on_message=show)\n"
