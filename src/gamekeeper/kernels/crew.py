@@ -10,10 +10,13 @@ import os
 import threading
 import weakref
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any, Final, TypeAlias
 
 Job: TypeAlias = Callable[[int, int], Any]
 """What is done to the copies from the first to before the last."""
+PARTS: Final = 6
+"""Parts of a batch for each thread."""
 TOGETHER: Final = 16
 """Parts begin at multiples of it, so that two threads seldom write to one line of memory."""
 
@@ -31,27 +34,33 @@ class Crew:
         self.count, self._pid = count, 0
         self._mates: tuple[_Mate, ...] = ()
 
-    def run(self, job: Job, copies: int) -> list[Any]:
-        """Does the job to all copies, a part in each thread; what it returned, part by part.
+    def run(self, job: Job, copies: int) -> None:
+        """Does the job to all copies, in parts that whichever thread is free takes next.
+
+        A thread that is woken comes late, so parts are smaller than what each has to do.
 
         Raises:
             Exception: what a job raised, once all are done.
         """
         if self._pid != os.getpid():
             self._hire()
-        bounds = parts_of(copies, self.count)
-        for mate, first, last in zip(self._mates, bounds[1:], bounds[2:], strict=False):
-            mate.begin(job, first, last)
+        bounds = parts_of(copies, self.count * PARTS)
+        parts = iter(pairwise(bounds))  # handed out one by one, whoever asks
+
+        def share() -> None:
+            for first, last in parts:
+                job(first, last)
+
+        for mate in self._mates:
+            mate.begin(share)
         try:
-            found = [job(0, bounds[1])]
+            share()
         finally:
-            for mate in self._mates[: len(bounds) - 2]:
+            for mate in self._mates:
                 mate.done.acquire()
-        for mate in self._mates[: len(bounds) - 2]:
+        for mate in self._mates:
             if mate.error is not None:
                 raise mate.error
-            found.append(mate.found)
-        return found
 
     def _hire(self) -> None:
         self._pid = os.getpid()
@@ -70,14 +79,12 @@ class _Mate:
         self.todo, self.done = threading.Lock(), threading.Lock()
         self.todo.acquire()
         self.done.acquire()
-        self.job: Job | None = None
-        self.first = self.last = 0
-        self.found: Any = None
+        self.job: Callable[[], None] | None = None
         self.error: BaseException | None = None
 
-    def begin(self, job: Job, first: int, last: int) -> None:
+    def begin(self, job: Callable[[], None]) -> None:
         """Has the thread do a job."""
-        self.job, self.first, self.last, self.error = job, first, last, None
+        self.job, self.error = job, None
         self.todo.release()
 
     def dismiss(self) -> None:
@@ -93,7 +100,7 @@ def _work(mate: _Mate) -> None:
         if job is None:
             return
         try:
-            mate.found = job(mate.first, mate.last)
+            job()
         except BaseException as error:  # raised where the crew was asked
             mate.error = error
         del job
