@@ -132,7 +132,7 @@ def perform(
     game = game_of(env, sink=sink, state=state)
     game.episode = number - 1
     hooks = _IDLE if change is None else change.start(np.random.default_rng([7, play.stream]))
-    course = _Course(play, game, cast, hooks, watch, on_step or _nothing)
+    course = Course(play, game, cast, hooks, watch, on_step or _nothing)
     if cast is not None and play.actions is None:
         cast.begin(cast_seed, play.stream)
     try:
@@ -153,7 +153,7 @@ def perform(
     return Played(done, trace, failed, failed is None and trace.header.get("end") == "ended")
 
 
-class _Course:
+class Course:
     """The loop over both APIs, with a change's hooks and a watch between its steps."""
 
     def __init__(

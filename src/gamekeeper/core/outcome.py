@@ -1,0 +1,203 @@
+"""What one episode came to, agent by agent, and whether that counts as failed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from gamekeeper.core.contract import Contract
+from gamekeeper.core.contract.failure import Failure, Value
+from gamekeeper.core.layout import role as role_in_name
+from gamekeeper.core.trace import Trace
+from gamekeeper.errors import ContractError
+
+TEAM: Final = "team"
+EACH: Final = "agent"
+"""In a contract's `[failure]`: a condition for each agent by itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What an episode came to; every mapping is by agent.
+
+    Attributes:
+        seed: of its reset.
+        turns: ticks, or turns of an AEC environment.
+        returns: the sum of an agent's rewards.
+        terms: the same by reward term, where the environment tells terms.
+        endings: the reason why an agent ended, else `terminated`, `truncated`, or `cut`.
+        infos: numbers and truth values that an agent was told last.
+        seen: the turn at which it was told them.
+        is_over: the episode ended by itself.
+        error: the exception that broke it off.
+    """
+
+    seed: int | None = None
+    turns: int = 0
+    returns: Mapping[str, float] = field(default_factory=dict)
+    terms: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    endings: Mapping[str, str] = field(default_factory=dict)
+    infos: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    seen: Mapping[str, int] = field(default_factory=dict)
+    is_over: bool = True
+    error: str | None = None
+
+    @property
+    def team_return(self) -> float:
+        """The sum of all agents' returns."""
+        return float(sum(self.returns.values()))
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "seed": self.seed, "turns": self.turns, "returns": dict(self.returns),
+            "terms": {agent: dict(terms) for agent, terms in self.terms.items()},
+            "endings": dict(self.endings),
+            "infos": {agent: dict(info) for agent, info in self.infos.items()},
+            "seen": dict(self.seen), "is_over": self.is_over, "error": self.error,
+        }  # fmt: skip
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Outcome:
+        """What `to_json` gave."""
+        return cls(**data)
+
+
+def plain_numbers(info: object) -> dict[str, float]:
+    """The numbers and truth values among the fields of an info."""
+    if not isinstance(info, Mapping):
+        return {}
+    found: dict[str, float] = {}
+    for key, value in info.items():
+        if getattr(value, "shape", None) == () and hasattr(value, "item"):
+            value = value.item()
+        if isinstance(value, bool | int | float):
+            found[str(key)] = value
+    return found
+
+
+def outcome_of(trace: Trace) -> Outcome:
+    """What a recorded episode came to."""
+    returns: dict[str, float] = {}
+    terms: dict[str, dict[str, float]] = {}
+    endings: dict[str, str] = {}
+    infos: dict[str, dict[str, float]] = {}
+    seen: dict[str, int] = {}
+    acted = 0
+    for turn in trace.turns:
+        acted += bool(turn.order)
+        for agent in turn.agents:
+            returns[agent] = returns.get(agent, 0.0) + turn.rewards.get(agent, 0.0)
+            for name, value in turn.terms.get(agent, {}).items():
+                paid = terms.setdefault(agent, {})
+                paid[name] = paid.get(name, 0.0) + (value or 0.0)
+            if agent in turn.ended:
+                endings[agent] = "terminated" if turn.terminated.get(agent) else "truncated"
+        for agent, info in turn.infos.items():
+            if numbers := plain_numbers(info):
+                infos[agent], seen[agent] = numbers, turn.index
+    named = trace.endings
+    end = trace.header.get("end")
+    return Outcome(
+        seed=trace.seed, turns=acted, returns=returns, terms=terms, infos=infos, seen=seen,
+        endings={agent: str(named.get(agent) or endings.get(agent, "cut")) for agent in returns},
+        is_over=end == "ended", error=trace.header.get("error"),
+    )  # fmt: skip
+
+
+def failures(contract: Contract, condition: str | None = None) -> Mapping[str, Failure]:
+    """The conditions that say what failed, by scope: `team`, a role, or `agent` for each.
+
+    Args:
+        condition: holds for the team, in place of what the contract declares.
+    Raises:
+        ContractError: there is neither a condition nor a declaration.
+    """
+    if condition is not None:
+        return {TEAM: Failure(condition)}
+    if not contract.failure:
+        raise ContractError(
+            "nothing says when an episode failed",
+            where="failure",
+            expected="[failure] in the contract",
+            seen="none",
+            mend="give a condition, as --failed 'return < 0.5'",
+        )
+    return contract.failure
+
+
+def failed(
+    outcome: Outcome, conditions: Mapping[str, Failure], contract: Contract
+) -> dict[str, bool]:
+    """Whether an episode failed: for the `team`, for roles, and for agents with a condition.
+
+    An episode that an exception broke off failed for everybody. Where a condition stands for each
+    agent, or for a role, its agents' own names stand in the answer too.
+
+    Raises:
+        ContractError: a condition names a figure that the episode doesn't have.
+    """
+    answers: dict[str, bool] = {}
+    for scope, condition in conditions.items():
+        if scope == EACH:
+            for agent in outcome.returns:
+                answers[agent] = _holds(condition, outcome, [agent], contract)
+            continue
+        members = members_of(scope, outcome.returns, contract)
+        answers[scope] = _holds(condition, outcome, members, contract)
+    return answers
+
+
+def members_of(scope: str, agents: Iterable[str], contract: Contract) -> list[str]:
+    """The agents in a scope: the whole `team`, a role's, or one by its name."""
+    return [
+        agent
+        for agent in agents
+        if scope in (TEAM, agent) or scope == (contract.role_of(agent) or role_in_name(agent))
+    ]
+
+
+def _holds(condition: Failure, outcome: Outcome, members: list[str], contract: Contract) -> bool:
+    return outcome.error is not None or condition.holds(figures(outcome, members, contract))
+
+
+def figures(outcome: Outcome, members: list[str], contract: Contract) -> dict[str, Value]:
+    """The figures of an episode that a condition may name, for a group of agents.
+
+    `return`, `length` (turns), `is_over`, `terminated`, `truncated` (all of them ended so),
+    `ending` (their common reason), a reward term (its sum over them), a field of the infos (where
+    those who were told it last agree). An agent's or role's own stand under its name:
+    `carrier_0.return`, `picker.grasp`, `carrier_0.undelivered`. A declared term that was never
+    paid is 0.
+    """
+    found: dict[str, Value] = {}
+    everybody = list(outcome.returns)
+    roles = {contract.role_of(agent) or role_in_name(agent) for agent in everybody}
+    for name in sorted({*roles, *everybody}):
+        theirs = members_of(name, everybody, contract)
+        for key, value in _of(outcome, theirs, contract):
+            found[f"{name}.{key}"] = value
+    found.update(_of(outcome, members, contract))
+    return found
+
+
+def _of(outcome: Outcome, members: list[str], contract: Contract) -> Iterator[tuple[str, Value]]:
+    latest: dict[str, tuple[int, set[float]]] = {}
+    for agent in members:
+        at = outcome.seen.get(agent, -1)
+        for key, value in outcome.infos.get(agent, {}).items():
+            when, values = latest.get(key, (-1, set()))
+            latest[key] = (at, {value}) if at > when else (when, values)
+            if at == when:
+                values.add(value)
+    yield from ((key, values.pop()) for key, (_, values) in latest.items() if len(values) == 1)
+    declared = [name for name in contract.rewards if outcome.terms or outcome.error]
+    named = {name for agent in members for name in outcome.terms.get(agent, {})}
+    for term in sorted({*declared, *named}):
+        yield term, sum(outcome.terms.get(agent, {}).get(term, 0.0) for agent in members)
+    yield "return", sum(outcome.returns.get(agent, 0.0) for agent in members)
+    yield "length", float(outcome.turns)
+    yield "is_over", outcome.is_over
+    endings = {outcome.endings.get(agent, "cut") for agent in members}
+    yield "ending", endings.pop() if len(endings) == 1 else "mixed"
