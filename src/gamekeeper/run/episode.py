@@ -132,7 +132,7 @@ def perform(
     game = game_of(env, sink=sink, state=state)
     game.episode = number - 1
     hooks = _IDLE if change is None else change.start(np.random.default_rng([7, play.stream]))
-    course = Course(play, game, cast, hooks, watch, on_step or _nothing)
+    course = Course(play, game, cast, hooks, watch, on_step or _nothing, declared)
     if cast is not None and play.actions is None:
         cast.begin(cast_seed, play.stream)
     try:
@@ -164,16 +164,19 @@ class Course:
         hooks: Hooks,
         watch: Watch | None,
         on_step: Callable[[], None],
+        contract: Contract | None = None,
     ) -> None:
         self.taken: list[Actions] = []
         self._play, self._game, self._cast = play, game, cast
         self._hooks, self._watch, self._on_step = hooks, watch, on_step
         self._is_parallel = isinstance(game, ParallelGame)
+        self._contract, self._is_told = contract or Contract(), hooks.wants_given
         self._call = "reset"
 
     def run(self) -> Failed | None:
         """Plays; returns the call that raised, if one did."""
         try:
+            self._hooks.declared(self._contract)
             self._hooks.before_reset(self._game.env)
             out = self._game.reset(self._play.seed, self._play.options)
             self._look(0, out)
@@ -237,16 +240,21 @@ class Course:
 
     def _chosen_by_all(self, turn: int) -> dict[AgentId, Any]:
         game, movers = self._game, self._game.to_move
+        seen, infos, sees = game.observations, game.infos, self._hooks.sees
+        if self._is_told:
+            for agent in movers:
+                self._hooks.given(turn, agent, seen.get(agent), infos.get(agent))
         if self._play.actions is not None:
             paper = self._play.actions[turn]
             return {agent: _own(paper[agent]) for agent in paper}
-        seen, infos, sees = game.observations, game.infos, self._hooks.sees
         return {a: self._chosen(a, sees(turn, a, seen.get(a)), infos.get(a)) for a in movers}
 
     def _chosen_in_turn(self, turn: int) -> tuple[AgentId, Any]:
         self._call = "last"
         observation, _, terminated, truncated, info = self._game.last()
         agent = self._game.to_move[0]
+        if self._is_told and not (terminated or truncated):
+            self._hooks.given(turn, agent, observation, info)
         if self._play.actions is not None:
             paper = self._play.actions[turn]
             return agent, _own(next(iter(paper.values()), None))

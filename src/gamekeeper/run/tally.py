@@ -38,7 +38,7 @@ def tally(
     is_parallel = isinstance(game, ParallelGame)
     volatile = () if contract is None else contract.volatile_infos()
     count = _Ticks(volatile) if is_parallel else _Turns(volatile)
-    course = Course(play, game, cast, hooks, count, on_step or _nothing)
+    course = Course(play, game, cast, hooks, count, on_step or _nothing, contract)
     if cast is not None and play.actions is None:
         cast.begin(cast_seed, play.stream)
     try:

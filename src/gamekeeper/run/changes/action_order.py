@@ -5,10 +5,11 @@ from __future__ import annotations
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 from numpy.random import Generator
 
+from gamekeeper.core.failure_label import Label
 from gamekeeper.game.door import AgentId
 from gamekeeper.run.change import Change, Hooks
 
@@ -28,6 +29,8 @@ class ActionOrder(Change):
         order: `reversed` (every pair of agents changes its places), `rotated` (the first goes to
             the end), `shuffled` (another order at every turn).
     """
+
+    label: ClassVar[Label] = "timing"
 
     order: str = "reversed"
 
