@@ -11,8 +11,11 @@ from gamekeeper.core.canon import to_json
 from gamekeeper.errors import ContractError, SpecError
 from gamekeeper.game.open import open_env
 
-_passed: Final[set[str]] = set()
-"""What was audited in this process and kept its contract: identities as JSON."""
+_passed: Final[dict[str, object]] = {}
+"""What was audited in this process and kept its contract, by identity as JSON.
+
+What is no text is told from others of its name by where it stands in memory, and kept there.
+"""
 
 
 def checked(
@@ -21,7 +24,7 @@ def checked(
     """Audits an environment that is about to be trained on, unless that was done in this process.
 
     Args:
-        spec: where it comes from; what is no text is audited in this process.
+        spec: where it comes from.
         check: "quick", or None: nothing is looked at.
         env_kwargs: handed to it.
     Raises:
@@ -36,7 +39,7 @@ def checked(
         )
     opened = open_env(spec, **dict(env_kwargs or {}))
     opened.env.close()
-    name = to_json(dict(opened.identity))
+    name = to_json({**opened.identity, "at": None if isinstance(spec, str) else id(spec)})
     if name in _passed:
         return
     sys.stderr.write(f"gamekeeper: audits {opened.spec} before training (check=None: doesn't)\n")
@@ -54,4 +57,4 @@ def checked(
         )
     for verdict in found.broken:
         sys.stderr.write(f"gamekeeper: {verdict.id} is broken: {verdict.claim}\n")
-    _passed.add(name)
+    _passed[name] = spec

@@ -5,10 +5,11 @@ from __future__ import annotations
 from gamekeeper.errors import SpecError
 
 try:
+    import sb3_contrib  # noqa: F401  # that it is there; its users import what they need
     import stable_baselines3
 except ImportError as error:
     raise SpecError(
-        "Stable-Baselines3 isn't installed",
+        "Stable-Baselines3 or sb3-contrib isn't installed",
         where="gamekeeper.adapters.sb3",
         mend="pip install 'gamekeeper[sb3]'",
     ) from error

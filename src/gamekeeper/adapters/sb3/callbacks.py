@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -66,18 +66,19 @@ class EvalCallback(BaseCallback):
         """Plays the episodes now; returns of each agent, episode by episode."""
         played = _played(self, episodes=self.episodes, seed=self.seed)
         returns = returns_by_agent(played)
+        roles = _roles(played, returns)
         self.history.append((self.num_timesteps, returns))
         by_role: dict[str, list[float]] = defaultdict(list)
         for agent, values in returns.items():
             self.logger.record(f"eval/{agent}/return", float(np.mean(values)))
-            by_role[role_in_name(agent)].append(float(np.mean(values)))
+            by_role[roles[agent]].append(float(np.mean(values)))
         for role, means in by_role.items():
             if role not in returns:
                 self.logger.record(f"eval/{role}/return", float(np.mean(means)))
         team = float(np.mean(np.sum(list(returns.values()), axis=0)))
         self.logger.record("eval/team/return", team)
         self.logger.record("eval/episodes", self.episodes)
-        mine = [v for a, v in returns.items() if self.role in (None, a, role_in_name(a))]
+        mine = [v for a, v in returns.items() if self.role in (None, a, roles[a])]
         score = float(np.mean(mine))
         if score > self.best:
             self.best = score
@@ -141,6 +142,11 @@ def _played(callback: Any, *, episodes: int, seed: int, out: Path | None = None)
         callback.spec, policies=policies, episodes=episodes, seed=seed, out=out,
         env_kwargs=callback.env_kwargs,
     )  # fmt: skip
+
+
+def _roles(played: Evidence, agents: Iterable[str]) -> dict[str, str]:
+    """By the contract, else by the agent's name."""
+    return {agent: played.contract.role_of(agent) or role_in_name(agent) for agent in agents}
 
 
 def returns_by_agent(evidence: Evidence) -> dict[str, list[float]]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 
 from gamekeeper.adapters.slots import MASK
 from gamekeeper.errors import PolicyError
@@ -18,7 +19,8 @@ class ModelPolicy:
     Args:
         model: with `predict`.
         version: kept with the evidence.
-        deterministic: takes the likeliest action; else one is drawn, by torch's own generator.
+        deterministic: takes the likeliest action; else one is drawn, from a generator that the
+            agent's own stream seeds, so that whoever is learning meanwhile draws as if nobody had.
     """
 
     def __init__(self, model: Any, *, version: str, deterministic: bool = True) -> None:
@@ -38,9 +40,12 @@ class ModelPolicy:
             mask = info.get(MASK)
         if self._is_masked and mask is not None:
             more["action_masks"] = np.asarray(mask, bool)
-        if not self.deterministic:
-            self.model.set_random_seed(int(rng.integers(2**31)))
-        action, _ = self.model.predict(observation, deterministic=self.deterministic, **more)
+        if self.deterministic:
+            action, _ = self.model.predict(observation, deterministic=True, **more)
+        else:
+            with torch.random.fork_rng():
+                torch.manual_seed(int(rng.integers(2**31)))
+                action, _ = self.model.predict(observation, deterministic=False, **more)
         return action.item() if np.ndim(action) == 0 else action
 
 
@@ -78,16 +83,11 @@ def _loaded(path: Path) -> Any:
 
 
 def _algorithms() -> list[Any]:
+    import sb3_contrib
     import stable_baselines3 as sb3
 
-    found = [sb3.PPO, sb3.A2C, sb3.DQN, sb3.SAC, sb3.TD3]
-    try:
-        import sb3_contrib
-
-        found.insert(0, sb3_contrib.MaskablePPO)
-    except ImportError:
-        pass
-    return found
+    found = [sb3_contrib.MaskablePPO, sb3.PPO, sb3.A2C, sb3.DQN, sb3.SAC, sb3.TD3]
+    return [*found, sb3_contrib.QRDQN, sb3_contrib.TQC]
 
 
 def _digest(model: Any) -> str:

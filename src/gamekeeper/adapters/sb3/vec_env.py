@@ -34,7 +34,7 @@ def vec_env(
     | | |
     |---|---|
     | kept | every agent's own end, `terminal_observation`, `TimeLimit.truncated` of each agent, action masks (`env_method("action_masks")`, as MaskablePPO asks for them), seeds: slot e * A + a plays the episodes e, e + num_envs, ... of run `seed`, the same ones as `gk.rollout` |
-    | changed | an agent that ended before its copy is over shows zeros and reward 0 until that resets; in an AEC environment a slot acts in its turns only. `buffer(venv)` keeps such steps out of on-policy training and credits each reward to the action that earned it. A Dict observation loses its `action_mask`; of one other part only that part is left |
+    | changed | an agent that ended before its copy is over shows zeros and reward 0 until that resets; who leaves without an ending counts as terminated; in an AEC environment a slot acts in its turns only, and the `terminal_observation` of who ends while its copy goes on is what it was shown before its last turn. `buffer(venv)` keeps such steps out of on-policy training and credits each reward to the action that earned it. A Dict observation loses its `action_mask`; of one other part only that part is left |
     | lost | infos but for the mask; state(); who acts with whom. Off-policy buffers (DQN, SAC) also store the steps of slots that didn't act, and a recurrent policy isn't told that an agent which had ended begins anew |
     | refused | learners that differ in their spaces (`role=`), others without a policy (`others=`), an environment that breaks the contract (`check=None` lets it pass) |
 
@@ -148,7 +148,8 @@ class SlotVecEnv(VecEnv):
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> Any:
         """`action_masks` of slots; there are no other methods."""
         if method_name == "action_masks":
-            return list(self.action_masks()[self._indices(indices)])
+            masks = self.action_masks()
+            return list(masks if indices is None else masks[self._indices(indices)])
         raise AttributeError(
             f"slots have no method {method_name!r}: agents of copies; known is action_masks"
         )
