@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from gamekeeper.core.arrow import TERM
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.contract.failure import Failure, Value
 from gamekeeper.core.layout import role as role_in_name
@@ -25,7 +26,7 @@ class Outcome:
         seed: of its reset.
         turns: ticks, or turns of an AEC environment.
         returns: the sum of an agent's rewards.
-        terms: the same by reward term, where the environment tells terms.
+        terms: the same by reward term that was paid; empty where the environment tells none.
         endings: the reason why an agent ended, else `terminated`, `truncated`, or `cut`.
         infos: numbers and truth values that an agent was told last.
         seen: the turn at which it was told them.
@@ -84,11 +85,13 @@ def outcome_of(trace: Trace) -> Outcome:
     endings: dict[str, str] = {}
     infos: dict[str, dict[str, float]] = {}
     seen: dict[str, int] = {}
-    acted = 0
+    acted, has_terms = 0, any(name.startswith(TERM) for name in trace.steps.schema.names)
     for turn in trace.turns:
         acted += bool(turn.order)
         for agent in turn.agents:
             returns[agent] = returns.get(agent, 0.0) + turn.rewards.get(agent, 0.0)
+            if has_terms:
+                terms.setdefault(agent, {})
             for name, value in turn.terms.get(agent, {}).items():
                 paid = terms.setdefault(agent, {})
                 paid[name] = paid.get(name, 0.0) + (value or 0.0)

@@ -61,6 +61,12 @@ class _Count:
         self.told: dict[Any, Any] = {}
         self.seen: dict[Any, int] = {}
 
+    def begin(self, env: Any) -> None:
+        """Nobody was paid anything yet; that there are terms is known."""
+        self.returns.update(dict.fromkeys(env.agents, 0.0))
+        if isinstance(getattr(env, "terms", None), dict):
+            self.terms.update({agent: {} for agent in env.agents})
+
     def take_terms(self, env: Any) -> None:
         """What the last crossing paid by term, where the environment tells it."""
         paid = getattr(env, "terms", None)
@@ -103,7 +109,7 @@ class _Ticks(_Count):
         """Adds a tick."""
         if turn == 0:
             self._tell(0, out[1])
-            self.returns.update(dict.fromkeys(env.agents, 0.0))
+            self.begin(env)
             return
         _, rewards, terms, truncs, infos = out
         for agent, reward in rewards.items():
@@ -124,7 +130,7 @@ class _Turns(_Count):
     def __call__(self, turn: int, env: Any, out: Any) -> None:
         """Adds a turn."""
         if turn == 0:
-            self.returns.update(dict.fromkeys(env.agents, 0.0))
+            self.begin(env)
         else:
             self.take_terms(env)
         if not env.agents:

@@ -22,6 +22,7 @@ CONFLICTS: Final = ("joint rule", "priority", "random", "ordered")
 KINDS: Final = ("individual", "shared", "zero-sum")
 ENDING_KINDS: Final = ("termination", "truncation")
 AFTER_END: Final = ("forbidden", "allowed")
+KNOB_OF: Final = ("argument", "option", "wrapper", "policy")
 ILLEGAL: Final = ("error", "penalty", "end")
 NONE: Final = "none"
 """As a noop or a mask: declared that there is none, which is more than not declared."""
@@ -136,15 +137,21 @@ class InfoField:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Knob:
-    """An argument of the environment that makes it harder.
+    """A setting that makes the task harder.
 
     Args:
         label: what failing under it is called, as `perception`.
         ideal: its value where it disturbs nothing.
+        of: what it is a setting of: an `argument` of the environment (also where nothing is said),
+            an `option` of its reset, an attribute of a `wrapper`, or one of a `policy`.
+        contains: other knobs that turning this one to its ideal makes up for, as the true state
+            does for noise and drift.
     """
 
     label: str
     ideal: Plain | None = None
+    of: str | None = None
+    contains: tuple[str, ...] | None = None
 
 
 def patterns(name: str, role: Role) -> tuple[str, ...]:

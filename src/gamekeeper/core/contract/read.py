@@ -13,6 +13,7 @@ from gamekeeper.core.contract.parts import (
     ENDING_KINDS,
     ILLEGAL,
     KINDS,
+    KNOB_OF,
     OBSERVE,
     ORDERS,
     Ending,
@@ -116,7 +117,16 @@ INFO: Final = section(
         "volatile": values.truth,
     },
 )
-KNOB: Final = section(Knob, {"label": values.text, "ideal": values.anything}, "label")
+KNOB: Final = section(
+    Knob,
+    {
+        "label": values.text,
+        "ideal": values.anything,
+        "of": values.word(*KNOB_OF),
+        "contains": lambda value, at: values.different(values.listed(values.text)(value, at), at),
+    },
+    "label",
+)
 
 SECTIONS: Final[Mapping[str, Read[object]]] = {
     "name": values.text,

@@ -29,6 +29,12 @@ def check_rules(contract: Contract) -> None:
         if ending.owner is not None:
             place = root / "endings" / name / "owner"
             _check_known(place, ending.owner, ("agent", "all", *contract.roles))
+    for name, knob in contract.knobs.items():
+        for position, other in enumerate(knob.contains or ()):
+            if other not in contract.knobs or other == name:
+                place = root / "knobs" / name / "contains" / position
+                others = [known for known in contract.knobs if known != name]
+                raise place.unknown(f"knob {other!r} is not declared", other, others, noun="knob")
     for scope in contract.failure:
         _check_known(root / "failure" / scope, scope, ("team", "agent", *contract.roles))
 

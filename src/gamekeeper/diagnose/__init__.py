@@ -1,0 +1,1 @@
+"""Which agent and which cause: controlled experiments on recorded runs."""

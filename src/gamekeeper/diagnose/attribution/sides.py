@@ -1,0 +1,48 @@
+"""Who plays its own policy and who the baseline, also where agents join late."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from typing import Any
+
+from gamekeeper.game.door import AgentId
+from gamekeeper.run.play import Cast
+
+
+class Sides:
+    """A cast of two: members of a coalition play their own policies, all others the baseline.
+
+    One who joins late is on the side of the one of its role who left last; where nobody of its role
+    has left, on the side of most of them, that of the policies where they are equal.
+    """
+
+    def __init__(
+        self,
+        own: Cast,
+        baseline: Cast,
+        members: Collection[str],
+        players: Collection[str],
+        role_of: Callable[[AgentId], str | None],
+        env: Any,
+    ) -> None:
+        self._own, self._baseline = own, baseline
+        self._start = {player: player in members for player in players}
+        self._role_of, self._env = role_of, env
+        self._side: dict[str, bool] = {}
+        self._seen: dict[str, int] = {}
+
+    def begin(self, run_seed: int, episode: int) -> None:
+        """Seeds all policies for an episode; nobody has joined yet."""
+        self._own.begin(run_seed, episode)
+        self._baseline.begin(run_seed, episode)
+        self._side, self._seen = dict(self._start), {}
+
+    def act(self, agent: AgentId, observation: Any, info: Any) -> Any:
+        """What an agent does on its side."""
+        name = str(agent)
+        side = self._side.get(name)
+        if side is None:
+            side = self._side[name] = self._joined(agent)
+        self._seen[name] = len(self._seen) + sum(self._seen.values()) if False else self._tick()
+        cast = self._own if side else self._baseline
+        return cast.act(agent, observation, info)

@@ -1,0 +1,234 @@
+"""The experiment behind a diagnosis: search on some fresh seeds, confirm on others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from hashlib import blake2b
+from itertools import combinations
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gamekeeper.core.contract import Contract
+from gamekeeper.core.contract.failure import Failure
+from gamekeeper.core.failure_label import LABELS
+from gamekeeper.core.outcome import Outcome, failed
+from gamekeeper.diagnose.arms import Lab, Order
+from gamekeeper.diagnose.judge import Finding, is_failing, judged, recovered
+from gamekeeper.diagnose.remedies import Remedy, joined, weakened
+from gamekeeper.diagnose.setup import Setup
+
+SHAM: Final = "sham"
+EVERYTHING: Final = "everything"
+SEARCH: Final = 24
+"""Fresh episodes on which it is settled what is worth confirming."""
+CONFIRM: Final = 64
+"""Fresh episodes of each arm that the answer is given on; as many again where they don't tell."""
+PROMISING: Final = 0.35
+"""The part of the gap that all remedies have to close in the search for pairs to be tried."""
+NEAR: Final = 0.2
+"""A remedy so near the part of the gap that restores could be on either side of it."""
+PAIRS: Final = 3
+"""Pairs that are confirmed."""
+
+
+@dataclass(slots=True)
+class Experiment:
+    """Arms on fresh seeds, and what they say.
+
+    Attributes:
+        setup: as it was recorded.
+        remedies: the handles, and those of each label together.
+        conditions: when an episode failed, by scope.
+        lab: plays.
+        level, part: as `judged` has them.
+        budget: episodes that may be played.
+        seed: all seeds come from it and from the run's fingerprint.
+    """
+
+    setup: Setup
+    remedies: Sequence[Remedy]
+    contract: Contract
+    conditions: Mapping[str, Failure]
+    lab: Lab
+    level: float
+    part: float
+    budget: int
+    seed: int
+    fingerprint: str
+    confirm: int = CONFIRM
+    pairs: list[Remedy] = field(default_factory=list)
+
+    # -- seeds
+
+    @property
+    def search_seed(self) -> int:
+        """The run seed of episodes that are searched on."""
+        return fresh_seed(self.fingerprint, self.seed, "search")
+
+    @property
+    def confirm_seed(self) -> int:
+        """The run seed of episodes that took no part in the search."""
+        return fresh_seed(self.fingerprint, self.seed, "confirm")
+
+    # -- rounds
+
+    def run(self) -> None:
+        """Plays what the answers need, as far as the budget goes."""
+        first = min(CONFIRM, max(self.budget - SEARCH, 0))
+        self._play([SHAM], self.search_seed, SEARCH)
+        self._play([SHAM], self.confirm_seed, first)
+        self.confirm = first
+        if not self.remedies or not any(self._is_failing(scope) for scope in self.scopes):
+            return
+        self._play([*self._names(self.remedies), EVERYTHING], self.search_seed, SEARCH)
+        if self._wants_pairs():
+            pairs = self._possible_pairs()
+            self._play(self._names(pairs), self.search_seed, SEARCH)
+            self.pairs = self._best(pairs)
+        self._confirm()
+        while self._is_near() and self._affords(2 * self.confirm):
+            self.confirm *= 2
+            self._confirm()
+
+    def _confirm(self) -> None:
+        arms = [SHAM, *self._names([*self.remedies, *self.pairs]), EVERYTHING]
+        self._play(arms, self.confirm_seed, self.confirm)
+
+    def _play(self, arms: Sequence[str], run_seed: int, episodes: int) -> None:
+        self.lab.play([Order(a, self.arm(a), run_seed, range(episodes)) for a in arms])
+
+    def arm(self, name: str) -> Setup:
+        """The set-up of an arm."""
+        if name == SHAM:
+            return self.setup
+        if name == EVERYTHING:
+            return joined(self.remedies).applied(self.setup)
+        known = {one.name: one for one in (*self.remedies, *self._possible_pairs())}
+        return known[name].applied(self.setup)
+
+    # -- pairs
+
+    def _wants_pairs(self) -> bool:
+        """All remedies at once help, and no single one does clearly enough."""
+        for scope in self.scopes:
+            parts = [self._recovered(one.name, scope) for one in self.remedies]
+            whole = self._recovered(EVERYTHING, scope)
+            if whole >= PROMISING and max(parts) < self.part + NEAR:
+                return True
+        return False
+
+    def _possible_pairs(self) -> list[Remedy]:
+        """Pairs of labels, each at its ideal as a whole."""
+        whole = []
+        for label in LABELS:
+            mine = [one for one in self.remedies if one.label == label]
+            if mine:
+                whole.append(next((one for one in mine if len(one.steps) > 1), mine[0]))
+        return [joined(pair) for pair in combinations(whole, 2)]
+
+    def _best(self, pairs: Sequence[Remedy]) -> list[Remedy]:
+        def most(pair: Remedy) -> float:
+            return max(self._recovered(pair.name, scope) for scope in self.scopes)
+
+        return sorted(pairs, key=most, reverse=True)[:PAIRS]
+
+    # -- what is known
+
+    @property
+    def scopes(self) -> tuple[str, ...]:
+        """For whom the conditions say whether an episode failed."""
+        outcomes = self.lab.of(SHAM, self.search_seed, range(SEARCH))
+        named = [name for each in outcomes for name in failed(each, self.conditions, self.contract)]
+        return tuple(dict.fromkeys(named))
+
+    def successes(self, arm: str, run_seed: int, episodes: int, scope: str) -> NDArray[np.float64]:
+        """[episodes] 1 where an episode of the arm didn't fail for the scope."""
+        outcomes = self.lab.of(arm, run_seed, range(episodes))
+        return np.array([self._success(each, scope) for each in outcomes], np.float64)
+
+    def finding(self, scope: str) -> Finding:
+        """The answer for a scope, on the seeds that took no part in the search."""
+        seed, n = self.confirm_seed, self.confirm
+        sham = self.successes(SHAM, seed, n, scope)
+        played = [one for one in (*self.remedies, *self.pairs) if self._is_played(one.name)]
+        whole = None
+        if self._is_played(EVERYTHING):
+            whole = self.successes(EVERYTHING, seed, n, scope)
+        return judged(
+            sham,
+            {one: self.successes(one.name, seed, n, scope) for one in played},
+            level=self.level, part=self.part, everything=whole,
+            rng=np.random.default_rng([11, self.seed]),
+        )  # fmt: skip
+
+    def flips_at(self, remedy: Remedy, scope: str, *, steps: int = 4) -> float | None:
+        """The worst setting of a knob at which most episodes that its ideal rescues still succeed.
+
+        By bisection between the ideal and the recorded value, on the searched seeds alone.
+        """
+        ideal = remedy.steps[0][3]
+        if remedy.value is None or len(remedy.steps) > 1 or not isinstance(ideal, int | float):
+            return None
+        sham = self.successes(SHAM, self.search_seed, SEARCH, scope)
+        cured = self.successes(remedy.name, self.search_seed, SEARCH, scope)
+        rescued = (cured > sham).nonzero()[0].tolist()
+        if not rescued:
+            return None
+        good, bad = float(ideal), remedy.value
+        is_whole = isinstance(ideal, int) and float(bad).is_integer()
+        for _ in range(steps):
+            middle = (good + bad) / 2
+            middle = float(round(middle)) if is_whole else middle
+            if middle in (good, bad):
+                break
+            one = weakened(remedy, int(middle) if is_whole else middle)
+            self.lab.play(
+                [Order(one.name, one.applied(self.setup), self.search_seed, range(SEARCH))]
+            )
+            if one.name in self.lab.broken:
+                return None
+            still = self.successes(one.name, self.search_seed, SEARCH, scope)[rescued]
+            good, bad = (middle, bad) if still.mean() > 0.5 else (good, middle)
+        return good
+
+    def _success(self, outcome: Outcome, scope: str) -> float:
+        return float(not failed(outcome, self.conditions, self.contract).get(scope, False))
+
+    def _is_failing(self, scope: str) -> bool:
+        return is_failing(self.successes(SHAM, self.confirm_seed, self.confirm, scope), self.level)
+
+    def _recovered(self, arm: str, scope: str) -> float:
+        if arm in self.lab.broken:
+            return 0.0
+        sham = self.successes(SHAM, self.search_seed, SEARCH, scope)
+        return recovered(sham, self.successes(arm, self.search_seed, SEARCH, scope), self.level)
+
+    def _is_near(self) -> bool:
+        """Some remedy is so near the threshold that more episodes would tell."""
+        for scope in self.scopes:
+            finding = self.finding(scope)
+            near = any(abs(one.recovered - self.part) < NEAR for one in finding.tried)
+            if near and finding.answer in ("compatible", "joint", "untested"):
+                return self._is_failing(scope)
+        return False
+
+    def _is_played(self, arm: str) -> bool:
+        key = (arm, self.confirm_seed, self.confirm - 1)
+        return self.confirm > 0 and key in self.lab.outcomes
+
+    def _affords(self, episodes: int) -> bool:
+        arms = 2 + len(self.remedies) + len(self.pairs)
+        return self.lab.spent + arms * (episodes - self.confirm) <= self.budget
+
+    @staticmethod
+    def _names(remedies: Sequence[Remedy]) -> list[str]:
+        return [one.name for one in remedies]
+
+
+def fresh_seed(fingerprint: str, seed: int, purpose: str) -> int:
+    """A run seed for a purpose, apart from those of other purposes and of the recording."""
+    text: Any = f"{purpose} {seed} {fingerprint}".encode()
+    return int.from_bytes(blake2b(text, digest_size=6).digest(), "big")

@@ -1,0 +1,118 @@
+"""Stressors: arms in which one thing of one agent is worse; they show dependence, never a cause."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from gamekeeper.core.failure_label import LABELS
+from gamekeeper.core.outcome import Outcome
+from gamekeeper.core.paired import paired_effect
+from gamekeeper.core.stats import holm
+from gamekeeper.diagnose.diagnosis import Tested
+from gamekeeper.diagnose.setup import Setup
+from gamekeeper.diagnose.stage import Seen
+from gamekeeper.run.change import Change
+
+PLANNING: Final = "planning"
+WORSE: Final = ("noop", "random", "greedy")
+"""Policies that may take an agent's place: two of ours, and one that tasks may bring."""
+
+
+@dataclass(frozen=True, slots=True)
+class Stressor:
+    """One thing of one agent made worse.
+
+    Attributes:
+        name: of its arm.
+        label: the failure that it stands for.
+        agent: whose.
+        setup: with it.
+    """
+
+    name: str
+    label: str
+    agent: str
+    setup: Setup
+
+
+def stressors_of(
+    setup: Setup, seen: Seen, kinds: Mapping[str, type[Change]], agents: Sequence[str]
+) -> Iterator[Stressor]:
+    """Every stressor for every agent: first one of each label for all agents, then the next.
+
+    Args:
+        kinds: changes that are stressors, by name.
+        agents: those that acted.
+    """
+    by_label = {label: list(_of_label(label, setup, seen, kinds, agents)) for label in LABELS}
+    depth = max((len(rows) for rows in by_label.values()), default=0)
+    for place in range(depth):
+        for rows in by_label.values():
+            if place < len(rows):
+                yield from rows[place]
+
+
+def _of_label(
+    label: str,
+    setup: Setup,
+    seen: Seen,
+    kinds: Mapping[str, type[Change]],
+    agents: Sequence[str],
+) -> Iterator[list[Stressor]]:
+    if label == PLANNING:
+        for way in WORSE:
+            if way in (*seen.ways, "noop", "random"):
+                yield [
+                    _replaced(setup, agent, way) for agent in agents if _is_other(setup, agent, way)
+                ]
+    for name, kind in kinds.items():
+        if kind.label == label:
+            yield [
+                Stressor(
+                    f"{name}[{agent}]", label, agent, replace(setup, change=_usual(kind, agent))
+                )
+                for agent in agents
+                if (name, agent) not in seen.unfit
+            ]
+
+
+def _usual(kind: Any, agent: str) -> Change:
+    change: Change = kind.at(kind.USUAL, (agent,))
+    return change
+
+
+def _replaced(setup: Setup, agent: str, way: str) -> Stressor:
+    policies = {**setup.policies, agent: way}
+    return Stressor(
+        f"policy[{agent}] = {way}", PLANNING, agent, replace(setup, policies=policies)
+    )  # fmt: skip
+
+
+def _is_other(setup: Setup, agent: str, way: str) -> bool:
+    return setup.policies.get(agent, setup.policies.get("*")) not in (way, None)
+
+
+def effects(
+    sham: Sequence[Outcome],
+    arms: Mapping[Stressor, Sequence[Outcome]],
+    *,
+    rng: np.random.Generator,
+) -> dict[Stressor, Tested]:
+    """The effect of each stressor on the team's return, against the same seeds unchanged."""
+    base = np.array([outcome.team_return for outcome in sham])
+    found = {
+        one: paired_effect(base, np.array([o.team_return for o in outcomes]), rng=rng)
+        for one, outcomes in arms.items()
+    }
+    corrected = holm([effect.p for effect in found.values()])
+    return {
+        one: Tested(
+            one.label, one.name, "stressor", effect.value, effect.low, effect.high, p, effect.n,
+            measure="return", depends=p < 0.05,
+        )
+        for (one, effect), p in zip(found.items(), corrected, strict=True)
+    }  # fmt: skip
