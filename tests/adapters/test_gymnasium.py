@@ -1,71 +1,139 @@
-"""Gymnasium's faces: one agent, all agents, and what they say of ends and seeds."""
+"""Gymnasium's faces: one agent, all agents, every agent of many copies."""
 
 from __future__ import annotations
+
+import itertools
+import warnings
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 import gamekeeper as gk
-from gamekeeper.adapters.gymnasium import joint, single_agent
+from gamekeeper.adapters.gymnasium import joint, single_agent, vector
 from gamekeeper.errors import SpecError
+from gamekeeper.game.policy import EVERYONE
+from tests.adapters.streams import ByWhatIsSeen, Stream, bare, chosen, of_trace, same
 
 SPREAD = "mpe2.simple_spread_v3:parallel_env"
+WORLDS = str(Path(__file__).parent.parent / "vector" / "worlds.py")
+FOUR = "pettingzoo.classic.connect_four_v3:env"
 
 
-@pytest.mark.parametrize("spec", ["two_robot_line", "handover"])
-def test_single_agent_passes_gymnasiums_check(spec: str) -> None:
+@pytest.mark.parametrize(
+    ("spec", "agent"),
+    [
+        ("two_robot_line", "picker"),
+        ("handover", "receiver_0"),
+        ("warehouse", "carrier_0"),
+        ("warehouse_turns", "picker_0"),
+        ("reference", "agent_1"),
+        ("tag", "adversary_0"),
+        (SPREAD, "agent_2"),
+        (f"{WORLDS}:Camp", "cook"),
+        (f"{WORLDS}:Walk", "a"),
+        (f"{WORLDS}:LateTurns", "cook"),
+    ],
+)
+def test_single_agent_passes_gymnasiums_check(spec: str, agent: str) -> None:
     """Seeds, spaces, types: all that `check_env` looks at, of Parallel and of AEC."""
-    agent = gk.make(spec).possible_agents[0]
-    env = single_agent(spec, agent, others="noop")
-    mask = "action_mask" in env.reset(seed=0)[1]
-    if not mask:
-        check_env(env, skip_render_check=True)
+    env = single_agent(spec, agent, others="random")
+    _check(env)
     env.close()
 
 
-def test_single_agent_is_paid_as_a_rollout_pays_it() -> None:
-    """The same seed, policies and episode give the same rewards, decision by decision."""
-    played = gk.rollout("two_robot_line", policies="greedy", episodes=1, seed=3)
-    rows = played.steps.to_pylist()
-    own = [row["reward"] for row in rows if row["agent"] == "picker" and row["order"] is not None]
-    seed = int(played.episodes.to_pylist()[0]["seed"])
+def _check(env: Any) -> None:
+    with warnings.catch_warnings():
+        # what it thinks of a Box's bounds or of its own taste isn't about this face
+        warnings.filterwarnings("ignore", "(?s).*infinity|.*not symmetric|.*image", UserWarning)
+        check_env(env, skip_render_check=True)
 
-    env = single_agent("two_robot_line", "picker", others={"carrier": "greedy"})
-    env.reset(seed=seed)
-    paid, is_over = [], False
-    while not is_over:
-        _, reward, terminated, truncated, _ = env.step(2)
-        paid.append(reward)
-        is_over = terminated or truncated
-    assert own == paid
+
+@pytest.mark.parametrize(
+    ("spec", "agent", "others"),
+    [
+        ("two_robot_line", "picker", {"carrier": "greedy"}),
+        ("warehouse", "picker_0", {"picker": "reference", "carrier": "reference"}),
+        ("handover", "giver_0", "reference"),
+        ("handover", "receiver_0", {"giver": "reference"}),
+        (FOUR, "player_1", "random"),
+        (f"{WORLDS}:Camp", "scout_0", "random"),
+        (f"{WORLDS}:Late", "cook", "random"),
+        (f"{WORLDS}:LateTurns", "cook", "random"),
+        (f"{WORLDS}:Walk", "b", "random"),
+    ],
+)
+def test_single_agent_shows_what_is_recorded(spec: str, agent: str, others: Any) -> None:
+    """Observations, masks, actions, rewards by decision and end of the same episode."""
+    env = single_agent(spec, agent, others=others)
+    mine = ByWhatIsSeen(env.action_space)
+    named = others if isinstance(others, dict) else {EVERYONE: others}
+    played = gk.rollout(spec, policies={**named, agent: mine}, episodes=1, seed=3)
+    recorded = of_trace(next(iter(played.traces)), agent)
+    assert recorded is not None
+    recorded.before = 0.0  # lost, as its table says
+
+    env._cast = _Began(env._cast, run=3)  # else the others draw as in a run of the episode's seed
+    observation, info = env.reset(seed=int(played.episodes.to_pylist()[0]["seed"]))
+    stream = Stream()
+    while True:
+        mask = info.get("action_mask")
+        mask = observation.get("action_mask", mask) if isinstance(observation, dict) else mask
+        action = chosen(env.action_space, bare(observation), mask)
+        stream.seen.append(bare(observation))
+        stream.masks.append(None if mask is None else _flat(mask))
+        stream.did.append(action)
+        observation, reward, terminated, truncated, info = env.step(action)
+        stream.paid.append(reward)
+        if terminated or truncated:
+            break
+    stream.end, stream.final = (terminated, truncated), bare(observation)
+    same(recorded, stream)
+    env.close()
+
+
+def _flat(mask: Any) -> Any:
+    return np.concatenate(mask) if isinstance(mask, tuple) else mask
+
+
+class _Began:
+    """A cast that plays episode 0 of a run, whatever it is told."""
+
+    def __init__(self, cast: Any, run: int) -> None:
+        self.act, self._cast, self._run = cast.act, cast, run
+
+    def begin(self, seed: int, episode: int) -> None:
+        self._cast.begin(self._run, episode)
 
 
 def test_single_agent_names_who_has_no_policy() -> None:
     """Nobody is played by chance without being told."""
-    with pytest.raises(SpecError, match="no policy"):
+    with pytest.raises(SpecError, match="has no policy"):
         single_agent("two_robot_line", "picker")
+    with pytest.raises(SpecError, match="has no policy"):
+        single_agent("warehouse", "picker_0", others={"carrier": "reference"})
+    with pytest.raises(SpecError, match="nobody is called"):
+        single_agent("two_robot_line", "pilot", others="random")
 
 
-def test_single_agent_of_turns_is_paid_for_all_between_two_decisions() -> None:
-    """What the other's turns pay an agent comes with its own next observation."""
-    env = single_agent("handover", "giver_0", others="reference")
-    observation, info = env.reset(seed=0)
-    total, is_over = 0.0, False
-    while not is_over:
-        action = int(np.flatnonzero(info["action_mask"])[-1])
-        observation, reward, terminated, truncated, info = env.step(action)
-        total += reward
-        is_over = terminated or truncated
-    assert env.observation_space.contains(observation)
-    assert np.isfinite(total)
+def test_single_agent_that_never_comes_is_refused() -> None:
+    """A spare that nobody needs has nothing to decide, in any episode."""
+    spare = gk.make("warehouse").possible_agents[-1]
+    few = {"battery": 1_000, "horizon": 3}
+    env = single_agent("warehouse", spare, others="noop", env_kwargs=few)
+    with pytest.raises(SpecError, match="nothing to decide"):
+        env.reset(seed=0)
+    env.close()
 
 
 def test_joint_shows_everybody_and_sums_rewards() -> None:
     """The sum is the reward, its parts stand in the info."""
     env = joint(SPREAD)
-    with pytest.warns(UserWarning, match="infinity"):  # Gymnasium's, of mpe2's bounds
-        check_env(env, skip_render_check=True)
+    _check(env)
     env.reset(seed=0)
     env.action_space.seed(0)
     for _ in range(25):
@@ -75,14 +143,96 @@ def test_joint_shows_everybody_and_sums_rewards() -> None:
     assert set(observation) == set(map(str, env.agents))
 
 
+@pytest.mark.parametrize("spec", ["two_robot_line", "warehouse", f"{WORLDS}:Walk"])
+def test_joint_passes_gymnasiums_check(spec: str) -> None:
+    """Masks, agents that end and join, continuous actions."""
+    env = joint(spec)
+    _check(env)
+    env.close()
+
+
+@pytest.mark.parametrize("spec", ["warehouse", f"{WORLDS}:Late", f"{WORLDS}:Camp"])
+def test_joint_shows_what_is_recorded(spec: str) -> None:
+    """Tick by tick: observations and rewards by agent, who lives, and how it ends."""
+    env = joint(spec)
+    policies = {a: ByWhatIsSeen(env.action_space[str(a)]) for a in env.agents}
+    played = gk.rollout(spec, policies=policies, episodes=1, seed=4)
+    turns = list(next(iter(played.traces)).turns)
+    observation, info = env.reset(seed=int(played.episodes.to_pylist()[0]["seed"]))
+    for now, then in itertools.pairwise(turns):
+        for agent, seen in now.observations.items():
+            if agent in now.live:
+                assert str(seen) == str(observation[agent])
+        assert [a in now.live for a in env.agents] == info["live"].tolist()
+        action = {str(a): now.actions.get(a, env.action_space[str(a)].sample()) for a in env.agents}
+        observation, reward, terminated, truncated, info = env.step(action)
+        paid = {a: r for a, r in now.rewards.items() if r}
+        assert paid == {a: r for a, r in info["rewards"].items() if r}
+        assert sum(now.rewards.values()) == pytest.approx(reward)
+        assert (terminated or truncated) == (then is turns[-1])
+    assert terminated == any(turns[-1].terminated.values())
+    env.close()
+
+
 def test_joint_refuses_turns() -> None:
-    """An AEC environment has no joint action."""
+    """An AEC environment has no joint action, and there are two views."""
     with pytest.raises(SpecError, match="no joint action"):
         joint("handover")
+    with pytest.raises(SpecError, match="no such view"):
+        joint("two_robot_line", observe="all")
+    with pytest.raises(SpecError, match="state_space"):
+        joint(f"{WORLDS}:Camp", observe="state")
 
 
 def test_joint_may_see_the_state() -> None:
     """A centralised controller is shown what `state()` gives."""
     env = joint("two_robot_line", observe="state")
+    _check(env)
     state, _ = env.reset(seed=0)
     assert np.asarray(state).tolist() == [0, 4]
+
+
+@pytest.mark.parametrize("mode", ["same_step", "next_step"])
+def test_vector_counts_as_gymnasiums_own_wrapper_does(mode: Any) -> None:
+    """Returns and lengths of every agent's episodes are those of the recorded run."""
+    evidence = gk.rollout(SPREAD, policies=lambda *told: 0, episodes=4, seed=2)
+    truth = [
+        [sum(turn.rewards.get(agent, 0.0) for turn in trace.turns) for trace in evidence.traces]
+        for agent in ("agent_0", "agent_1", "agent_2")
+    ]
+    venv = vector(SPREAD, 2, autoreset=mode, seed=2)
+    assert venv.num_envs == 6
+    assert venv.metadata["autoreset_mode"] in AutoresetMode
+    counted = RecordEpisodeStatistics(venv)
+    counted.reset()
+    found: dict[int, list[float]] = {place: [] for place in range(6)}
+    for _ in range(54):
+        *_, infos = counted.step(np.zeros(6, int))
+        for place in np.flatnonzero(infos.get("_episode", ())):
+            assert infos["episode"]["l"][place] == 25
+            found[int(place)].append(float(infos["episode"]["r"][place]))
+    for place, returns in found.items():
+        copy, agent = divmod(place, 3)
+        np.testing.assert_allclose(returns, truth[agent][copy::2], rtol=1e-5)
+    counted.close()
+
+
+def test_vector_keeps_each_agents_own_end() -> None:
+    """Terminated apart from truncated, the last observation beside it, seeds by run."""
+    venv = vector(f"{WORLDS}:Walk", 3, seed=8)
+    obs, infos = venv.reset()
+    again, _ = venv.reset(seed=8)
+    assert np.array_equal(obs, again)
+    assert infos["live"].all()
+    fell = cut = 0
+    venv.action_space.seed(0)
+    for _ in range(40):
+        obs, _, terminated, truncated, infos = venv.step(venv.action_space.sample())
+        fell, cut = fell + terminated.sum(), cut + truncated.sum()
+        assert not (terminated & truncated).any()
+        assert not obs[~infos["live"] & ~terminated & ~truncated].any()
+        for place in np.flatnonzero(infos.get("_final_obs", ())):
+            assert infos["final_obs"][place].shape == (2,)
+    assert fell
+    assert cut
+    venv.close()

@@ -9,15 +9,19 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
+from gamekeeper.adapters.others import require_policies
+from gamekeeper.core.contract import Contract
+from gamekeeper.core.layout import role as role_in_name
 from gamekeeper.errors import SpecError
-from gamekeeper.game.casting.cast import Choices
+from gamekeeper.game.casting.cast import Cast, Choices
 from gamekeeper.game.converting.slim import slim
 from gamekeeper.game.declared import declared_contract
 from gamekeeper.game.open import Opened, open_env
 from gamekeeper.record.recording import cast_of
 from gamekeeper.vector.front import make
 
-SEEDS: Final = 2**31
+EPISODES: Final = 100
+"""In so many an agent comes, or it is taken for one that doesn't."""
 
 
 def single_agent(
@@ -32,9 +36,9 @@ def single_agent(
     | | |
     |---|---|
     | kept | the agent's own spaces, end (terminated apart from truncated) and info; its rewards, all that it was paid between two of its decisions; the mask, in the info or the observation; seeds: `reset(seed=s)` is the environment's own |
-    | changed | in an AEC environment the others' turns are played inside `step`, until it is this agent's turn again or it has ended |
-    | lost | what happens after this agent's end; the others' observations and rewards (`gk.record` keeps them) |
-    | refused | an agent that isn't there as the episode begins; others without a policy |
+    | changed | what the others do until this agent decides first is played inside `reset`, in an AEC environment the turns until it decides again inside `step`. Who leaves without an ending counts as terminated, and is shown zeros where nothing was |
+    | lost | what it was paid before its first decision; what happens after its end; episodes that it had no decision in (`reset` begins another one); the others' observations and rewards (`gk.record` keeps them) |
+    | refused | an agent that nobody knows, or that has nothing to decide in 100 episodes; others without a policy |
 
     Args:
         spec: where the environment comes from, as `gk.make` takes it.
@@ -46,21 +50,23 @@ def single_agent(
         SpecError: see *refused*.
     """  # noqa: E501  # a row of a table is one line
     opened = open_env(spec, **dict(env_kwargs or {}))
-    agents = list(getattr(opened.env, "possible_agents", ()))
-    if agent not in agents:
-        raise SpecError(
-            f"nobody is called {agent!r}", where="agent", expected=", ".join(map(str, agents)),
-            seen=repr(agent),
-        )  # fmt: skip
-    if others is None and len(agents) > 1:
-        raise SpecError(
-            "the other agents have no policy",
-            where="others",
-            expected=f"policies for {', '.join(str(a) for a in agents if a != agent)}",
-            seen="none",
-            mend="others='random', or others={'role': 'module:callable'}",
+    try:
+        agents = list(getattr(opened.env, "possible_agents", ()))
+        if agent not in agents:
+            raise SpecError(
+                f"nobody is called {agent!r}", where="agent",
+                expected=", ".join(map(str, agents)), seen=repr(agent),
+            )  # fmt: skip
+        declared = declared_contract(None, opened)
+        require_policies(
+            [other for other in agents if other != agent],
+            others,
+            lambda other: (declared or Contract()).role_of(other) or role_in_name(str(other)),
         )
-    return AgentEnv(opened, agent, others)
+        return AgentEnv(opened, agent, cast_of(others, opened.env, declared))
+    except BaseException:
+        opened.env.close()
+        raise
 
 
 class AgentEnv(gymnasium.Env[Any, Any]):
@@ -71,49 +77,55 @@ class AgentEnv(gymnasium.Env[Any, Any]):
         env: the multi-agent environment.
     """
 
-    def __init__(self, opened: Opened, agent: Any, others: Choices) -> None:
+    def __init__(self, opened: Opened, agent: Any, cast: Cast) -> None:
         """Takes over an open environment."""
         self.env: Any = slim(opened.env)
-        self.agent, self._api = agent, opened.api
+        self.agent = agent
         self.metadata = dict(getattr(opened.env, "metadata", None) or {})
         self.render_mode = getattr(opened.env, "render_mode", None)
         self.observation_space = self.env.observation_space(agent)
         self.action_space = self.env.action_space(agent)
-        self._cast = cast_of(others, opened.env, declared_contract(None, opened))
+        self._cast, self._is_aec = cast, opened.api == "aec"
         self._seed, self._episode = 0, -1
         self._given: tuple[Any, Any] = ({}, {})
 
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begins an episode: what the agent is given first."""
+        """Begins an episode: what the agent is given first.
+
+        Raises:
+            SpecError: it has nothing to decide in 100 episodes.
+        """
         super().reset(seed=seed)
-        self._episode += 1
         if seed is not None:
-            self._seed, self._episode = seed, 0
+            self._seed, self._episode = seed, -1
         more = {} if options is None else {"options": dict(options)}
-        self._cast.begin(self._seed, self._episode)
-        if self._api == "parallel":
-            self._given = self.env.reset(seed=seed, **more)
-            return self._first(self._given[0].get(self.agent), self._given[1].get(self.agent))
-        self.env.reset(seed=seed, **more)
-        observation, _, _, _, info = self._turns()
-        return self._first(observation, info)
+        for _ in range(EPISODES):
+            self._episode += 1
+            self._cast.begin(self._seed, self._episode)
+            self._given = self.env.reset(seed=seed, **more) or ({}, {})
+            first = self._first_turn() if self._is_aec else self._first_tick()
+            if first is not None:
+                return first[0], dict(first[1] or {})
+            seed = None
+        raise SpecError(
+            f"{self.agent!r} has nothing to decide",
+            where="reset",
+            expected="an agent that comes into the game",
+            seen=f"{EPISODES} episodes without it",
+            mend="take another agent",
+        )
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """The agent's action, and all that follows until it decides again."""
-        if self._api == "aec":
+        if self._is_aec:
             self.env.step(action)
-            observation, reward, terminated, truncated, info = self._turns()
-            return observation, float(reward), bool(terminated), bool(truncated), dict(info or {})
-        seen, told = self._given
-        acts = {
-            a: action if a == self.agent else self._cast.act(a, seen[a], told.get(a, {}))
-            for a in self.env.agents
-        }
-        out = self.env.step(acts)
-        self._given, me = (out[0], out[4]), self.agent
-        return out[0][me], float(out[1][me]), bool(out[2][me]), bool(out[3][me]), dict(out[4][me])
+            out = self._turns()
+        else:
+            out = self._tick(action)
+        observation, reward, terminated, truncated, info = out
+        return observation, float(reward), bool(terminated), bool(truncated), dict(info or {})
 
     def render(self) -> Any:
         """As the environment renders."""
@@ -123,15 +135,31 @@ class AgentEnv(gymnasium.Env[Any, Any]):
         """Closes the environment."""
         self.env.close()
 
-    def _first(self, observation: Any, info: Any) -> tuple[Any, dict[str, Any]]:
-        if observation is None:
-            raise SpecError(
-                f"{self.agent!r} isn't there as the episode begins",
-                where="reset",
-                expected="an agent that plays from the start",
-                mend="take another agent: who joins late has no first observation to return",
-            )
-        return observation, dict(info or {})
+    def _tick(self, action: Any) -> tuple[Any, Any, Any, Any, Any]:
+        """A tick of everybody; `action` is the agent's, if it is there."""
+        (seen, told), me = self._given, self.agent
+        acts = {
+            a: action if a == me else self._cast.act(a, seen[a], told.get(a, {}))
+            for a in self.env.agents
+        }
+        out = self.env.step(acts)
+        self._given = out[0], out[4]
+        if me not in out[2] and me not in self.env.agents:
+            return nothing(self.observation_space), out[1].get(me, 0.0), True, False, {}
+        return out[0][me], out[1][me], out[2][me], out[3][me], out[4].get(me)
+
+    def _first_tick(self) -> tuple[Any, Any] | None:
+        """What the agent is given as it comes; None: it doesn't."""
+        while self.env.agents:
+            if self.agent in self.env.agents:
+                return self._given[0][self.agent], self._given[1].get(self.agent)
+            self._tick(None)
+        return None
+
+    def _first_turn(self) -> tuple[Any, Any] | None:
+        """What the agent is given in its first turn; None: it is over before that."""
+        observation, _, terminated, truncated, info = self._turns()
+        return None if terminated or truncated else (observation, info)
 
     def _turns(self) -> tuple[Any, Any, Any, Any, Any]:
         """Plays the others' turns; what the agent is given then."""
@@ -145,7 +173,7 @@ class AgentEnv(gymnasium.Env[Any, Any]):
                 env.step(None)
             else:
                 env.step(self._cast.act(env.agent_selection, observation, info))
-        return None, 0.0, True, False, {}
+        return nothing(self.observation_space), 0.0, True, False, {}
 
 
 def joint(
@@ -167,8 +195,14 @@ def joint(
     Raises:
         SpecError: see *refused*; or it has no `state_space`.
     """  # noqa: E501  # a row of a table is one line
+    if observe not in ("agents", "state"):
+        raise SpecError(
+            "there is no such view", where="observe", expected="'agents' or 'state'",
+            seen=repr(observe),
+        )  # fmt: skip
     opened = open_env(spec, **dict(env_kwargs or {}))
     if opened.api != "parallel":
+        opened.env.close()
         raise SpecError(
             "agents that act in turn have no joint action", where="joint", seen="aec",
             expected="a Parallel environment", mend="joint(lambda: gk.to_parallel(env))",
