@@ -1,0 +1,214 @@
+"""Laws of every stressor: nothing at strength 0, only whom it names, the same twice, as JSON."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gamekeeper.core.canon import to_json
+from gamekeeper.core.divergence import compare
+from gamekeeper.core.failure_label import LABELS
+from gamekeeper.errors import EvidenceError, SpecError
+from gamekeeper.run.change import Change, changes
+from gamekeeper.run.episode import perform
+from gamekeeper.run.stress.stressor import Stressor
+from tests.run.changes.games import ACTIONS, CONTRACT, SPACES, Shown, as_aec, played, rows
+
+STRESSORS = {name: change for name, change in changes().items() if issubclass(change, Stressor)}
+SEEN = [name for name, change in STRESSORS.items() if change.ON == "seen"]
+DONE = [name for name, change in STRESSORS.items() if change.ON == "done"]
+
+
+def made(name: str, *, agents: tuple[str, ...] | None = None) -> Stressor:
+    """A stressor that is strong enough to be felt in a short play, and leaves some to chance."""
+    change = STRESSORS[name]
+    strengths = {"turns": change.USUAL, "deviation": change.MOST, "probability": 0.7, "part": 0.7}
+    return change(agents=agents, strength=strengths[change.UNIT])
+
+
+@pytest.mark.parametrize("name", STRESSORS)
+def test_stressor_says_what_it_is(name: str) -> None:
+    """It has one of the seven labels, a usual strength up to the greatest, and is a stressor."""
+    change = STRESSORS[name]
+    assert change.label in LABELS
+    assert change.kind == "stressor"
+    assert 0 < change.USUAL <= change.MOST
+    assert change() == change(agents=None, strength=change.USUAL)
+    assert "The strength is" in " ".join((change.__doc__ or "").split())
+
+
+@pytest.mark.parametrize("strength", [-1.0, float("nan"), float("inf"), "much"])
+@pytest.mark.parametrize("name", STRESSORS)
+def test_stressor_refuses_strengths_out_of_range(name: str, strength: Any) -> None:
+    """A strength below 0, or that is no number, is an error that names the range."""
+    with pytest.raises(SpecError, match="from 0"):
+        STRESSORS[name](strength=strength)
+
+
+@pytest.mark.parametrize("name", STRESSORS)
+def test_stressor_makes_another_one(name: str) -> None:
+    """A search has the same stressor with another strength for other agents."""
+    usual = STRESSORS[name]()
+    other = usual.at(usual.MOST, ("a_0",))
+    assert (other.strength, other.agents) == (usual.MOST, ("a_0",))
+    assert type(other) is type(usual)
+
+
+@pytest.mark.parametrize("name", changes())
+def test_change_crosses_as_json(name: str) -> None:
+    """What `to_json` says as text is read back as an equal change."""
+    parameters = {
+        "ReplacedAction": {"turn": 3, "agent": "a_0", "action": 1},
+        "ExtraCalls": {"calls": ("state", "render")},
+        "OccludedFields": {"fields": ("observation.goal",), "agents": ("a_0", "b_0")},
+    }
+    change = changes()[name](**parameters.get(name, {}))
+    assert Change.from_json(json.loads(json.dumps(change.to_json()))) == change
+
+
+def test_change_of_arrays_crosses_as_json() -> None:
+    """An action that is an array comes back with its dtype."""
+    given = np.float32([1, 2])
+    change = changes()["ReplacedAction"](turn=0, agent="a", action=given)
+    found: Any = Change.from_json(json.loads(json.dumps(change.to_json())))
+    assert found.action.dtype == given.dtype
+    assert found.action.tolist() == given.tolist()
+
+
+@pytest.mark.parametrize(
+    "data", [{"change": "Sideways"}, {}, {"change": "ActionOrder", "speed": 3}]
+)
+def test_change_that_is_unknown_is_refused(data: dict[str, Any]) -> None:
+    """A name that nobody brings, and a parameter that it hasn't, are errors."""
+    with pytest.raises(EvidenceError):
+        Change.from_json(data)
+
+
+@pytest.mark.parametrize("name", STRESSORS)
+def test_strength_0_is_the_sham(name: str) -> None:
+    """With strength 0 every row is the row of a play without a change."""
+    sham, _ = played(Shown("dict"), None)
+    base, _ = played(Shown("dict"), STRESSORS[name](strength=0.0))
+    assert compare(sham.trace, base.trace).is_exact
+
+
+@pytest.mark.parametrize("see", SPACES)
+@pytest.mark.parametrize("name", SEEN)
+def test_only_named_agents_see_otherwise(name: str, see: str) -> None:
+    """Others are shown the very object that was given; the evidence keeps what was given."""
+    env, was_changed = Shown(see), False
+    sham, given = played(Shown(see), None)
+    stressed, shown = played(env, made(name, agents=("a_1",)), _told(see))
+    for (agent, clean), (other, seen) in zip(given, shown, strict=True):
+        assert agent == other
+        assert env.observation_space(agent).contains(seen)
+        if to_json(seen) != to_json(clean):
+            was_changed = True
+            assert agent == "a_1"
+        if see == "dict":
+            assert to_json(seen["action_mask"]) == to_json(clean["action_mask"])
+    assert was_changed
+    for clean, kept in zip(rows(sham), rows(stressed), strict=True):
+        assert to_json(clean[0]) == to_json(kept[0])
+
+
+def _told(see: str) -> Any:
+    """All that an agent sees are messages."""
+    data: Any = CONTRACT.to_json()
+    names = ["observation"] if see != "dict" else ["observation.sight.0", "goal"]
+    for role in data["roles"].values():
+        role["messages"] = names
+    return type(CONTRACT).from_json(data)
+
+
+@pytest.mark.parametrize("do", ACTIONS)
+@pytest.mark.parametrize("name", DONE)
+def test_only_named_agents_do_otherwise(name: str, do: str) -> None:
+    """Others do what they did; what is done is of the space, legal, and of the same types."""
+    contract = _waiting(do)
+    env, was_changed = Shown(do=do), False
+    sham, _ = played(Shown(do=do), None, contract)
+    stressed, _ = played(env, made(name, agents=("a_1",)), contract)
+    masks = [turn.masks for turn in sham.trace.turns]
+    pairs = zip(sham.play.actions or (), stressed.play.actions or (), masks, strict=False)
+    for clean, done, mask in pairs:
+        was_changed |= list(clean) != list(done)
+        for agent, action in done.items():
+            assert env.action_space(agent).contains(action)
+            assert type(action) is type(clean[agent])
+            if to_json(action) != to_json(clean[agent]):
+                was_changed = True
+                assert agent == "a_1"
+            if do == "discrete":
+                assert mask[agent][int(action)]
+    assert was_changed is (name != "ActionSaturation" or do in ("box", "dict"))
+
+
+def _waiting(do: str) -> Any:
+    noop: Any = {"discrete": 2, "several": [0, 0], "box": [0.0, 0.0]}
+    noop["dict"] = {"move": [0.0, 0.0], "word": 0}
+    data: Any = CONTRACT.to_json()
+    data["roles"]["a"]["noop"] = noop[do]
+    return type(CONTRACT).from_json(data)
+
+
+@pytest.mark.parametrize("name", STRESSORS)
+def test_stressor_is_the_same_twice(name: str) -> None:
+    """Equal plays are equal, also in what was shown."""
+    change = made(name)
+    first, again = (played(Shown("whole", "box"), change, _told("whole")) for _ in range(2))
+    assert compare(first[0].trace, again[0].trace).is_exact
+    assert to_json(first[1]) == to_json(again[1])
+
+
+@pytest.mark.parametrize("name", STRESSORS)
+def test_agents_do_not_hang_on_one_another(name: str) -> None:
+    """What befalls one agent is the same whether or not others are named, too."""
+    alone, all_of_them = (
+        played(Shown("whole"), made(name, agents=agents), _told("whole"))
+        for agents in (("a_1",), ("a_1", "b_0"))
+    )
+    mine = [[seen for agent, seen in found[1] if agent == "a_1"] for found in (alone, all_of_them)]
+    assert to_json(mine[0]) == to_json(mine[1])
+    done = [[each["a_1"] for each in found[0].play.actions or ()] for found in (alone, all_of_them)]
+    assert done[0] == done[1]
+
+
+@pytest.mark.parametrize("name", [name for name in STRESSORS if name != "LaterPlace"])
+def test_stressor_is_the_same_in_both_apis(name: str) -> None:
+    """One agent at a time, the same befalls the same agent at its own turns."""
+    ticks, turns = (
+        played(env, made(name, agents=("a_1",)), _told("whole"))
+        for env in (Shown("whole"), as_aec(Shown("whole")))
+    )
+    mine = [[seen for agent, seen in found[1] if agent == "a_1"] for found in (ticks, turns)]
+    assert to_json(mine[0]) == to_json(mine[1])
+    done = [
+        [each["a_1"] for each in found[0].play.actions or () if each.get("a_1") is not None]
+        for found in (ticks, turns)
+    ]
+    assert done[0] == done[1]
+
+
+@pytest.mark.parametrize("name", DONE)
+def test_stressor_of_deeds_works_on_paper(name: str) -> None:
+    """With the recorded actions the same is done to them as with the policies that chose them."""
+    base, _ = played(Shown(), None)
+    closed, _ = played(Shown(), made(name))
+    on_paper = perform(base.play, Shown(), change=made(name), contract=CONTRACT)
+    assert closed.play.actions == on_paper.play.actions
+
+
+@pytest.mark.parametrize("name", ["ObservationDropout", "MessageDrop"])
+def test_greater_strength_is_more_of_the_same(name: str) -> None:
+    """Turns that a weak stressor disturbs are disturbed by a strong one, too."""
+    _, given = played(Shown("whole"), None)
+    struck = []
+    for strength in (0.2, 0.6):
+        _, shown = played(Shown("whole"), STRESSORS[name](strength=strength), _told("whole"))
+        pairs = zip(given, shown, strict=True)
+        struck.append({n for n, (one, other) in enumerate(pairs) if to_json(one) != to_json(other)})
+    assert struck[0] < struck[1]
