@@ -94,7 +94,9 @@ class Parting:
         remedy: what was at its ideal in the twin.
         turn, agent, field: the first difference; None where there is none.
         failed: whether the episode failed as it was, played again.
-        restored: whether its twin didn't.
+        restored: whether its twin didn't (closed loop: all policies choose).
+        restored_open: the same in an open loop: only those whom the remedy concerns choose, the
+            others do what they had done.
     """
 
     episode: int
@@ -104,6 +106,7 @@ class Parting:
     field: str | None
     failed: bool
     restored: bool
+    restored_open: bool
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""

@@ -16,7 +16,7 @@ from gamekeeper.record.recording import MOST_TURNS
 PERCEPTION, ESTIMATION, PLANNING, CONTROL, TIMING, DATA, EVALUATION = LABELS
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Remedy:
     """One thing at its ideal.
 

@@ -73,21 +73,21 @@ class Stage:
             change=self.setup.change, contract=self.contract, on_step=on_step,
         )  # fmt: skip
 
-    def played(self, run_seed: int, episode: int, *, seed: int | None = None) -> Played:
+    def played(self, run_seed: int, episode: int, *, change: Change | None = None) -> Played:
         """The same episode with all its rows.
 
         Args:
-            seed: of its reset, in place of the run's own for it.
+            change: in place of the set-up's own.
         """
         return perform(
-            self._play(run_seed, episode, seed), self.env, cast=self.cast, cast_seed=run_seed,
-            change=self.setup.change, contract=self.contract, number=episode,
+            self._play(run_seed, episode), self.env, cast=self.cast, cast_seed=run_seed,
+            change=change or self.setup.change, contract=self.contract, number=episode,
         )  # fmt: skip
 
-    def _play(self, run_seed: int, episode: int, seed: int | None = None) -> Play:
+    def _play(self, run_seed: int, episode: int) -> Play:
         options = self.setup.options
         return Play(
-            seed=episode_seed(run_seed, episode) if seed is None else seed,
+            seed=episode_seed(run_seed, episode),
             stream=episode,
             most_turns=self.setup.most_turns,
             options=options[episode % len(options)],

@@ -22,7 +22,7 @@ WORSE: Final = ("noop", "random", "greedy")
 """Policies that may take an agent's place: two of ours, and one that tasks may bring."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Stressor:
     """One thing of one agent made worse.
 
@@ -81,7 +81,7 @@ def _of_label(
 
 
 def _usual(kind: Any, agent: str) -> Change:
-    change: Change = kind.at(kind.USUAL, (agent,))
+    change: Change = kind(agents=(agent,), strength=kind.USUAL)
     return change
 
 

@@ -18,6 +18,8 @@ from gamekeeper.diagnose.setup import Setup
 from gamekeeper.diagnose.stage import Stage
 from gamekeeper.game.faces import game_of
 from gamekeeper.record.recorder import Recorder
+from gamekeeper.run.changes.reenacted import Reenacted
+from gamekeeper.run.episode import Played
 from gamekeeper.run.play import play
 
 MOST: Final = 3
@@ -50,13 +52,17 @@ def partings(
     ][:MOST]
     volatile = contract.volatile_infos()
     with Stage(setup, contract) as base:
-        bases = {k: base.played(run_seed, k).trace for k in failing}
+        bases = {k: base.played(run_seed, k) for k in failing}
     for remedy in remedies:
         with Stage(remedy.applied(setup), contract) as twin:
-            for episode, trace in bases.items():
+            for episode, played in bases.items():
                 other = twin.played(run_seed, episode).trace
-                found = compare(trace, other, volatile=volatile).divergence
-                fails = [failed(outcome_of(t), conditions, contract) for t in (trace, other)]
+                open_ = twin.played(run_seed, episode, change=_others_as(played, remedy)).trace
+                found = compare(played.trace, other, volatile=volatile).divergence
+                fails = [
+                    failed(outcome_of(trace), conditions, contract)
+                    for trace in (played.trace, other, open_)
+                ]
                 yield Parting(
                     episode, remedy.name,
                     turn=None if found is None else found.turn,
@@ -64,7 +70,14 @@ def partings(
                     field=None if found is None else found.field,
                     failed=fails[0].get(scope, False),
                     restored=not fails[1].get(scope, False),
+                    restored_open=not fails[2].get(scope, False),
                 )  # fmt: skip
+
+
+def _others_as(played: Played, remedy: Remedy) -> Reenacted:
+    """Only those whom the remedy concerns choose; the others do what they did."""
+    paper = tuple({str(a): act for a, act in turn.items()} for turn in played.play.actions or ())
+    return Reenacted(free=remedy.agents, paper=paper)
 
 
 def keep(setup: Setup, folder: Path, *, contract: Contract, run_seed: int) -> str:
