@@ -223,6 +223,7 @@ def test_explain_names_the_nearest_where_there_is_none(capfd: pytest.CaptureFixt
         ("changes", "ActionOrder"),
         ("policies", "first-legal"),
         ("openers", "path/to/file.py:factory"),
+        ("exporters", "numpy"),
     ],
 )
 def test_list_names_what_there_is(kind: str, name: str, capfd: pytest.CaptureFixture[str]) -> None:
@@ -240,7 +241,7 @@ def test_list_of_everything_counts_the_checks(capfd: pytest.CaptureFixture[str])
     assert code == 0
     assert "`gamekeeper list checks`" in out
     assert set(document(capfd, "list")[1]) == {
-        "envs", "openers", "policies", "changes", "probes", "checks",
+        "envs", "openers", "policies", "exporters", "changes", "probes", "checks",
     }  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""`gamekeeper list`: what there is to name: checks, probes, environments, changes, policies."""
+"""`gamekeeper list`: what there is to name: checks, probes, environments, exporters, ..."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
 
 ORDER: Final = 17
 
-Kind = Literal["checks", "probes", "envs", "changes", "policies", "openers"]
+Kind = Literal["checks", "probes", "envs", "changes", "policies", "openers", "exporters"]
 Row = dict[str, Any]
 
 KindArgument = Annotated[
     Kind | None, typer.Argument(metavar="[KIND]", show_default=False,
-                                help="checks, probes, envs, changes, policies or openers.")
+                                help="checks, probes, envs, changes, policies, openers, exporters.")
 ]  # fmt: skip
 
 
 def command(screen: Screen, kind: KindArgument = None) -> Answer:
-    """Lists what can be named: checks, probes, environments, changes, policies, openers.
+    """Lists what can be named: checks, probes, environments, changes, policies, exporters.
 
     Built-in ones and those of installed packages; a package's that can't be loaded is named on
     stderr. Without a kind, all but the checks are listed, and the checks counted.
@@ -123,6 +123,12 @@ def _openers() -> tuple[list[Row], list[str]]:
     return rows, [str(each) for each in found.broken]
 
 
+def _exporters() -> tuple[list[Row], list[str]]:
+    from gamekeeper.cli.export import found
+
+    return _modules(found())
+
+
 def _envs() -> tuple[list[Row], list[str]]:
     from gamekeeper.game.openers import _registry
 
@@ -152,6 +158,7 @@ LISTS: Final[Mapping[Kind, tuple[Callable[[], tuple[list[Row], list[str]]], str]
     "envs": (_envs, "Environments"),
     "openers": (_openers, "How environments are named"),
     "policies": (_policies, "Policies"),
+    "exporters": (_exporters, "Forms to export to"),
     "changes": (_changes, "Changes"),
     "probes": (_probes, "Probes"),
     "checks": (_checks, "Checks"),
