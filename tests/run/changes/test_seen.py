@@ -212,3 +212,13 @@ def test_noise_needs_numbers() -> None:
     assert "number" in str(ObservationNoise.applies(Contract(), env, "a_0"))
     assert ObservationDropout.applies(Contract(), env, "a_0") is None
     assert "doesn't say" in str(ObservationDropout.applies(Contract(), object(), "a_0"))
+
+
+def test_hidden_numbers_of_one_array_are_hidden_at_once() -> None:
+    """Named slices that overlap, and the whole of an array, come to the numbers they name."""
+    space = Dict({"a": Box(1, 9, (6,), np.float64)})
+    given = {"a": np.full(6, 5.0)}
+    some = OccludedFields(strength=1.0, fields=("a[1:3]", "a[2:4]", "a[-1]"))
+    assert shown(some, space, [given])[0]["a"].tolist() == [5, 1, 1, 1, 5, 1]
+    all_of_it = OccludedFields(strength=1.0, fields=("a[1:3]", "a"))
+    assert shown(all_of_it, space, [given])[0]["a"].tolist() == [1] * 6

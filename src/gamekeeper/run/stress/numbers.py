@@ -32,7 +32,8 @@ class Numbers:
     def __init__(self, part: Part) -> None:
         low, high = _bounds(part.space)
         self.part = part
-        self._place = slice(None) if part.numbers is None else part.numbers
+        place = slice(None) if part.numbers is None else part.numbers
+        self._place = list(place) if isinstance(place, tuple) else place
         self.low, self.high = low[self._place], high[self._place]
         self.size = int(self.low.size)
         with np.errstate(over="ignore", invalid="ignore"):
@@ -61,7 +62,7 @@ class Numbers:
     def write(self, whole: Any, numbers: Floats) -> Any:
         """The value with these numbers, rounded where they are whole, kept in the space."""
         value = self.part.of(whole)
-        kept = np.clip(numbers, self.low, self.high)
+        kept = np.minimum(np.maximum(numbers, self.low), self.high)  # np.clip takes twice as long
         array = np.array(value, order="C")
         if array.dtype.kind in "biu":
             kept = np.rint(kept)

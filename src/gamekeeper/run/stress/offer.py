@@ -61,9 +61,15 @@ class Offer:
 
     def allows(self, action: Any) -> bool:
         """Whether an action of the space is legal now."""
+        if self._mask is None:
+            return True
         for part in self.parts:
             flags = self.flags(part)
             if flags is None:
+                continue
+            if isinstance(part.space, Discrete):
+                if not flags[0][int(part.of(action)) - int(part.space.start)]:
+                    return False
                 continue
             first = np.asarray(getattr(part.space, "start", 0)).reshape(-1)
             chosen = np.asarray(part.of(action)).reshape(-1) - first

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -32,7 +33,7 @@ class Part:
 
     path: Path
     space: Space[Any]
-    numbers: slice | None = None
+    numbers: slice | tuple[int, ...] | None = None
 
     def of(self, whole: Any) -> Any:
         """What stands there, or MISSING."""
@@ -48,8 +49,9 @@ class Part:
         return _put(whole, self.path, value)
 
     def __str__(self) -> str:
-        """As a contract names it."""
-        return str(MessageField("observation", tuple(map(str, self.path)), self.numbers))
+        """As a contract names it, where its numbers stand in a row."""
+        numbers = self.numbers if isinstance(self.numbers, slice) else None
+        return str(MessageField("observation", tuple(map(str, self.path)), numbers))
 
 
 def _put(whole: Any, path: Path, value: Any) -> Any:
@@ -112,6 +114,25 @@ def message_parts(contract: Contract, agent: AgentId, space: Space[Any]) -> tupl
     parts, names = seen_parts(contract, agent, space), () if role is None else role.messages or ()
     found = [each for name in names for each in named_parts(name, space, parts)]
     return tuple({(each.path, str(each.numbers)): each for each in found}.values())
+
+
+def joined(parts: Iterable[Part]) -> tuple[Part, ...]:
+    """The parts, those numbers that stand in one array as one: they are read and written once."""
+    found: dict[Path, Part] = {}
+    for part in parts:
+        other = found.get(part.path)
+        if other is None or part.numbers is None:
+            found[part.path] = part
+        elif other.numbers is not None:
+            places = {*_places(other), *_places(part)}
+            found[part.path] = Part(part.path, part.space, tuple(sorted(places)))
+    return tuple(found.values())
+
+
+def _places(part: Part) -> tuple[int, ...]:
+    if not isinstance(part.numbers, slice):
+        return part.numbers or ()
+    return tuple(range(math.prod(part.space.shape or ()))[part.numbers])
 
 
 def blank_of_rare(space: Space[Any], value: Any) -> Any:

@@ -18,6 +18,7 @@ from gamekeeper.run.stress.part import (
     Part,
     Path,
     blank_of_rare,
+    joined,
     mask_path,
     message_parts,
     seen_parts,
@@ -89,7 +90,7 @@ class Seeing(Stress):
 
 def blinder(parts: tuple[Part, ...]) -> Eye:
     """Shows nothing where these parts stand: 0 or what is nearest to it, no text, no items."""
-    numbers = [(each, each.blank()) for each in numbers_of(parts)]
+    numbers = [(each, each.blank()) for each in numbers_of(joined(parts))]
     others = [part for part in parts if not are_numbers(part.space)]
 
     def blind(observation: Any) -> Any:
