@@ -1,0 +1,29 @@
+"""RLlib's new API stack: `register`, `policy_mapping`, `modules`, `policy`, returns by agent."""
+
+from __future__ import annotations
+
+from gamekeeper.errors import SpecError
+
+try:
+    import ray.rllib
+except ImportError as error:
+    raise SpecError(
+        "RLlib isn't installed",
+        where="gamekeeper.adapters.rllib",
+        mend="pip install 'gamekeeper[rllib]'",
+    ) from error
+
+from gamekeeper.adapters.rllib.env import multi_agent_env
+from gamekeeper.adapters.rllib.policy import policy
+from gamekeeper.adapters.rllib.returns import ReturnsCallback
+from gamekeeper.adapters.rllib.setup import modules, policy_mapping, register
+
+VERSION = ray.__version__
+__all__ = [
+    "ReturnsCallback",
+    "modules",
+    "multi_agent_env",
+    "policy",
+    "policy_mapping",
+    "register",
+]
