@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from gamekeeper import vector
     from gamekeeper.audit.front import audit
     from gamekeeper.core.contract import Contract
+    from gamekeeper.diagnose.diagnose import diagnose
     from gamekeeper.game.opening.opened import Env
     from gamekeeper.game.tick_env import TickEnv
     from gamekeeper.game.to_aec import to_aec
@@ -30,6 +31,7 @@ __all__ = [
     "TickEnv",
     "TurnEnv",
     "audit",
+    "diagnose",
     "diff",
     "draft_contract",
     "load",
@@ -47,6 +49,7 @@ _HOMES: Final = {
     "TickEnv": "gamekeeper.game.tick_env",
     "TurnEnv": "gamekeeper.game.turn_env",
     "audit": "gamekeeper.audit.front",
+    "diagnose": "gamekeeper.diagnose.diagnose",
     "diff": "gamekeeper.record.diff",
     "load": "gamekeeper.record.bundle",
     "record": "gamekeeper.record.recording",
