@@ -29,13 +29,14 @@ class Sides:
         self._start = {player: player in members for player in players}
         self._role_of, self._env = role_of, env
         self._side: dict[str, bool] = {}
-        self._seen: dict[str, int] = {}
+        self._last: dict[str, int] = {}
+        self._decisions = 0
 
     def begin(self, run_seed: int, episode: int) -> None:
         """Seeds all policies for an episode; nobody has joined yet."""
         self._own.begin(run_seed, episode)
         self._baseline.begin(run_seed, episode)
-        self._side, self._seen = dict(self._start), {}
+        self._side, self._last, self._decisions = dict(self._start), {}, 0
 
     def act(self, agent: AgentId, observation: Any, info: Any) -> Any:
         """What an agent does on its side."""
@@ -43,6 +44,15 @@ class Sides:
         side = self._side.get(name)
         if side is None:
             side = self._side[name] = self._joined(agent)
-        self._seen[name] = len(self._seen) + sum(self._seen.values()) if False else self._tick()
-        cast = self._own if side else self._baseline
-        return cast.act(agent, observation, info)
+        self._decisions += 1
+        self._last[name] = self._decisions
+        return (self._own if side else self._baseline).act(agent, observation, info)
+
+    def _joined(self, agent: AgentId) -> bool:
+        role, live = self._role_of(agent), {str(each) for each in self._env.agents}
+        peers = [name for name in self._side if self._role_of(name) == role]
+        gone = [name for name in peers if name not in live and name in self._last]
+        if gone:
+            return self._side[max(gone, key=self._last.__getitem__)]
+        own = sum(self._side[name] for name in peers)
+        return 2 * own >= len(peers)

@@ -1,0 +1,260 @@
+"""The front of attribution: a recorded run in, every agent's part out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from os import PathLike
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gamekeeper.core.contract import Contract
+from gamekeeper.core.evidence import Evidence
+from gamekeeper.core.outcome import outcome_of
+from gamekeeper.core.trace import Trace
+from gamekeeper.diagnose.attribution.attribution import AgentPart, Attribution
+from gamekeeper.diagnose.attribution.bench import Baseline, Bench, Task
+from gamekeeper.diagnose.attribution.coalitions import (
+    MOST_EXACT,
+    everyone,
+    shapley_exact,
+    shapley_of_orders,
+    wanted,
+)
+from gamekeeper.diagnose.attribution.film import Paper
+from gamekeeper.diagnose.attribution.gather import SILENCE_S, Gathered, gather
+from gamekeeper.diagnose.attribution.influence import influence
+from gamekeeper.diagnose.attribution.lazy import Laziness, laziness
+from gamekeeper.diagnose.attribution.measured import Measured, measured
+from gamekeeper.diagnose.attribution.penalties import penalties
+from gamekeeper.diagnose.attribution.shares import own_rewards
+from gamekeeper.diagnose.attribution.talk import talk
+from gamekeeper.diagnose.experiment import fresh_seed
+from gamekeeper.diagnose.setup import Setup, setup_of
+from gamekeeper.errors import EvidenceError
+from gamekeeper.game.contract_file import load_contract
+from gamekeeper.record.bundle import load
+
+FRESH: Final = 50
+"""Fresh episodes that are played unless told otherwise; of fewer no interval is claimed."""
+PAPERS: Final = 50
+"""Episodes that are looked into action by action: recorded ones first, then fresh ones."""
+CAN_BE_PLAYED: Final = ("ended", "cut")
+
+
+def attribute(
+    run: str | PathLike[str] | Evidence,
+    *,
+    contract: Contract | str | PathLike[str] | None = None,
+    baseline: Baseline = "noop",
+    episodes: int | None = None,
+    env: object | None = None,
+    policies: Mapping[str, Any] | None = None,
+    seed: int = 0,
+    workers: int = 0,
+    allow_import: bool = False,
+    timeout_s: float | None = SILENCE_S,
+    on_message: Callable[[dict[str, Any]], None] | None = None,
+) -> Attribution:
+    """What each agent of a run brings to its team, and whose doing changes what for whom.
+
+    Rewards are never averaged over agents. Agents are replaced by a baseline in fresh episodes, in
+    which the others react; single actions are replaced in episodes in which the others do what
+    they did. Where the run names no policies, nobody can react, and only the latter is done.
+
+    Args:
+        run: the folder of a run, or evidence.
+        contract: in place of the one of the recording.
+        baseline: what takes an agent's place: `noop` (`random` where none is declared), `random`,
+            or `reference` (the environment's own policy of that name).
+        episodes: fresh ones in which agents are replaced; None: 50. Of fewer no interval is given.
+        env: opened in place of what the evidence names, with the recorded arguments.
+        policies: in place of the recorded ones, by agent, role or under `*`.
+        seed: of all draws; equal seeds give equal answers.
+        workers: processes that play; 0: this one.
+        allow_import: run code that the evidence names.
+        timeout_s: longest time without a turn in a worker.
+        on_message: called with `{"episode", "episodes"}` as they are played.
+    Raises:
+        TrustError: the evidence names code that nobody allowed to run.
+        SpecError: the environment can't be opened.
+        PolicyError: a policy or the baseline can't be found.
+        EnvError: the environment raised, or a worker hung or died.
+        BundleError: there is no bundle.
+    """
+    evidence = run if isinstance(run, Evidence) else load(run)
+    declared = evidence.contract if contract is None else _read(contract)
+    setup = _setup(evidence, env=env, policies=policies, allow_import=allow_import)
+    traces = [t for t in evidence.traces if t.header.get("end") in CAN_BE_PLAYED][:PAPERS]
+    players = _players(traces, evidence)
+    closed = (FRESH if episodes is None else episodes) if setup.policies else 0
+    task = Task(
+        setup=setup, contract=declared, players=players,
+        baseline={name: _baseline(baseline, declared, name) for name in players},
+        seed=seed, run_seed=fresh_seed(evidence.fingerprint, seed, "attribute"),
+    )  # fmt: skip
+    with Bench(task) as bench:
+        papers: list[Paper] = [bench.paper_of(trace) for trace in traces]
+        roles = {name: bench.role_of(name) for name in players}
+    fresh = min(max(PAPERS - len(papers), 0), closed)
+    found = gather(
+        task, papers, closed=closed, fresh=fresh, workers=workers, silence_s=timeout_s,
+        on_message=on_message,
+    )  # fmt: skip
+    return _attributed(evidence, task, found, roles, baseline)
+
+
+def _read(contract: Contract | str | PathLike[str]) -> Contract:
+    return contract if isinstance(contract, Contract) else load_contract(contract)
+
+
+def _setup(evidence: Evidence, **given: Any) -> Setup:
+    """As it was recorded; without policies where the run names none."""
+    try:
+        return setup_of(evidence, **given)
+    except EvidenceError as error:
+        if error.where != "policies":
+            raise
+    return replace(setup_of(evidence, **{**given, "policies": {"*": "random"}}), policies={})
+
+
+def _players(traces: Sequence[Trace], evidence: Evidence) -> tuple[str, ...]:
+    """Those who are there from the start of an episode and decide something."""
+    there: set[str] = set()
+    for trace in traces:
+        first = next(iter(trace.turns), None)
+        there |= set() if first is None else first.live
+    acted = {name for name, of in evidence.summary.agents.items() if of.length_mean > 0}
+    return tuple(n for n in evidence.summary.agents if n in there and n in acted)
+
+
+def _baseline(asked: str, contract: Contract, agent: str) -> str:
+    return "random" if asked == "noop" and contract.noop_of(agent) is None else asked
+
+
+# -- from what was played to the answer
+
+
+def _attributed(
+    evidence: Evidence,
+    task: Task,
+    found: Gathered,
+    roles: Mapping[str, str | None],
+    baseline: str,
+) -> Attribution:
+    rng = np.random.default_rng([12, task.seed])
+    shapley, differences = _closed(task, found, rng)
+    sure = [each for each in found.scans if each["noise"] is None]
+    whole = everyone(len(task.players))
+    agents = {}
+    for name, own in own_rewards(evidence.summary, map(outcome_of, evidence.traces)).items():
+        peers = [peer for peer in task.players if roles.get(peer) == roles.get(name)]
+        agents[name] = AgentPart(
+            own=own,
+            difference=differences.get(name),
+            turn_all=_at_turns(sure, "all", name, task, rng),
+            turn_one=_at_turns(sure, "one", name, task, rng),
+            shapley=shapley.get(name),
+            laziness=_laziness(name, peers, differences, shapley, task),
+        )
+    return Attribution(
+        run=None if evidence.path is None else str(evidence.path),
+        episodes=sum(each["run"] == "recorded" for each in found.scans),
+        fresh=len(found.closed),
+        loop="closed" if task.is_closed else "open",
+        baseline=baseline,
+        method=None if not shapley else _method(task),
+        everyone=_mean([values[whole] for values in found.closed.values()]),
+        nobody=_mean([values[0] for values in found.closed.values()]),
+        agents=agents,
+        influence=tuple(influence(found.scans)),
+        messages=tuple(talk(found.said, found.listened, rng=rng)),
+        penalties=tuple(penalties(found.scans)),
+        not_tested=tuple(_not_tested(task, found, evidence)),
+    )
+
+
+def _method(task: Task) -> Any:
+    return "exact" if len(task.players) <= MOST_EXACT else "sampled"
+
+
+def _closed(
+    task: Task, found: Gathered, rng: np.random.Generator
+) -> tuple[dict[str, Measured], dict[str, Measured]]:
+    """Shapley values and difference rewards, by player."""
+    count = len(task.players)
+    if not found.closed or not count:
+        return {}, {}
+    if count <= MOST_EXACT:
+        table = [[each[mask] for each in found.closed.values()] for mask in range(1 << count)]
+        values = shapley_exact(np.array(table))
+    else:
+        rows = []
+        for number, each in found.closed.items():
+            _, drawn = wanted(count, rng=np.random.default_rng([task.seed, number]))
+            rows.append(shapley_of_orders(drawn, each))
+        values = np.array(rows).T
+    whole = everyone(count)
+    lost: list[NDArray[np.float64]] = [
+        np.array([each[whole] - each[whole & ~(1 << k)] for each in found.closed.values()])
+        for k in range(count)
+    ]
+    shapley, differences = {}, {}
+    for k, name in enumerate(task.players):
+        one = measured(values[k], baseline=task.baseline[name], rng=rng)
+        two = measured(lost[k], baseline=task.baseline[name], rng=rng)
+        if one is not None and two is not None:
+            shapley[name], differences[name] = one, two
+    return shapley, differences
+
+
+def _at_turns(
+    scans: Sequence[Mapping[str, Any]], which: str, name: str, task: Task, rng: Any
+) -> Measured | None:
+    values = np.array([each[which][name] for each in scans if name in each[which]])
+    nothing = "first-legal" if task.contract.noop_of(name) is None else "noop"
+    return measured(values, baseline=nothing, rng=rng)
+
+
+def _laziness(
+    name: str,
+    peers: list[str],
+    differences: Mapping[str, Measured],
+    shapley: Mapping[str, Measured],
+    task: Task,
+) -> Laziness:
+    if not task.is_closed:
+        return Laziness(None, "the run names no policies, so nobody can react")
+    if name not in task.players:
+        return Laziness(None, "it joins late, on the side of the one it follows")
+    return laziness(name, peers, differences, shapley, baseline=task.baseline[name])
+
+
+def _not_tested(task: Task, found: Gathered, evidence: Evidence) -> list[dict[str, str]]:
+    notes = []
+    if not task.is_closed:
+        why = "the run names no policies, so nobody can react: only single actions were replaced"
+        notes.append({"what": "difference rewards of episodes, Shapley values", "why": why})
+    noisy = sum(each["noise"] is not None for each in found.scans)
+    if noisy:
+        why = f"in {noisy} of {len(found.scans)} episodes the same actions came out otherwise"
+        notes.append({"what": "single actions", "why": why})
+    skipped = evidence.episodes.num_rows - sum(e["run"] == "recorded" for e in found.scans)
+    if skipped:
+        notes.append({
+            "what": f"{skipped} recorded episodes action by action",
+            "why": f"they broke off, or are beyond the first {PAPERS}",
+        })  # fmt: skip
+    if not any(term.payee == ("earner",) for term in task.contract.rewards.values()):
+        why = "the contract declares no reward term that its earner alone is paid"
+        notes.append({"what": "penalties on the wrong participant", "why": why})
+    if not (found.said or found.listened):
+        why = "the contract names no message field that is a part of an observation or an action"
+        notes.append({"what": "signalling and listening", "why": why})
+    return notes
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    return float(np.mean(values)) if values else None

@@ -1,0 +1,198 @@
+"""What single actions did in one episode: all others frozen, one agent's done otherwise."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+import numpy as np
+from numpy.random import Generator
+
+from gamekeeper.core.contract import Contract
+from gamekeeper.diagnose.attribution.bench import Bench
+from gamekeeper.diagnose.attribution.film import Film, Paper, Swap
+
+ONE: Final = 2
+"""Actions of each agent and episode that are replaced by doing nothing, one at a time."""
+LOOKS: Final = 3
+"""Actions of each agent and episode that are replaced to see whom they influence."""
+LATER: Final = 3
+"""Turns after the action within which influence is looked for."""
+MOST_AGENTS: Final = 8
+"""Agents of an episode whose actions are replaced; of larger teams they are drawn."""
+PENALTIES: Final = 4
+"""Payments of each agent, term and episode whose cause is looked for; of more they are drawn."""
+
+
+def scan(bench: Bench, paper: Paper, *, seed: int) -> dict[str, Any]:
+    """Everything that is looked at in one episode, as plain data.
+
+    `return`; `noise`: the first turn that differs although nothing was changed, or None; `all`: by
+    agent, how much less the team has where the agent does nothing all along; `one`: the same of
+    single actions, their mean; `influence`: rows of from, to, on, lag, changed, looks; `penalties`:
+    what an agent paid, and whose doing nothing would have spared it that.
+    """
+    rng = np.random.default_rng([seed, paper.number, paper.run == "fresh"])
+    base = bench.from_paper(paper, sees=True)
+    noise = first_difference(base, bench.from_paper(paper, sees=True))
+    agents = list(base.actions)
+    if len(agents) > MOST_AGENTS:
+        agents = [agents[k] for k in sorted(rng.permutation(len(agents))[:MOST_AGENTS].tolist())]
+    found: dict[str, Any] = {
+        "number": paper.number, "run": paper.run, "seed": paper.seed,
+        "return": base.team_return(), "noise": noise, "left_paper": base.left_paper,
+    }  # fmt: skip
+    idle = {agent: bench.from_paper(paper, Swap(agent, None, "noop")) for agent in agents}
+    found["all"] = {a: base.team_return() - film.team_return() for a, film in idle.items()}
+    found["one"] = {
+        agent: float(np.mean(gains))
+        for agent in agents
+        if (gains := list(_single(bench, paper, base, agent, rng)))
+    }
+    found["influence"] = _influence(bench, paper, base, agents, noise, rng)
+    found["penalties"] = _penalties(bench, paper, base, noise, rng)
+    return found
+
+
+def first_difference(one: Film, two: Film) -> int | None:
+    """The first turn at which two films of the same thing differ; None: nowhere."""
+    for turn in range(max(len(one.rewards), len(two.rewards))):
+        if turn >= len(one.rewards) or turn >= len(two.rewards):
+            return turn
+        if one.rewards[turn] != two.rewards[turn] or one.ended[turn] != two.ended[turn]:
+            return turn
+    keys = [k for k in one.given.keys() | two.given.keys() if one.given.get(k) != two.given.get(k)]
+    return min((turn for turn, _ in keys), default=None)
+
+
+def _drawn(items: list[Any], most: int, rng: Generator) -> list[Any]:
+    if len(items) <= most:
+        return items
+    return [items[k] for k in sorted(rng.permutation(len(items))[:most].tolist())]
+
+
+def _single(bench: Bench, paper: Paper, base: Film, agent: str, rng: Generator) -> Iterator[float]:
+    """How much less the team has where one action is replaced by doing nothing."""
+    active = [turn for turn, name, is_noop in base.moves if name == agent and not is_noop]
+    for turn in _drawn(active, ONE, rng):
+        yield base.team_return() - bench.from_paper(paper, Swap(agent, turn, "noop")).team_return()
+
+
+def _influence(
+    bench: Bench, paper: Paper, base: Film, agents: list[str], noise: int | None, rng: Generator
+) -> list[list[Any]]:
+    """Rows of from, to, on, lag, changed, looks."""
+    looks: Counter[tuple[str, str, str, int]] = Counter()
+    hits: Counter[tuple[str, str, str, int]] = Counter()
+    for agent in agents:
+        turns = [turn for turn, name, _ in base.moves if name == agent]
+        for turn in _drawn(turns, LOOKS, rng):
+            film = bench.from_paper(
+                paper, Swap(agent, turn, "other"), turns=turn + LATER + 2, rng=rng, sees=True
+            )
+            if film.actions[agent] == base.actions[agent][: len(film.actions[agent])]:
+                continue  # there was no other action
+            for key, is_changed in changes(base, film, agent, turn, noise):
+                looks[key] += 1
+                hits[key] += is_changed
+    return [[*key, hits[key], looks[key]] for key in sorted(looks)]
+
+
+def changes(
+    base: Film, film: Film, agent: str, start: int, noise: int | None
+) -> Iterator[tuple[tuple[str, str, str, int], bool]]:
+    """Each look at whether an action changed something: whose, for whom, on what, how much later.
+
+    Lag 0 is the crossing of that action and what it was shown next.
+    """
+    end = start + LATER if noise is None else min(start + LATER, noise - 1)
+    for turn in range(start, end + 1):
+        if turn >= len(base.rewards):
+            return
+        was, now = base.rewards[turn], film.rewards[turn] if turn < len(film.rewards) else {}
+        for name in was:
+            is_changed = was[name] != now.get(name, 0.0)
+            yield (agent, name, "reward", turn - start), is_changed
+            over = film.ended[min(turn, len(film.ended) - 1)]
+            is_changed = (name in base.ended[turn]) != (name in over)
+            yield (agent, name, "ending", turn - start), is_changed
+    for turn in range(start + 1, end + 2):
+        for name in base.actions:
+            if (turn, name) in base.given and (turn, name) in film.given:
+                is_changed = base.given[turn, name] != film.given[turn, name]
+                yield (agent, name, "observation", turn - start - 1), is_changed
+
+
+# -- who pays for what
+
+
+def _penalties(
+    bench: Bench, paper: Paper, base: Film, noise: int | None, rng: Generator
+) -> list[dict[str, Any]]:
+    """What agents paid that a term's earner should pay, and who caused it."""
+    if paper.run != "recorded":
+        return []
+    paid: dict[tuple[str, str], list[int]] = {}
+    for turn, terms in enumerate(payments(base, bench.contract)):
+        for agent, own in terms.items():
+            for term in own:
+                if noise is None or turn < noise:
+                    paid.setdefault((term, agent), []).append(turn)
+    return [
+        {
+            "term": term, "agent": agent, "turn": turn, "seed": paper.seed,
+            "paid": payments(base, bench.contract)[turn][agent][term],
+            "causers": _causers(bench, paper, base, term, agent, turn), "of": len(turns),
+        }
+        for (term, agent), turns in paid.items()
+        for turn in _drawn(turns, PENALTIES, rng)
+    ]  # fmt: skip
+
+
+def payments(film: Film, contract: Contract) -> list[dict[str, dict[str, float]]]:
+    """By turn and agent, the negative payments of terms whose payee is their earner."""
+    own = {name for name, term in contract.rewards.items() if term.payee == ("earner",)}
+    told: list[Mapping[str, Mapping[str, float]]]
+    if len(film.terms) == len(film.rewards):
+        told = list(film.terms)
+    elif len(contract.rewards) == 1:  # the reward is that term
+        name = next(iter(contract.rewards))
+        told = [{a: {name: value} for a, value in paid.items()} for paid in film.rewards]
+    else:
+        return [{} for _ in film.rewards]
+    return [
+        {
+            agent: kept
+            for agent, terms in paid.items()
+            if (kept := {name: x for name, x in terms.items() if name in own and x < 0})
+        }
+        for paid in told
+    ]
+
+
+def _causers(bench: Bench, paper: Paper, base: Film, term: str, payer: str, turn: int) -> list[str]:
+    """Those whose doing nothing alone would have spared the payer.
+
+    Where it is the payer itself, nobody else is tried.
+    """
+    last: dict[str, tuple[int, bool]] = {}
+    for at, name, is_noop in base.moves:
+        if at <= turn:
+            last[name] = at, is_noop
+    first = min((at for at, _ in last.values()), default=0)
+    first = max(first, turn - len(last) + 1)  # in turns: since each of them decided last
+
+    def spares(name: str) -> bool:
+        at, is_noop = last[name]
+        if is_noop or at < first:
+            return False
+        film = bench.from_paper(paper, Swap(name, at, "noop"), turns=turn + 1)
+        if len(film.rewards) <= turn:
+            return True
+        now = payments(film, bench.contract)[turn].get(payer, {}).get(term, 0.0)
+        return now > payments(base, bench.contract)[turn][payer][term] + 1e-12
+
+    if payer in last and spares(payer):
+        return [payer]
+    return [name for name in last if name != payer and spares(name)]
