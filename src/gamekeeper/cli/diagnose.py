@@ -77,6 +77,13 @@ CaseOption = Annotated[
         help="Writes a pytest case that plays this failure and its remedy again.",
     ),
 ]  # fmt: skip
+ShrinkOption = Annotated[
+    int | None,
+    typer.Option(
+        "--shrink", metavar="N", min=0,
+        help="Only cuts failing episode N down to the fewest turns and actions that still fail.",
+    ),
+]  # fmt: skip
 ImportOption = Annotated[
     bool,
     typer.Option(
@@ -102,6 +109,7 @@ def command(
     workers: WorkersOption = None,
     out: OutOption = None,
     save_case: CaseOption = None,
+    shrink: ShrinkOption = None,
     allow_import: ImportOption = False,
     timeout: TimeoutOption = SILENCE_S,
 ) -> Answer:
@@ -118,6 +126,11 @@ def command(
     from gamekeeper.report.diagnosis_text import diagnosis_text
 
     folder = run.with_name(f"{run.name}-diagnosis") if out is None else out
+    if shrink is not None:
+        return _shrunk(
+            screen, run, shrink, failed=failed, env=env, contract=contract,
+            out=folder / f"shrunk-{shrink}", allow_import=allow_import,
+        )  # fmt: skip
     with screen.progress("diagnosing") as take:
         found = diagnose(
             run, failed=failed, contract=contract, env=env,
@@ -148,3 +161,23 @@ def _save(screen: Screen, found: Any, run: Path, path: Path, failed: str | None)
 
     path.write_text(case_text(found, run, failed=failed), encoding="utf-8")
     screen.note(f"case written to {path}")
+
+
+def _shrunk(
+    screen: Screen, run: Path, episode: int, *, contract: Path | None, out: Path, **options: Any
+) -> Answer:
+    from gamekeeper.diagnose.shrunk import shrunk
+    from gamekeeper.game.contract_file import load_contract
+
+    declared = None if contract is None else load_contract(contract)
+    with screen.progress("shrinking") as take:
+        found = shrunk(run, episode, contract=declared, out=out, on_message=take, **options)
+    left, before = found.turns
+    acts, acts_before = found.acts
+    screen.show(
+        f"Shrunk  episode {episode} of {run}, failing for {found.scope}\n"
+        f"  turns    {left} of {before}\n  actions  {acts} of {acts_before} that aren't noops\n"
+        f"  tried    {found.tries} plays" + ("" if found.is_least else ", then gave up looking")
+        + f"\n  evidence {out}"
+    )  # fmt: skip
+    return Answer({"run": str(run), **found.to_json(), "bundle": str(out)}, 0)
