@@ -1,0 +1,301 @@
+"""PPO with shared parameters on any Parallel environment, in one file that is read top to bottom.
+
+Needs torch (`pip install 'gamekeeper[fast]' torch mpe2`):
+
+    python examples/ppo_parallel.py                                  # mpe2's simple_spread
+    python examples/ppo_parallel.py --env spread --engine kernel     # ours, with compiled rules
+    python examples/ppo_parallel.py --env tag --engine kernel        # two roles, a network each
+
+What it shows of many copies, whose arrays are [copy, agent, ...]:
+    - Agents that share their spaces share a network; where spaces differ, arrays come by role, and
+      each has its own. Agents end alone, or join late: only steps at whose beginning
+      `infos["live"]` says that somebody was there are learnt from.
+    - After a termination nothing follows; after a truncation the critic says what would have, from
+      an agent's last observation: in `obs`, or in `infos["final_obs"]` where a copy began anew.
+    - What is masked out has probability 0. Returns are of whole episodes, by agent and by role.
+    - What was learnt is judged in recorded episodes that nobody learnt from; with `--out` this
+      evidence lies on disk, and replays.
+
+Source: Schulman et al. 2017, "Proximal Policy Optimization Algorithms"; Huang et al. 2022,
+"CleanRL" (the manner); Pardo et al. 2018, "Time Limits in Reinforcement Learning".
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import sys
+import time
+from collections import defaultdict
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+import torch
+from gymnasium.spaces import Discrete
+from torch import nn
+from torch.distributions import Categorical
+
+import gamekeeper as gk
+from gamekeeper.core.layout import role
+
+MASK: Final = "action_mask"
+SPREAD: Final = "mpe2.simple_spread_v3:parallel_env"
+WANTED: Final = {SPREAD: -21.0, "spread": -21.0}
+"""Mean return of an agent in an episode that is to be beaten; elsewhere it is random's."""
+Log: TypeAlias = Callable[[str, float, int], object]  # name, value, steps of agents so far
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Args:
+    """What a run depends on, beside its seed.
+
+    Attributes:
+        steps: of all agents together. hidden: units in each of the two layers.
+        copies, length: played at once, and so many steps between two updates.
+        epochs, minibatch: how often an update sees each step, and how many at once.
+        rate: of learning; it falls to zero. discount, trace: gamma and lambda.
+        clip, entropy: how far chances may move, and what staying undecided is worth.
+    """
+
+    env: str = SPREAD
+    env_kwargs: Mapping[str, Any] = field(default_factory=dict)
+    engine: str = "serial"
+    steps: int = 300_000
+    copies: int = 32
+    length: int = 25
+    epochs: int = 4
+    minibatch: int = 600
+    rate: float = 1e-3
+    discount: float = 0.95
+    trace: float = 0.95
+    clip: float = 0.2
+    entropy: float = 0.01
+    hidden: int = 64
+
+
+def flat(seen: Any, lead: int) -> torch.Tensor:
+    """Numbers of an observation but its mask, [*lead, numbers]; float32 ones aren't copied."""
+    if isinstance(seen, Mapping):
+        seen = tuple(part for key, part in seen.items() if key != MASK)
+    if isinstance(seen, tuple):
+        return torch.cat([flat(part, lead) for part in seen], -1)
+    array = torch.as_tensor(np.asarray(seen))
+    return array.reshape(*array.shape[:lead], -1).float()
+
+
+def layers(numbers: int, hidden: int, outputs: int, *, gain: float) -> nn.Sequential:
+    """Two layers of hidden units, and what comes out of them."""
+    one, two, last = (nn.Linear(*pair) for pair in pairwise((numbers, hidden, hidden, outputs)))
+    for layer, scale in ((one, 2**0.5), (two, 2**0.5), (last, gain)):
+        nn.init.orthogonal_(layer.weight, scale)
+        nn.init.zeros_(layer.bias)
+    return nn.Sequential(one, nn.Tanh(), two, nn.Tanh(), last)
+
+
+class Learner:
+    """A group of agents with their network, in all copies; arrays are [step, copy, agent, ...]."""
+
+    def __init__(self, group: Any, args: Args, obs: Any) -> None:
+        if not isinstance(group.action_space, Discrete):
+            raise ValueError(f"{group.agents[0]} acts in {group.action_space}, not in a Discrete")
+        self.group, self.args, self.actions = group, args, int(group.action_space.n)
+        self.first, numbers = int(group.action_space.start), flat(self.of(obs), 2).shape[-1]
+        self.actor = layers(numbers, args.hidden, self.actions, gain=0.01)
+        self.critic = layers(numbers, args.hidden, 1, gain=1.0)
+        self.network = nn.ModuleList([self.actor, self.critic])
+        self.optimizer = torch.optim.Adam(self.network.parameters(), lr=args.rate, eps=1e-5)
+        shape = (args.length, args.copies, len(group.agents))
+        self.seen, self.masks = torch.zeros(*shape, numbers), torch.ones(*shape, self.actions)
+        self.live, self.goes_on = torch.zeros(shape).bool(), torch.zeros(shape).bool()
+        self.did, self.likely = torch.zeros(shape).long(), torch.zeros(shape)
+        self.values, self.rewards = torch.zeros(shape), torch.zeros(shape)
+
+    def of(self, tree: Any) -> Any:
+        """Its part of what the vector environment gives; all of it where there is one group."""
+        return tree[self.group.name] if self.group.name else tree
+
+    def chance(self, seen: torch.Tensor, masks: torch.Tensor) -> Categorical:
+        """What to draw an action from."""
+        logits = self.actor(seen).masked_fill(masks == 0, -1e9)
+        return Categorical(logits=logits, validate_args=False)
+
+    def value(self, seen: torch.Tensor) -> torch.Tensor:
+        """What is expected from here on, discounted."""
+        return self.critic(seen).squeeze(-1)
+
+    @torch.no_grad()
+    def act(self, t: int, obs: Any, infos: Mapping[str, Any]) -> Any:
+        """Actions [copy, agent] of step t; notes what they rest on."""
+        self.seen[t] = flat(self.of(obs), 2)
+        self.live[t] = torch.from_numpy(self.of(infos["live"]))
+        if self.group.flags:
+            masks = torch.from_numpy(self.of(infos[MASK]))
+            self.masks[t] = torch.where(self.live[t][..., None], masks, 1)  # nobody there: any
+        chance = self.chance(self.seen[t], self.masks[t])
+        self.did[t] = chance.sample()
+        self.likely[t] = chance.log_prob(self.did[t])
+        self.values[t] = self.value(self.seen[t])
+        return self.did[t].numpy() + self.first
+
+    @torch.no_grad()
+    def note(self, t: int, obs: Any, paid: list[Any], infos: Mapping[str, Any]) -> None:
+        """Keeps what step t paid, and adds what those who were cut off would have had."""
+        rewards, terminated, truncated = map(self.of, paid)
+        self.goes_on[t] = self.live[t] & ~torch.from_numpy(terminated | truncated)
+        self.rewards[t] = torch.from_numpy(rewards)
+        cut = torch.from_numpy(truncated & ~terminated)
+        if cut.any():
+            last = flat(self.of(obs), 2).clone()
+            for copy in np.flatnonzero(infos.get("_final_obs", ())):
+                last[copy] = flat(self.of(infos["final_obs"][copy]), 1)
+            self.rewards[t][cut] += self.args.discount * self.value(last[cut])
+
+    @torch.no_grad()
+    def advantages(self, obs: Any) -> torch.Tensor:
+        """How much better each step was than expected; `obs` is what follows the last one."""
+        args, found = self.args, torch.zeros_like(self.values)
+        after, ahead = self.value(flat(self.of(obs), 2)), torch.zeros(())
+        for t in reversed(range(args.length)):
+            goes_on = self.goes_on[t].float()
+            error = self.rewards[t] + args.discount * goes_on * after - self.values[t]
+            found[t] = ahead = error + args.discount * args.trace * goes_on * ahead
+            after = self.values[t]
+        return found
+
+    def learn(self, obs: Any, rate: float) -> dict[str, float]:
+        """A few passes over the steps at whose beginning somebody was there; what they showed."""
+        args, live = self.args, self.live
+        if live.sum() < 2:  # none of them was there
+            return {}
+        better = self.advantages(obs)[live]
+        returns, likely, did = better + self.values[live], self.likely[live], self.did[live]
+        seen, masks = self.seen[live], self.masks[live]
+        explained = 1 - (better.var() / returns.var()).item()
+        better = (better - better.mean()) / (better.std() + 1e-8)
+        self.optimizer.param_groups[0]["lr"] = rate
+        for _ in range(args.epochs):
+            for rows in torch.randperm(len(seen)).split(args.minibatch):
+                chance = self.chance(seen[rows], masks[rows])
+                ratio = (chance.log_prob(did[rows]) - likely[rows]).exp()
+                held = ratio.clamp(1 - args.clip, 1 + args.clip)
+                gain = torch.minimum(ratio * better[rows], held * better[rows]).mean()
+                miss = (self.value(seen[rows]) - returns[rows]).square().mean()
+                undecided = chance.entropy().mean()
+                self.optimizer.zero_grad()
+                (0.5 * miss - gain - args.entropy * undecided).backward()
+                nn.utils.clip_grad_norm_(self.network.parameters(), 0.5)
+                self.optimizer.step()
+        return {"entropy": undecided.item(), "explained_variance": explained}
+
+
+class Learnt:
+    """What was learnt, as a policy for `gk.rollout` and whoever plays: draws as it learnt to."""
+
+    def __init__(self, learners: list[Learner]) -> None:
+        self.of = {agent: learner for learner in learners for agent in learner.group.agents}
+        weights = [w.numpy() for one in learners for w in one.network.state_dict().values()]
+        self.version = hashlib.blake2b(b"".join(map(bytes, weights)), digest_size=8).hexdigest()
+
+    @torch.no_grad()
+    def __call__(self, observation: Any, agent: str, info: Any, rng: np.random.Generator) -> int:
+        """An action that isn't masked out."""
+        learner = self.of[agent]
+        told = observation if isinstance(observation, Mapping) and MASK in observation else info
+        masks = torch.as_tensor(np.asarray(told.get(MASK, np.ones(learner.actions, np.int8))))
+        chance = learner.chance(flat(observation, 0), masks).probs.double().numpy()
+        return learner.first + int(rng.choice(learner.actions, p=chance / chance.sum()))
+
+
+def train(args: Args, seed: int, log: Log) -> list[Learner]:
+    """Learns, and logs what updates show, and returns of agents and of roles."""
+    torch.manual_seed(seed)
+    # copy=False: arrays are the engine's own, which the next step overwrites
+    options = {"engine": args.engine, "env_kwargs": args.env_kwargs, "copy": False}
+    venv = gk.vector.make(args.env, args.copies, seed=seed, **options)
+    if venv.api != "parallel":
+        raise ValueError(f"{args.env}: agents take turns; see selfplay_connect_four.py")
+    (obs, infos), played = venv.reset(), 0
+    learners = [Learner(group, args, obs) for group in venv.groups]
+    agents = [agent for group in venv.groups for agent in group.agents]
+    sums, returns = np.zeros((args.copies, len(agents))), defaultdict(list)
+    while played < args.steps:
+        for t in range(args.length):
+            actions = {learner.group.name: learner.act(t, obs, infos) for learner in learners}
+            obs, *paid, infos = venv.step(actions.get("", actions))
+            for learner in learners:
+                learner.note(t, obs, paid, infos)
+                sums[:, learner.group.columns] += learner.of(paid[0])
+            over = np.flatnonzero(infos.get("_final_obs", ()))
+            for agent, totals in zip(agents, sums[over].T, strict=True):
+                returns[f"agent/{agent}"].extend(totals)
+                returns[f"role/{role(agent)}"].extend(totals)
+            sums[over] = 0.0
+        for learner in learners:
+            for name, value in learner.learn(obs, args.rate * (1 - played / args.steps)).items():
+                log(f"{name}/{learner.group.name or 'all'}", value, played)
+            played += int(learner.live.sum())
+        for name in [name for name in returns if returns[name]]:
+            log(f"return/{name}", float(np.mean(returns.pop(name))), played)
+    venv.close()
+    return learners
+
+
+def logger(folder: Path | None) -> Log:
+    """Shows returns of roles on stderr; with a folder, everything in TensorBoard."""
+    if folder is not None:
+        from torch.utils.tensorboard import SummaryWriter
+
+        return SummaryWriter(folder).add_scalar
+    return lambda name, value, played: print(played, name, round(value, 3), file=sys.stderr)
+
+
+def judged(args: Args, policy: Any, episodes: int, out: Path | None = None) -> tuple[Any, float]:
+    """Evidence of episodes that nobody learnt from, and the mean return of an agent in them."""
+    evidence = gk.rollout(
+        args.env, policies=policy, episodes=episodes, seed=1_000_000, out=out,
+        env_kwargs=args.env_kwargs,
+    )  # fmt: skip
+    returns = evidence.steps.group_by(["episode", "agent"]).aggregate([("reward", "sum")])
+    return evidence, float(np.mean(returns["reward_sum"]))
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Learns with one seed, judges, and prints one line of JSON; 1 where too little was learnt."""
+    usual, parser = Args(), argparse.ArgumentParser()
+    option = parser.add_argument
+    option("--seed", type=int, default=0)
+    option("--env", default=usual.env)
+    option("--kwargs", type=json.loads, default={}, help="of env, as JSON")
+    option("--engine", default=usual.engine, help="serial, process or kernel")
+    option("--steps", type=int, default=usual.steps)
+    option("--tensorboard", type=Path, help="a folder; needs tensorboard")
+    option("--out", type=Path, help="a folder for the evidence")
+    option("--quick", action="store_true", help="a few steps, whatever comes of them")
+    given = parser.parse_args(arguments)
+    args = Args(env=given.env, env_kwargs=given.kwargs, engine=given.engine, steps=given.steps)
+    args = replace(args, steps=1_000, copies=4) if given.quick else args
+    torch.set_num_threads(1)
+    episodes, begun, busy = 2 if given.quick else 200, time.perf_counter(), time.process_time()
+    learners = train(args, given.seed, logger(given.tensorboard))
+    seconds, cpu_s = time.perf_counter() - begun, time.process_time() - busy
+    _, by_chance = judged(args, "random", episodes)
+    evidence, result = judged(args, Learnt(learners), episodes, given.out)
+    wanted = WANTED.get(args.env, by_chance)
+    line = {
+        "example": "ppo_parallel", "trainer": f"torch {torch.__version__}", "task": args.env,
+        "seed": given.seed, "steps": args.steps, "seconds": round(seconds, 1),
+        "measure": f"return of an agent, mean of {episodes} episodes", "result": round(result, 2),
+        "wanted": round(wanted, 2), "reached": result > wanted, "random": round(by_chance, 2),
+        "engine": args.engine, "cpu_s": round(cpu_s, 1), "fingerprint": evidence.fingerprint,
+    }  # fmt: skip
+    print(json.dumps(line))
+    return 0 if line["reached"] or given.quick else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
