@@ -18,6 +18,8 @@ from gamekeeper.cli._options import (
 from gamekeeper.cli._screen import Answer, Screen
 
 ORDER: Final = 56
+PAPERS: Final = 50
+"""As `diagnose.attribution.attribute.PAPERS` has it; that loads numpy, help doesn't."""
 
 BaselineOption = Annotated[
     Literal["noop", "random", "reference"],
@@ -30,6 +32,12 @@ FreshOption = Annotated[
         metavar="N",
         min=0,
         help="Fresh ones in which agents are replaced; otherwise 50. Of fewer no intervals.",
+    ),
+]
+PapersOption = Annotated[
+    int,
+    typer.Option(
+        "--papers", metavar="N", min=0, help="Episodes that are looked into action by action."
     ),
 ]
 EnvOption = Annotated[
@@ -50,6 +58,7 @@ def command(
     run: RunArgument,
     baseline: BaselineOption = "noop",
     episodes: FreshOption = None,
+    papers: PapersOption = PAPERS,
     contract: ContractOption = None,
     policy: PolicyOption = None,
     env: EnvOption = None,
@@ -74,6 +83,7 @@ def command(
             contract=contract,
             baseline=baseline,
             episodes=episodes,
+            papers=papers,
             policies=parse_choices(policy) if policy else None,
             env=env,
             seed=seed,

@@ -40,7 +40,7 @@ from gamekeeper.record.bundle import load
 FRESH: Final = 50
 """Fresh episodes that are played unless told otherwise; of fewer no interval is claimed."""
 PAPERS: Final = 50
-"""Episodes that are looked into action by action: recorded ones first, then fresh ones."""
+"""Episodes that are looked into action by action unless told otherwise."""
 CAN_BE_PLAYED: Final = ("ended", "cut")
 
 
@@ -50,6 +50,7 @@ def attribute(
     contract: Contract | str | PathLike[str] | None = None,
     baseline: Baseline = "noop",
     episodes: int | None = None,
+    papers: int = PAPERS,
     env: object | None = None,
     policies: Mapping[str, Any] | None = None,
     seed: int = 0,
@@ -70,6 +71,8 @@ def attribute(
         baseline: what takes an agent's place: `noop` (`random` where none is declared), `random`,
             or `reference` (the environment's own policy of that name).
         episodes: fresh ones in which agents are replaced; None: 50. Of fewer no interval is given.
+        papers: episodes that are looked into action by action: recorded ones first, then fresh
+            ones.
         env: opened in place of what the evidence names, with the recorded arguments.
         policies: in place of the recorded ones, by agent, role or under `*`.
         seed: of all draws; equal seeds give equal answers.
@@ -87,7 +90,7 @@ def attribute(
     evidence = run if isinstance(run, Evidence) else load(run)
     declared = evidence.contract if contract is None else _read(contract)
     setup = _setup(evidence, env=env, policies=policies, allow_import=allow_import)
-    traces = [t for t in evidence.traces if t.header.get("end") in CAN_BE_PLAYED][:PAPERS]
+    traces = [t for t in evidence.traces if t.header.get("end") in CAN_BE_PLAYED]
     players = _players(traces, evidence)
     closed = (FRESH if episodes is None else episodes) if setup.policies else 0
     task = Task(
@@ -96,11 +99,11 @@ def attribute(
         seed=seed, run_seed=fresh_seed(evidence.fingerprint, seed, "attribute"),
     )  # fmt: skip
     with Bench(task) as bench:
-        papers: list[Paper] = [bench.paper_of(trace) for trace in traces]
+        recorded: list[Paper] = [bench.paper_of(trace) for trace in traces[:papers]]
         roles = {name: bench.role_of(name) for name in players}
-    fresh = min(max(PAPERS - len(papers), 0), closed)
+    fresh = min(max(papers - len(recorded), 0), closed)
     found = gather(
-        task, papers, closed=closed, fresh=fresh, workers=workers, silence_s=timeout_s,
+        task, recorded, closed=closed, fresh=fresh, workers=workers, silence_s=timeout_s,
         on_message=on_message,
     )  # fmt: skip
     return _attributed(evidence, task, found, roles, baseline)
@@ -245,7 +248,7 @@ def _not_tested(task: Task, found: Gathered, evidence: Evidence) -> list[dict[st
     if skipped:
         notes.append({
             "what": f"{skipped} recorded episodes action by action",
-            "why": f"they broke off, or are beyond the first {PAPERS}",
+            "why": "they broke off, or are more than were asked for",
         })  # fmt: skip
     if not any(term.payee == ("earner",) for term in task.contract.rewards.values()):
         why = "the contract declares no reward term that its earner alone is paid"
