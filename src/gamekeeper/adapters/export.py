@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, Final, TypeAlias
 
 from gamekeeper.core.evidence import Evidence
+from gamekeeper.core.trace import Trace
 from gamekeeper.errors import BundleError, DependencyError, EvidenceError
 from gamekeeper.record.bundle import load
 
 Run: TypeAlias = "Evidence | str | PathLike[str]"
 Say: TypeAlias = Callable[[str], None]
+HEADERS: Final = 256  # episodes whose headers are plain data at a time
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +88,13 @@ def chosen(evidence: Evidence, agents: Collection[str] | None) -> list[str]:
             seen=repr(missing[0]),
         )  # fmt: skip
     return [name for name in seated if not agents or name in agents]
+
+
+def traces_of(evidence: Evidence) -> Iterator[Trace]:
+    """The episodes in their order; their headers too are plain data only a few at a time."""
+    for batch in evidence.episodes.to_batches(max_chunksize=HEADERS):
+        for header in batch.to_pylist():
+            yield evidence.trace_of(header)
 
 
 def free_path(out: str | PathLike[str] | None, *, suffix: str = "") -> Path:

@@ -50,6 +50,7 @@ from gamekeeper.adapters.export import (
     free_path,
     tell,
     to_stderr,
+    traces_of,
 )
 from gamekeeper.adapters.spool import Spool, spooled
 from gamekeeper.core.evidence import Evidence
@@ -89,7 +90,7 @@ def export(
     path = free_path(out, suffix=".npz")
     with spooled(path, compress=compress) as spool:
         writer = _Writer(spool, {name: prefix_of(name) for name in names})
-        for trace in evidence.traces:
+        for trace in traces_of(evidence):
             writer.add(trace)
         lost = tell(_lost(evidence, writer.strange_masks), say)
         text = json.dumps(_metadata(evidence, writer.prefixes, lost), sort_keys=True)

@@ -51,6 +51,7 @@ from gamekeeper.adapters.export import (
     needs,
     tell,
     to_stderr,
+    traces_of,
 )
 from gamekeeper.core.evidence import Evidence
 from gamekeeper.core.trace import Spaces, Trace
@@ -94,6 +95,7 @@ def export(
     stream = rerun.RecordingStream(
         f"gamekeeper {evidence.manifest['environment'].get('name')}",
         recording_id=evidence.fingerprint or None,
+        send_properties=False,  # the only one would be the time of this export
     )
     stream.set_log_time_enabled(False)  # a run is played by its turns, not by when it was exported
     stream.set_log_tick_enabled(False)
@@ -101,7 +103,7 @@ def export(
         with _strict():  # what Rerun can't take raises, in place of a warning
             stream.save(fspath(draft), default_blueprint=_views(evidence, names))
             writer = _Writer(stream, evidence, names)
-            for trace in evidence.traces:
+            for trace in traces_of(evidence):
                 writer.add(trace)
             stream.flush()
         stream.disconnect()

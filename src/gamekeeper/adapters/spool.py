@@ -17,6 +17,7 @@ from gamekeeper.errors import EvidenceError
 from gamekeeper.record.files.folder import system_error
 
 BUDGET_BYTES: Final = 32 << 20  # of parts that wait in memory, of all arrays together
+PART_BYTES: Final = 200  # of an array object, beside its elements: parts are often small
 COPY_BYTES: Final = 1 << 20
 EPOCH: Final = (1980, 1, 1, 0, 0, 0)  # the oldest time of a zip: equal evidence, equal bytes
 EXTENT: Final = 1 << 31  # of a member: beyond it zip needs its longer form
@@ -56,7 +57,7 @@ class Spool:
         self._places.setdefault(name, len(self._places))
         self._rows[name] = self._rows.get(name, 0) + len(part)
         self._waiting.setdefault(name, []).append(part.astype(kind[0], copy=False))
-        self._waiting_bytes += part.nbytes
+        self._waiting_bytes += part.nbytes + PART_BYTES
         if self._waiting_bytes >= BUDGET_BYTES:
             self._flush()
 

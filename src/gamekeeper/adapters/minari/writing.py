@@ -14,7 +14,17 @@ import numpy as np
 from gymnasium import spaces
 
 from gamekeeper.adapters.agent_rows import AgentRows, agents_of, nested
-from gamekeeper.adapters.export import Export, Run, Say, chosen, evidence_of, needs, tell, to_stderr
+from gamekeeper.adapters.export import (
+    Export,
+    Run,
+    Say,
+    chosen,
+    evidence_of,
+    needs,
+    tell,
+    to_stderr,
+    traces_of,
+)
 from gamekeeper.adapters.minari.course import Course, course_of
 from gamekeeper.adapters.minari.sets import DataSets, attributes_of
 from gamekeeper.adapters.minari.space import check_space, is_key
@@ -25,6 +35,7 @@ from gamekeeper.errors import BundleError, EvidenceError
 
 JOINT: Final = "joint"
 LAYOUT: Final = 1
+OBJECT_BYTES: Final = 100  # of a text or an array, beside what it holds
 
 
 def export(
@@ -73,7 +84,7 @@ def export(
     writer = _Writer(evidence, names, DataSets(_root(out), name or _namespace(evidence)))
     try:
         writer.begin(joint=joint, all_asked=not agents)
-        for trace in evidence.traces:
+        for trace in traces_of(evidence):
             writer.add(trace)
         writer.sets.flush()
     except BaseException as error:
@@ -268,7 +279,7 @@ def size_of(part: Any) -> int:
         return sum(map(size_of, part.values()))
     if isinstance(part, tuple | list):
         return sum(map(size_of, part))
-    return len(part) if isinstance(part, str) else int(getattr(part, "nbytes", 8))
+    return OBJECT_BYTES + (len(part) if isinstance(part, str) else int(getattr(part, "nbytes", 8)))
 
 
 def _check_level(evidence: Evidence) -> None:
