@@ -201,7 +201,7 @@ def _stressed(
     if not kinds or experiment.confirm < 1:
         return {}, 0
     lab, seed, n = experiment.lab, experiment.confirm_seed, min(experiment.confirm, 64)
-    wanted = list(stressors_of(experiment.setup, seen, kinds, agents))
+    wanted = list(stressors_of(experiment.setup, experiment.contract, seen, kinds, agents))
     known = [one for one in wanted if (one.name, seed, n - 1) in lab.outcomes]
     rest = [one for one in wanted if one not in known]
     few = rest[: max(experiment.budget - lab.spent, 0) // n]

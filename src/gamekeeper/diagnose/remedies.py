@@ -67,11 +67,12 @@ def remedies_of(
         found += _of_knob(name, knob, setup, contract, agents, settings or {}, layers or {})
     found += _of_protocol(setup, contract, agents)
     if has_reference:
-        found += _of_policies(setup, agents)
+        found += _of_policies(setup, contract, agents)
     for agent in resettable:
         step = ("forgets", agent, "", True)
         found.append(Remedy(f"memory[{agent}] reset", ESTIMATION, (agent,), (step,)))
-    return (*_nested(found, contract), *_together(found))
+    nested = tuple(_nested(found, contract))
+    return (*nested, *_together(nested))
 
 
 def _of_knob(
@@ -131,9 +132,9 @@ def _of_protocol(setup: Setup, contract: Contract, agents: Sequence[str]) -> Ite
         yield Remedy("the declared horizon", EVALUATION, tuple(agents), tuple(steps))
 
 
-def _of_policies(setup: Setup, agents: Sequence[str]) -> Iterator[Remedy]:
+def _of_policies(setup: Setup, contract: Contract, agents: Sequence[str]) -> Iterator[Remedy]:
     for agent in agents:
-        policy = setup.policies.get(agent, setup.policies.get("*"))
+        policy = setup.policy_of(agent, contract)
         if policy is not None and policy != REFERENCE:
             step = ("policies", agent, "", REFERENCE)
             name = f"policy[{agent}] = {REFERENCE}"

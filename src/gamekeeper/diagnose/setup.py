@@ -10,6 +10,7 @@ from typing import Any, Final
 from gamekeeper.core.canon import from_json, is_exact, to_json
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.evidence import Evidence
+from gamekeeper.core.layout import role as role_in_name
 from gamekeeper.errors import EvidenceError, TrustError
 from gamekeeper.game.open import distrust
 from gamekeeper.game.opening.identity import spec_of
@@ -30,7 +31,7 @@ class Setup:
         spec: where the environment comes from.
         kwargs: arguments of the environment.
         options: of the resets, taken in turn: episode k has those at place k modulo their number.
-        policies: by agent, under `*` for all others.
+        policies: by agent or role, under `*` for all others.
         settings: attributes of policies, by agent and name.
         layers: attributes of wrappers of the environment, by name.
         forgets: agents whose policy's memory is reset before each of its decisions.
@@ -47,6 +48,11 @@ class Setup:
     forgets: tuple[str, ...] = ()
     most_turns: int = MOST_TURNS
     change: Change | None = None
+
+    def policy_of(self, agent: str, contract: Contract) -> Any:
+        """What plays an agent: its own choice, its role's, or everybody's; None: nobody says."""
+        role = contract.role_of(agent) or role_in_name(agent)
+        return self.policies.get(agent, self.policies.get(role, self.policies.get("*")))
 
     def to_json(self) -> dict[str, Any]:
         """Plain data that a worker process builds the same set-up from.

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from gamekeeper.core.contract import Contract
 from gamekeeper.core.failure_label import LABELS
 from gamekeeper.core.outcome import Outcome
 from gamekeeper.core.paired import paired_effect
@@ -40,7 +41,11 @@ class Stressor:
 
 
 def stressors_of(
-    setup: Setup, seen: Seen, kinds: Mapping[str, type[Change]], agents: Sequence[str]
+    setup: Setup,
+    contract: Contract,
+    seen: Seen,
+    kinds: Mapping[str, type[Change]],
+    agents: Sequence[str],
 ) -> Iterator[Stressor]:
     """Every stressor for every agent: first one of each label for all agents, then the next.
 
@@ -48,7 +53,9 @@ def stressors_of(
         kinds: changes that are stressors, by name.
         agents: those that acted.
     """
-    by_label = {label: list(_of_label(label, setup, seen, kinds, agents)) for label in LABELS}
+    by_label = {
+        label: list(_of_label(label, setup, contract, seen, kinds, agents)) for label in LABELS
+    }
     depth = max((len(rows) for rows in by_label.values()), default=0)
     for place in range(depth):
         for rows in by_label.values():
@@ -59,6 +66,7 @@ def stressors_of(
 def _of_label(
     label: str,
     setup: Setup,
+    contract: Contract,
     seen: Seen,
     kinds: Mapping[str, type[Change]],
     agents: Sequence[str],
@@ -67,7 +75,9 @@ def _of_label(
         for way in WORSE:
             if way in (*seen.ways, "noop", "random"):
                 yield [
-                    _replaced(setup, agent, way) for agent in agents if _is_other(setup, agent, way)
+                    _replaced(setup, agent, way)
+                    for agent in agents
+                    if setup.policy_of(agent, contract) not in (way, None)
                 ]
     for name, kind in kinds.items():
         if kind.label == label:
@@ -90,10 +100,6 @@ def _replaced(setup: Setup, agent: str, way: str) -> Stressor:
     return Stressor(
         f"policy[{agent}] = {way}", PLANNING, agent, replace(setup, policies=policies)
     )  # fmt: skip
-
-
-def _is_other(setup: Setup, agent: str, way: str) -> bool:
-    return setup.policies.get(agent, setup.policies.get("*")) not in (way, None)
 
 
 def effects(

@@ -28,8 +28,8 @@ def diagnosis_text(document: Mapping[str, Any], *, width: int) -> str:
     for names in groups.values():
         found = document["agents"][names[0]]
         if document["team"] is not None and _key(found) == _key(document["team"]):
-            title = ", ".join(names)
-            blocks.append("\n".join(wrapped(f"{title}  as the team", width, rest=INDENT)))
+            title = f"{', '.join(names)}  {_verdict(found)}, as the team"
+            blocks.append("\n".join(wrapped(title, width, rest=INDENT)))
         else:
             blocks.append(_one(", ".join(names), found, width))
     if document["partings"]:
@@ -56,8 +56,7 @@ def _key(found: Mapping[str, Any]) -> str:
 
 
 def _one(name: str, found: Mapping[str, Any], width: int) -> str:
-    cause = " and ".join(found["labels"]) or "no cause named"
-    lines = wrapped(f"{name}  {found['answer']}: {cause}", width, rest=INDENT)
+    lines = wrapped(f"{name}  {_verdict(found)}", width, rest=INDENT)
     share = found["success"]
     lines += wrapped(
         f"{found['why']}. Success as it is: {share['share']:.0%} "
@@ -72,6 +71,10 @@ def _one(name: str, found: Mapping[str, Any], width: int) -> str:
         text = f"not tested: {', '.join(labels)}: {reason}"
         lines += wrapped(text, width, first=INDENT, rest=INDENT * 2)
     return "\n".join(lines)
+
+
+def _verdict(found: Mapping[str, Any]) -> str:
+    return f"{found['answer']}: {' and '.join(found['labels']) or 'no cause named'}"
 
 
 def _tested(tested: list[Mapping[str, Any]], width: int) -> Iterator[str]:
