@@ -13,12 +13,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from itertools import compress
 from types import MappingProxyType
 from typing import Any, Final, TypeAlias, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gamekeeper.core import draws
 from gamekeeper.core.stream import Stream
 from gamekeeper.errors import SpecError
 
@@ -44,6 +46,8 @@ COUNTS: Final = frozenset({"observation_delay", "latency", "slowness"})
 probabilities."""
 LANES: Final = 16
 """Lanes of an agent, and of the episode itself; more than there are knobs."""
+AHEAD: Final = (256, 8192)
+"""Numbers that are drawn at once at first, and at most: an array costs as much as a few of them."""
 
 
 class KnobArguments(TypedDict, total=False):
@@ -189,6 +193,7 @@ class Disturbances:
         self.drift = dict.fromkeys(self.knobs.agents, (0, 0))
         self._queues: dict[str, deque[int]] = {}
         self._seen: dict[str, deque[Array]] = {}
+        self._ahead: dict[tuple[str, str], tuple[int, Array]] = {}
         self.is_held_out = self.knobs.held_out > 0 and self.layout_rng().uniform() < (
             self.knobs.held_out
         )
@@ -243,7 +248,7 @@ class Disturbances:
         Args:
             view: what it would be shown undisturbed, a flat array.
         """
-        value, turn = self.knobs.value, self.turns[agent]
+        value = self.knobs.value
         seen = self._seen.get(agent)
         clean = view(agent) if not seen else seen[0]
         hides, noise = value("occlusion", agent), value("observation_noise", agent)
@@ -253,16 +258,15 @@ class Disturbances:
         shown = clean.astype(np.float64)
         if hides:
             things = self._things[agent]
-            stream = self._stream("occlusion", agent, turn * 2 * len(things))
-            for first, end in things:
-                if stream.uniform() < hides:
-                    shown[first:end] = self._blank
+            struck = self._drawn("occlusion", agent, len(things), draws.units) < hides
+            for first, end in compress(things, struck):
+                shown[first:end] = self._blank
         if noise:
-            stream = self._stream("observation_noise", agent, turn * 2 * shown.size)
-            shown += [stream.normal(0.0, noise) for _ in range(shown.size)]
-        if np.issubdtype(clean.dtype, np.integer):
+            shown += noise * self._drawn("observation_noise", agent, shown.size, draws.normals)
+        if clean.dtype.kind in "iu":
             shown = np.rint(shown)
-        return np.clip(shown, least, greatest).astype(clean.dtype)
+        kept = np.minimum(np.maximum(shown, least), greatest)  # np.clip takes twice as long
+        return kept.astype(clean.dtype)
 
     def _chance(self, name: str, agent: str, turn: int) -> Stream | None:
         """The knob's stream where it strikes in this turn, standing after the number it drew."""
@@ -271,6 +275,25 @@ class Disturbances:
             return None
         stream = self._stream(name, agent, turn * 8)  # a choice after it fits into the eight
         return stream if stream.uniform() < chance else None
+
+    def _drawn(
+        self, name: str, agent: str, count: int, draw: Callable[[Stream, int], Array]
+    ) -> Array:
+        """[count] what a knob draws for an agent in this turn: two words a number, turn by turn."""
+        turn = self.turns[agent]
+        first, drawn = self._ahead.get((name, agent), (0, np.empty((0, count))))
+        if not first <= turn < first + len(drawn):
+            numbers = min(max(2 * drawn.size, AHEAD[0]), AHEAD[1])
+            first, turns = turn, max(numbers // max(count, 1), 1)
+            stream = self._stream(name, agent, turn * 2 * count)
+            drawn = draw(stream, turns * count).reshape(turns, count)
+            self._ahead[name, agent] = first, drawn
+        found: Array = drawn[turn - first]
+        return found
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is copied and put aside: all but what can be drawn again."""
+        return {**self.__dict__, "_ahead": {}}
 
     def _stream(self, name: str, agent: str, word: int) -> Stream:
         """A knob's stream for an agent, at a word of it."""
