@@ -73,9 +73,9 @@ def _back(array: Any, shape: Any, like: Any) -> Any:
     """[step, slot] in the shape of the batch."""
     agents = shape[-1] if len(shape) == len(like.shape) - 1 else shape[-2]
     whole = np.moveaxis(array.reshape(len(array), -1, agents), 0, 1)
-    return torch.as_tensor(np.ascontiguousarray(whole), device=like.device, dtype=like.dtype).reshape(
-        shape
-    )
+    return torch.as_tensor(
+        np.ascontiguousarray(whole), device=like.device, dtype=like.dtype
+    ).reshape(shape)
 
 
 def decisions(batch: TensorDictBase, group: str) -> TensorDictBase:

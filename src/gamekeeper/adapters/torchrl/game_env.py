@@ -114,9 +114,7 @@ class GameEnv(EnvBase):
         if seed is not None:
             self._next_seed = int(seed)
 
-    def _reset(
-        self, tensordict: TensorDictBase | None = None, **options: Any
-    ) -> TensorDictBase:
+    def _reset(self, tensordict: TensorDictBase | None = None, **options: Any) -> TensorDictBase:
         if options.pop("set_state", False) or options:
             raise SpecError(
                 "a reset takes nothing but what is to be reset", where="reset",

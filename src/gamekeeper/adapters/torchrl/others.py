@@ -78,7 +78,12 @@ class Others:
                 self._put(actions, copy, column, (copy, place), (copy, place))
 
     def _put(
-        self, actions: Any, copy: int, column: int, seen_at: tuple[int, ...], put_at: tuple[int, ...]
+        self,
+        actions: Any,
+        copy: int,
+        column: int,
+        seen_at: tuple[int, ...],
+        put_at: tuple[int, ...],
     ) -> None:
         g, group, _ = self._group_of[column]
         agent, arrays = self._copies.agents[column], self._copies.arrays

@@ -80,7 +80,10 @@ def seats_of(copies: Copies, group_map: Any, role: str | None) -> list[Seats]:
     if not mine:
         known = sorted({role_of(copies, agent) for agent in copies.agents})
         raise SpecError(
-            f"nobody has the role {role!r}", where="role", expected=", ".join(known), seen=repr(role)
+            f"nobody has the role {role!r}",
+            where="role",
+            expected=", ".join(known),
+            seen=repr(role),
         )
     if group_map is None:
         named = _by_role(copies, mine)

@@ -95,7 +95,10 @@ def _shown(space: Any, lead: tuple[int, ...]) -> Any:
         nvec = torch.as_tensor(space.nvec)
         return MultiCategorical(nvec, shape=(*lead, len(nvec)), dtype=torch.int64)
     shape, dtype = (*lead, *(space.shape or ())), torch_dtype(space.dtype)
-    if isinstance(space, spaces.Box) and np.isfinite(space.low).all() & np.isfinite(space.high).all():
+    if (
+        isinstance(space, spaces.Box)
+        and np.isfinite(space.low).all() & np.isfinite(space.high).all()
+    ):
         return _bounded(np.minimum(space.low, 0), np.maximum(space.high, 0), shape, dtype)
     return Unbounded(shape=shape, dtype=dtype)
 
@@ -121,7 +124,9 @@ def _done(space: Any, lead: tuple[int, ...]) -> Any:
 
 
 def _bounded(low: Any, high: Any, shape: tuple[int, ...], dtype: Any) -> Any:
-    bounds = (torch.as_tensor(np.array(np.broadcast_to(each, shape))).to(dtype) for each in (low, high))
+    bounds = (
+        torch.as_tensor(np.array(np.broadcast_to(each, shape))).to(dtype) for each in (low, high)
+    )
     return Bounded(*bounds, shape=shape, dtype=dtype)
 
 
@@ -174,4 +179,14 @@ def flat(parts: list[Part], arrays: list[NDArray[Any]], there: NDArray[np.bool_]
     return np.concatenate(found, axis=-1, dtype=np.float32, casting="unsafe")
 
 
-__all__ = ["MASK", "Part", "acted", "flat", "observed", "parts_of", "tensor", "torch_dtype", "width"]
+__all__ = [
+    "MASK",
+    "Part",
+    "acted",
+    "flat",
+    "observed",
+    "parts_of",
+    "tensor",
+    "torch_dtype",
+    "width",
+]
