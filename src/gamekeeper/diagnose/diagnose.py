@@ -22,7 +22,7 @@ from gamekeeper.diagnose.judge import LEVEL, PART, Finding, Tried
 from gamekeeper.diagnose.remedies import Remedy, remedies_of
 from gamekeeper.diagnose.setup import Setup, setup_of
 from gamekeeper.diagnose.stage import Seen, Stage, seen_of
-from gamekeeper.diagnose.stress import Stressor, effects, stressors_of
+from gamekeeper.diagnose.stress import EVERYBODY, Stressor, effects, stressors_of
 from gamekeeper.diagnose.twins import keep, partings
 from gamekeeper.game.contract_file import load_contract
 from gamekeeper.record.bundle import load
@@ -227,7 +227,9 @@ def _answer(
     finding = findings[scope]
     mine = [one for one in finding.tried if agent is None or agent in one.remedy.agents]
     tested = [_tested(one, experiment.confirm, flips) for one in mine]
-    tested += [each for one, each in stressed.items() if agent in (None, one.agent)]
+    tested += [
+        each for one, each in stressed.items() if agent is None or one.agent in (agent, EVERYBODY)
+    ]
     tested.sort(key=lambda each: _place(each.label))
     found = AgentDiagnosis(
         finding.answer, finding.labels, finding.why, scope, tuple(tested),

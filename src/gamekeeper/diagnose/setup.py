@@ -37,6 +37,7 @@ class Setup:
         forgets: agents whose policy's memory is reset before each of its decisions.
         most_turns: episodes are cut there.
         change: what a rerun does otherwise.
+        typical_turns: median length of the recorded episodes; nothing is played by it.
     """
 
     spec: Any
@@ -48,6 +49,7 @@ class Setup:
     forgets: tuple[str, ...] = ()
     most_turns: int = MOST_TURNS
     change: Change | None = None
+    typical_turns: int | None = None
 
     def policy_of(self, agent: str, contract: Contract) -> Any:
         """What plays an agent: its own choice, its role's, or everybody's; None: nobody says."""
@@ -124,12 +126,14 @@ def setup_of(
     rows = evidence.episodes.to_pylist()
     cuts = [row["turns"] for row in rows if row["end"] == CUT]
     options = [row["options"] for row in rows] or [None]
+    lengths = [row["turns"] for row in rows if row["turns"]]
     return Setup(
         spec=spec,
         kwargs=kwargs,
         options=tuple(None if each is None else from_json(each) for each in options),
         policies=named,
         most_turns=max(cuts) if cuts else MOST_TURNS,
+        typical_turns=sorted(lengths)[len(lengths) // 2] if lengths else None,
     )
 
 

@@ -19,6 +19,8 @@ from gamekeeper.diagnose.stage import Seen
 from gamekeeper.run.change import Change
 
 PLANNING: Final = "planning"
+EVALUATION: Final = "evaluation"
+EVERYBODY: Final = "*"
 WORSE: Final = ("noop", "random", "greedy")
 """Policies that may take an agent's place: two of ours, and one that tasks may bring."""
 
@@ -30,7 +32,7 @@ class Stressor:
     Attributes:
         name: of its arm.
         label: the failure that it stands for.
-        agent: whose.
+        agent: whose; `*`: everybody's.
         setup: with it.
     """
 
@@ -79,6 +81,7 @@ def _of_label(
                     for agent in agents
                     if setup.policy_of(agent, contract) not in (way, None)
                 ]
+    yield list(_for_all(label, setup, contract))
     for name, kind in kinds.items():
         if kind.label == label:
             yield [
@@ -88,6 +91,19 @@ def _of_label(
                 for agent in agents
                 if (name, agent) not in seen.unfit
             ]
+
+
+def _for_all(label: str, setup: Setup, contract: Contract) -> Iterator[Stressor]:
+    """What befalls everybody: knobs at their worst, half the time."""
+    for name, knob in contract.knobs.items():
+        is_ideal = setup.kwargs.get(name, knob.ideal) == knob.ideal
+        if knob.label == label and knob.worst is not None and not knob.of and is_ideal:
+            worse = replace(setup, kwargs={**setup.kwargs, name: knob.worst})
+            yield Stressor(f"{name} = {knob.worst}", label, EVERYBODY, worse)
+    turns = setup.most_turns if setup.typical_turns is None else setup.typical_turns // 2
+    if label == EVALUATION and 0 < turns < setup.most_turns:
+        cut = replace(setup, most_turns=turns)
+        yield Stressor(f"cut after {turns} turns", label, EVERYBODY, cut)
 
 
 def _usual(kind: Any, agent: str) -> Change:

@@ -144,6 +144,7 @@ class Knob:
         ideal: its value where it disturbs nothing.
         of: what it is a setting of: an `argument` of the environment (also where nothing is said),
             an `option` of its reset, an attribute of a `wrapper`, or one of a `policy`.
+        worst: a value with which it disturbs as much as can be expected, for stressors.
         contains: other knobs that turning this one to its ideal makes up for, as the true state
             does for noise and drift.
     """
@@ -151,6 +152,7 @@ class Knob:
     label: str
     ideal: Plain | None = None
     of: str | None = None
+    worst: Plain | None = None
     contains: tuple[str, ...] | None = None
 
 

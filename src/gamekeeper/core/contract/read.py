@@ -123,6 +123,7 @@ KNOB: Final = section(
         "label": values.text,
         "ideal": values.anything,
         "of": values.word(*KNOB_OF),
+        "worst": values.anything,
         "contains": lambda value, at: values.different(values.listed(values.text)(value, at), at),
     },
     "label",
