@@ -1,0 +1,163 @@
+"""The pure parts of an attribution, and who plays on which side."""
+
+import numpy as np
+import pytest
+
+from gamekeeper.diagnose.attribution.influence import influence
+from gamekeeper.diagnose.attribution.lazy import laziness
+from gamekeeper.diagnose.attribution.measured import Measured, measured
+from gamekeeper.diagnose.attribution.penalties import penalties
+from gamekeeper.diagnose.attribution.sides import Sides
+from gamekeeper.diagnose.attribution.talk import binned, dependence, information
+
+
+def _part(value, half=0.5):
+    return Measured(value, value - half, value + half, 0.01, 50, "noop")
+
+
+def _lazy(shares, losses=None, *, whom="a", baseline="noop"):
+    names = list("abcdef"[: len(shares)])
+    shapley = {name: _part(value) for name, value in zip(names, shares, strict=True)}
+    lost = {name: _part(x) for name, x in zip(names, losses or shares, strict=True)}
+    return laziness(whom, names, lost, shapley, baseline=baseline).is_lazy
+
+
+def test_agent_that_brings_nothing_is_lazy() -> None:
+    """Its peers bring 6 each, it brings nothing."""
+    assert _lazy([0.0, 6.0, 6.0]) is True
+
+
+def test_agent_that_brings_its_share_is_not_lazy() -> None:
+    """Nor are its peers."""
+    assert [_lazy([4.0, 4.0, 4.0], whom=name) for name in "abc"] == [False] * 3
+
+
+def test_agent_of_a_team_with_hands_to_spare_is_not_lazy() -> None:
+    """Nothing is lost without any single one, though each brings its share."""
+    assert _lazy([4.0, 4.0, 4.0], [0.0, 0.0, 0.0]) is False
+
+
+def test_agent_that_the_team_would_miss_is_not_lazy() -> None:
+    """A small share but a large loss: it does what nobody else would do in its place."""
+    assert _lazy([0.0, 6.0, 6.0], [8.0, 8.0, 8.0]) is False
+
+
+def test_agent_is_not_lazy_where_the_interval_allows_half_a_share() -> None:
+    """Below a fair share, but perhaps not by much."""
+    assert _lazy([2.0, 4.0, 4.0]) is False
+
+
+def test_laziness_is_not_told_of_a_single_agent_or_against_random() -> None:
+    """There is nobody to compare with, or nobody who did nothing."""
+    assert _lazy([0.0]) is None
+    assert _lazy([0.0, 6.0], baseline="random") is None
+
+
+def test_measured_has_an_interval_from_fifty_episodes_on() -> None:
+    """Below that a mean stands alone; of nothing there is no mean."""
+    rng = np.random.default_rng(0)
+    few, many = (measured(rng.normal(1, 1, n), baseline="noop", rng=rng) for n in (49, 50))
+    assert few is not None
+    assert many is not None
+    assert (few.low, few.n) == (None, 49)
+    assert many.low is not None
+    assert many.high is not None
+    assert many.low < many.value < many.high
+    assert measured(np.empty(0), baseline="noop", rng=rng) is None
+
+
+def _look(turn, causers, agent="a"):
+    return {
+        "term": "bump", "agent": agent, "turn": turn, "seed": 5, "paid": -1.0,
+        "causers": causers, "of": 3,
+    }  # fmt: skip
+
+
+def test_penalties_count_what_others_did() -> None:
+    """Own doing is right, another's is wrong, nobody's is unknown."""
+    scans = [
+        {"number": 1, "penalties": [_look(4, ["b"]), _look(2, ["a"]), _look(7, [])]},
+        {"number": 0, "penalties": [_look(9, ["b", "c"])]},
+    ]
+    (found,) = penalties(scans)
+    assert (found.wrong.n, found.unknown, dict(found.by)) == (3, 1, {"b": 2, "c": 1})
+    assert found.wrong.p == pytest.approx(2 / 3)
+    assert found.first is not None
+    assert (found.first["episode"], found.first["turn"]) == (0, 9)
+
+
+def test_influence_adds_up_over_episodes() -> None:
+    """Looks and hits of all episodes make one interval."""
+    scans = [{"influence": [["a", "b", "reward", 0, 1, 3]]}] * 2
+    (row,) = influence(scans)
+    assert (row["p"], row["n"]) == (pytest.approx(1 / 3), 6)
+    assert row["low"] < row["p"] < row["high"]
+
+
+def test_information_is_that_of_textbooks() -> None:
+    """A fair coin told in full is one bit; unrelated ones tell nothing."""
+    one = np.array([[0, 0, 1, 1]])
+    assert information(one, one) == pytest.approx(1.0)
+    assert information(one, np.array([[0, 1, 0, 1]])) == pytest.approx(0.0)
+
+
+def test_dependence_of_a_constant_in_each_episode_needs_many_episodes() -> None:
+    """What stays the same all episode long counts once for an episode, not for every turn."""
+    rng = np.random.default_rng(1)
+    found = [
+        dependence(
+            np.repeat(rng.integers(0, 3, (12, 1)), 40, axis=1),
+            [np.repeat(rng.integers(0, 3, (12, 1)), 40, axis=1)],
+            rng=rng,
+        )[1]
+        for _ in range(30)
+    ]
+    assert sum(p <= 0.05 for p in found) <= 5
+
+
+def test_binned_keeps_few_values_and_cuts_many() -> None:
+    """Categories stay, measurements come into equally full bins."""
+    assert binned(np.array([[3.0, 7.0, 3.0]])).tolist() == [[0, 1, 0]]
+    codes = binned(np.linspace(0, 1, 100).reshape(10, 10))
+    assert np.bincount(codes.ravel()).tolist() == [25] * 4
+
+
+class _Names:
+    """A cast that says whose side an agent is on."""
+
+    def __init__(self, name):
+        self.name = name
+
+    def begin(self, run_seed, episode):
+        """Nothing to seed."""
+
+    def act(self, agent, observation, info):
+        """The side."""
+        return self.name
+
+
+class _Roster:
+    agents = ("a_0", "a_1", "b_0")
+
+
+@pytest.mark.parametrize(
+    ("gone", "members", "side"),
+    [
+        ("a_0", ["a_0"], "own"),
+        ("a_0", ["a_1"], "baseline"),
+        ("a_1", ["a_0"], "baseline"),
+        (None, ["a_0", "a_1"], "own"),
+        (None, ["b_0"], "baseline"),
+    ],
+)
+def test_who_joins_late_is_on_the_side_of_whom_it_follows(gone, members, side) -> None:
+    """The one of its role who left last; where nobody left, most of its role."""
+    env = _Roster()
+    players = ["a_0", "a_1", "b_0"]
+    sides = Sides(_Names("own"), _Names("baseline"), members, players, lambda a: a[0], env)
+    sides.begin(0, 0)
+    for agent in players:
+        expected = "own" if agent in members else "baseline"
+        assert sides.act(agent, None, {}) == expected
+    env.agents = tuple(a for a in (*players, "a_2") if a != gone)
+    assert sides.act("a_2", None, {}) == side
