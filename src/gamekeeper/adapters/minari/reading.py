@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from os import PathLike, fspath
 from pathlib import Path
 from threading import Lock
@@ -32,6 +32,7 @@ from gamekeeper.record.recorder import Recorder
 from gamekeeper.run.memory import MemorySink
 
 METADATA: Final = "metadata.json"
+EPISODES: Final = 200  # read out of one opening of the file
 LACKS: Final = ("wall times", "states", "seeds of episodes that name none")
 KEPT: Final = (
     "dataset_id", "minari_version", "algorithm_name", "author", "author_email", "code_permalink",
@@ -114,9 +115,7 @@ def _play(dataset: Any, script: Script, sink: Any) -> None:
         seat.name: (seat.index, observation_packer(seat.observation, sink), action_packer(seat))
         for seat in seats
     }
-    numbers = [int(number) for number in dataset.episode_indices]
-    about = dataset.storage.get_episode_metadata(numbers)
-    for episode, (data, said) in enumerate(zip(dataset.iterate_episodes(), about, strict=True)):
+    for episode, (data, said) in enumerate(_episodes(dataset)):
         seed = said.get("seed")
         since = episode if seed is not None else -1
         tape.starts.append(
@@ -143,6 +142,19 @@ def _play(dataset: Any, script: Script, sink: Any) -> None:
         told = [_ours(script, said, name) for name in ("endings", "action_types")]
         tape.ends.append(EpisodeEnd(episode, end, turns, None, *told))
         sink.keep_up()
+
+
+def _episodes(dataset: Any) -> Iterator[tuple[Any, Mapping[str, Any]]]:
+    """Each episode with its attributes.
+
+    Minari keeps one file open for all that is asked for at once, and HDF5 what it has read of it:
+    asking for a few at a time keeps memory flat.
+    """
+    numbers = [int(number) for number in dataset.episode_indices]
+    for start in range(0, len(numbers), EPISODES):
+        some = numbers[start : start + EPISODES]
+        about = dataset.storage.get_episode_metadata(some)
+        yield from zip(dataset.iterate_episodes(some), about, strict=True)
 
 
 def _packed(field: str, value: Any, pack: Any) -> tuple[Any, tuple[str] | None]:
