@@ -14,12 +14,14 @@ except ImportError as error:
     ) from error
 
 from gamekeeper.adapters.rllib.env import multi_agent_env
+from gamekeeper.adapters.rllib.game import Options
 from gamekeeper.adapters.rllib.policy import policy
 from gamekeeper.adapters.rllib.returns import ReturnsCallback
 from gamekeeper.adapters.rllib.setup import modules, policy_mapping, register
 
 VERSION = ray.__version__
 __all__ = [
+    "Options",
     "ReturnsCallback",
     "modules",
     "multi_agent_env",

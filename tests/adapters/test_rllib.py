@@ -1,0 +1,596 @@
+"""RLlib sees what was played: each agent's end, truncation, masks, credit, seeds, turns."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium.spaces import Box, Discrete
+
+import gamekeeper as gk
+from gamekeeper.core.seeds import episode_seed
+from gamekeeper.errors import ActionError, ContractError, PolicyError, SpecError
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # before torch: more threads only wait
+os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+
+pytestmark = [
+    pytest.mark.trainer,
+    # Foreign ones, by whose they are: Ray's and torch's own calls of what is deprecated.
+    pytest.mark.filterwarnings("ignore::DeprecationWarning:ray"),
+    pytest.mark.filterwarnings("ignore::DeprecationWarning:torch"),
+    # RLlib registers its own environment with Gymnasium anew for each env runner.
+    pytest.mark.filterwarnings("ignore:.*Overriding environment rllib-multi-agent:UserWarning"),
+]
+BATTERY = {"battery": 12}
+
+
+def made(spec: object, **options: Any) -> Any:
+    """Without an audit, which has tests of its own."""
+    from gamekeeper.adapters import rllib
+
+    return rllib.multi_agent_env(spec, check=None, **options)
+
+
+def episode_of(env: Any) -> Any:
+    """RLlib's own book of an episode, to be written as its env runner writes it."""
+    from ray.rllib.env.multi_agent_episode import MultiAgentEpisode
+
+    return MultiAgentEpisode(
+        observation_space=env.observation_spaces, action_space=env.action_spaces,
+        agent_to_module_mapping_fn=lambda agent, episode: "one",
+    )  # fmt: skip
+
+
+def first_legal(env: Any, agent: str, observation: Any) -> Any:
+    """The first action that the mask allows; the last of all where there is none."""
+    if isinstance(observation, dict) and "action_mask" in observation:
+        return int(np.argmax(observation["action_mask"]))
+    return int(env.action_spaces[agent].n) - 1
+
+
+def played(env: Any, choose: Any = first_legal, *, seed: int | None = None) -> Any:
+    """One episode through RLlib's book, which refuses what it can't keep; the book."""
+    observations, infos = env.reset(seed=seed)
+    book = episode_of(env)
+    book.add_env_reset(observations=observations, infos=infos)
+    to_act, most = list(observations), 2_000
+    while not book.is_done:
+        assert set(to_act) == book.get_agents_to_act()
+        actions = {agent: choose(env, agent, observations[agent]) for agent in to_act}
+        observations, rewards, terms, truncs, infos = env.step(actions)
+        book.add_env_step(
+            observations, actions, rewards, infos, terminateds=terms, truncateds=truncs
+        )
+        assert book.is_done == (terms["__all__"] or truncs["__all__"])
+        to_act = [a for a in observations if not (terms[a] or truncs[a])]
+        most -= 1
+        assert most, "no end"
+    return book
+
+
+class FirstLegal:
+    """The policy of `first_legal`."""
+
+    def __call__(self, observation: Any, agent: Any, info: Any, rng: Any) -> int:
+        mask = info.get("action_mask")
+        if isinstance(observation, dict):
+            mask = observation.get("action_mask", mask)
+        return LAST[str(agent).split("_")[0]] if mask is None else int(np.argmax(mask))
+
+
+LAST = {"picker": 2, "carrier": 2, "adversary": 4, "agent": 4}
+"""The last action of those who have no mask."""
+
+
+def bare(observation: Any) -> Any:
+    """An observation without its mask."""
+    if isinstance(observation, dict):
+        return observation.get("observation", observation.get("observations"))
+    return observation
+
+
+@pytest.mark.parametrize(
+    ("spec", "kwargs"),
+    [
+        ("two_robot_line", {}),
+        ("warehouse", BATTERY),
+        ("warehouse_turns", BATTERY),
+        ("handover", {}),
+        ("tictactoe", {}),
+        ("tag", {}),
+    ],
+)
+def test_trace_is_the_same_seen_through_rllib(spec: str, kwargs: dict[str, Any]) -> None:
+    """Each agent's rows, in RLlib's own book: observations, actions, pay, last sight, end."""
+    trace = next(
+        gk.rollout(spec, policies=FirstLegal(), episodes=1, seed=5, env_kwargs=kwargs).traces
+    )
+    env = made(spec, seed=5, env_kwargs=kwargs)
+    book = played(env)
+    flags = {row["agent"]: row for row in trace.steps.to_pylist() if ended(row)}
+    decided = {a for turn in trace.turns for a, act in turn.actions.items() if act is not None}
+    assert decided == set(book.agent_ids)
+    for agent, one in book.agent_episodes.items():
+        rows = [turn for turn in trace.turns if turn.actions.get(agent) is not None]
+        recorded = [bare(turn.observations[agent]) for turn in rows]
+        last = [turn for turn in trace.turns if agent in turn.received][-1]
+        recorded.append(bare(last.observations[agent]))
+        for seen, shown in zip(recorded, one.get_observations(), strict=True):
+            np.testing.assert_array_equal(seen, bare(shown))
+        assert [turn.actions[agent] for turn in rows] == list(one.get_actions())
+        paid = sum(float(turn.rewards.get(agent, 0.0)) for turn in trace.turns)
+        assert one.get_return() == pytest.approx(paid)
+        assert one.is_terminated == bool(flags[agent]["terminated"])
+        assert one.is_truncated == bool(flags[agent]["truncated"])
+        assert env.returns[agent] == pytest.approx(paid)
+    env.close()
+
+
+def ended(row: dict[str, Any]) -> bool:
+    """Whether the row is of an agent's end."""
+    return bool(row["terminated"] or row["truncated"])
+
+
+def test_each_turn_is_paid_to_who_earned_it() -> None:
+    """AEC: one agent is observed at a time, and its pay stands beside its own last action."""
+    env = made("handover", seed=2)
+    trace = next(gk.rollout("handover", policies=FirstLegal(), episodes=1, seed=2).traces)
+    observations, _ = env.reset()
+    given: dict[str, list[float]] = {}
+    is_over = False
+    while not is_over:
+        assert len(observations) == 1
+        actions = {agent: first_legal(env, agent, seen) for agent, seen in observations.items()}
+        observations, rewards, terms, truncs, _ = env.step(actions)
+        assert set(rewards) == set(observations)
+        for agent, paid in rewards.items():
+            given.setdefault(agent, []).append(paid)
+        is_over = terms["__all__"] or truncs["__all__"]
+    for agent, received in given.items():
+        told = [turn.received[agent] for turn in trace.turns if agent in turn.received]
+        told = [reward for reward in told if reward is not None]
+        assert received == pytest.approx(told[-len(received) :])
+    env.close()
+
+
+def test_late_joiners_come_when_they_come() -> None:
+    """A spare takes over from a robot whose battery is empty: nobody is asked before or after."""
+    env = made("warehouse", seed=3, env_kwargs=BATTERY)
+    rng = np.random.default_rng(0)
+
+    def legal(env: Any, agent: str, seen: Any) -> int:
+        return int(rng.choice(np.flatnonzero(seen["action_mask"])))
+
+    book = played(env, legal)
+    starts = {agent: book.env_t_to_agent_t[agent].data.index(0) for agent in book.agent_ids}
+    lengths = {len(one) for one in book.agent_episodes.values()}
+    assert max(starts.values()) > 0
+    assert len(lengths) > 1
+    assert all(one.is_truncated and not one.is_terminated for one in book.agent_episodes.values())
+    env.close()
+
+
+class Ends(gk.TickEnv):
+    """Agents end by a plan {agent: (tick, "term" | "trunc")}; some join at a tick of `joins`."""
+
+    metadata = {"name": "ends_v0"}  # noqa: RUF012  # as PettingZoo has it
+
+    def __init__(self, plan: Any, joins: Any = None, render_mode: Any = None) -> None:
+        super().__init__(render_mode=render_mode)
+        self.plan, self.joins = plan, joins or {}
+        self.possible_agents = list(plan)
+        self.observation_spaces = {a: Box(0, 99, (1,), np.float32) for a in plan}
+        self.action_spaces = {a: Discrete(2, start=3) for a in plan}
+
+    def start(self, rng: Any, options: Any) -> None:
+        self.tick_count = 0
+        self.chosen: list[Any] = []
+        self.agents = [a for a in self.possible_agents if a not in self.joins]
+
+    def tick(self, actions: Any) -> None:
+        self.tick_count += 1
+        self.chosen += list(actions.values())
+        for agent, at in self.joins.items():
+            if at == self.tick_count:
+                self.join(agent)
+        for agent in actions:
+            self.pay(agent, 1.0)
+            at, how = self.plan[agent]
+            if at == self.tick_count:
+                (self.terminate if how == "term" else self.truncate)(agent, "plan")
+
+    def observe(self, agent: Any) -> Any:
+        return np.array([self.tick_count], np.float32)
+
+
+@pytest.mark.parametrize(
+    ("plan", "joins"),
+    [
+        ({"a": (3, "trunc"), "b": (3, "trunc")}, {}),
+        ({"a": (3, "term"), "b": (3, "term")}, {}),
+        ({"a": (2, "trunc"), "b": (3, "term")}, {}),
+        ({"a": (2, "term"), "b": (3, "trunc")}, {}),
+        ({"a": (2, "term"), "b": (4, "trunc")}, {"b": 2}),
+        ({"a": (2, "trunc"), "b": (4, "term"), "c": (4, "term")}, {"b": 2, "c": 3}),
+    ],
+)
+def test_truncation_stays_apart_from_termination(plan: Any, joins: Any) -> None:
+    """Also where all end at once, and where all who are known end as others join."""
+    env = made(lambda: Ends(plan, joins))
+    book = played(env)
+    for agent, (at, how) in plan.items():
+        one = book.agent_episodes[agent]
+        assert (one.is_terminated, one.is_truncated) == (how == "term", how == "trunc")
+        assert len(one) == at - joins.get(agent, 0) == one.get_return()
+        assert one.get_observations(-1)[0] == at
+    env.close()
+
+
+def test_end_in_the_last_step_of_another_kind_counts_as_terminated() -> None:
+    """One is terminated as the other is truncated: no value is bootstrapped for the first."""
+    env = made(lambda: Ends({"a": (3, "term"), "b": (3, "trunc")}))
+    one = played(env).agent_episodes
+    assert one["a"].is_terminated
+    assert (one["b"].is_terminated, one["b"].is_truncated) == (False, True)
+    env.close()
+
+
+def test_actions_count_from_zero() -> None:
+    """RLlib draws from 0; the environment gets what its space says."""
+    env = made(lambda: Ends({"a": (2, "term"), "b": (2, "term")}))
+    played(env)
+    assert env.action_spaces["a"] == Discrete(2)
+    assert set(env.env.unwrapped.chosen) == {4}
+    env.close()
+
+
+def test_roles_have_modules_of_their_own() -> None:
+    """The order is that of `possible_agents`; masks stand beside observations."""
+    from gamekeeper.adapters import rllib
+
+    env = made("warehouse")
+    assert env.possible_agents == list(env.env.possible_agents)
+    mapping = rllib.policy_mapping("warehouse")
+    assert list(mapping["policies"]) == ["picker", "carrier"]
+    assert {mapping["policy_mapping_fn"](agent, None) for agent in env.possible_agents} == {
+        "picker",
+        "carrier",
+    }
+    for role, policy in mapping["policies"].items():
+        assert policy.observation_space == env.observation_spaces[f"{role}_0"]
+        assert set(policy.observation_space) == {"observations", "action_mask"}
+    env.close()
+
+
+def test_tag_has_roles_of_different_spaces() -> None:
+    """A module for each, whose space is that of its agents."""
+    from gamekeeper.adapters import rllib
+
+    env, mapping = made("tag"), rllib.policy_mapping("tag")
+    kinds = {role: policy.observation_space for role, policy in mapping["policies"].items()}
+    assert kinds["adversary"] != kinds["agent"]
+    assert all(kinds[env.role_of[a]] == env.observation_spaces[a] for a in env.possible_agents)
+    env.close()
+
+
+def test_others_play_inside() -> None:
+    """One role learns; the others follow their policies, the episode is the one of a rollout."""
+    policies = {"carrier": "reference", "picker": FirstLegal()}
+    trace = next(gk.rollout("warehouse", policies=policies, episodes=1, seed=4).traces)
+    env = made("warehouse", role="picker", others={"carrier": "reference"}, seed=4)
+    book = played(env)
+    assert {agent.split("_")[0] for agent in book.agent_ids} == {"picker"}
+    for agent, one in book.agent_episodes.items():
+        paid = sum(float(turn.rewards.get(agent, 0.0)) for turn in trace.turns)
+        assert one.get_return() == pytest.approx(paid)
+    assert set(env.returns) == set(map(str, env.env.possible_agents))
+    env.close()
+
+
+def test_seeds_are_those_of_a_rollout() -> None:
+    """Episode k has our seed; `reset(seed=s)` begins run s anew."""
+    env = made("warehouse", seed=7)
+    seen = [env.reset()[0] for _ in range(3)]
+    again = [env.reset(seed=7)[0], env.reset()[0], env.reset()[0]]
+    traces = list(gk.rollout("warehouse", policies="noop", episodes=3, seed=7).traces)
+    for trace, one, two in zip(traces, seen, again, strict=True):
+        assert episode_seed(7, trace.episode) == trace.seed
+        first = next(iter(trace.turns)).observations
+        for agent in one:
+            np.testing.assert_array_equal(first[agent], one[agent]["observations"])
+            np.testing.assert_array_equal(first[agent], two[agent]["observations"])
+    env.close()
+
+
+def test_env_runners_play_disjoint_episodes() -> None:
+    """Of two runners with two copies each, whatever seeds RLlib hands out, and after its look."""
+    from ray.rllib.env.env_context import EnvContext
+    from ray.tune.registry import ENV_CREATOR, _global_registry
+
+    from gamekeeper.adapters import rllib
+
+    name = rllib.register("two_robot_line", check=None, seed=1)
+    numbers: list[int] = []
+    for runner in (1, 2):
+        create = _global_registry.get(ENV_CREATOR, name)  # as each runner gets its own
+        copies = [create(EnvContext({}, runner, num_workers=2)) for _ in range(2)]
+        copies[0].reset(seed=42, options={})  # RLlib's look, before the run
+        assert copies[0].episode == -1
+        for place, env in enumerate(copies):
+            env.reset(seed=runner + place)
+            numbers.append(env.episode)
+        copies[0].reset()
+        numbers.append(copies[0].episode)
+    assert numbers == [0, 2, 4, 1, 3, 5]
+    other = _global_registry.get(ENV_CREATOR, name)(EnvContext({"seed": 8}, 1, num_workers=2))
+    other.reset()
+    assert other.episode == 0
+
+
+@pytest.mark.parametrize(
+    ("call", "says", "mend"),
+    [
+        (lambda rllib: rllib.multi_agent_env("tag", role="wolf", check=None), "wolf", "adversary"),
+        (lambda rllib: rllib.multi_agent_env("tag", role="agent", check=None), "policy", "others="),
+        (
+            lambda rllib: rllib.multi_agent_env("tag", others="random", check=None),
+            "everybody learns",
+            "name the role",
+        ),
+        (lambda rllib: rllib.modules("two_robot_line"), "don't read", "flatten=True"),
+        (lambda rllib: rllib.multi_agent_env("tag", check="slow"), "no such check", "quick"),
+    ],
+)
+def test_what_is_refused_says_how_to_mend_it(call: Any, says: str, mend: str) -> None:
+    """What, where, and what would do."""
+    from gamekeeper.adapters import rllib
+
+    with pytest.raises(SpecError, match=says) as caught:
+        call(rllib)
+    assert mend in str(caught.value)
+
+
+def test_actions_of_the_wrong_agents_are_refused() -> None:
+    """A missing one, and one of somebody whose turn it isn't."""
+    env = made("tictactoe")
+    env.reset()
+    with pytest.raises(ActionError, match="out of turn"):
+        env.step({"player_2": 0})
+    env.close()
+    env = made("two_robot_line")
+    env.reset()
+    with pytest.raises(ActionError, match="'carrier' was observed and has no action"):
+        env.step({"picker": 0})
+    env.close()
+
+
+def test_name_that_comes_back_is_refused() -> None:
+    """RLlib has one stream for each name, so an agent ends once in an episode."""
+    env = made(lambda: Back())
+    with pytest.raises(ContractError, match="is back within the episode"):
+        played(env)
+
+
+def Back() -> Any:  # noqa: N802  # a class, but for its import inside
+    """A Parallel environment whose `a` ends at tick 1 and lives again at tick 2."""
+    from pettingzoo import ParallelEnv
+
+    class Returns(ParallelEnv):
+        metadata = {"name": "returns_v0"}  # noqa: RUF012  # as PettingZoo has it
+        possible_agents = ["a", "b"]  # noqa: RUF012  # likewise
+
+        def observation_space(self, agent: Any) -> Any:
+            return Box(0, 9, (1,), np.float32)
+
+        def action_space(self, agent: Any) -> Any:
+            return Discrete(2)
+
+        def reset(self, seed: Any = None, options: Any = None) -> Any:
+            self.agents, self.ticks = ["a", "b"], 0
+            return self.seen(["a", "b"]), {"a": {}, "b": {}}
+
+        def seen(self, agents: Any) -> Any:
+            return {agent: np.zeros(1, np.float32) for agent in agents}
+
+        def step(self, actions: Any) -> Any:
+            self.ticks += 1
+            self.agents = ["b"] if self.ticks == 1 else ["a", "b"]
+            told = sorted(set(actions) | set(self.agents))
+            ends = {agent: agent not in self.agents for agent in told}
+            paid, no = dict.fromkeys(told, 0.0), dict.fromkeys(told, False)
+            return self.seen(told), paid, ends, no, {agent: {} for agent in told}
+
+    return Returns()
+
+
+def test_broken_environment_isnt_trained_on(tmp_path: Path) -> None:
+    """The quick audit comes first."""
+    from gamekeeper.adapters import rllib
+
+    file = tmp_path / "drifts.py"
+    file.write_text(BROKEN, encoding="utf-8")
+    with pytest.raises(ContractError, match="breaks its contract"):
+        rllib.register(f"{file}:Drifts")
+
+
+BROKEN = '''
+import numpy as np
+from gymnasium.spaces import Box, Discrete
+from pettingzoo import ParallelEnv
+
+
+class Drifts(ParallelEnv):
+    """Observations leave their space, and come from the global generator."""
+
+    metadata = {"name": "drifts_v0", "render_modes": []}
+
+    def __init__(self):
+        self.possible_agents = ["a_0", "a_1"]
+        self.render_mode = None
+
+    def observation_space(self, agent):
+        return Box(0, 1, (1,), np.float32)
+
+    def action_space(self, agent):
+        return Discrete(2)
+
+    def reset(self, seed=None, options=None):
+        self.agents, self.left = list(self.possible_agents), 10
+        return self.seen(), {a: {} for a in self.agents}
+
+    def seen(self):
+        return {a: np.random.random(1).astype(np.float32) * 3 for a in self.agents}
+
+    def step(self, actions):
+        self.left -= 1
+        seen, paid = self.seen(), dict.fromkeys(self.agents, 0.0)
+        infos, no = {a: {} for a in self.agents}, dict.fromkeys(self.agents, False)
+        ends = dict.fromkeys(self.agents, self.left == 0)
+        if self.left == 0:
+            self.agents = []
+        return seen, paid, no, ends, infos
+'''
+
+
+# -- with RLlib's own runners and learners
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[None]:
+    """Ray on one core, on this machine alone, stopped at the end."""
+    import ray
+
+    ray.init(
+        num_cpus=1, include_dashboard=False, log_to_driver=False, logging_level="ERROR",
+        _node_ip_address="127.0.0.1",
+    )  # fmt: skip
+    yield
+    ray.shutdown()
+
+
+def config(spec: str, **options: Any) -> Any:
+    """PPO with small networks, all in this process."""
+    from ray.rllib.algorithms.ppo import PPOConfig
+    from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
+
+    from gamekeeper.adapters import rllib
+
+    name = rllib.register(spec, check=None, seed=3, **options)
+    net = DefaultModelConfig(fcnet_hiddens=[16])
+    return (
+        PPOConfig()
+        .environment(name)
+        .env_runners(num_env_runners=0, num_envs_per_env_runner=2, rollout_fragment_length=7)
+        .multi_agent(**rllib.policy_mapping(spec, **options))
+        .rl_module(rl_module_spec=rllib.modules(spec, model_config=net, **options))
+        .training(train_batch_size_per_learner=120, minibatch_size=60, num_epochs=1)
+        .callbacks(rllib.ReturnsCallback)
+        .debugging(seed=0)
+    )
+
+
+@pytest.mark.parametrize("spec", ["warehouse_turns", "warehouse", "tictactoe"])
+def test_chunks_hold_every_decision_once(spec: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fragments of seven steps: actions with their pay are those that the environment had."""
+    from ray.rllib.env.multi_agent_env_runner import MultiAgentEnvRunner
+
+    from gamekeeper.adapters.rllib import env as room
+
+    kwargs = BATTERY if "warehouse" in spec else {}
+    done: dict[Any, list[Any]] = {}
+    step = room.AgentsEnv.step
+
+    def noted(self: Any, actions: Any) -> Any:
+        out = step(self, actions)
+        key = (id(self), self.episode)
+        for agent, action in actions.items():
+            done.setdefault((*key, agent), []).append([int(action), None])
+        for agent, reward in out[1].items():
+            if (*key, agent) in done:
+                done[*key, agent][-1][1] = float(reward)
+        return out
+
+    monkeypatch.setattr(room.AgentsEnv, "step", noted)
+    runner = MultiAgentEnvRunner(config=config(spec, flatten=True, env_kwargs=kwargs))
+    done.clear()  # of RLlib's look
+    learnt: dict[Any, list[Any]] = {}
+    for _ in range(8):
+        for book in runner.sample():
+            for agent, one in book.agent_episodes.items():
+                pairs = zip(one.get_actions(), one.get_rewards(), strict=True)
+                learnt.setdefault((book.id_, agent), []).extend(
+                    [int(a), float(r)] for a, r in pairs
+                )
+    runner.stop()
+    paid = [[pair for pair in pairs if pair[1] is not None] for pairs in done.values()]
+    assert sorted(filter(None, paid)) == sorted(filter(None, learnt.values()))
+
+
+def test_ppo_trains_and_its_checkpoint_plays(cluster: None, tmp_path: Path) -> None:
+    """Two updates with masks and roles; returns by agent and role; `rllib:CHECKPOINT` plays."""
+    from gamekeeper.adapters import rllib
+
+    algorithm = config("handover", flatten=True).build_algo()
+    before = rllib.policy(algorithm).version
+    for _ in range(3):
+        result = algorithm.train()
+    told = result["env_runners"]["gamekeeper"]
+    assert set(told["agent"]) == {"giver_0", "receiver_0"}
+    assert set(told["role"]) == {"giver", "receiver"}
+    assert told["team"] == pytest.approx(sum(told["agent"].values()))
+    assert told["episodes"] >= 1
+    assert set(result["learners"]) >= {"giver", "receiver"}
+    algorithm.save_to_path(str(tmp_path / "run"))
+    kept = rllib.policy(algorithm).version
+    algorithm.stop()
+    assert kept != before
+
+    named = f"rllib:{tmp_path / 'run'}"
+    evidence = gk.rollout("handover", policies=named, episodes=2, seed=0)
+    assert kept in evidence.episodes.to_pylist()[0]["policies"]
+    legal = [
+        info["action_mask"][turn.actions[agent]]
+        for trace in evidence.traces
+        for turn in trace.turns
+        for agent, info in turn.infos.items()
+        if turn.actions.get(agent) is not None
+    ]
+    assert all(legal)
+    drawn = rllib.policy(tmp_path / "run", deterministic=False)
+    again = [gk.rollout("handover", policies=drawn, episodes=2, seed=0) for _ in range(2)]
+    assert again[0].fingerprint == again[1].fingerprint
+
+
+def test_checkpoint_that_isnt_there_is_named(tmp_path: Path) -> None:
+    """What was looked for, and what makes one."""
+    from gamekeeper.adapters import rllib
+
+    with pytest.raises(PolicyError, match="no checkpoint") as caught:
+        rllib.policy(tmp_path / "nowhere")
+    assert "save_to_path" in str(caught.value)
+
+
+def test_order_of_agents_doesnt_hang_on_the_hash_seed() -> None:
+    """Observations, modules and spaces come in one order in every process."""
+    code = (
+        "from gamekeeper.adapters import rllib\n"
+        "env = rllib.multi_agent_env('warehouse', check=None)\n"
+        "m = rllib.policy_mapping('warehouse')\n"
+        "print(list(env.reset()[0]), env.possible_agents, list(env.observation_spaces),"
+        " list(m['policies']))"
+    )
+    said = {
+        subprocess.run(
+            [sys.executable, "-c", code], check=True, capture_output=True, text=True,
+            env={**os.environ, "PYTHONHASHSEED": seed},
+        ).stdout
+        for seed in ("1", "2")
+    }  # fmt: skip
+    assert len(said) == 1
