@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable, Mapping
-from types import ModuleType
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import typer
@@ -44,15 +43,16 @@ def command(screen: Screen, kind: KindArgument = None) -> Answer:
         if name == "checks":
             texts.append(_checks_text(rows, screen.width, is_counted=kind is None))
         else:
-            texts.append(_rows_text(title, rows, screen.width))
+            texts.append(_rows_text(title, rows, screen.width, *SHOWN.get(name, ())))
     screen.show("\n\n".join(texts))
     return Answer(document)
 
 
-def _rows_text(title: str, rows: list[Row], width: int) -> str:
+def _rows_text(title: str, rows: list[Row], width: int, *more: str) -> str:
     from gamekeeper.report.text import table_lines
 
-    cells = [(str(row["name"]), str(row["about"])) for row in rows]
+    shown = ("name", *more, "about")
+    cells = [tuple(str(row[key] or "") for key in shown) for row in rows]
     return "\n".join([title, *table_lines(cells, width=width)])
 
 
@@ -84,16 +84,11 @@ def _probes() -> tuple[list[Row], list[str]]:
 
 def _changes() -> tuple[list[Row], list[str]]:
     from gamekeeper import plugins
-    from gamekeeper.run.change import Change
+    from gamekeeper.cli._changes import card_of
+    from gamekeeper.run.change import GROUP, PACKAGE, changes
 
-    rows: list[Row] = []
-    found = plugins.load("gamekeeper.changes", "gamekeeper.run.changes")
-    for part in found.found.values():
-        own = vars(part).values() if isinstance(part, ModuleType) else [part]
-        kinds = [x for x in own if inspect.isclass(x) and issubclass(x, Change) and x is not Change]
-        rows += [{"name": each.__name__, "about": _first_line(each)} for each in kinds]
-    unique = {row["name"]: row for row in rows}
-    return [unique[name] for name in sorted(unique)], [str(each) for each in found.broken]
+    rows = [card_of(each) for each in changes().values()]
+    return rows, [str(each) for each in plugins.load(GROUP, PACKAGE).broken]
 
 
 def _policies() -> tuple[list[Row], list[str]]:
@@ -163,3 +158,5 @@ LISTS: Final[Mapping[Kind, tuple[Callable[[], tuple[list[Row], list[str]]], str]
     "probes": (_probes, "Probes"),
     "checks": (_checks, "Checks"),
 }
+SHOWN: Final[Mapping[Kind, tuple[str, ...]]] = {"changes": ("label",)}
+"""Columns between names and what they are about."""
