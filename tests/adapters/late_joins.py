@@ -1,4 +1,4 @@
-"""Environments that tests of adapters play: a guest that comes late, and one that breaks promises."""
+"""Environments that tests of adapters play: a guest comes late, or promises are broken."""
 
 from __future__ import annotations
 

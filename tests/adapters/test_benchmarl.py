@@ -66,7 +66,7 @@ def ran(algorithm: Any, spec: str, folder: Path, **options: Any) -> Any:
         ("QmixConfig", "two_robot_line", {}),
         ("IqlConfig", "warehouse", {"role": "picker", "others": {"carrier": "reference"}}),
         ("MappoConfig", FOUR, {}),
-        ("IppoConfig", f"{LATE}:Late", {}),
+        ("IppoConfig", "late", {}),
         ("MaddpgConfig", "mpe2.simple_spread_v3:parallel_env",
          {"env_kwargs": {"continuous_actions": True}}),
     ],
@@ -77,6 +77,7 @@ def test_experiment_runs(
     """On policy and off, with masks, turns, late joins, two roles, vectors of actions."""
     from benchmarl import algorithms
 
+    spec = f"{LATE}:Late" if spec == "late" else spec
     run = ran(getattr(algorithms, algorithm), spec, tmp_path, **options)
     assert run.total_frames == 160
     assert list(tmp_path.glob("*/*.json"))

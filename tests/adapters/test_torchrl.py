@@ -150,7 +150,7 @@ def _compare(own: Any, after: Any, trace: Any, agent: str, tells_last: Any) -> N
 
 def test_death_ends_one_agent_and_not_its_copy() -> None:
     """An empty battery ends one robot: done stays, the mask is off, one action is legal."""
-    env = made("warehouse", 4, engine="kernel", env_kwargs={"battery": 6, "spares": 0})
+    env = made("warehouse", 3, env_kwargs={"battery": 6, "spares": 0})
     batch = env.rollout(30, break_when_any_done=False)
     own = batch["picker"]
     gone = own["done"][..., 0]
@@ -165,7 +165,7 @@ def test_death_ends_one_agent_and_not_its_copy() -> None:
 
 def test_truncation_is_no_termination() -> None:
     """What the horizon cuts off is truncated, for each agent and for the copy."""
-    env = made("two_robot_line", 2, env_kwargs={"n": 9})
+    env = made("two_robot_line", 2)
     tensordict, steps = env.reset(), 0
     while not tensordict["done"].any():
         for group in env.group_map:
@@ -282,9 +282,7 @@ def test_some_copies_are_reset_in_mid_episode(engine: str) -> None:
     """TorchRL's StepCounter cuts copies off one by one; the others go on."""
     from torchrl.envs import StepCounter, TransformedEnv
 
-    env = TransformedEnv(
-        made("warehouse", 3, engine=engine, env_kwargs={"battery": 6, "spares": 0}), StepCounter(7)
-    )
+    env = TransformedEnv(made("warehouse", 3, engine=engine), StepCounter(7))
     batch = env.rollout(30, break_when_any_done=False)
     assert int(batch["step_count"].max()) == 6
     assert batch["next", "truncated"].any()

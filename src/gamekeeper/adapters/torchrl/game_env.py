@@ -129,8 +129,8 @@ class GameEnv(EnvBase):
             self._next_seed = None
         elif self._next_seed is not None and not self._copies.is_begun:
             raise SpecError(
-                "some copies are reset before all were", where="_reset", seen=str(which.tolist())[:80],
-                mend="reset() first",
+                "some copies are reset before all were", where="_reset",
+                seen=str(which.tolist())[:80], mend="reset() first",
             )  # fmt: skip
         else:
             self._copies.restart(which)

@@ -1,4 +1,4 @@
-"""Who sits where: agents in the groups of a TensorDict, and their columns in a vector environment."""
+"""Who sits where: agents in groups of a TensorDict, and their columns in a vector environment."""
 
 from __future__ import annotations
 
