@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -119,7 +120,6 @@ def command(
     isolate a cause) and with one thing worse (a stressor shows dependence, never a cause). Exit
     code 0: a cause is named, or nothing fails beyond chance. 2: it can't be told, with the reason.
     """
-    from gamekeeper import __version__
     from gamekeeper.diagnose.diagnose import diagnose
     from gamekeeper.diagnose.labels import propose
     from gamekeeper.game.policy import parse_choices
@@ -140,7 +140,8 @@ def command(
             allow_import=allow_import, timeout_s=timeout, on_message=take,
         )  # fmt: skip
     document = found.to_json()
-    propose(run, found, by=f"gamekeeper diagnose {__version__}")
+    version = sys.modules["gamekeeper"].__version__  # the front stands above all layers
+    propose(run, found, by=f"gamekeeper diagnose {version}")
     screen.show(diagnosis_text(document, width=screen.width))
     if found.bundles:
         screen.show(f"\nTwins  {folder / 'bundles'}")
