@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from gamekeeper import vector
     from gamekeeper.audit.front import audit
     from gamekeeper.core.contract import Contract
+    from gamekeeper.diagnose.attribution.attribute import attribute
     from gamekeeper.diagnose.diagnose import diagnose
     from gamekeeper.game.opening.opened import Env
     from gamekeeper.game.tick_env import TickEnv
@@ -30,6 +31,7 @@ __all__ = [
     "Contract",
     "TickEnv",
     "TurnEnv",
+    "attribute",
     "audit",
     "diagnose",
     "diff",
@@ -48,6 +50,7 @@ _HOMES: Final = {
     "Contract": "gamekeeper.game.contract_file",  # importing it gives Contract its `load`
     "TickEnv": "gamekeeper.game.tick_env",
     "TurnEnv": "gamekeeper.game.turn_env",
+    "attribute": "gamekeeper.diagnose.attribution.attribute",
     "audit": "gamekeeper.audit.front",
     "diagnose": "gamekeeper.diagnose.diagnose",
     "diff": "gamekeeper.record.diff",
