@@ -9,7 +9,18 @@ import numpy as np
 import pytest
 
 import gamekeeper as gk
+from gamekeeper.core.seeds import episode_seed
 from gamekeeper.errors import ActionError, ContractError, PolicyError, SpecError
+from tests.adapters.torchrl_views import (
+    FOUR,
+    LATE,
+    LEAKY,
+    TAG,
+    Same,
+    compare,
+    first_legal,
+    made,
+)
 
 pytestmark = [
     pytest.mark.trainer,
@@ -18,9 +29,6 @@ pytestmark = [
         "ignore:Creating .* which inherits from WeightUpdaterBase:DeprecationWarning"
     ),
 ]
-TAG = "mpe2.simple_tag_v3:parallel_env"
-FOUR = "pettingzoo.classic.connect_four_v3:env"
-HERE = Path(__file__)
 
 
 @pytest.fixture(autouse=True)
@@ -29,45 +37,6 @@ def one_thread() -> None:
     import torch
 
     torch.set_num_threads(1)
-
-
-def made(spec: object, num_envs: int | None = 2, **options: Any) -> Any:
-    """Without an audit, which has a test of its own."""
-    from gamekeeper.adapters import torchrl
-
-    return torchrl.env(spec, num_envs, check=None, **options)
-
-
-def first_legal(env: Any) -> Any:
-    """A policy: the first action that the mask allows; the last of all where there is none."""
-
-    def act(tensordict: Any) -> Any:
-        for group in env.group_map:
-            spec = env.full_action_spec[group, "action"]
-            mask = tensordict.get((group, "action_mask"), None)
-            last = spec.zero() + (spec.space.n - 1)
-            tensordict[group, "action"] = last if mask is None else mask.to(int).argmax(-1)
-        return tensordict
-
-    return act
-
-
-class Same:
-    """The same, one agent at a time."""
-
-    def __init__(self, n: int) -> None:
-        self.n = n
-
-    def __call__(self, observation: Any, agent: Any, info: Any, rng: Any) -> int:
-        mask = info.get("action_mask")
-        if isinstance(observation, dict):
-            mask = observation.get("action_mask", mask)
-        return self.n - 1 if mask is None else int(np.argmax(mask))
-
-
-def bare(observation: Any) -> Any:
-    """An observation without its mask."""
-    return observation["observation"] if isinstance(observation, dict) else observation
 
 
 @pytest.mark.parametrize(
@@ -85,7 +54,7 @@ def test_env_passes_torchrls_own_check(spec: str, options: dict[str, Any]) -> No
     """Specs and data agree, with and without a batch, flat and nested, across resets."""
     from torchrl.envs.utils import check_env_specs
 
-    spec = f"{HERE.with_name('late_joins.py')}:Late" if spec == "late" else spec
+    spec = LATE if spec == "late" else spec
     for num_envs, flatten in ((None, False), (3, True), (3, False)):
         env = made(spec, num_envs, flatten=flatten, **options)
         check_env_specs(env, seed=0, break_when_any_done="both")
@@ -106,7 +75,7 @@ def test_env_passes_torchrls_own_check(spec: str, options: dict[str, Any]) -> No
 )
 def test_trace_is_the_same_seen_through_groups(spec: str, engine: str) -> None:
     """Rows of the first two episodes, agent by agent: observations, actions, rewards, ends."""
-    spec = f"{HERE.with_name('late_joins.py')}:Late" if spec == "late" else spec
+    spec = LATE if spec == "late" else spec
     env = made(spec, 2, seed=5, engine=engine)
     batch = env.rollout(260, first_legal(env), break_when_any_done=False)
     n = next(iter(env.full_action_spec.values(True, True))).space.n
@@ -116,36 +85,8 @@ def test_trace_is_the_same_seen_through_groups(spec: str, engine: str) -> None:
             for place, agent in enumerate(agents):
                 after = batch["next"][copy]
                 ends = after["done"][:, 0] | (env.venv.api == "parallel")
-                _compare(batch[copy][group][:, place], after[group][:, place], trace, agent, ends)
+                compare(batch[copy][group][:, place], after[group][:, place], trace, agent, ends)
     env.close()
-
-
-def _compare(own: Any, after: Any, trace: Any, agent: str, tells_last: Any) -> None:
-    """`tells_last`, by step: in an AEC environment the last is told with the copy's end."""
-    given = [turn for turn in trace.turns if agent in turn.received]
-    if not given:  # a spare that nobody needed
-        return
-    acts = [turn for turn in given if turn.actions.get(agent) is not None]
-    end = int(np.flatnonzero(after["done"][:, 0].numpy())[0])
-    steps = np.flatnonzero(own["mask"].numpy()[: end + 1])
-    assert len(acts) == len(steps)
-    for turn, step in zip(acts, steps, strict=True):
-        np.testing.assert_array_equal(
-            bare(turn.observations[agent]), own["observation"][step].numpy()
-        )
-        assert int(turn.actions[agent]) == int(own["action"][step])
-    paid = sum(float(turn.rewards.get(agent, 0.0)) for turn in trace.turns)
-    assert float(after["reward"][: end + 1].sum()) == pytest.approx(paid, abs=1e-4)
-    flags = [
-        (row["terminated"], row["truncated"])
-        for row in trace.steps.to_pylist()
-        if row["agent"] == agent and (row["terminated"] or row["truncated"])
-    ]
-    assert flags[0] == (bool(after["terminated"][end]), bool(after["truncated"][end]))
-    if tells_last[end]:
-        np.testing.assert_array_equal(
-            bare(given[-1].observations[agent]), after["observation"][end].numpy()
-        )
 
 
 def test_death_ends_one_agent_and_not_its_copy() -> None:
@@ -180,7 +121,7 @@ def test_truncation_is_no_termination() -> None:
 
 def test_late_joiner_comes_and_goes() -> None:
     """Before it joins a slot is neither done nor masked in; then it plays, and is reset with it."""
-    env = made(f"{HERE.with_name('late_joins.py')}:Late", 2)
+    env = made(LATE, 2)
     batch = env.rollout(12, break_when_any_done=False)
     late = batch[0]["guest"]
     assert late["mask"][:, 0].tolist() == [False, False, True, True, True, False] * 2
@@ -230,7 +171,7 @@ def test_state_is_that_of_the_copy(engine: str) -> None:
     env = made("two_robot_line", 2, engine=engine)
     alone = gk.make("two_robot_line")
     tensordict, actions = env.reset(), {"picker": 2, "carrier": 0}
-    alone.reset(seed=gk_seed(0, 0))
+    alone.reset(seed=episode_seed(0, 0))
     while not tensordict["done"][0]:
         assert tensordict["state"][0].tolist() == np.asarray(alone.state()).tolist()
         for group, action in actions.items():
@@ -239,13 +180,6 @@ def test_state_is_that_of_the_copy(engine: str) -> None:
         tensordict = env.step(tensordict)["next"]
     assert tensordict["state"][0].tolist() == np.asarray(alone.state()).tolist()
     env.close()
-
-
-def gk_seed(run: int, episode: int) -> int:
-    """The seed of an episode."""
-    from gamekeeper.core.seeds import episode_seed
-
-    return episode_seed(run, episode)
 
 
 def test_seed_begins_the_same_run() -> None:
@@ -336,10 +270,9 @@ def test_broken_environment_isnt_trained_on(tmp_path: Path) -> None:
     """The quick audit comes first; `check=None` lets it pass."""
     from gamekeeper.adapters import torchrl
 
-    leaky = HERE.with_name("late_joins.py")
     with pytest.raises(ContractError, match="breaks its contract"):
-        torchrl.env(f"{leaky}:Leaky", 1)
-    torchrl.env(f"{leaky}:Leaky", 1, check=None).close()
+        torchrl.env(LEAKY, 1)
+    torchrl.env(LEAKY, 1, check=None).close()
     torchrl.env("two_robot_line", 1).close()
 
 
