@@ -10,6 +10,7 @@ import inspect
 import json
 from collections.abc import Mapping
 from dataclasses import Field, dataclass, fields
+from functools import cache
 from types import ModuleType
 from typing import Any, ClassVar, Final, Literal
 
@@ -103,7 +104,7 @@ class Change:
         Raises:
             EvidenceError: there is no such change, or it hasn't these parameters.
         """
-        known, name = changes(), data.get("change")
+        known, name = _known(), data.get("change")
         if name not in known:
             raise EvidenceError(
                 f"there is no change called {name!r}",
@@ -126,6 +127,11 @@ class Change:
 
 def changes() -> dict[str, type[Change]]:
     """Every change by its name: those that Gamekeeper brings, and those of installed packages."""
+    return dict(_known())
+
+
+@cache  # looking for installed packages takes 10 ms, and every arm of an experiment is read
+def _known() -> dict[str, type[Change]]:
     found: dict[str, type[Change]] = {}
     for part in plugins.load(GROUP, PACKAGE).found.values():
         own = vars(part).values() if isinstance(part, ModuleType) else [part]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from gamekeeper.core.canon import to_json
 from gamekeeper.core.divergence import compare
 from gamekeeper.core.failure_label import LABELS
 from gamekeeper.errors import EvidenceError, SpecError
+from gamekeeper.run import change as change_module
 from gamekeeper.run.change import Change, changes
 from gamekeeper.run.episode import perform
 from gamekeeper.run.stress.stressor import Stressor
@@ -76,6 +78,26 @@ def test_change_of_arrays_crosses_as_json() -> None:
     found: Any = Change.from_json(json.loads(json.dumps(change.to_json())))
     assert found.action.dtype == given.dtype
     assert found.action.tolist() == given.tolist()
+
+
+def test_changes_of_packages_are_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A class that an entry point names is a change like ours, also when read back."""
+    (tmp_path / "farm_changes.py").write_text(
+        "from gamekeeper.run.changes.held import Held\nclass FarmHeld(Held):\n    pass\n"
+    )
+    folder = tmp_path / "farm-1.2.dist-info"
+    folder.mkdir()
+    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: farm\nVersion: 1.2\n")
+    (folder / "entry_points.txt").write_text(
+        "[gamekeeper.changes]\nfarm-held = farm_changes:FarmHeld\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    change_module._known.cache_clear()
+    try:
+        found = changes()["FarmHeld"](turns=3)
+        assert Change.from_json(found.to_json()) == found
+    finally:
+        change_module._known.cache_clear()
 
 
 @pytest.mark.parametrize(

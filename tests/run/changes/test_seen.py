@@ -9,7 +9,7 @@ import pytest
 from gymnasium.spaces import Box, Dict, Discrete, Space, Text
 
 from gamekeeper.core.contract import Contract
-from gamekeeper.errors import SpecError
+from gamekeeper.errors import ContractError, SpecError
 from gamekeeper.run.changes.message_drop import MessageDrop
 from gamekeeper.run.changes.message_shuffle import MessageShuffle
 from gamekeeper.run.changes.observation_bias import ObservationBias
@@ -141,6 +141,12 @@ def test_occlusion_hides_named_fields(name: str) -> None:
     assert shown(other, MASKED, [given])[0] == given
 
 
+def test_occlusion_refuses_what_names_no_field() -> None:
+    """When it is made, not in the middle of a play."""
+    with pytest.raises(ContractError):
+        OccludedFields(fields=("the goal",))
+
+
 def test_fields_are_named_as_a_stressor_takes_them() -> None:
     """Parts of a Dict by their keys, numbers of one array by their places."""
     assert fields_of(Contract(), One(MASKED), "a_0") == ("observation.at",)
@@ -201,7 +207,8 @@ def test_message_shuffle_of_single_values() -> None:
 def test_messages_need_a_declaration(change: type[Stressor]) -> None:
     """Where no field that an agent sees is declared to carry messages, it can't be tried."""
     env: Any = One(Box(0, 1, (5,)))
-    for contract in (Contract(), listens(), listens("action"), listens("observation.word")):
+    names = ("action", "observation.word", "observation[5:]", "its last three numbers")
+    for contract in (Contract(), listens(), *map(listens, names)):
         assert "messages" in str(change.applies(contract, env, "a_0"))
     assert change.applies(listens("observation"), env, "a_0") is None
 

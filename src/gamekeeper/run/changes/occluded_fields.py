@@ -11,6 +11,7 @@ from numpy.random import Generator
 
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.failure_label import Label
+from gamekeeper.core.message_field import message_field
 from gamekeeper.game.door import AgentId
 from gamekeeper.run.change import Hooks
 from gamekeeper.run.stress.part import Part, named_parts
@@ -39,6 +40,11 @@ class OccludedFields(Stressor):
 
     strength: float = USUAL
     fields: tuple[str, ...] | None = None
+
+    def __post_init__(self) -> None:
+        Stressor.__post_init__(self)
+        for name in self.fields or ():
+            message_field(name)  # or a ContractError now, and not in the middle of a play
 
     def start(self, rng: Generator) -> Hooks:
         """The hooks for one play."""

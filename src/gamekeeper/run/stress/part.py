@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from gymnasium.spaces import Dict, Sequence, Space, Text, Tuple
 
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.message_field import MessageField, message_field, path_in
+from gamekeeper.errors import ContractError
 from gamekeeper.game.door import AgentId
 
 MISSING: Final = object()
@@ -104,15 +106,24 @@ def named_parts(name: str, space: Space[Any], parts: tuple[Part, ...]) -> tuple[
     path = path_in(space, field) if field.side == "observation" else None
     if path is None:
         return ()
-    found = (part for part in parts if part.path[: len(path)] == path)
-    return tuple(Part(part.path, part.space, field.numbers) for part in found)
+    found = [part for part in parts if part.path[: len(path)] == path]
+    if field.numbers is None:
+        return tuple(found)
+    some = [Part(part.path, part.space, field.numbers) for part in found]
+    return tuple(part for part in some if _places(part))
 
 
 def message_parts(contract: Contract, agent: AgentId, space: Space[Any]) -> tuple[Part, ...]:
-    """Those parts of what an agent sees that are declared to carry messages."""
+    """Those parts of what an agent sees that are declared to carry messages.
+
+    A contract may also say it in words; what names no field is passed over.
+    """
     role = contract.roles.get(contract.role_of(agent) or "")
     parts, names = seen_parts(contract, agent, space), () if role is None else role.messages or ()
-    found = [each for name in names for each in named_parts(name, space, parts)]
+    found: list[Part] = []
+    for name in names:
+        with contextlib.suppress(ContractError):
+            found += named_parts(name, space, parts)
     return tuple({(each.path, str(each.numbers)): each for each in found}.values())
 
 
