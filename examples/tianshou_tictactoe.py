@@ -1,0 +1,121 @@
+"""Both players of tic-tac-toe learn against each other, each with a PPO of its own in Tianshou 2.
+
+Needs Tianshou (`pip install 'gamekeeper[tianshou,fast]'`); one thread, no GPU:
+
+    python examples/tianshou_tictactoe.py --seed 0
+
+It is a game of turns, in which who loses is paid while the other moves. Each player's decisions
+stand in a sub-buffer of their own, with what they were paid until it moved again or the game was
+over; so any algorithm of Tianshou's learns from them as from a single agent's.
+
+The last line is JSON: points of what was learnt against random players, as either player, in games
+that nobody learnt from; a draw is half a point. `gk.rollout` plays them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import logging
+import sys
+import time
+from typing import Any, Final
+
+import torch
+from tianshou.algorithm import PPO
+from tianshou.algorithm.modelfree.reinforce import DiscreteActorPolicy
+from tianshou.algorithm.multiagent.marl import MultiAgentOnPolicyAlgorithm
+from tianshou.algorithm.optim import AdamOptimizerFactory
+from tianshou.data import VectorReplayBuffer
+from tianshou.trainer import OnPolicyTrainerParams
+from tianshou.utils.net.common import Net
+from tianshou.utils.net.discrete import DiscreteActor, DiscreteCritic
+
+import gamekeeper as gk
+from gamekeeper.adapters import tianshou as adapter
+
+TASK: Final = "tictactoe"
+WANTED: Final = 0.85
+"""Points in a game; of two random players who change places each has 0.5."""
+UNSEEN: Final = 1_000_000
+
+
+def player(env: Any) -> PPO:
+    """An algorithm for one player, which never does what its mask forbids."""
+    shape, actions = env.observation_space.shape, int(env.action_space.n)
+
+    def net() -> Net:
+        return Net(state_shape=shape, hidden_sizes=[64, 64], activation=torch.nn.Tanh)
+
+    actor = DiscreteActor(preprocess_net=net(), action_shape=actions, softmax_output=False)
+    policy = DiscreteActorPolicy(
+        actor=adapter.masked(actor), action_space=env.action_space, deterministic_eval=True
+    )
+    return PPO(
+        policy=policy, critic=adapter.unmasked(DiscreteCritic(preprocess_net=net())),
+        optim=AdamOptimizerFactory(lr=1e-3), gamma=0.99, gae_lambda=0.95, ent_coef=0.02,
+        vf_coef=0.5, max_grad_norm=0.5, eps_clip=0.2, max_batchsize=8_192,
+    )  # fmt: skip
+
+
+def points(learnt: Any, games: int) -> float:
+    """Mean points in so many games as either player, against random ones."""
+    found = []
+    for me, other in (("player_1", "player_2"), ("player_2", "player_1")):
+        evidence = gk.rollout(
+            TASK, policies={me: learnt, other: "random"}, episodes=games, seed=UNSEEN
+        )
+        paid = [0.0] * games
+        for row in evidence.steps.to_pylist():
+            paid[row["episode"]] += (row["reward"] or 0.0) if row["agent"] == me else 0.0
+        found += [0.5 + one / 2 for one in paid]  # 1 for a win, -1 for a loss
+    return sum(found) / len(found)
+
+
+def main() -> int:
+    """Learns, is judged, and prints one JSON line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--steps", type=int, default=80_000, help="decisions of both players")
+    parser.add_argument("--quick", action="store_true", help="a few steps, to see that it runs")
+    options = parser.parse_args()
+    copies, each, steps, judged = 64, 2_048, options.steps, 200
+    if options.quick:
+        copies, each, steps, judged = 4, 64, 128, 2
+    torch.set_num_threads(1)
+    torch.manual_seed(options.seed)
+    logging.getLogger("tianshou").setLevel(logging.ERROR)
+
+    begun = time.perf_counter()
+    env = adapter.vector_env(
+        TASK, copies, algorithms="agent", engine="kernel", seed=options.seed, check=None
+    )
+    learner = MultiAgentOnPolicyAlgorithm(algorithms=[player(env) for _ in env.agents], env=env)
+    collector = adapter.Collector(learner, env, VectorReplayBuffer(4 * each, len(env)))
+    learner.run_training(
+        OnPolicyTrainerParams(
+            training_collector=collector,
+            max_epochs=1,
+            epoch_num_steps=steps,
+            collection_step_num_env_steps=each,
+            batch_size=256,
+            update_step_num_repetitions=6,
+            show_progress=False,
+            verbose=False,
+        )
+    )
+    seconds = time.perf_counter() - begun
+
+    result = points(adapter.policy(learner, env), judged)
+    reached = result >= WANTED
+    print(json.dumps({
+        "example": "tianshou_tictactoe", "trainer": f"tianshou {adapter.VERSION}", "task": TASK,
+        "seed": options.seed, "steps": collector.collect_step, "seconds": round(seconds, 1),
+        "measure": f"points a game, {2 * judged} games", "result": round(result, 3),
+        "wanted": WANTED, "reached": reached,
+    }))  # fmt: skip
+    return 0 if reached or options.quick else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
