@@ -286,6 +286,20 @@ def test_data_set_without_spaces_is_refused(tmp_path: Path) -> None:
         load(path.parent)
 
 
+def test_damaged_data_set_leaves_no_evidence(tmp_path: Path) -> None:
+    """Half a data set isn't evidence of it: the error names the folder, and nothing is left."""
+    from gamekeeper.adapters.minari import load
+
+    folder = foreign_box(tmp_path / "data")
+    path = folder / "data" / "main_data.hdf5"
+    path.write_bytes(path.read_bytes()[:600])
+    for out in (None, tmp_path / "run"):
+        with pytest.raises(BundleError, match="can't be read") as told:
+            load(folder, out)
+        assert str(folder) in told.value.where
+    assert not (tmp_path / "run").exists()
+
+
 def test_what_minari_cannot_hold_is_refused(tmp_path: Path) -> None:
     """Odd values, digests, spaces without a fixed shape, joint turns: each with a mend."""
     from gamekeeper.adapters.minari import export

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from os import PathLike, fspath
 from pathlib import Path
 from threading import Lock
@@ -24,7 +26,7 @@ from gamekeeper.core.canon import from_json, to_json
 from gamekeeper.core.evidence import Evidence
 from gamekeeper.core.space import Codec
 from gamekeeper.core.tape import EpisodeEnd, EpisodeStart
-from gamekeeper.errors import BundleError, EvidenceError
+from gamekeeper.errors import BundleError, EvidenceError, GamekeeperError
 from gamekeeper.game.capture.oddity import odd
 from gamekeeper.game.capture.packers import action_packer, observation_packer
 from gamekeeper.record.bundle import load as load_bundle
@@ -70,7 +72,7 @@ def load(
     Raises:
         DependencyError: Minari isn't installed.
         EvidenceError: see *refused*; or there is no such data set.
-        BundleError: the bundle can't be written.
+        BundleError: the bundle can't be written, or the data set is damaged.
     """  # noqa: E501  # a row of a table is one line
     try:
         from minari.dataset.minari_dataset import MinariDataset
@@ -78,14 +80,13 @@ def load(
     except ImportError as error:
         raise needs("Minari", "minari", error) from error
     folder = _folder(fspath(data))
-    raw = MinariStorage.read_raw_metadata(folder)
-    _check_spaces(raw, folder)
-    try:
-        dataset = MinariDataset(folder)
-    except ImportError as error:
-        raise needs("Minari", "minari", error) from error
-    except (ValueError, KeyError, AssertionError) as error:
-        raise _unreadable(folder, error) from error
+    with _reading(folder):
+        raw = MinariStorage.read_raw_metadata(folder)
+        _check_spaces(raw, folder)
+        try:
+            dataset = MinariDataset(folder)
+        except ImportError as error:  # h5py, or what its format needs
+            raise needs("Minari", "minari", error) from error
     if not len(dataset):
         raise EvidenceError("the data set has no episode", where=str(folder))
     sides = dataset.observation_space, dataset.action_space
@@ -94,14 +95,31 @@ def load(
     terms = tuple(script.terms)
     if out is None:
         memory = MemorySink(terms=terms)
-        _play(dataset, script, memory)
+        with _reading(folder):
+            _play(dataset, script, memory)
         return memory.evidence(identity)
     recorder = Recorder(out, environment=identity, terms=terms)
     try:
-        _play(dataset, script, recorder)
-    finally:
+        with _reading(folder):
+            _play(dataset, script, recorder)
         recorder.close()
+    except BaseException:  # half a data set isn't evidence of it
+        with suppress(GamekeeperError):
+            recorder.close()
+        shutil.rmtree(recorder.path, ignore_errors=True)
+        raise
     return load_bundle(out)
+
+
+@contextmanager
+def _reading(folder: Path) -> Iterator[None]:
+    """Whatever h5py and Minari raise on a damaged data set leaves as a BundleError."""
+    try:
+        yield
+    except GamekeeperError:
+        raise
+    except (ArithmeticError, AssertionError, LookupError, OSError, TypeError, ValueError) as error:
+        raise _unreadable(folder, error) from error
 
 
 def _play(dataset: Any, script: Script, sink: Any) -> None:
