@@ -13,8 +13,7 @@ What it shows of many copies, whose arrays are [copy, agent, ...]:
     - After a termination nothing follows; after a truncation the critic says what would have, from
       an agent's last observation: in `obs`, or in `infos["final_obs"]` where a copy began anew.
     - What is masked out has probability 0. Returns are of whole episodes, by agent and by role.
-    - What was learnt is judged in recorded episodes that nobody learnt from; with `--out` this
-      evidence lies on disk, and replays.
+    - What was learnt is judged in recorded episodes; with `--out` they lie on disk, and replay.
 
 Source: Schulman et al. 2017, "Proximal Policy Optimization Algorithms"; Huang et al. 2022,
 "CleanRL" (the manner); Pardo et al. 2018, "Time Limits in Reinforcement Learning".
@@ -23,6 +22,7 @@ Source: Schulman et al. 2017, "Proximal Policy Optimization Algorithms"; Huang e
 from __future__ import annotations
 
 import argparse
+import atexit
 import hashlib
 import json
 import sys
@@ -246,11 +246,13 @@ def train(args: Args, seed: int, log: Log) -> list[Learner]:
 
 
 def logger(folder: Path | None) -> Log:
-    """Shows returns of roles on stderr; with a folder, everything in TensorBoard."""
+    """Shows everything on stderr; with a folder, in TensorBoard."""
     if folder is not None:
         from torch.utils.tensorboard import SummaryWriter
 
-        return SummaryWriter(folder).add_scalar
+        board = SummaryWriter(folder)
+        atexit.register(board.close)  # which writes what isn't on disk yet
+        return board.add_scalar
     return lambda name, value, played: print(played, name, round(value, 3), file=sys.stderr)
 
 
