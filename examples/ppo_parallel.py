@@ -4,7 +4,6 @@ Needs torch (`pip install 'gamekeeper[fast]' torch mpe2`):
 
     python examples/ppo_parallel.py                                  # mpe2's simple_spread
     python examples/ppo_parallel.py --env spread --engine kernel     # ours, with compiled rules
-    python examples/ppo_parallel.py --env tag --engine kernel        # two roles, a network each
 
 What it shows of many copies, whose arrays are [copy, agent, ...]:
     - Agents that share their spaces share a network; where spaces differ, arrays come by role, and
@@ -15,8 +14,7 @@ What it shows of many copies, whose arrays are [copy, agent, ...]:
     - What is masked out has probability 0. Returns are of whole episodes, by agent and by role.
     - What was learnt is judged in recorded episodes; with `--out` they lie on disk, and replay.
 
-Source: Schulman et al. 2017, "Proximal Policy Optimization Algorithms"; Huang et al. 2022,
-"CleanRL" (the manner); Pardo et al. 2018, "Time Limits in Reinforcement Learning".
+Source: Schulman et al. 2017 (PPO); Pardo et al. 2018 (time limits); Huang et al. 2022 (CleanRL).
 """
 
 from __future__ import annotations
@@ -32,7 +30,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Any, Final
 
 import numpy as np
 import torch
@@ -47,7 +45,6 @@ MASK: Final = "action_mask"
 SPREAD: Final = "mpe2.simple_spread_v3:parallel_env"
 WANTED: Final = {SPREAD: -21.0, "spread": -21.0}
 """Mean return of an agent in an episode that is to be beaten; elsewhere it is random's."""
-Log: TypeAlias = Callable[[str, float, int], object]  # name, value, steps of agents so far
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -211,7 +208,7 @@ class Learnt:
         return learner.first + int(rng.choice(learner.actions, p=chance / chance.sum()))
 
 
-def train(args: Args, seed: int, log: Log) -> list[Learner]:
+def train(args: Args, seed: int, log: Callable[[str, float, int], object]) -> list[Learner]:
     """Learns, and logs what updates show, and returns of agents and of roles."""
     torch.manual_seed(seed)
     # copy=False: arrays are the engine's own, which the next step overwrites
@@ -245,7 +242,7 @@ def train(args: Args, seed: int, log: Log) -> list[Learner]:
     return learners
 
 
-def logger(folder: Path | None) -> Log:
+def logger(folder: Path | None) -> Callable[[str, float, int], object]:
     """Shows everything on stderr; with a folder, in TensorBoard."""
     if folder is not None:
         from torch.utils.tensorboard import SummaryWriter
