@@ -15,7 +15,7 @@ TASKS = ["two_robot_line", "warehouse_turns", "speaker_listener", "warehouse"]
 
 def _bench(name, policies="random"):
     evidence = gk.rollout(name, policies=policies, episodes=2, seed=4)
-    task = Task(setup_of(evidence), evidence.contract, (), {}, 0, 9)
+    task = Task(setup_of(evidence), evidence.contract, (), (), {}, 0, 9)
     return evidence, Bench(task)
 
 

@@ -66,6 +66,16 @@ def test_measured_has_an_interval_from_fifty_episodes_on() -> None:
     assert measured(np.empty(0), baseline="noop", rng=rng) is None
 
 
+def test_measured_of_nothing_but_zeros_is_unsure_by_its_unit() -> None:
+    """A rare loss of one unit could have been missed, of a smaller one less."""
+    rng = np.random.default_rng(0)
+    one, two = (measured(np.zeros(50), baseline="noop", rng=rng, unit=unit) for unit in (1.0, 10.0))
+    assert one is not None
+    assert two is not None
+    assert one.high == pytest.approx(0.0714, abs=1e-3)
+    assert (two.value, two.high, two.low) == pytest.approx((0.0, 10 * one.high, 10 * one.low))
+
+
 def _look(turn, causers, agent="a"):
     return {
         "term": "bump", "agent": agent, "turn": turn, "seed": 5, "paid": -1.0,
@@ -154,10 +164,11 @@ def test_who_joins_late_is_on_the_side_of_whom_it_follows(gone, members, side) -
     """The one of its role who left last; where nobody left, most of its role."""
     env = _Roster()
     players = ["a_0", "a_1", "b_0"]
-    sides = Sides(_Names("own"), _Names("baseline"), members, players, lambda a: a[0], env)
+    sides = Sides(_Names("own"), _Names("baseline"), members, players, ["c_0"], lambda a: a[0], env)
     sides.begin(0, 0)
     for agent in players:
         expected = "own" if agent in members else "baseline"
         assert sides.act(agent, None, {}) == expected
     env.agents = tuple(a for a in (*players, "a_2") if a != gone)
     assert sides.act("a_2", None, {}) == side
+    assert sides.act("c_0", None, {}) == "own"

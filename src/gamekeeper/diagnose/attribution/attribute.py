@@ -41,6 +41,8 @@ FRESH: Final = 50
 """Fresh episodes that are played unless told otherwise; of fewer no interval is claimed."""
 PAPERS: Final = 50
 """Episodes that are looked into action by action unless told otherwise."""
+MOST_PLAYERS: Final = 24
+"""Agents whose part in whole episodes is asked for; of larger teams they are drawn."""
 CAN_BE_PLAYED: Final = ("ended", "cut")
 
 
@@ -91,10 +93,12 @@ def attribute(
     declared = evidence.contract if contract is None else _read(contract)
     setup = _setup(evidence, env=env, policies=policies, allow_import=allow_import)
     traces = [t for t in evidence.traces if t.header.get("end") in CAN_BE_PLAYED]
-    players = _players(traces, evidence)
+    there = _players(traces, evidence)
+    players = _asked(there, seed)
     closed = (FRESH if episodes is None else episodes) if setup.policies else 0
     task = Task(
         setup=setup, contract=declared, players=players,
+        others=tuple(name for name in there if name not in players),
         baseline={name: _baseline(baseline, declared, name) for name in players},
         seed=seed, run_seed=fresh_seed(evidence.fingerprint, seed, "attribute"),
     )  # fmt: skip
@@ -131,6 +135,12 @@ def _players(traces: Sequence[Trace], evidence: Evidence) -> tuple[str, ...]:
         there |= set() if first is None else first.live
     acted = {name for name, of in evidence.summary.agents.items() if of.length_mean > 0}
     return tuple(n for n in evidence.summary.agents if n in there and n in acted)
+
+
+def _asked(there: tuple[str, ...], seed: int) -> tuple[str, ...]:
+    """All of them, or so many as can be played for, drawn."""
+    drawn = np.random.default_rng([13, seed]).permutation(len(there))[:MOST_PLAYERS]
+    return tuple(there[k] for k in sorted(drawn.tolist()))
 
 
 def _baseline(asked: str, contract: Contract, agent: str) -> str:
@@ -204,10 +214,12 @@ def _closed(
         np.array([each[whole] - each[whole & ~(1 << k)] for each in found.closed.values()])
         for k in range(count)
     ]
+    brought = np.mean([each[whole] - each[0] for each in found.closed.values()])
+    unit = abs(float(brought)) / count or 1.0
     shapley, differences = {}, {}
     for k, name in enumerate(task.players):
-        one = measured(values[k], baseline=task.baseline[name], rng=rng)
-        two = measured(lost[k], baseline=task.baseline[name], rng=rng)
+        given: dict[str, Any] = {"baseline": task.baseline[name], "rng": rng, "unit": unit}
+        one, two = measured(values[k], **given), measured(lost[k], **given)
         if one is not None and two is not None:
             shapley[name], differences[name] = one, two
     return shapley, differences
@@ -230,6 +242,8 @@ def _laziness(
 ) -> Laziness:
     if not task.is_closed:
         return Laziness(None, "the run names no policies, so nobody can react")
+    if name in task.others:
+        return Laziness(None, f"it isn't among the {len(task.players)} that were drawn")
     if name not in task.players:
         return Laziness(None, "it joins late, on the side of the one it follows")
     return laziness(name, peers, differences, shapley, baseline=task.baseline[name])
@@ -240,6 +254,13 @@ def _not_tested(task: Task, found: Gathered, evidence: Evidence) -> list[dict[st
     if not task.is_closed:
         why = "the run names no policies, so nobody can react: only single actions were replaced"
         notes.append({"what": "difference rewards of episodes, Shapley values", "why": why})
+    if task.others:
+        why = f"only {len(task.players)} were drawn; the others played their policies throughout"
+        notes.append({"what": f"{len(task.others)} agents in whole episodes", "why": why})
+    deaf = _deaf(task)
+    if deaf:
+        why = "all that it observes is declared a message; name the part, as observation[-3:]"
+        notes.append({"what": f"listening of {', '.join(deaf)}", "why": why})
     noisy = sum(each["noise"] is not None for each in found.scans)
     if noisy:
         why = f"in {noisy} of {len(found.scans)} episodes the same actions came out otherwise"
@@ -253,10 +274,17 @@ def _not_tested(task: Task, found: Gathered, evidence: Evidence) -> list[dict[st
     if not any(term.payee == ("earner",) for term in task.contract.rewards.values()):
         why = "the contract declares no reward term that its earner alone is paid"
         notes.append({"what": "penalties on the wrong participant", "why": why})
-    if not (found.said or found.listened):
+    if not (found.said or found.listened or deaf):
         why = "the contract names no message field that is a part of an observation or an action"
         notes.append({"what": "signalling and listening", "why": why})
     return notes
+
+
+def _deaf(task: Task) -> list[str]:
+    """Roles whose whole observation is declared to be a message."""
+    return [
+        name for name, role in task.contract.roles.items() if "observation" in (role.messages or ())
+    ]
 
 
 def _mean(values: Sequence[float]) -> float | None:

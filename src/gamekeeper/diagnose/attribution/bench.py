@@ -36,6 +36,7 @@ class Task:
         setup: as it was recorded; without policies nobody can choose anew.
         contract: names terms, noops, masks, messages.
         players: those whose part is asked for.
+        others: agents that are there from the start and no players.
         baseline: by player, what takes the place of its policy.
         seed: all draws come from it.
         run_seed: of fresh episodes.
@@ -44,6 +45,7 @@ class Task:
     setup: Setup
     contract: Contract
     players: tuple[str, ...]
+    others: tuple[str, ...]
     baseline: Mapping[str, str]
     seed: int
     run_seed: int
@@ -57,8 +59,8 @@ class Task:
         """Plain data for a worker process."""
         return {
             "setup": self.setup.to_json(), "contract": self.contract.to_json(),
-            "players": list(self.players), "baseline": dict(self.baseline), "seed": self.seed,
-            "run_seed": self.run_seed,
+            "players": list(self.players), "others": list(self.others),
+            "baseline": dict(self.baseline), "seed": self.seed, "run_seed": self.run_seed,
         }  # fmt: skip
 
     @classmethod
@@ -66,8 +68,8 @@ class Task:
         """What `to_json` gave."""
         return cls(
             setup=Setup.from_json(data["setup"]), contract=Contract.from_json(data["contract"]),
-            players=tuple(data["players"]), baseline=data["baseline"], seed=data["seed"],
-            run_seed=data["run_seed"],
+            players=tuple(data["players"]), others=tuple(data["others"]),
+            baseline=data["baseline"], seed=data["seed"], run_seed=data["run_seed"],
         )  # fmt: skip
 
 
@@ -111,7 +113,7 @@ class Bench:
         cast: Cast = self.own
         if len(members) < len(task.players):
             cast = Sides(
-                self.own, self.baseline, members, task.players, self.role_of, self.env
+                self.own, self.baseline, members, task.players, task.others, self.role_of, self.env
             )  # fmt: skip
         film = Film(self.env, self.contract, cast=cast, counts=True)
         return self._filmed(film, self._play(number))

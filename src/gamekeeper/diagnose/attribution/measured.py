@@ -40,11 +40,23 @@ class Measured:
         }  # fmt: skip
 
 
-def measured(values: NDArray[np.float64], *, baseline: str, rng: Generator) -> Measured | None:
-    """The mean of figures of episodes; None where there is no episode."""
+def measured(
+    values: NDArray[np.float64], *, baseline: str, rng: Generator, unit: float = 1.0
+) -> Measured | None:
+    """The mean of figures of episodes; None where there is no episode.
+
+    Args:
+        values: [episodes].
+        baseline: what they are measured against.
+        rng: draws resamples.
+        unit: what one of them could be where all are 0: that none was seen doesn't show that there
+            is none, so the interval holds as many as n episodes may well have hidden.
+    """
     if not len(values):
         return None
     if len(values) < FEWEST:
         return Measured(float(np.mean(values)), None, None, None, len(values), baseline)
     effect = paired_effect(np.zeros(len(values)), np.asarray(values, np.float64), rng=rng)
-    return Measured(effect.value, effect.low, effect.high, effect.p, effect.n, baseline)
+    scale = unit if not values.any() else 1.0
+    low, high = effect.low * scale, effect.high * scale
+    return Measured(effect.value, low, high, effect.p, effect.n, baseline)

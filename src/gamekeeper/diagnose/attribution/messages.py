@@ -5,6 +5,7 @@ Only declared fields carry messages (`roles.X.messages`).
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -41,7 +42,7 @@ class Hearing(Film):
 
     def act(self, agent: Any, observation: Any, info: Any) -> Any:
         """What an agent does, given another message where that is to be."""
-        self.seen[self.turn, str(agent)] = observation
+        self.seen[self.turn, str(agent)] = copy.deepcopy(observation)
         if self.told is not None and self.told[:2] == (self.turn, str(agent)):
             observation = with_message(observation, self.told[3], self.told[2])
         return Film.act(self, agent, observation, info)

@@ -133,8 +133,9 @@ def _penalties(
     """What agents paid that a term's earner should pay, and who caused it."""
     if paper.run != "recorded":
         return []
+    costs = payments(base, bench.contract)
     paid: dict[tuple[str, str], list[int]] = {}
-    for turn, terms in enumerate(payments(base, bench.contract)):
+    for turn, terms in enumerate(costs):
         for agent, own in terms.items():
             for term in own:
                 if noise is None or turn < noise:
@@ -142,8 +143,8 @@ def _penalties(
     return [
         {
             "term": term, "agent": agent, "turn": turn, "seed": paper.seed,
-            "paid": payments(base, bench.contract)[turn][agent][term],
-            "causers": _causers(bench, paper, base, term, agent, turn), "of": len(turns),
+            "paid": costs[turn][agent][term], "of": len(turns),
+            "causers": _causers(bench, paper, base, (term, agent, turn), costs[turn][agent][term]),
         }
         for (term, agent), turns in paid.items()
         for turn in _drawn(turns, PENALTIES, rng)
@@ -171,11 +172,18 @@ def payments(film: Film, contract: Contract) -> list[dict[str, dict[str, float]]
     ]
 
 
-def _causers(bench: Bench, paper: Paper, base: Film, term: str, payer: str, turn: int) -> list[str]:
+def _causers(
+    bench: Bench, paper: Paper, base: Film, what: tuple[str, str, int], cost: float
+) -> list[str]:
     """Those whose doing nothing alone would have spared the payer.
 
     Where it is the payer itself, nobody else is tried.
+
+    Args:
+        what: the term, who paid, at which turn.
+        cost: how much, below 0.
     """
+    term, payer, turn = what
     last: dict[str, tuple[int, bool]] = {}
     for at, name, is_noop in base.moves:
         if at <= turn:
@@ -191,7 +199,7 @@ def _causers(bench: Bench, paper: Paper, base: Film, term: str, payer: str, turn
         if len(film.rewards) <= turn:
             return True
         now = payments(film, bench.contract)[turn].get(payer, {}).get(term, 0.0)
-        return now > payments(base, bench.contract)[turn][payer][term] + 1e-12
+        return now > cost + 1e-12
 
     if payer in last and spares(payer):
         return [payer]

@@ -10,7 +10,9 @@ from gamekeeper.run.play import Cast
 
 
 class Sides:
-    """A cast of two: members of a coalition play their own policies, all others the baseline.
+    """A cast of two: members of a coalition play their own policies, other players the baseline.
+
+    `others` are no players though they are there from the start: they play their policies.
 
     One who joins late is on the side of the one of its role who left last; where nobody of its role
     has left, on the side of most of them, that of the policies where they are equal.
@@ -22,11 +24,13 @@ class Sides:
         baseline: Cast,
         members: Collection[str],
         players: Collection[str],
+        others: Collection[str],
         role_of: Callable[[AgentId], str | None],
         env: Any,
     ) -> None:
         self._own, self._baseline = own, baseline
         self._start = {player: player in members for player in players}
+        self._start |= dict.fromkeys(others, True)
         self._role_of, self._env = role_of, env
         self._side: dict[str, bool] = {}
         self._last: dict[str, int] = {}
