@@ -1,0 +1,132 @@
+"""Each trainer from nothing: its environment, its version, its example with seeds, what it keeps.
+
+For every lock in requirements/trainers: a fresh virtual environment, the locked packages, seconds
+and MB of both, the trainer's version; then `examples/NAME_*.py` with each seed, one after the other.
+What is kept and lost stands in the docstrings of the adapter, and is taken from there.
+
+    python benchmarks/trainers.py --only sb3 [--seeds 3] [--quick] [--keep FOLDER]
+
+One JSON line a run and one a trainer, {"figure", "trainer", "version", "mb", "seconds", "examples",
+"kept", "changed", "lost", "refused"}; after the last the rows of docs/trainers.md. Several
+gigabytes with torch, and minutes for each example and seed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import json
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+FIGURE: Final = "trainers"
+ROOT: Final = Path(__file__).parent.parent
+LOCKS: Final = ROOT / "requirements" / "trainers"
+ADAPTERS: Final = ROOT / "src" / "gamekeeper" / "adapters"
+DISTRIBUTION: Final = {"sb3": "stable-baselines3", "rllib": "ray", "rerun": "rerun-sdk"}
+"""What a trainer is called on the index, where its lock is called otherwise."""
+FIELDS: Final = ("kept", "changed", "lost", "refused")
+
+
+def names() -> list[str]:
+    """Trainers that have a lock."""
+    return sorted(path.stem for path in LOCKS.glob("*.txt"))
+
+
+def tables(name: str) -> dict[str, list[str]]:
+    """The tables in the docstrings of an adapter: by row, one text for each function."""
+    files = [ADAPTERS / f"{name}.py", *sorted((ADAPTERS / name).glob("*.py"))]
+    found: dict[str, list[str]] = {field: [] for field in FIELDS}
+    for path in files:
+        if not path.exists():
+            continue
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(node, ast.Module | ast.FunctionDef | ast.ClassDef):
+                continue
+            for line in (ast.get_docstring(node) or "").splitlines():
+                cells = [cell.strip() for cell in line.split("|")]
+                if len(cells) == 4 and cells[1] in found:
+                    found[cells[1]].append(cells[2])
+    return found
+
+
+def installed(name: str, folder: Path) -> dict[str, Any]:
+    """A fresh environment with what the lock says; its size, how long it took, the version."""
+    setup, venv = ROOT / "requirements" / "setup.sh", folder / name
+    began_s = time.perf_counter()
+    for step in (("make", str(venv)), ("install", str(venv), str(LOCKS / f"{name}.txt"))):
+        subprocess.run(["sh", str(setup), *step], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+    seconds = time.perf_counter() - began_s
+    asked = f"import importlib.metadata as m; print(m.version({DISTRIBUTION.get(name, name)!r}))"
+    told = subprocess.run(
+        [str(venv / "bin" / "python"), "-c", asked], capture_output=True, text=True, check=True
+    )
+    files = (path for path in venv.rglob("*") if path.is_file() and not path.is_symlink())
+    size = sum(path.stat().st_size for path in files)
+    return {"version": told.stdout.strip(), "mb": round(size / 1e6), "seconds": round(seconds)}
+
+
+def examples(name: str, python: Path, seeds: int, *, quick: bool) -> Iterator[dict[str, Any]]:
+    """What each of its examples prints last, seed by seed; `error` where it prints nothing."""
+    for script in sorted((ROOT / "examples").glob(f"{name}_*.py")):
+        for seed in range(seeds):
+            command = [str(python), str(script), "--seed", str(seed)] + ["--quick"] * quick
+            done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=3_600)
+            lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
+            if lines:
+                yield json.loads(lines[-1])
+            else:
+                yield {"example": script.stem, "seed": seed, "error": done.stderr[-500:]}
+
+
+def row(found: dict[str, Any]) -> str:
+    """A trainer's row of docs/trainers.md."""
+    by_example: dict[str, list[dict[str, Any]]] = {}
+    for one in found["examples"]:
+        by_example.setdefault(one["example"], []).append(one)
+    results = []
+    for name, runs in by_example.items():
+        good = [one for one in runs if "result" in one]
+        if not good:
+            results.append(f"`{name}`: didn't run")
+            continue
+        values = ", ".join(f"{one['result']:g} (seed {one['seed']})" for one in good)
+        about = good[0]
+        results.append(f"`{name}`, {about['measure']}: {values}; wanted {about['wanted']}")
+    cells = [
+        f"{found['trainer']} {found['version']}", f"{found['mb']:,} MB, {found['seconds']} s",
+        *("; ".join(found[field][:1]) for field in ("kept", "lost")), "; ".join(results),
+    ]  # fmt: skip
+    return "| " + " | ".join(cells) + " |"
+
+
+def main() -> None:
+    """Measures the trainers that are asked for."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--only", nargs="+", choices=names(), default=names())
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--quick", action="store_true", help="examples take a few steps")
+    parser.add_argument("--keep", type=Path, help="where the environments stay")
+    given = parser.parse_args()
+    rows = []
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = given.keep or Path(scratch)
+        for name in given.only:
+            found = {"figure": FIGURE, "trainer": name, **installed(name, folder), "examples": []}
+            python = folder / name / "bin" / "python"
+            for one in examples(name, python, given.seeds, quick=given.quick):
+                print(json.dumps({"figure": FIGURE, **one}), flush=True)
+                found["examples"].append(one)
+            found |= tables(name)
+            print(json.dumps(found), flush=True)
+            rows.append(row(found))
+    print("\n| trainer | installed | kept | lost | its example |\n|---|---|---|---|---|")
+    print("\n".join(rows))
+
+
+if __name__ == "__main__":
+    main()
