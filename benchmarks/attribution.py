@@ -25,9 +25,9 @@ import gamekeeper as gk
 from gamekeeper.diagnose.attribution.attribute import attribute
 
 STEPS = {0: (-1, 0), 1: (0, 1), 2: (1, 0), 3: (0, -1)}
-EPISODES = 3  # recorded
-PAPERS = 3  # of `fair` and `lazy` ones
-BUMPS = 10  # recorded and looked into, of `wrong` ones
+EPISODES = 2  # recorded
+PAPERS = 2  # of `fair` and `lazy` ones
+BUMPS = 8  # recorded and looked into, of `wrong` ones
 
 
 class Blaming(BaseParallelWrapper):  # type: ignore[misc]
@@ -69,7 +69,7 @@ def case(kind: str, number: int) -> dict[str, Any]:
     kwargs = {
         "pickers": 3, "carriers": int(rng.integers(1, 3)), "spares": 0,
         "orders": int(rng.integers(3, 8)), "every": int(rng.integers(2, 7)),
-        "horizon": int(rng.integers(40, 91)), "battery": 80,
+        "horizon": int(rng.integers(35, 71)), "battery": 80,
     }  # fmt: skip
     planted = f"picker_{int(rng.integers(3))}" if kind == "lazy" else None
     policies = {"*": "greedy" if kind == "wrong" else "reference"}

@@ -9,9 +9,9 @@ from typing import Final
 from gamekeeper.diagnose.attribution.measured import Measured
 
 PART: Final = 0.5
-"""Of a fair share; who surely brings less is lazy. A fair share is the mean of the Shapley values
-of a role. What is lost without an agent is compared with what is lost without another of its role
-on average, or with a fair share where that is more."""
+"""Of a fair share; who surely brings less is lazy. A fair share is what the others of its role bring
+on average, as Shapley values. What is lost without an agent is compared with what is lost without
+another of its role on average, or with a fair share where that is more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +54,8 @@ def laziness(
     own, lost = shapley.get(agent), differences.get(agent)
     if own is None or lost is None or own.high is None or lost.high is None:
         return Laziness(None, "too few episodes for an interval")
-    fair = sum(shapley[name].value for name in peers) / len(peers)
     others = [shapley[name] for name in peers if name != agent]
+    fair = sum(other.value for other in others) / len(others)
     if fair <= 0 or not any(other.low is not None and other.low > 0 for other in others):
         return Laziness(False, "no other of its role surely brings anything", fair)
     usual = sum(differences[name].value for name in peers if name != agent) / len(others)
