@@ -9,9 +9,9 @@ from typing import Final
 from gamekeeper.diagnose.attribution.measured import Measured
 
 PART: Final = 0.5
-"""Of a fair share; who surely brings less is lazy. A fair share is what the others of its role bring
-on average, as Shapley values. What is lost without an agent is compared with what is lost without
-another of its role on average, or with a fair share where that is more."""
+"""Of a fair share; who surely brings less is lazy. A fair share is what the others of its role
+bring on average, as Shapley values. What is lost without an agent is compared with what is lost
+without another of its role on average, or with a fair share where that is more."""
 
 
 @dataclass(frozen=True, slots=True)
