@@ -102,6 +102,11 @@ class Copies:
         self.over &= ~which
 
     def _next_of_kernel(self, which: Bools) -> Said:
+        if self._engine._scribe is not None:
+            raise SpecError(
+                "what begins anew here isn't written down", where="gk.record(env.venv)",
+                mend="gk.rollout(spec, policies=torchrl.policy(actor, env), out=...)",
+            )  # fmt: skip
         batch = self._engine._batch
         over = batch.arrays.over
         kept = over & ~which
