@@ -11,11 +11,22 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gymnasium.spaces import Box, Discrete
+from gymnasium.spaces import Discrete
 
 import gamekeeper as gk
 from gamekeeper.core.seeds import episode_seed
 from gamekeeper.errors import ActionError, ContractError, PolicyError, SpecError
+from tests.adapters.rllib_books import (
+    Ends,
+    FirstLegal,
+    Returns,
+    bare,
+    config,
+    first_legal,
+    made,
+    noted_steps,
+    played,
+)
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # before torch: more threads only wait
 os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
@@ -29,71 +40,6 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore:.*Overriding environment rllib-multi-agent:UserWarning"),
 ]
 BATTERY = {"battery": 12}
-
-
-def made(spec: object, **options: Any) -> Any:
-    """Without an audit, which has tests of its own."""
-    from gamekeeper.adapters import rllib
-
-    return rllib.multi_agent_env(spec, check=None, **options)
-
-
-def episode_of(env: Any) -> Any:
-    """RLlib's own book of an episode, to be written as its env runner writes it."""
-    from ray.rllib.env.multi_agent_episode import MultiAgentEpisode
-
-    return MultiAgentEpisode(
-        observation_space=env.observation_spaces, action_space=env.action_spaces,
-        agent_to_module_mapping_fn=lambda agent, episode: "one",
-    )  # fmt: skip
-
-
-def first_legal(env: Any, agent: str, observation: Any) -> Any:
-    """The first action that the mask allows; the last of all where there is none."""
-    if isinstance(observation, dict) and "action_mask" in observation:
-        return int(np.argmax(observation["action_mask"]))
-    return int(env.action_spaces[agent].n) - 1
-
-
-def played(env: Any, choose: Any = first_legal, *, seed: int | None = None) -> Any:
-    """One episode through RLlib's book, which refuses what it can't keep; the book."""
-    observations, infos = env.reset(seed=seed)
-    book = episode_of(env)
-    book.add_env_reset(observations=observations, infos=infos)
-    to_act, most = list(observations), 2_000
-    while not book.is_done:
-        assert set(to_act) == book.get_agents_to_act()
-        actions = {agent: choose(env, agent, observations[agent]) for agent in to_act}
-        observations, rewards, terms, truncs, infos = env.step(actions)
-        book.add_env_step(
-            observations, actions, rewards, infos, terminateds=terms, truncateds=truncs
-        )
-        assert book.is_done == (terms["__all__"] or truncs["__all__"])
-        to_act = [a for a in observations if not (terms[a] or truncs[a])]
-        most -= 1
-        assert most, "no end"
-    return book
-
-
-class FirstLegal:
-    """The policy of `first_legal`."""
-
-    def __call__(self, observation: Any, agent: Any, info: Any, rng: Any) -> int:
-        mask = info.get("action_mask")
-        if isinstance(observation, dict):
-            mask = observation.get("action_mask", mask)
-        return LAST[str(agent).split("_")[0]] if mask is None else int(np.argmax(mask))
-
-
-LAST = {"picker": 2, "carrier": 2, "adversary": 4, "agent": 4}
-"""The last action of those who have no mask."""
-
-
-def bare(observation: Any) -> Any:
-    """An observation without its mask."""
-    if isinstance(observation, dict):
-        return observation.get("observation", observation.get("observations"))
-    return observation
 
 
 @pytest.mark.parametrize(
@@ -177,39 +123,6 @@ def test_late_joiners_come_when_they_come() -> None:
     env.close()
 
 
-class Ends(gk.TickEnv):
-    """Agents end by a plan {agent: (tick, "term" | "trunc")}; some join at a tick of `joins`."""
-
-    metadata = {"name": "ends_v0"}  # noqa: RUF012  # as PettingZoo has it
-
-    def __init__(self, plan: Any, joins: Any = None, render_mode: Any = None) -> None:
-        super().__init__(render_mode=render_mode)
-        self.plan, self.joins = plan, joins or {}
-        self.possible_agents = list(plan)
-        self.observation_spaces = {a: Box(0, 99, (1,), np.float32) for a in plan}
-        self.action_spaces = {a: Discrete(2, start=3) for a in plan}
-
-    def start(self, rng: Any, options: Any) -> None:
-        self.tick_count = 0
-        self.chosen: list[Any] = []
-        self.agents = [a for a in self.possible_agents if a not in self.joins]
-
-    def tick(self, actions: Any) -> None:
-        self.tick_count += 1
-        self.chosen += list(actions.values())
-        for agent, at in self.joins.items():
-            if at == self.tick_count:
-                self.join(agent)
-        for agent in actions:
-            self.pay(agent, 1.0)
-            at, how = self.plan[agent]
-            if at == self.tick_count:
-                (self.terminate if how == "term" else self.truncate)(agent, "plan")
-
-    def observe(self, agent: Any) -> Any:
-        return np.array([self.tick_count], np.float32)
-
-
 @pytest.mark.parametrize(
     ("plan", "joins"),
     [
@@ -251,32 +164,20 @@ def test_actions_count_from_zero() -> None:
     env.close()
 
 
-def test_roles_have_modules_of_their_own() -> None:
-    """The order is that of `possible_agents`; masks stand beside observations."""
+@pytest.mark.parametrize("spec", ["warehouse", "tag"])
+def test_roles_have_modules_of_their_own(spec: str) -> None:
+    """Each reads what its agents see; the order is that of `possible_agents`."""
     from gamekeeper.adapters import rllib
 
-    env = made("warehouse")
-    assert env.possible_agents == list(env.env.possible_agents)
-    mapping = rllib.policy_mapping("warehouse")
-    assert list(mapping["policies"]) == ["picker", "carrier"]
-    assert {mapping["policy_mapping_fn"](agent, None) for agent in env.possible_agents} == {
-        "picker",
-        "carrier",
-    }
-    for role, policy in mapping["policies"].items():
-        assert policy.observation_space == env.observation_spaces[f"{role}_0"]
-        assert set(policy.observation_space) == {"observations", "action_mask"}
-    env.close()
-
-
-def test_tag_has_roles_of_different_spaces() -> None:
-    """A module for each, whose space is that of its agents."""
-    from gamekeeper.adapters import rllib
-
-    env, mapping = made("tag"), rllib.policy_mapping("tag")
-    kinds = {role: policy.observation_space for role, policy in mapping["policies"].items()}
-    assert kinds["adversary"] != kinds["agent"]
-    assert all(kinds[env.role_of[a]] == env.observation_spaces[a] for a in env.possible_agents)
+    env, mapping = made(spec), rllib.policy_mapping(spec)
+    assert env.possible_agents == list(env.env.possible_agents) == list(env.observation_spaces)
+    assert list(mapping["policies"]) == list(dict.fromkeys(env.role_of.values()))
+    for agent in env.possible_agents:
+        policy = mapping["policies"][mapping["policy_mapping_fn"](agent, None)]
+        assert policy.observation_space == env.observation_spaces[agent]
+        assert policy.action_space == env.action_spaces[agent]
+    spaces = {str(policy.observation_space) for policy in mapping["policies"].values()}
+    assert len(spaces) == (2 if spec == "tag" else 1)
     env.close()
 
 
@@ -291,6 +192,15 @@ def test_others_play_inside() -> None:
         paid = sum(float(turn.rewards.get(agent, 0.0)) for turn in trace.turns)
         assert one.get_return() == pytest.approx(paid)
     assert set(env.returns) == set(map(str, env.env.possible_agents))
+    env.close()
+
+
+@pytest.mark.parametrize(("opponent", "paid"), [("random", 1.0), ("reference", -1.0)])
+def test_returns_are_told_of_the_others_too(opponent: str, paid: float) -> None:
+    """Also what they are paid as the learner's episode is over: a board game sums to zero."""
+    env = made("tictactoe", role="player_1", others={"player_2": opponent}, seed=1)
+    played(env)
+    assert env.returns == {"player_1": paid, "player_2": -paid}
     env.close()
 
 
@@ -373,90 +283,17 @@ def test_actions_of_the_wrong_agents_are_refused() -> None:
 
 def test_name_that_comes_back_is_refused() -> None:
     """RLlib has one stream for each name, so an agent ends once in an episode."""
-    env = made(lambda: Back())
+    env = made(Returns)
     with pytest.raises(ContractError, match="is back within the episode"):
         played(env)
 
 
-def Back() -> Any:  # noqa: N802  # a class, but for its import inside
-    """A Parallel environment whose `a` ends at tick 1 and lives again at tick 2."""
-    from pettingzoo import ParallelEnv
-
-    class Returns(ParallelEnv):
-        metadata = {"name": "returns_v0"}  # noqa: RUF012  # as PettingZoo has it
-        possible_agents = ["a", "b"]  # noqa: RUF012  # likewise
-
-        def observation_space(self, agent: Any) -> Any:
-            return Box(0, 9, (1,), np.float32)
-
-        def action_space(self, agent: Any) -> Any:
-            return Discrete(2)
-
-        def reset(self, seed: Any = None, options: Any = None) -> Any:
-            self.agents, self.ticks = ["a", "b"], 0
-            return self.seen(["a", "b"]), {"a": {}, "b": {}}
-
-        def seen(self, agents: Any) -> Any:
-            return {agent: np.zeros(1, np.float32) for agent in agents}
-
-        def step(self, actions: Any) -> Any:
-            self.ticks += 1
-            self.agents = ["b"] if self.ticks == 1 else ["a", "b"]
-            told = sorted(set(actions) | set(self.agents))
-            ends = {agent: agent not in self.agents for agent in told}
-            paid, no = dict.fromkeys(told, 0.0), dict.fromkeys(told, False)
-            return self.seen(told), paid, ends, no, {agent: {} for agent in told}
-
-    return Returns()
-
-
-def test_broken_environment_isnt_trained_on(tmp_path: Path) -> None:
+def test_broken_environment_isnt_trained_on() -> None:
     """The quick audit comes first."""
     from gamekeeper.adapters import rllib
 
-    file = tmp_path / "drifts.py"
-    file.write_text(BROKEN, encoding="utf-8")
     with pytest.raises(ContractError, match="breaks its contract"):
-        rllib.register(f"{file}:Drifts")
-
-
-BROKEN = '''
-import numpy as np
-from gymnasium.spaces import Box, Discrete
-from pettingzoo import ParallelEnv
-
-
-class Drifts(ParallelEnv):
-    """Observations leave their space, and come from the global generator."""
-
-    metadata = {"name": "drifts_v0", "render_modes": []}
-
-    def __init__(self):
-        self.possible_agents = ["a_0", "a_1"]
-        self.render_mode = None
-
-    def observation_space(self, agent):
-        return Box(0, 1, (1,), np.float32)
-
-    def action_space(self, agent):
-        return Discrete(2)
-
-    def reset(self, seed=None, options=None):
-        self.agents, self.left = list(self.possible_agents), 10
-        return self.seen(), {a: {} for a in self.agents}
-
-    def seen(self):
-        return {a: np.random.random(1).astype(np.float32) * 3 for a in self.agents}
-
-    def step(self, actions):
-        self.left -= 1
-        seen, paid = self.seen(), dict.fromkeys(self.agents, 0.0)
-        infos, no = {a: {} for a in self.agents}, dict.fromkeys(self.agents, False)
-        ends = dict.fromkeys(self.agents, self.left == 0)
-        if self.left == 0:
-            self.agents = []
-        return seen, paid, no, ends, infos
-'''
+        rllib.register("gamekeeper.audit.specimens.gk502_one_ends_all:make")
 
 
 # -- with RLlib's own runners and learners
@@ -475,49 +312,13 @@ def cluster() -> Iterator[None]:
     ray.shutdown()
 
 
-def config(spec: str, **options: Any) -> Any:
-    """PPO with small networks, all in this process."""
-    from ray.rllib.algorithms.ppo import PPOConfig
-    from ray.rllib.core.rl_module.default_model_config import DefaultModelConfig
-
-    from gamekeeper.adapters import rllib
-
-    name = rllib.register(spec, check=None, seed=3, **options)
-    net = DefaultModelConfig(fcnet_hiddens=[16])
-    return (
-        PPOConfig()
-        .environment(name)
-        .env_runners(num_env_runners=0, num_envs_per_env_runner=2, rollout_fragment_length=7)
-        .multi_agent(**rllib.policy_mapping(spec, **options))
-        .rl_module(rl_module_spec=rllib.modules(spec, model_config=net, **options))
-        .training(train_batch_size_per_learner=120, minibatch_size=60, num_epochs=1)
-        .callbacks(rllib.ReturnsCallback)
-        .debugging(seed=0)
-    )
-
-
 @pytest.mark.parametrize("spec", ["warehouse_turns", "warehouse", "tictactoe"])
 def test_chunks_hold_every_decision_once(spec: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Fragments of seven steps: actions with their pay are those that the environment had."""
     from ray.rllib.env.multi_agent_env_runner import MultiAgentEnvRunner
 
-    from gamekeeper.adapters.rllib import env as room
-
     kwargs = BATTERY if "warehouse" in spec else {}
-    done: dict[Any, list[Any]] = {}
-    step = room.AgentsEnv.step
-
-    def noted(self: Any, actions: Any) -> Any:
-        out = step(self, actions)
-        key = (id(self), self.episode)
-        for agent, action in actions.items():
-            done.setdefault((*key, agent), []).append([int(action), None])
-        for agent, reward in out[1].items():
-            if (*key, agent) in done:
-                done[*key, agent][-1][1] = float(reward)
-        return out
-
-    monkeypatch.setattr(room.AgentsEnv, "step", noted)
+    done = noted_steps(monkeypatch)
     runner = MultiAgentEnvRunner(config=config(spec, flatten=True, env_kwargs=kwargs))
     done.clear()  # of RLlib's look
     learnt: dict[Any, list[Any]] = {}
@@ -578,19 +379,17 @@ def test_checkpoint_that_isnt_there_is_named(tmp_path: Path) -> None:
 
 
 def test_order_of_agents_doesnt_hang_on_the_hash_seed() -> None:
-    """Observations, modules and spaces come in one order in every process."""
+    """Observations and modules come in one order, here and in a process of another hash seed."""
     code = (
         "from gamekeeper.adapters import rllib\n"
-        "env = rllib.multi_agent_env('warehouse', check=None)\n"
-        "m = rllib.policy_mapping('warehouse')\n"
-        "print(list(env.reset()[0]), env.possible_agents, list(env.observation_spaces),"
-        " list(m['policies']))"
+        "env, mapping = rllib.multi_agent_env('warehouse', check=None),"
+        " rllib.policy_mapping('warehouse')\n"
+        "said = [*env.reset()[0], *env.observation_spaces, *mapping['policies']]"
     )
-    said = {
-        subprocess.run(
-            [sys.executable, "-c", code], check=True, capture_output=True, text=True,
-            env={**os.environ, "PYTHONHASHSEED": seed},
-        ).stdout
-        for seed in ("1", "2")
-    }  # fmt: skip
-    assert len(said) == 1
+    ran = subprocess.run(
+        [sys.executable, "-c", f"{code}\nprint(said)"],
+        check=True, capture_output=True, text=True, env={**os.environ, "PYTHONHASHSEED": "1"},
+    )  # fmt: skip
+    here: dict[str, Any] = {}
+    exec(code, here)
+    assert str(here["said"]) == ran.stdout.strip()

@@ -231,6 +231,8 @@ class Turns(World):
             is_dead = terminated or truncated
             env.step(None if is_dead else self._by_others(agent, observation, info))
             if len(self._ended) == len(self.learners):
+                for other in env.agents:  # what they weren't told any more
+                    self._pay(other, env._cumulative_rewards.get(other, 0.0))
                 break
         for agent in [one for one in self.live if one not in env.agents]:
             told[agent] = self._note(agent, self._gone(agent))
