@@ -257,6 +257,23 @@ def test_ppo_trains(spec: str, algorithms: str, kwargs: Any) -> None:
     assert learnt.version in evidence.episodes.to_pylist()[0]["policies"]
 
 
+def test_parts_of_a_policy_know_that_they_are_learning() -> None:
+    """Tianshou tells only the whole: its parts would take the likeliest action, or no noise."""
+    from tianshou.algorithm.multiagent.marl import MultiAgentOnPolicyAlgorithm
+
+    from gamekeeper.adapters import tianshou
+
+    env = made("tictactoe", algorithms="agent")
+    learner = MultiAgentOnPolicyAlgorithm(algorithms=[ppo(env) for _ in env.agents], env=env)
+    collector = tianshou.Collector(learner, env)
+    collector.reset()
+    for learns in (True, False):
+        learner.policy.is_within_training_step = learns
+        collector.collect(n_step=2)
+        parts = learner.policy.policies.values()
+        assert [part.is_within_training_step for part in parts] == [learns, learns]
+
+
 def test_dqn_trains_on_masks() -> None:
     """Off-policy: masks of what follows too, and exploration within them."""
     from tianshou.algorithm import DQN

@@ -170,6 +170,10 @@ class Collector(BaseCollector):
         if random or not deciding.any():
             played = self._drawn(rows, int(deciding.sum()))
             return np.asarray(self.policy.map_action_inverse(played)), played
+        # Tianshou tells only the policy of all that it is learning, which its parts must know too:
+        # without it they don't explore.
+        for part in getattr(self.policy, "policies", {}).values():
+            part.is_within_training_step = self.policy.is_within_training_step
         # An empty `obs_next` stands there for MultiAgentPolicy, which looks into it.
         given = Batch(obs=rows, info=Batch(), obs_next=Batch())
         with torch.no_grad():
