@@ -1,7 +1,7 @@
 """Each trainer from nothing: its environment, its version, its example with seeds, what it keeps.
 
 For every lock in requirements/trainers: a fresh virtual environment, the locked packages, seconds
-and MB of both, the trainer's version; then `examples/NAME_*.py` with each seed, one after the other.
+and MB of both, the trainer's version; then `examples/NAME_*.py` with each seed, one by one.
 What is kept and lost stands in the docstrings of the adapter, and is taken from there.
 
     python benchmarks/trainers.py --only sb3 [--seeds 3] [--quick] [--keep FOLDER]

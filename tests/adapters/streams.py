@@ -17,7 +17,7 @@ class Stream:
     """One agent in one episode.
 
     `seen`, `masks`, `did` by decision; `paid` what came between it and the next one; `before` what
-    was paid before the first; `final` what was seen last.
+    was paid before the first; `final` what was seen last; `ends_last`: nobody acted after its end.
     """
 
     seen: list[Any] = field(default_factory=list)
@@ -93,8 +93,11 @@ def of_trace(trace: Any, agent: str) -> Stream | None:
         if agent in turn.received:
             stream.end = bool(turn.terminated[agent]), bool(turn.truncated[agent])
             last = turn.index
-    stream.ends_last = last == turns[-1].index
-    return None if last is None else stream
+    if last is None:
+        return None
+    later = [turn.actions for turn in turns if turn.index > last]
+    stream.ends_last = all(action is None for acts in later for action in acts.values())
+    return stream
 
 
 Told = list[dict[str, Any]]

@@ -73,6 +73,7 @@ class SlotVecEnv(VecEnv):
         self.render_mode = None
         self._next_seed: int | None = None
         self._actions: Any = None
+        self._nothing: list[dict[str, Any]] = [{} for _ in range(slots.count)]
         super().__init__(slots.count, slots.observation_space, slots.action_space)
 
     def reset(self) -> Any:
@@ -90,16 +91,23 @@ class SlotVecEnv(VecEnv):
         """One step of every copy: observations, rewards, dones, infos of every slot."""
         done = self.slots.step(self._actions)
         dones = done.terminated | done.truncated
-        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        infos = self._infos()
         for slot, final in done.final.items():
-            is_cut = bool(done.truncated[slot] and not done.terminated[slot])
-            infos[slot]["terminal_observation"] = final
-            infos[slot]["TimeLimit.truncated"] = is_cut
-            infos[slot]["episode"] = {
-                "r": done.returns[slot], "l": done.lengths[slot],
-                "t": round(time.monotonic() - self._begun_s, 6),
+            infos[slot] = {
+                "terminal_observation": final,
+                "TimeLimit.truncated": bool(done.truncated[slot] and not done.terminated[slot]),
+                "episode": {
+                    "r": done.returns[slot], "l": done.lengths[slot],
+                    "t": round(time.monotonic() - self._begun_s, 6),
+                },
             }  # fmt: skip
         return done.obs, done.rewards.astype(np.float32), dones, infos
+
+    def _infos(self) -> list[dict[str, Any]]:
+        """An empty info for each slot; those of the last step, unless somebody wrote into one."""
+        if any(self._nothing):
+            self._nothing = [{} for _ in self._nothing]
+        return self._nothing.copy()
 
     def close(self) -> None:
         """Closes every copy."""

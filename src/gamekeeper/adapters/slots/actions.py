@@ -56,10 +56,12 @@ class TickActions(_Actions):
             obs, infos: what the vector environment gave last; who isn't there isn't asked.
         """
         count = len(self._learners)
-        own = changed(
-            actions,
-            lambda part: np.asarray(part).reshape(self._copies, count, *np.shape(part)[1:]),
-        )
+
+        def by_copy(part: Any) -> Any:
+            array = np.asarray(part)
+            return array.reshape(self._copies, count, *array.shape[1:])
+
+        own = changed(actions, by_copy)
         if self._learners.are_all:
             return own
         put(self._given[self._learners.group.name], (slice(None), self._learners.places), own)
@@ -82,14 +84,13 @@ class TurnActions(_Actions):
     def joint(self, actions: Any, obs: Any, infos: Any) -> Any:
         """The action of whoever's turn it is in each copy; arguments as of ticks."""
         turn = infos["turn"]
-        learner = self._learners.learner_of[turn]
-        copies = np.flatnonzero(learner >= 0)
-        slots = copies * len(self._learners) + learner[copies]
+        copies, slots = self._learners.in_turn(turn)
         mine = changed(actions, lambda part: np.asarray(part)[slots])
+        if self._learners.are_all:
+            return mine
         put(self._given[self._learners.group.name], copies, mine)
-        if len(copies) < self._copies:
-            for copy in np.flatnonzero(learner < 0).tolist():
-                group, agent = self._who[turn[copy]]
-                action = self._chosen(copy, group, copy, agent, obs, infos)
-                put(self._given[group.name], copy, action)
+        for copy in np.flatnonzero(self._learners.learner_of[turn] < 0).tolist():
+            group, agent = self._who[turn[copy]]
+            action = self._chosen(copy, group, copy, agent, obs, infos)
+            put(self._given[group.name], copy, action)
         return self._whole()

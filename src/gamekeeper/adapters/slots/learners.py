@@ -39,6 +39,19 @@ class Learners:
     def __len__(self) -> int:
         return len(self.agents)
 
+    def in_turn(self, turn: NDArray[np.integer[Any]]) -> tuple[Any, NDArray[np.intp]]:
+        """In which copies it is a learner's turn, as an index, and in which slot.
+
+        Args:
+            turn: [copy], the column of the agent in turn.
+        """
+        learner = self.learner_of[turn]
+        firsts = np.arange(len(turn)) * len(self)
+        if self.are_all:
+            return slice(None), firsts + learner
+        copies = np.flatnonzero(learner >= 0)
+        return copies, firsts[copies] + learner[copies]
+
     @property
     def are_all(self) -> bool:
         """Whether there is nobody else."""

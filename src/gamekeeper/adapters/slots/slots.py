@@ -137,17 +137,19 @@ class Slots:
         over = infos["_final_obs"].nonzero()[0] if "_final_obs" in infos else NOBODY
         self._lengths += self.acted
         self._returns += rewards
-        was_live = view.live.copy()
-        self._begin_casts(over)
         ended = terminated | truncated
+        was_live = None if view.are_all_live else view.live.copy()
+        self._begin_casts(over)
         self._seen = view.look(before, obs, infos, over)
-        if len(over) or (was_live & ~view.live & ~ended).any():
+        if len(over) or not view.are_all_live:
             terminated |= self._left(was_live, ended, over)
             ended = terminated | truncated
+        if not ended.any():
+            return Step(self._seen, rewards, terminated, truncated, {}, {}, {})
         slots = ended.nonzero()[0].tolist()
         final = {slot: view.final(slot, before, obs, infos) for slot in slots}
-        lengths = {slot: int(self._lengths[slot]) for slot in slots}
-        returns = {slot: float(self._returns[slot]) for slot in slots}
+        lengths = dict(zip(slots, self._lengths[slots].tolist(), strict=True))
+        returns = dict(zip(slots, self._returns[slots].tolist(), strict=True))
         self._begin_counts(slots, over)
         return Step(self._seen, rewards, terminated, truncated, final, lengths, returns)
 
@@ -157,9 +159,10 @@ class Slots:
 
     def _left(self, was_live: Any, ended: Any, over: Any) -> Any:
         """Who is gone without an ending: not live any more, or its copy is over."""
+        gone = ~ended if was_live is None else was_live & ~ended  # None: all of them were
         stays = self._view.live.reshape(self.venv.num_envs, -1).copy()
         stays[over] = False
-        return was_live & ~stays.reshape(-1) & ~ended
+        return gone & ~stays.reshape(-1)
 
     def _begin_counts(self, slots: Any, over: Any) -> None:
         for counts in (self._lengths, self._returns):

@@ -23,6 +23,7 @@ class View:
         observation_space: of a slot.
         acting: [slot], who acts in the next step.
         live: [slot], who is in its copy's game.
+        are_all_live: whether all of them are.
         masks: [slot, action], what each may do; ones where it doesn't act.
     """
 
@@ -31,6 +32,8 @@ class View:
         self._learners, self._copies = learners, num_envs
         self._name, self._places = learners.group.name, learners.places
         self._is_one = groups[0].name == ALL
+        self._is_whole = self._is_one and learners.are_all
+        self.are_all_live = False
         self.count = num_envs * len(learners)
         self.observation_space, self._key = bare_space(learners.group.observation_space)
         self.acting = np.zeros(self.count, bool)
@@ -42,8 +45,16 @@ class View:
         return self._rows(self._of_group(part))
 
     def _rows(self, part: Any) -> Any:
-        own = np.array(part[:, self._places], order="C")
+        own = part.copy() if self._is_whole else np.array(part[:, self._places], order="C")
         return own.reshape(self.count, *own.shape[2:])
+
+    def note_live(self, infos: Any) -> bool:
+        """Notes who lives; returns whether all did before."""
+        were_all, live = self.are_all_live, self._of_group(infos["live"])[:, self._places]
+        self.are_all_live = bool(live.all())
+        if not (were_all and self.are_all_live):
+            self.live.reshape(live.shape)[...] = live
+        return were_all
 
     def look(self, seen: Any, obs: Any, infos: Any, over: Any) -> Any:
         """Notes who acts next, and returns what each slot is given: arrays that nobody changes.
@@ -85,16 +96,16 @@ class TickView(View):
 
     def look(self, seen: Any, obs: Any, infos: Any, over: Any) -> Any:
         """As of all views; zeros where nobody is."""
-        self.live[...] = self.acting[...] = self.by_slot(infos["live"])
+        were_all_live = self.note_live(infos)
+        if not (were_all_live and self.are_all_live):
+            self.acting[...] = self.live
         found = changed(self._bare(self._of_group(obs)), self._rows)
-        is_idle = ~self.acting
-        some_are_idle = bool(is_idle.any())
-        if some_are_idle:
-            fill(found, is_idle, 0)
         if self.masks.size:
             self.masks[...] = self.by_slot(infos[MASK])
-            if some_are_idle:
-                self.masks[is_idle] = 1
+        if not self.are_all_live:
+            is_idle = ~self.live
+            fill(found, is_idle, 0)
+            self.masks[is_idle] = 1
         return found
 
     def _final_in_game(self, slot: int, index: tuple[int, int], seen: Any, obs: Any) -> Any:
@@ -106,25 +117,23 @@ class TurnView(View):
 
     def look(self, seen: Any, obs: Any, infos: Any, over: Any) -> Any:
         """As of all views; zeros for who has ended, or was shown nothing yet."""
-        self.live[...] = self.by_slot(infos["live"])
+        self.note_live(infos)
         if seen is None:
             space = self.observation_space
             found = zeros(space, tuple(leaves(space, "observation_space")), (self.count,))
         else:
             found = changed(seen, np.copy)
         agents = len(self._learners)
-        is_new = ~self.live
-        is_new.reshape(self._copies, agents)[over] = True
-        if is_new.any():
+        if len(over) or not self.are_all_live:
+            is_new = ~self.live
+            is_new.reshape(self._copies, agents)[over] = True
             fill(found, is_new, 0)
-        learner = self._learners.learner_of[infos["turn"]]
-        copies = np.flatnonzero(learner >= 0)
-        slots = copies * agents + learner[copies]
-        self.acting[...] = False
+        copies, slots = self._learners.in_turn(infos["turn"])
+        self.acting.fill(False)
         self.acting[slots] = True
         put(found, slots, changed(self._bare(self._of_group(obs)), lambda part: part[copies]))
         if self.masks.size:
-            self.masks[...] = 1
+            self.masks.fill(1)
             self.masks[slots] = self._of_group(infos[MASK])[copies]
         return found
 
