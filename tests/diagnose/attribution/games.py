@@ -71,6 +71,41 @@ class Shoving(gk.TickEnv):
         return np.array([self.clock, self.shoved[agent]])
 
 
+class ShovingInTurns(gk.TurnEnv):
+    """The same, one robot after the other."""
+
+    metadata = {"name": "shoving_turns_v0", "is_parallelizable": True}  # noqa: RUF012
+
+    def __init__(self, fair: bool = True) -> None:
+        super().__init__()
+        self.fair = fair
+        self.possible_agents = ["robot_0", "robot_1", "robot_2"]
+        self.observation_spaces = {a: Box(0, 99, (1,), np.int64) for a in self.possible_agents}
+        self.action_spaces = {a: Discrete(3) for a in self.possible_agents}
+
+    def start(self, rng: Any, options: Any) -> None:
+        """The first turn."""
+        self.clock = 0
+
+    def act(self, agent: str, action: Any) -> None:
+        """A step or a shove."""
+        names = self.possible_agents
+        after = names[(names.index(agent) + 1) % 3]
+        if action == STEP:
+            for each in names:
+                self.pay(each, 1.0, term="progress")
+        elif action == SHOVE:
+            self.pay(agent if self.fair else after, -0.5, term="bump")
+        self.clock += 1
+        if self.clock == 3 * TICKS:
+            for each in list(self.agents):
+                self.truncate(each, "horizon")
+
+    def observe(self, agent: str) -> Any:
+        """Rounds so far."""
+        return np.array([self.clock // 3])
+
+
 def make(**kwargs: Any) -> Shoving:
     """For `file.py:make`."""
     return Shoving(**kwargs)

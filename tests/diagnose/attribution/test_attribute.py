@@ -87,6 +87,20 @@ def test_penalty_on_the_one_that_earned_it_is_right() -> None:
     assert (own.agent, own.wrong.p, own.is_wrong) == ("robot_0", 0.0, False)
 
 
+@pytest.mark.parametrize("fair", [True, False])
+def test_penalty_in_turns_is_of_whom_it_comes_from(fair) -> None:
+    """In an AEC game the cause is looked for among what everybody did last."""
+    policies = {"*": games.step, "robot_2": games.shove_at_times}
+    contract = gk.Contract.parse(games.SHOVING.to_toml().replace("parallel", "aec"))
+    evidence = gk.rollout(
+        games.ShovingInTurns, policies=policies, episodes=2, contract=contract,
+        env_kwargs={"fair": fair},
+    )  # fmt: skip
+    found = attribute(evidence, env=games.ShovingInTurns, policies=policies, episodes=1)
+    wrong = [(each.agent, set(each.by)) for each in found.wrong_penalties]
+    assert wrong == ([] if fair else [("robot_0", {"robot_2"})])
+
+
 def test_influence_is_of_whom_it_reaches() -> None:
     """A shove is seen by the next robot at once and by nobody before it."""
     found = _shoving(games.shove_at_times, whom="robot_0")

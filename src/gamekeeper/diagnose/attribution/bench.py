@@ -177,7 +177,7 @@ class Bench:
         failed = course.run()
         if failed is not None:
             raise EnvError(
-                "the environment raised while it was played again",
+                "a play broke off",
                 where=f"seed {play.seed}, turn {failed.turn}, {failed.call}",
                 seen=f"{failed.kind}: {failed.text}",
             )

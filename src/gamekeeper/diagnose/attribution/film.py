@@ -7,6 +7,7 @@ them, the agent does its declared noop if that is legal, else the first legal ac
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
@@ -121,7 +122,7 @@ class Film:
         swap = self.swap
         if swap is not None and swap.agent == name and swap.turn in (None, self.turn):
             action, self.swapped = self._otherwise(chooser, action, observation, info), 1
-        mine.append(action)
+        mine.append(own(action))
         self.moves.append((self.turn, name, chooser.is_noop(action)))
         return action
 
@@ -131,7 +132,7 @@ class Film:
             return self.cast.act(agent, seen, info)
         written = self.paper.actions.get(str(agent), ())
         if count < len(written) and chooser.is_legal(written[count], seen, info):
-            return written[count]
+            return own(written[count])  # whoever overwrites it spoils no later film
         self.left_paper += 1
         return chooser.nothing(seen, info)
 
@@ -223,6 +224,11 @@ class Chooser:
         if isinstance(self._noop, int):
             return bool(np.ndim(action) == 0 and action == self._noop)
         return bool(fingerprint(action) == fingerprint(self._still(None, None)))
+
+
+def own(action: Any) -> Any:
+    """A copy of an action that can be written to; what can't be written is itself."""
+    return action if isinstance(action, int | float | str | np.generic) else copy.deepcopy(action)
 
 
 def fingerprint(value: Any) -> Any:
