@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gamekeeper.diagnose.attribution.coalitions import shapley_exact
 from gamekeeper.diagnose.attribution.influence import influence
 from gamekeeper.diagnose.attribution.lazy import laziness
 from gamekeeper.diagnose.attribution.measured import Measured, measured
@@ -51,6 +52,36 @@ def test_laziness_is_not_told_of_a_single_agent_or_against_random() -> None:
     """There is nobody to compare with, or nobody who did nothing."""
     assert _lazy([0.0]) is None
     assert _lazy([0.0, 6.0], baseline="random") is None
+
+
+def _team(rng, *, skills):
+    """The lazy ones of a noisy team whose gains lessen with the hands that are at work."""
+    power, noise = rng.uniform(0.3, 1.2), rng.uniform(0.5, 3)
+    luck, values = rng.normal(1, 0.3, 50).clip(0), np.zeros((8, 50))
+    for mask in range(1, 8):
+        work = sum(skills[k] for k in range(3) if mask >> k & 1)
+        if work:
+            values[mask] = 10 * luck * work**power + rng.normal(0, noise, 50)
+    shapley, lost = {}, {}
+    for k, name in enumerate("abc"):
+        brought = shapley_exact(values)[k]
+        shapley[name] = measured(brought, baseline="noop", rng=rng)
+        lost[name] = measured(values[7] - values[7 & ~(1 << k)], baseline="noop", rng=rng)
+    return [
+        name
+        for name in "abc"
+        if laziness(name, list("abc"), lost, shapley, baseline="noop").is_lazy
+    ]
+
+
+def test_laziness_is_found_and_not_made_up() -> None:
+    """Of thirty teams whose first stands still it is named; in thirty fair ones hardly anybody."""
+    rng = np.random.default_rng(0)
+    skills = rng.uniform(0.7, 1.3, (30, 3))
+    fair = [_team(rng, skills=row) for row in skills]
+    lazy = [_team(rng, skills=[0.0, *row[1:]]) for row in skills]
+    assert sum(map(bool, fair)) <= 1
+    assert sum(each == ["a"] for each in lazy) >= 28
 
 
 def test_measured_has_an_interval_from_fifty_episodes_on() -> None:
