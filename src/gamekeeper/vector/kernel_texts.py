@@ -100,6 +100,6 @@ def mask_texts(flags: NDArray[np.int8], parts: tuple[int, ...] | None) -> pa.Arr
     bits = np.ascontiguousarray(flags).view(f"V{flags.shape[1]}")[:, 0]
     distinct, codes = np.unique(bits, return_inverse=True)
     cuts = np.cumsum(parts)[:-1]
-    rows = distinct.view(np.int8).reshape(len(distinct), -1)
+    rows = distinct.view(np.int8).reshape(len(distinct), flags.shape[1])
     texts = [to_json(tuple(np.split(row, cuts))) for row in rows]
     return pa.array(texts, pa.string()).take(pa.array(codes.reshape(-1)))
