@@ -4,9 +4,11 @@
 
 Prints a JSON line for each case and one for each kind. The cases are warehouses with three
 pickers, of sizes drawn by the case's number: `lazy` ones, in which one picker stays where it is;
-`fair` ones, in which all play the reference policy; `wrong` ones, in which a robot that is run into
-pays for the one that ran into it. `--part 0/2` does every second case, so that two processes share
-the work. `--time` says how long 20 recorded episodes of the usual warehouse take on two cores.
+`fair` ones, in which all play the reference policy; `wrong` ones, in which a robot that stands
+still pays for one that runs into it. A wrong one is right if whoever stood still in half of the
+collisions it paid for is named, and nobody whom standing still would always have spared them.
+`--part 0/2` does every second case, so that two processes share the work. `--time` says how long 20
+recorded episodes of the usual warehouse take on two cores.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import argparse
 import json
 import tempfile
 import time
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +27,7 @@ from pettingzoo.utils import BaseParallelWrapper
 import gamekeeper as gk
 from gamekeeper.diagnose.attribution.attribute import attribute
 
+STILL = 4
 STEPS = {0: (-1, 0), 1: (0, 1), 2: (1, 0), 3: (0, -1)}
 EPISODES = 2  # recorded
 PAPERS = 2  # of `fair` and `lazy` ones
@@ -31,7 +35,7 @@ BUMPS = 8  # recorded and looked into, of `wrong` ones
 
 
 class Blaming(BaseParallelWrapper):  # type: ignore[misc]
-    """A warehouse in which a robot that another ran into pays for the collision."""
+    """A warehouse in which a robot that stands still pays for one that runs into it."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(gk.make("warehouse", **kwargs))
@@ -54,7 +58,7 @@ class Blaming(BaseParallelWrapper):  # type: ignore[misc]
                 continue
             row, column = (int(x) for x in infos[agent]["position"])
             there = places.get((row + STEPS[int(action)][0], column + STEPS[int(action)][1]))
-            if there is not None and there in rewards:
+            if there in rewards and int(actions.get(there, 0)) == STILL:
                 self.terms[agent]["collision"] = 0.0
                 paid = self.terms.setdefault(there, {})
                 paid["collision"] = paid.get("collision", 0.0) + cost
@@ -73,6 +77,8 @@ def case(kind: str, number: int) -> dict[str, Any]:
     }  # fmt: skip
     planted = f"picker_{int(rng.integers(3))}" if kind == "lazy" else None
     policies = {"*": "greedy" if kind == "wrong" else "reference"}
+    if kind == "wrong":
+        policies["picker_0"] = "lazy"  # somebody to run into
     if planted:
         policies[planted] = "lazy"
     spec: Any = Blaming if kind == "wrong" else "warehouse"
@@ -88,17 +94,45 @@ def case(kind: str, number: int) -> dict[str, Any]:
     )  # fmt: skip
     wrong = [[each.agent, each.term, dict(each.by)] for each in found.wrong_penalties]
     looked = sum(each.wrong.n for each in found.penalties if each.term == "collision")
+    told: Any = wronged(evidence.traces) if kind == "wrong" else planted
     return {
-        "kind": kind, "case": number, **kwargs, "planted": planted, "lazy": list(found.lazy),
+        "kind": kind, "case": number, **kwargs, "planted": told, "lazy": list(found.lazy),
         "wrong": wrong, "collisions": looked, "seconds": round(time.perf_counter() - start, 1),
         "why": {a: part.laziness.why for a, part in found.agents.items()} if planted else None,
     }  # fmt: skip
 
 
+def wronged(traces: Iterable[Any]) -> dict[str, list[float]]:
+    """Of the collisions that each agent paid for: in which part it stood still, by the rules.
+
+    And in which part standing still would have spared it nothing, as another wanted its cell.
+    """
+    found: dict[str, list[tuple[bool, bool]]] = {}
+    for trace in traces:
+        for turn in trace.turns:
+            at = {a: tuple(map(int, info["position"])) for a, info in turn.infos.items()}
+            to = {
+                a: (at[a][0] + STEPS[int(x)][0], at[a][1] + STEPS[int(x)][1])
+                for a, x in turn.actions.items()
+                if int(x) in STEPS
+            }
+            for agent, paid in turn.terms.items():
+                if paid.get("collision", 0.0) < 0 and agent in turn.actions:
+                    stood = int(turn.actions[agent]) == STILL
+                    is_pressed = any(cell == at[agent] for cell in to.values())
+                    found.setdefault(agent, []).append((stood, is_pressed))
+    return {
+        agent: [round(sum(part) / len(each), 3) for part in zip(*each, strict=True)]
+        for agent, each in sorted(found.items())
+    }
+
+
 def is_right(row: dict[str, Any]) -> bool:
     """Whether what was planted was found, and nothing else."""
     if row["kind"] == "wrong":
-        return all(term == "collision" for _, term, _ in row["wrong"]) and bool(row["wrong"])
+        named = {agent for agent, term, _ in row["wrong"] if term == "collision"}
+        sure = {agent for agent, (stood, _) in row["planted"].items() if stood >= 0.5}
+        return sure <= named <= {agent for agent, parts in row["planted"].items() if any(parts)}
     return row["lazy"] == ([row["planted"]] if row["planted"] else []) and not row["wrong"]
 
 
