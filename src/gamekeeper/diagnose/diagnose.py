@@ -15,6 +15,7 @@ from gamekeeper.core.contract import Contract
 from gamekeeper.core.evidence import Evidence
 from gamekeeper.core.failure_label import LABELS
 from gamekeeper.core.outcome import TEAM, failed, failures, outcome_of
+from gamekeeper.core.paired import FEWEST
 from gamekeeper.diagnose.arms import SILENCE_S, Lab, Order
 from gamekeeper.diagnose.diagnosis import AgentDiagnosis, Diagnosis, Parting, Tested
 from gamekeeper.diagnose.experiment import SHAM, Experiment
@@ -200,7 +201,7 @@ def _stressed(
     """What stressors do, as far as the budget goes, and how many it didn't go to."""
     if not kinds or experiment.confirm < 1:
         return {}, 0
-    lab, seed, n = experiment.lab, experiment.confirm_seed, min(experiment.confirm, 64)
+    lab, seed, n = experiment.lab, experiment.confirm_seed, min(experiment.confirm, FEWEST)
     wanted = list(stressors_of(experiment.setup, experiment.contract, seen, kinds, agents))
     known = [one for one in wanted if (one.name, seed, n - 1) in lab.outcomes]
     rest = [one for one in wanted if one not in known]
