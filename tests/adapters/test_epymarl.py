@@ -160,6 +160,45 @@ def test_truncation_stays_apart_from_termination() -> None:
     assert short[-1]["ends"][1].all()
 
 
+class Crossing(gk.TickEnv):
+    """Whoever is there at first ends in the second tick, in which another comes."""
+
+    metadata = {"name": "crossing_v0"}  # noqa: RUF012  # PettingZoo declares it so
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.possible_agents = ["early_0", "late_0", "stays_0"]
+        self.observation_spaces = dict.fromkeys(self.possible_agents, spaces.Discrete(2))
+        self.action_spaces = dict.fromkeys(self.possible_agents, spaces.Discrete(2))
+
+    def starting_agents(self) -> list[str]:
+        return ["early_0", "stays_0"]
+
+    def start(self, rng: Any, options: Any) -> None:
+        self.clock = 0
+
+    def tick(self, actions: Any) -> None:
+        self.clock += 1
+        if self.clock == 2:
+            self.terminate("early_0", "done")
+            self.join("late_0")
+
+    def observe(self, agent: Any) -> Any:
+        return 0
+
+
+def test_time_limit_truncates_who_is_there_as_it_cuts() -> None:
+    """Not who was terminated in that very step, but who came in it."""
+    env = made(Crossing, time_limit=2)
+    last = played(env)[-1]
+    assert [flags.tolist() for flags in last["ends"]] == [
+        [True, False, False],
+        [False, True, True],
+    ]
+    assert (last["terminated"], last["truncated"]) == (False, True)
+    env.close()
+
+
 def test_common_reward_is_the_sum_or_the_mean() -> None:
     """Over all agents, whoever is there; else a reward for each."""
     one, two = (played(made("warehouse", env_kwargs=TIRED, **o))
@@ -181,6 +220,34 @@ def test_seeds_are_the_runs() -> None:
     one, two = played(again, seed=11), played(env, seed=11)
     np.testing.assert_array_equal(one[0]["state"], two[0]["state"])
     assert again.episode == -1
+
+
+def test_seed_of_an_episode_is_the_others_too() -> None:
+    """Their draws differ from seed to seed, and are the same for the same one."""
+
+    def answers(seed: int) -> list[list[float]]:
+        env = made("tictactoe", role="player_2", others="random", time_limit=9, seed=4)
+        told = [row["obs"][0].tolist() for row in played(env, seed=seed)]
+        env.close()
+        return told
+
+    found = [answers(seed) for seed in range(6)]
+    assert len({str(one) for one in found}) > 3  # a board has no draws of its own
+    assert answers(3) == found[3]
+
+
+def test_refused_environment_is_closed() -> None:
+    """What was opened for a wish that can't be met doesn't stay open."""
+    closed: list[str] = []
+
+    class Noted(Crossing):
+        def close(self) -> None:
+            closed.append("noted")
+            super().close()
+
+    with pytest.raises(SpecError, match="has the role"):
+        made(Noted, time_limit=2, role="pilot")
+    assert closed == ["noted"]
 
 
 def test_others_follow_their_policies() -> None:

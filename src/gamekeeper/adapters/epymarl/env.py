@@ -118,13 +118,16 @@ class MultiAgentEnv:
         """Begins an episode: everybody's observations, and an empty info.
 
         Args:
-            seed: of this episode; None: the run's next.
+            seed: of this episode, for the environment and for who follows; None: the run's next.
             options: handed to the environment.
         """
-        self.episode = -1 if seed is not None else self._next
         if seed is None:
+            self.episode = self._next
+            self._cast.begin(self._run_seed, self.episode)
             seed, self._next = episode_seed(self._run_seed, self._next), self._next + 1
-        self._cast.begin(self._run_seed, max(self.episode, 0))
+        else:
+            self.episode = -1
+            self._cast.begin(seed, 0)  # the others' draws are another seed's too
         more = {} if options is None else {"options": dict(options)}
         out = self.env.reset(seed=seed, **more)
         self._steps = 0
@@ -166,9 +169,9 @@ class MultiAgentEnv:
             self._tick(chosen)
         is_over = not self.env.agents
         is_cut = not is_over and self._steps >= self.episode_limit
-        if is_cut:
-            self.truncations |= self.live
         self._look()
+        if is_cut:  # those who are there now, not those who were there before the step
+            self.truncations |= self.live
         self._is_begun = not (is_over or is_cut)
         terminated = is_over and not self._is_all_cut
         truncated = is_cut or (is_over and not terminated)

@@ -32,7 +32,7 @@ def multi_agent_env(
 
     | | |
     |---|---|
-    | kept | the order of agents, that of `possible_agents`; every agent's own reward with `common_reward=False`; masks as available actions; `state()`; truncation apart from termination, for all in `truncated` and `info["episode_limit"]`, for each in `terminations` and `truncations`; infos of agents in `infos`; seeds: without one of its own, reset k plays episode k of run `seed`, the same as `gk.rollout`, and `reset(seed=s)` is the environment's own |
+    | kept | the order of agents, that of `possible_agents`; every agent's own reward with `common_reward=False`; masks as available actions; `state()`; truncation apart from termination, for all in `truncated` and `info["episode_limit"]`, for each in `terminations` and `truncations`; infos of agents in `infos`; seeds: without one of its own, reset k plays episode k of run `seed`, the same as `gk.rollout`, and `reset(seed=s)` is the environment's own, with the others' draws from s |
     | changed | observations are flat float32 vectors without their mask (parts of a Discrete are one-hot, as Gymnasium flattens them; no name or role of an agent is added), padded with zeros to the longest, actions counted from 0 and padded to the most, with those that an agent hasn't never available; whoever is not there (ended, or not yet come) sees zeros and has one action only, its role's noop by the contract, else 0, which is passed over; with `common_reward` the reward is the sum or the mean over all agents. In an AEC environment a step is one turn: the others have that one action, and see what they would be shown. Without a `state_space`, or with `state="observations"`, the state is everybody's observations |
     | lost | who ended when, to learners: EPyMARL has one end for all, when the last agent has ended. Parts of rewards by term |
     | refused | actions that aren't Discrete (give the environment some), observations without a fixed length, an environment that never says when it is over (`time_limit=`), others without a policy (`others=`), an environment that breaks the contract (`check=None` lets it pass) |
@@ -64,7 +64,11 @@ def multi_agent_env(
             )  # fmt: skip
     checked(spec, check, env_kwargs=env_kwargs)
     opened = open_env(spec, **dict(env_kwargs or {}))
-    env = MultiAgentEnv(opened, role, others, time_limit=time_limit, state=state, seed=seed)
+    try:
+        env = MultiAgentEnv(opened, role, others, time_limit=time_limit, state=state, seed=seed)
+    except BaseException:
+        opened.env.close()
+        raise
     env.common_reward, env.is_mean = common_reward, reward_scalarisation == "mean"
     return env
 
