@@ -34,7 +34,7 @@ PAPERS = 2  # of `fair` and `lazy` ones
 BUMPS = 8  # recorded and looked into, of `wrong` ones
 
 
-class Blaming(BaseParallelWrapper):  # type: ignore[misc]
+class Blaming(BaseParallelWrapper):  # type: ignore[misc]  # PettingZoo's is untyped
     """A warehouse in which a robot that stands still pays for one that runs into it."""
 
     def __init__(self, **kwargs: Any) -> None:

@@ -70,13 +70,15 @@ class AgentRows:
             is_flag = pa.types.is_boolean(column.type)
             filled = column.fill_null(False if is_flag else 0) if column.null_count else column
             self._cache[name] = np.asarray(filled), valid
-        return self._cache[name]  # type: ignore[no-any-return]
+        found: tuple[Any, Any] = self._cache[name]
+        return found
 
     def texts(self, name: str) -> list[Any]:
         """A column of texts or bytes; None where it is null."""
         if name not in self._cache:
             self._cache[name] = self.table[name].to_pylist()
-        return self._cache[name]  # type: ignore[no-any-return]
+        found: list[Any] = self._cache[name]
+        return found
 
     @property
     def turns(self) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from gamekeeper.core.canon import to_json
@@ -110,7 +111,7 @@ class Stage:
                 )
             before = getattr(thing, name)
             setattr(thing, name, value)
-            self._undo.append(lambda t=thing, n=name, b=before: setattr(t, n, b))  # type: ignore[misc]
+            self._undo.append(partial(setattr, thing, name, before))
 
 
 @dataclass(frozen=True, slots=True)

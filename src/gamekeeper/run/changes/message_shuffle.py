@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, ClassVar, Literal
 
 from gymnasium.spaces import Discrete
@@ -66,18 +67,23 @@ def _ear(numbers: Numbers, rng: Generator) -> Eye:
     told: Callable[[Floats], Floats]
     if isinstance(numbers.part.space, Discrete):
         count = numbers.high[0] - numbers.low[0] + 1
-        told = lambda found: numbers.low + float(int(rng.random() * count))  # noqa: E731
+        told = partial(_any_number, numbers, count, rng)
     elif numbers.size > 1:
         told = rng.permutation
     else:
         memory: list[Floats] = []
-        told = lambda found: _any_of(memory, found, rng)  # noqa: E731
+        told = partial(_any_of, memory, rng=rng)
 
     def hear(observation: Any) -> Any:
         found = numbers.read(observation)
         return observation if found is None else numbers.write(observation, told(found))
 
     return hear
+
+
+def _any_number(numbers: Numbers, count: float, rng: Generator, found: Floats) -> Floats:
+    """Any of a Discrete space's numbers, whatever was found."""
+    return numbers.low + float(int(rng.random() * count))
 
 
 def _old_text(part: Part, rng: Generator) -> Eye:
