@@ -223,7 +223,7 @@ def overhead(seconds: float) -> None:
             part="overhead", env=spec, copies=copies, engine=engine, slots=venv.num_envs,
             own_us=round(1e6 * statistics.median(own), 1), added_us=round(1e6 * added, 1),
             ratio=round(ratio, 3), wanted=wanted,
-            reached=None if wanted is None else ratio <= wanted,
+            reached=None if wanted is None else bool(ratio <= wanted),
         )  # fmt: skip
 
 
@@ -250,18 +250,18 @@ def compared(part: str, seeds: int, *, quick: bool) -> None:
     about = {"seeds": seeds, **dict(zip(ARMS, (round(m, 3) for m in means), strict=True)),
              "deviations": [round(d, 3) for d in deviations]}  # fmt: skip
     if part == "value":
-        tell(part=part, measure=name, **about, wanted="lower", reached=means[0] < means[1])
+        tell(part=part, measure=name, **about, wanted="lower", reached=bool(means[0] < means[1]))
         return
     for measure in ("frames_s", "frames_cpu_s"):
         speeds = [statistics.median(each[measure] for each in arm) for arm in (ours, theirs)]
         ratio = round(speeds[0] / speeds[1], 3)
         tell(
             part=part, measure=measure, **dict(zip(ARMS, speeds, strict=True)), ratio=ratio,
-            wanted=1.0, reached=ratio >= 1.0,
+            wanted=1.0, reached=bool(ratio >= 1.0),
         )  # fmt: skip
     tell(
         part=part, measure=name, **about, random=round(judged(None), 3),
-        wanted=f"{-MARGIN} at worst", reached=means[0] >= means[1] - MARGIN,
+        wanted=f"{-MARGIN} at worst", reached=bool(means[0] >= means[1] - MARGIN),
     )  # fmt: skip
 
 
