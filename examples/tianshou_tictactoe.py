@@ -1,4 +1,4 @@
-"""Both players of tic-tac-toe learn against each other, each with a PPO of its own in Tianshou 2.
+"""One PPO of Tianshou 2 learns tic-tac-toe against itself, from both sides of the board.
 
 Needs Tianshou (`pip install 'gamekeeper[tianshou,fast]'`); one thread, no GPU:
 
@@ -6,7 +6,11 @@ Needs Tianshou (`pip install 'gamekeeper[tianshou,fast]'`); one thread, no GPU:
 
 It is a game of turns, in which who loses is paid while the other moves. Each player's decisions
 stand in a sub-buffer of their own, with what they were paid until it moved again or the game was
-over; so any algorithm of Tianshou's learns from them as from a single agent's.
+over; so any algorithm of Tianshou's learns from them as from a single agent's. What a player sees
+is told from its own side, so both can share a network.
+
+Much entropy (`ent_coef`) is what makes it play well against others than itself: with little, both
+sides soon know one game by heart and hardly any other board.
 
 The last line is JSON: points of what was learnt against random players, as either player, in games
 that nobody learnt from; a draw is half a point. `gk.rollout` plays them.
@@ -24,7 +28,6 @@ from typing import Any, Final
 import torch
 from tianshou.algorithm import PPO
 from tianshou.algorithm.modelfree.reinforce import DiscreteActorPolicy
-from tianshou.algorithm.multiagent.marl import MultiAgentOnPolicyAlgorithm
 from tianshou.algorithm.optim import AdamOptimizerFactory
 from tianshou.data import VectorReplayBuffer
 from tianshou.trainer import OnPolicyTrainerParams
@@ -41,7 +44,7 @@ UNSEEN: Final = 1_000_000
 
 
 def player(env: Any) -> PPO:
-    """An algorithm for one player, which never does what its mask forbids."""
+    """An algorithm for both players, which never does what its mask forbids."""
     shape, actions = env.observation_space.shape, int(env.action_space.n)
 
     def net() -> Net:
@@ -53,7 +56,7 @@ def player(env: Any) -> PPO:
     )
     return PPO(
         policy=policy, critic=adapter.unmasked(DiscreteCritic(preprocess_net=net())),
-        optim=AdamOptimizerFactory(lr=1e-3), gamma=0.99, gae_lambda=0.95, ent_coef=0.02,
+        optim=AdamOptimizerFactory(lr=1e-3), gamma=0.99, gae_lambda=0.95, ent_coef=0.1,
         vf_coef=0.5, max_grad_norm=0.5, eps_clip=0.2, max_batchsize=8_192,
     )  # fmt: skip
 
@@ -76,7 +79,7 @@ def main() -> int:
     """Learns, is judged, and prints one JSON line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--steps", type=int, default=80_000, help="decisions of both players")
+    parser.add_argument("--steps", type=int, default=300_000, help="decisions of both players")
     parser.add_argument("--quick", action="store_true", help="a few steps, to see that it runs")
     options = parser.parse_args()
     copies, each, steps, judged = 64, 2_048, options.steps, 200
@@ -87,10 +90,8 @@ def main() -> int:
     logging.getLogger("tianshou").setLevel(logging.ERROR)
 
     begun = time.perf_counter()
-    env = adapter.vector_env(
-        TASK, copies, algorithms="agent", engine="kernel", seed=options.seed, check=None
-    )
-    learner = MultiAgentOnPolicyAlgorithm(algorithms=[player(env) for _ in env.agents], env=env)
+    env = adapter.vector_env(TASK, copies, engine="kernel", seed=options.seed, check=None)
+    learner = player(env)
     collector = adapter.Collector(learner, env, VectorReplayBuffer(4 * each, len(env)))
     learner.run_training(
         OnPolicyTrainerParams(

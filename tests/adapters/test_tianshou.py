@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium import spaces
 
 import gamekeeper as gk
 from gamekeeper.errors import PolicyError, SpecError
@@ -193,7 +194,7 @@ def test_steps_go_on_where_the_last_ones_stopped() -> None:
     assert sum(rewards) == pytest.approx(at_once.buffer[:].rew.sum())
 
 
-def ppo(env: Any) -> Any:
+def ppo(env: Any, hidden: int = 8, lr: float = 1e-3, **options: Any) -> Any:
     """A small PPO for one of the environment's agents."""
     from tianshou.algorithm import PPO
     from tianshou.algorithm.modelfree.reinforce import DiscreteActorPolicy
@@ -204,13 +205,13 @@ def ppo(env: Any) -> Any:
     from gamekeeper.adapters.tianshou import masked, unmasked
 
     shape, actions = env.observation_space.shape, int(env.action_space.n)
-    nets = [Net(state_shape=shape, hidden_sizes=[8]) for _ in range(2)]
+    nets = [Net(state_shape=shape, hidden_sizes=[hidden]) for _ in range(2)]
     actor: Any = DiscreteActor(preprocess_net=nets[0], action_shape=actions, softmax_output=False)
     critic: Any = DiscreteCritic(preprocess_net=nets[1])
     if env.seats.masks is not None:
         actor, critic = masked(actor), unmasked(critic)
-    policy = DiscreteActorPolicy(actor=actor, action_space=env.action_space)
-    return PPO(policy=policy, critic=critic, optim=AdamOptimizerFactory(lr=1e-3))
+    policy = DiscreteActorPolicy(actor=actor, action_space=env.action_space, **options)
+    return PPO(policy=policy, critic=critic, optim=AdamOptimizerFactory(lr=lr))
 
 
 @pytest.mark.parametrize(
@@ -272,6 +273,114 @@ def test_parts_of_a_policy_know_that_they_are_learning() -> None:
         collector.collect(n_step=2)
         parts = learner.policy.policies.values()
         assert [part.is_within_training_step for part in parts] == [learns, learns]
+
+
+class Echo(gk.TickEnv):
+    """One tick: who answers with the number that it sees, plus its own place, is paid 1."""
+
+    metadata = {"name": "echo_v0"}  # noqa: RUF012  # PettingZoo declares it so
+    closed = 0
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.possible_agents = ["a_0", "a_1"]
+        seen = {"observation": spaces.Box(0, 1, (4,), np.float32),
+                "action_mask": spaces.MultiBinary(6)}  # fmt: skip
+        self.observation_spaces = dict.fromkeys(self.possible_agents, spaces.Dict(seen))
+        self.action_spaces = dict.fromkeys(self.possible_agents, spaces.Discrete(6))
+
+    def start(self, rng: Any, options: Any) -> None:
+        self.told = {agent: int(rng.integers(4)) for agent in self.possible_agents}
+
+    def tick(self, actions: Any) -> None:
+        for place, (agent, action) in enumerate(actions.items()):
+            self.pay(agent, float(action == (self.told[agent] + place) % 4))
+            self.terminate(agent)
+
+    def observe(self, agent: Any) -> Any:
+        seen = np.eye(4, dtype=np.float32)[self.told[agent]]
+        return {"observation": seen, "action_mask": np.array([1, 1, 1, 1, 0, 0], np.int8)}
+
+    def close(self) -> None:
+        Echo.closed += 1
+        super().close()
+
+
+def test_each_part_learns_what_is_its_own() -> None:
+    """Right answers that differ from agent to agent are soon known: credit, masks, both nets."""
+    import torch
+    from tianshou.algorithm.multiagent.marl import MultiAgentOnPolicyAlgorithm
+    from tianshou.trainer import OnPolicyTrainerParams
+
+    from gamekeeper.adapters import tianshou
+
+    torch.manual_seed(0)
+    env = made(Echo, 8, algorithms="agent")
+    learner = MultiAgentOnPolicyAlgorithm(
+        algorithms=[ppo(env, hidden=32, lr=1e-2) for _ in env.agents], env=env
+    )
+    learner.run_training(
+        OnPolicyTrainerParams(
+            training_collector=tianshou.Collector(learner, env),
+            max_epochs=1,
+            epoch_num_steps=1_536,
+            collection_step_num_env_steps=256,
+            batch_size=64,
+            update_step_num_repetitions=4,
+            show_progress=False,
+            verbose=False,
+        )
+    )
+    evidence = gk.rollout(Echo, policies=tianshou.policy(learner, env), episodes=25, seed=9)
+    paid = [row["reward"] for row in evidence.steps.to_pylist() if row["reward"] is not None]
+    assert sum(paid) >= 48  # of 50; chance has 12
+    env.close()
+
+
+def test_drawn_actions_are_drawn() -> None:
+    """Whatever `deterministic_eval` says, and without a draw from anybody's generator."""
+    import torch
+
+    from gamekeeper.adapters import tianshou
+
+    env = made("tictactoe", 1)
+    learner = ppo(env, deterministic_eval=True)
+    given, info = first_board()
+    state = torch.random.get_rng_state()
+    rng = np.random.default_rng(0)
+    found = {}
+    for deterministic in (True, False):
+        policy = tianshou.policy(learner, env, deterministic=deterministic)
+        found[deterministic] = {policy(given, "player_1", info, rng) for _ in range(30)}
+    assert len(found[True]) == 1
+    assert len(found[False]) > 3
+    assert torch.equal(state, torch.random.get_rng_state())
+    env.close()
+
+
+def first_board() -> tuple[Any, Any]:
+    """What the first player of tic-tac-toe is given."""
+    game = gk.make("tictactoe")
+    game.reset(seed=0)
+    given, _, _, _, info = game.last()
+    game.close()
+    return given, info
+
+
+def test_steps_are_decisions_and_lengths_those_of_copies() -> None:
+    """Two agents decide in each tick: an episode of one tick has two decisions."""
+    env = made(Echo, 2)
+    stats, _ = collected(env, 4)
+    assert (stats.n_collected_steps, stats.lens.tolist()) == (8, [1] * 4)
+    env.close()
+
+
+def test_refused_environment_is_closed() -> None:
+    """What was opened for a wish that can't be met doesn't stay open."""
+    before = Echo.closed
+    with pytest.raises(SpecError, match="has the role"):
+        made(Echo, 2, role="pilot")
+    assert Echo.closed - before >= 2
 
 
 def test_dqn_trains_on_masks() -> None:
@@ -372,7 +481,7 @@ def test_environment_is_audited_first(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_example_prints_one_line(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """A few steps of two players with a PPO each."""
+    """A few steps of a PPO that plays both sides."""
     from examples import tianshou_tictactoe as example
 
     monkeypatch.setattr("sys.argv", ["tianshou_tictactoe.py", "--quick", "--seed", "3"])

@@ -212,7 +212,7 @@ class Collector(BaseCollector):
 
 @dataclass(kw_only=True)
 class Stats(CollectStats):
-    """Returns are [episode, agent]."""
+    """Returns are [episode, agent]; steps are decisions, `lens` those of the copies."""
 
     def refresh_return_stats(self) -> None:
         """Mean and the like over all of them."""

@@ -65,14 +65,22 @@ class LearntPolicy:
         mine = self._policy
         if self._env.is_multi:
             mine = mine.policies[str(self._env.named[place])]
-        if not self._deterministic:
-            torch.manual_seed(int(rng.integers(2**31)))
         with torch.no_grad():
-            out = mine(Batch(obs=rows, info=Batch()))
-        is_drawn = self._deterministic and out.get("dist") is not None
-        act = to_numpy(out.dist.mode if is_drawn else out.act)
+            act = to_numpy(self._chosen(mine, rows, rng))
         act = np.asarray(mine.map_action(act))[0]
         return int(act) + int(group.action_space.start) if forms.actions else act
+
+    def _chosen(self, mine: Any, rows: Any, rng: Any) -> Any:
+        # `out.act` is left aside where there is a distribution: whether Tianshou draws it hangs on
+        # `deterministic_eval`, and on whether its trainer was learning as it was last asked.
+        given = Batch(obs=rows, info=Batch())
+        if self._deterministic:
+            out = mine(given)
+            return out.act if out.get("dist") is None else out.dist.mode
+        with torch.random.fork_rng(devices=range(torch.cuda.device_count())):  # a trainer's draws
+            torch.manual_seed(int(rng.integers(2**31)))
+            out = mine(given)
+            return out.act if out.get("dist") is None else out.dist.sample()
 
     def _mask(self, group: Any, observation: Any, info: Any) -> Any:
         flags = np.zeros((1, self._env.seats.forms.actions), bool)

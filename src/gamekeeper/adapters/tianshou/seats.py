@@ -75,6 +75,15 @@ class Seats:
         self._spec, self._env_kwargs = spec, dict(options.get("env_kwargs") or {})
         self.venv = make(spec, num_envs, seed=seed, infos=others is not None, **options)
         self.num_envs, self.seed = num_envs, seed
+        try:
+            self._settle(role, others)
+        except BaseException:
+            self.venv.close()
+            raise
+
+    def _settle(self, role: str | None, others: Choices) -> None:
+        """Who learns, who follows, and the form of what they see and do."""
+        num_envs = self.num_envs
         self._contract = self.venv.seen.contract or Contract()
         columns = [(g, group.first + i, agent) for g, group in enumerate(self.venv.groups)
                    for i, agent in enumerate(group.agents)]  # fmt: skip
