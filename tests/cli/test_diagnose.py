@@ -93,6 +93,8 @@ def test_label_by_hand_is_listed(run: Path, capfd: pytest.CaptureFixture[str]) -
     assert found["labels"][0]["by"] == "ann"
     code, out, _ = said(capfd, "label", str(run), "--agent", "giver_0")
     assert "control: giver_0, episode 1" in out
+    code, out, _ = said(capfd, "show", str(run))
+    assert "Failure labels\n  control: giver_0, episode 1" in out
     code, _, err = said(capfd, "label", str(run), "bad-luck")
     assert code == 2
     assert "no failure label" in err

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import indent
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
@@ -66,7 +67,9 @@ def _show_env(screen: Screen, env: str, kwargs: str | None, timeout: float) -> A
 
 
 def _show_run(screen: Screen, run: Path) -> Answer:
+    from gamekeeper.diagnose.labels import labels
     from gamekeeper.record.bundle import load
+    from gamekeeper.report.labels_text import labels_text
     from gamekeeper.report.text import errors_text, facts_text, summary_text
 
     evidence = load(run)
@@ -76,7 +79,10 @@ def _show_run(screen: Screen, run: Path) -> Answer:
     screen.show(f"\nAgents\n{summary_text(evidence.summary, width=screen.width)}")
     if errors:
         screen.show(f"\nErrors\n{errors_text(errors, width=screen.width)}")
-    return Answer(_document(evidence, errors))
+    said = [each.to_json() for each in labels(run)]
+    if said:
+        screen.show(f"\nFailure labels\n{indent(labels_text(said, width=screen.width - 2), '  ')}")
+    return Answer({**_document(evidence, errors), "labels": said})
 
 
 def _errors(evidence: Evidence) -> list[dict[str, Any]]:

@@ -31,6 +31,8 @@ from gamekeeper.run.change import changes
 
 BUDGET: Final = 2_000
 """Episodes that an experiment may play unless told otherwise."""
+STRESSED: Final = 0.75
+"""The part of what remedies leave of the budget that stressors get; the rest finds strengths."""
 NOTES: Final = "outcomes.jsonl"
 RESULT: Final = "diagnosis.json"
 
@@ -205,12 +207,17 @@ def _stressed(
     wanted = list(stressors_of(experiment.setup, experiment.contract, seen, kinds, agents))
     known = [one for one in wanted if (one.name, seed, n - 1) in lab.outcomes]
     rest = [one for one in wanted if one not in known]
-    few = rest[: max(experiment.budget - lab.spent, 0) // n]
+    left = max(experiment.budget - lab.spent, 0)
+    few = rest[: int(STRESSED * left) // n]
     lab.play([Order(one.name, one.setup, seed, range(n)) for one in few])
     played = [one for one in (*known, *few) if one.name not in lab.broken]
     arms = {one: lab.of(one.name, seed, range(n)) for one in played}
     rng = np.random.default_rng([12, experiment.seed])
     tested = effects(lab.of(SHAM, seed, range(n)), arms, rng=rng) if arms else {}
+    scope = experiment.scopes[0]
+    for one, each in tested.items():
+        if each.depends and each.effect < 0:
+            tested[one] = replace(each, flips_at=experiment.breaks_at(one, scope))
     return tested, len(rest) - len(few)
 
 

@@ -24,7 +24,8 @@ class Tested:
         measure: `success`, the share of episodes that don't fail, or `return`, the team's.
         restores: of a remedy: it closes the stated part of the gap.
         depends: of a stressor: the interval excludes no effect. Dependence, not cause.
-        flips_at: the weakest setting that still restores or breaks, found on other seeds.
+        flips_at: found on other seeds: of a remedy, the worst setting of its knob that still
+            restores; of a stressor, the least strength that makes most sound episodes fail.
     """
 
     label: str

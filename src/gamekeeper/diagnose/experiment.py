@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from hashlib import blake2b
 from itertools import combinations
 from typing import Any, Final
@@ -19,6 +19,8 @@ from gamekeeper.diagnose.arms import Lab, Order
 from gamekeeper.diagnose.judge import Finding, is_failing, judged, recovered
 from gamekeeper.diagnose.remedies import Remedy, joined, weakened
 from gamekeeper.diagnose.setup import Setup
+from gamekeeper.diagnose.stress import Stressor
+from gamekeeper.run.stress.stressor import Stressor as Strong
 
 SHAM: Final = "sham"
 EVERYTHING: Final = "everything"
@@ -193,6 +195,38 @@ class Experiment:
             still = self.successes(one.name, self.search_seed, SEARCH, scope)[rescued]
             good, bad = (middle, bad) if still.mean() > 0.5 else (good, middle)
         return good
+
+    def breaks_at(self, stressor: Stressor, scope: str, *, steps: int = 4) -> float | None:
+        """The least strength of a stressor with which most episodes that succeed do so no longer.
+
+        By bisection from nothing to its usual strength, on the searched seeds alone; None where
+        the usual strength doesn't break them, or they fail as it is, or it has no strength.
+        """
+        change, cost = stressor.setup.change, SEARCH * (steps + 1)
+        sound = self.successes(SHAM, self.search_seed, SEARCH, scope).nonzero()[0]
+        if not isinstance(change, Strong) or len(sound) <= SEARCH // 2:
+            return None
+        if self.lab.spent + cost > self.budget:
+            return None
+
+        def breaks(strength: float) -> bool:
+            one = replace(stressor.setup, change=change.at(strength, change.agents))
+            name = f"{stressor.name} at {strength:g}"
+            self.lab.play([Order(name, one, self.search_seed, range(SEARCH))])
+            played = name not in self.lab.broken
+            return played and bool(
+                self.successes(name, self.search_seed, SEARCH, scope)[sound].mean() < 0.5
+            )
+
+        if not breaks(change.strength):
+            return None
+        low, high = 0.0, change.strength
+        for _ in range(steps):
+            middle = change.at((low + high) / 2, change.agents).strength
+            if middle in (low, high):
+                break
+            low, high = (low, middle) if breaks(middle) else (middle, high)
+        return high
 
     def _success(self, outcome: Outcome, scope: str) -> float:
         return float(not failed(outcome, self.conditions, self.contract).get(scope, False))
