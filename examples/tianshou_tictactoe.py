@@ -9,8 +9,8 @@ stand in a sub-buffer of their own, with what they were paid until it moved agai
 over; so any algorithm of Tianshou's learns from them as from a single agent's. What a player sees
 is told from its own side, so both can share a network.
 
-Much entropy (`ent_coef`) is what makes it play well against others than itself: with little, both
-sides soon know one game by heart and hardly any other board.
+The shared network and much entropy (`ent_coef`) are what makes it play well against others than
+itself: without either, both sides soon know a few games by heart and hardly any other board.
 
 The last line is JSON: points of what was learnt against random players, as either player, in games
 that nobody learnt from; a draw is half a point. `gk.rollout` plays them.
