@@ -132,8 +132,8 @@ def page(rows: list[dict[str, Any]], command: str) -> str:
     lines = [
         "# How often a diagnosis is right", "",
         "Set-ups with a planted cause, made without the diagnosis' own code, each looked at by "
-        "plain rollouts before it counts (the rule stands in benchmarks/planted_causes.py); recorded for "
-        "20 episodes and diagnosed on fresh seeds.", "",
+        "plain rollouts before it counts (the rule stands in benchmarks/planted_causes.py); "
+        "recorded for 20 episodes and diagnosed on fresh seeds.", "",
         f"`{command}`", "",
         "| | hits | of | share | 95 % |", "|---|---|---|---|---|",
     ]  # fmt: skip

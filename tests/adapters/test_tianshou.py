@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gymnasium import spaces
 
 import gamekeeper as gk
 from gamekeeper.errors import PolicyError, SpecError
+from tests.adapters.tianshou_play import TIRED, Echo, first_legal, made
 
 pytestmark = [
     pytest.mark.trainer,
@@ -19,33 +19,6 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore::DeprecationWarning:tianshou.*"),
     pytest.mark.filterwarnings("ignore::DeprecationWarning:sensai.*"),
 ]
-
-SPREAD = "mpe2.simple_spread_v3:parallel_env"
-TIRED = {"pickers": 1, "carriers": 1, "battery": 12, "horizon": 40, "debug": True}
-"""Robots that run empty one by one, each followed by a spare."""
-
-
-def made(spec: object, num_envs: int = 2, **options: Any) -> Any:
-    """Without an audit, which has tests of its own."""
-    from gamekeeper.adapters import tianshou
-
-    return tianshou.vector_env(spec, num_envs, check=None, **options)
-
-
-def first_legal(env: Any) -> Any:
-    """A policy that takes the first legal action."""
-    import torch
-    from tianshou.algorithm.algorithm_base import Policy
-    from tianshou.data import Batch
-
-    class FirstLegal(Policy):
-        def forward(self, batch: Any, state: Any = None, **kwargs: Any) -> Any:
-            obs = batch.obs
-            count = len(obs.agent_id) if isinstance(obs, Batch) else len(obs)
-            acts = np.argmax(obs.mask, -1) if isinstance(obs, Batch) else np.zeros(count, int)
-            return Batch(act=torch.as_tensor(acts))
-
-    return FirstLegal(action_space=env.action_space)
 
 
 def collected(env: Any, episodes: int) -> tuple[Any, Any]:
@@ -194,179 +167,6 @@ def test_steps_go_on_where_the_last_ones_stopped() -> None:
     assert sum(rewards) == pytest.approx(at_once.buffer[:].rew.sum())
 
 
-def ppo(env: Any, hidden: int = 8, lr: float = 1e-3, **options: Any) -> Any:
-    """A small PPO for one of the environment's agents."""
-    from tianshou.algorithm import PPO
-    from tianshou.algorithm.modelfree.reinforce import DiscreteActorPolicy
-    from tianshou.algorithm.optim import AdamOptimizerFactory
-    from tianshou.utils.net.common import Net
-    from tianshou.utils.net.discrete import DiscreteActor, DiscreteCritic
-
-    from gamekeeper.adapters.tianshou import masked, unmasked
-
-    shape, actions = env.observation_space.shape, int(env.action_space.n)
-    nets = [Net(state_shape=shape, hidden_sizes=[hidden]) for _ in range(2)]
-    actor: Any = DiscreteActor(preprocess_net=nets[0], action_shape=actions, softmax_output=False)
-    critic: Any = DiscreteCritic(preprocess_net=nets[1])
-    if env.seats.masks is not None:
-        actor, critic = masked(actor), unmasked(critic)
-    policy = DiscreteActorPolicy(actor=actor, action_space=env.action_space, **options)
-    return PPO(policy=policy, critic=critic, optim=AdamOptimizerFactory(lr=lr))
-
-
-@pytest.mark.parametrize(
-    ("spec", "algorithms", "kwargs"),
-    [
-        ("warehouse", "one", TIRED),
-        (SPREAD, "one", {}),
-        (SPREAD, "agent", {}),
-        ("speaker_listener", "role", {}),
-        ("tictactoe", "agent", {}),
-    ],
-)
-def test_ppo_trains(spec: str, algorithms: str, kwargs: Any) -> None:
-    """A few updates by Tianshou's trainer, with tests of whole episodes; then it plays."""
-    from tianshou.algorithm.multiagent.marl import MultiAgentOnPolicyAlgorithm
-    from tianshou.trainer import OnPolicyTrainerParams
-
-    from gamekeeper.adapters import tianshou
-
-    env = made(spec, algorithms=algorithms, env_kwargs=kwargs)
-    tests = made(spec, algorithms=algorithms, env_kwargs=kwargs, repeats=True, seed=9)
-    each = [ppo(env) for _ in env.agents]
-    learner = MultiAgentOnPolicyAlgorithm(algorithms=each, env=env) if env.is_multi else each[0]
-    before = tianshou.policy(learner, env).version
-    info = learner.run_training(
-        OnPolicyTrainerParams(
-            training_collector=tianshou.Collector(learner, env),
-            test_collector=tianshou.Collector(learner, tests),
-            test_step_num_episodes=2,
-            max_epochs=1,
-            epoch_num_steps=64,
-            collection_step_num_env_steps=32,
-            batch_size=16,
-            update_step_num_repetitions=1,
-            show_progress=False,
-            verbose=False,
-        )
-    )
-    assert info.train_step >= 64
-    assert info.test_episode == 4
-    learnt = tianshou.policy(learner, env)
-    assert learnt.version != before
-    evidence = gk.rollout(spec, policies=learnt, episodes=1, seed=0, env_kwargs=kwargs)
-    assert learnt.version in evidence.episodes.to_pylist()[0]["policies"]
-
-
-def test_parts_of_a_policy_know_that_they_are_learning() -> None:
-    """Tianshou tells only the whole: its parts would take the likeliest action, or no noise."""
-    from tianshou.algorithm.multiagent.marl import MultiAgentOnPolicyAlgorithm
-
-    from gamekeeper.adapters import tianshou
-
-    env = made("tictactoe", algorithms="agent")
-    learner = MultiAgentOnPolicyAlgorithm(algorithms=[ppo(env) for _ in env.agents], env=env)
-    collector = tianshou.Collector(learner, env)
-    collector.reset()
-    for learns in (True, False):
-        learner.policy.is_within_training_step = learns
-        collector.collect(n_step=2)
-        parts = learner.policy.policies.values()
-        assert [part.is_within_training_step for part in parts] == [learns, learns]
-
-
-class Echo(gk.TickEnv):
-    """One tick: who answers with the number that it sees, plus its own place, is paid 1."""
-
-    metadata = {"name": "echo_v0"}  # noqa: RUF012  # PettingZoo declares it so
-    closed = 0
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.possible_agents = ["a_0", "a_1"]
-        seen = {"observation": spaces.Box(0, 1, (4,), np.float32),
-                "action_mask": spaces.MultiBinary(6)}  # fmt: skip
-        self.observation_spaces = dict.fromkeys(self.possible_agents, spaces.Dict(seen))
-        self.action_spaces = dict.fromkeys(self.possible_agents, spaces.Discrete(6))
-
-    def start(self, rng: Any, options: Any) -> None:
-        self.told = {agent: int(rng.integers(4)) for agent in self.possible_agents}
-
-    def tick(self, actions: Any) -> None:
-        for place, (agent, action) in enumerate(actions.items()):
-            self.pay(agent, float(action == (self.told[agent] + place) % 4))
-            self.terminate(agent)
-
-    def observe(self, agent: Any) -> Any:
-        seen = np.eye(4, dtype=np.float32)[self.told[agent]]
-        return {"observation": seen, "action_mask": np.array([1, 1, 1, 1, 0, 0], np.int8)}
-
-    def close(self) -> None:
-        Echo.closed += 1
-        super().close()
-
-
-def test_each_part_learns_what_is_its_own() -> None:
-    """Right answers that differ from agent to agent are soon known: credit, masks, both nets."""
-    import torch
-    from tianshou.algorithm.multiagent.marl import MultiAgentOnPolicyAlgorithm
-    from tianshou.trainer import OnPolicyTrainerParams
-
-    from gamekeeper.adapters import tianshou
-
-    torch.manual_seed(0)
-    env = made(Echo, 8, algorithms="agent")
-    learner = MultiAgentOnPolicyAlgorithm(
-        algorithms=[ppo(env, hidden=32, lr=1e-2) for _ in env.agents], env=env
-    )
-    learner.run_training(
-        OnPolicyTrainerParams(
-            training_collector=tianshou.Collector(learner, env),
-            max_epochs=1,
-            epoch_num_steps=1_536,
-            collection_step_num_env_steps=256,
-            batch_size=64,
-            update_step_num_repetitions=4,
-            show_progress=False,
-            verbose=False,
-        )
-    )
-    evidence = gk.rollout(Echo, policies=tianshou.policy(learner, env), episodes=25, seed=9)
-    paid = [row["reward"] for row in evidence.steps.to_pylist() if row["reward"] is not None]
-    assert sum(paid) >= 48  # of 50; chance has 12
-    env.close()
-
-
-def test_drawn_actions_are_drawn() -> None:
-    """Whatever `deterministic_eval` says, and without a draw from anybody's generator."""
-    import torch
-
-    from gamekeeper.adapters import tianshou
-
-    env = made("tictactoe", 1)
-    learner = ppo(env, deterministic_eval=True)
-    given, info = first_board()
-    state = torch.random.get_rng_state()
-    rng = np.random.default_rng(0)
-    found = {}
-    for deterministic in (True, False):
-        policy = tianshou.policy(learner, env, deterministic=deterministic)
-        found[deterministic] = {policy(given, "player_1", info, rng) for _ in range(30)}
-    assert len(found[True]) == 1
-    assert len(found[False]) > 3
-    assert torch.equal(state, torch.random.get_rng_state())
-    env.close()
-
-
-def first_board() -> tuple[Any, Any]:
-    """What the first player of tic-tac-toe is given."""
-    game = gk.make("tictactoe")
-    game.reset(seed=0)
-    given, _, _, _, info = game.last()
-    game.close()
-    return given, info
-
-
 def test_steps_are_decisions_and_lengths_those_of_copies() -> None:
     """Two agents decide in each tick: an episode of one tick has two decisions."""
     env = made(Echo, 2)
@@ -381,39 +181,6 @@ def test_refused_environment_is_closed() -> None:
     with pytest.raises(SpecError, match="has the role"):
         made(Echo, 2, role="pilot")
     assert Echo.closed - before >= 2
-
-
-def test_dqn_trains_on_masks() -> None:
-    """Off-policy: masks of what follows too, and exploration within them."""
-    from tianshou.algorithm import DQN
-    from tianshou.algorithm.modelfree.dqn import DiscreteQLearningPolicy
-    from tianshou.algorithm.optim import AdamOptimizerFactory
-    from tianshou.trainer import OffPolicyTrainerParams
-    from tianshou.utils.net.common import Net
-
-    from gamekeeper.adapters import tianshou
-
-    env = made("tictactoe")
-    net = Net(state_shape=env.observation_space.shape, action_shape=9, hidden_sizes=[8])
-    policy = DiscreteQLearningPolicy(model=net, action_space=env.action_space, eps_training=0.5)
-    learner = DQN(policy=policy, optim=AdamOptimizerFactory(lr=1e-3), target_update_freq=10)
-    collector = tianshou.Collector(learner, env, exploration_noise=True)
-    learner.run_training(
-        OffPolicyTrainerParams(
-            training_collector=collector,
-            max_epochs=1,
-            epoch_num_steps=40,
-            collection_step_num_env_steps=10,
-            batch_size=8,
-            show_progress=False,
-            verbose=False,
-        )
-    )
-    kept = collector.buffer[:]
-    assert len(kept) >= 40
-    assert kept.obs.mask[np.arange(len(kept)), kept.act].all()
-    evidence = gk.rollout("tictactoe", policies=tianshou.policy(learner, env), episodes=1, seed=0)
-    assert len(list(evidence.traces)) == 1
 
 
 def test_one_role_learns_while_others_follow() -> None:
