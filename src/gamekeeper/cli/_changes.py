@@ -42,7 +42,7 @@ def card_of(change: type[Change]) -> dict[str, Any]:
 
 def page() -> str:
     """The page of the changes that are part of Gamekeeper."""
-    from gamekeeper.report.changes_text import changes_page
+    from gamekeeper.report.changes_page import changes_page
     from gamekeeper.run.change import changes
 
     ours = [each for each in changes().values() if each.__module__.startswith("gamekeeper.")]
