@@ -1,8 +1,9 @@
 # Each target does its own set-up: a virtual environment in .venv and the locked requirements, once; again when a lock changes.
-# Settings: PYTHON=/path/to/python3   VENV=.venv   ARGS="arguments for pytest"
+# Settings: PYTHON=/path/to/python3   VENV=.venv   ARGS="arguments for pytest"   PARALLEL="-n 0" (one process; prints, breakpoints)
 
 VENV ?= .venv
 TRAINER ?= sb3
+PARALLEL ?= -n auto --maxprocesses 4 --dist loadfile
 PYTHON ?=
 ARGS ?=
 export PYTHON
@@ -30,13 +31,13 @@ demo: $(VENV)/base.stamp
 	$(VENV)/bin/gamekeeper run $(DEMO) --out runs/demo
 
 test: $(VENV)/test.stamp
-	$(RUN) pytest $(ARGS)
+	$(RUN) pytest $(PARALLEL) $(ARGS)
 
 # A trainer's pins conflict with another's, so each has its own environment and lock; several gigabytes with torch.
 trainer-test:
 	@test -f requirements/trainers/$(TRAINER).txt || { echo "no trainer of that name; known: $(notdir $(basename $(wildcard requirements/trainers/*.txt)))" >&2; exit 1; }
 	$(MAKE) $(VENV)-$(TRAINER)/trainer.stamp VENV=$(VENV)-$(TRAINER)
-	$(VENV)-$(TRAINER)/bin/python -m pytest -m trainer tests/adapters/test_$(TRAINER).py $(ARGS)
+	$(VENV)-$(TRAINER)/bin/python -m pytest -m trainer $(wildcard tests/adapters/test_$(TRAINER)*.py tests/examples/test_$(TRAINER)*.py) $(ARGS)
 
 $(VENV)/trainer.stamp: $(VENV)/home.stamp requirements/trainers/$(TRAINER).txt pyproject.toml
 	@requirements/setup.sh install $(VENV) requirements/trainers/$(TRAINER).txt
