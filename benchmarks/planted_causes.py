@@ -171,7 +171,8 @@ def _joints(rng: random.Random) -> Iterator[Planted]:
         settings = {name: _setting(rng, task, STRONG[name][-1]) for name in (one, two)}
         kwargs = {**BASES[task], **_decoys(rng, task, (one, two), 1)}
         kwargs |= {name: setting for name, (setting, _) in settings.items()}
-        whom = tuple(dict.fromkeys(a for _, agents in settings.values() for a in agents))
+        named = [agents for _, agents in settings.values()]
+        whom = tuple(dict.fromkeys(a for agents in named for a in agents)) if all(named) else ()
         yield Planted(
             task, kwargs, "joint",
             cures={LABELS[name]: {"kwargs": {name: 0}} for name in (one, two)}, agents=whom,
