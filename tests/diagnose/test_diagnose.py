@@ -66,7 +66,7 @@ def test_a_horizon_shorter_than_declared_is_evaluation() -> None:
 
 def test_a_sound_run_has_no_cause() -> None:
     """Also where a knob is turned that does no harm."""
-    found = plainly(run(occlusion=0.01))
+    found = gk.diagnose(run(occlusion=0.01))
     assert not found.has_cause
     assert found.episodes < 100
 
@@ -81,7 +81,7 @@ def test_a_fault_without_a_handle_is_not_named() -> None:
 
 def test_stressors_show_dependence_and_never_a_cause() -> None:
     """A sound run depends on what its agents see, and no cause is named."""
-    found = gk.diagnose(run(), budget=1_500)
+    found = gk.diagnose(run(), budget=1_500, stressors=True)
     kinds = {each.kind for agent in found.agents.values() for each in agent.tested}
     assert kinds == {"stressor"}
     tested = {each.change: each for each in found.agents["giver_0"].tested}

@@ -54,7 +54,12 @@ BudgetOption = Annotated[
     int, typer.Option("--budget", metavar="N", min=100, help="Episodes that may be played.")
 ]
 StressorsOption = Annotated[
-    bool, typer.Option("--stressors/--no-stressors", help="Also play what makes things worse.")
+    bool | None,
+    typer.Option(
+        "--stressors/--no-stressors",
+        show_default=False,
+        help="Also play what makes things worse; otherwise where the run fails.",
+    ),
 ]
 WorkersOption = Annotated[
     int | None,
@@ -106,7 +111,7 @@ def command(
     part: PartOption = PART,
     seed: SeedOption = 0,
     budget: BudgetOption = BUDGET,
-    stressors: StressorsOption = True,
+    stressors: StressorsOption = None,
     workers: WorkersOption = None,
     out: OutOption = None,
     save_case: CaseOption = None,

@@ -48,7 +48,7 @@ def diagnose(
     part: float = PART,
     seed: int = 0,
     budget: int = BUDGET,
-    stressors: bool = True,
+    stressors: bool | None = None,
     workers: int = 0,
     out: str | PathLike[str] | None = None,
     allow_import: bool = False,
@@ -72,7 +72,8 @@ def diagnose(
         part: of the gap to the level that a remedy has to close.
         seed: of the experiment; equal seeds give equal answers.
         budget: episodes that may be played.
-        stressors: also play stressors with what is left of the budget.
+        stressors: also play stressors with what is left of the budget; None: where it fails
+            beyond chance.
         workers: processes that play; 0: this one.
         out: a folder for what was played and for twins that replay; a second call goes on there.
         allow_import: run code that the evidence names.
@@ -106,7 +107,8 @@ def diagnose(
         evidence.fingerprint,
     )  # fmt: skip
     experiment.run()
-    diagnosis = _diagnosis(evidence, experiment, seen, kinds if stressors else {})
+    wanted = experiment.fails if stressors is None else stressors
+    diagnosis = _diagnosis(evidence, experiment, seen, kinds if wanted else {})
     if folder is not None:
         diagnosis = _kept(diagnosis, experiment, folder)
     return diagnosis

@@ -83,7 +83,7 @@ class Experiment:
         self._play([SHAM], self.search_seed, SEARCH)
         self._play([SHAM], self.confirm_seed, first)
         self.confirm = first
-        if not self.remedies or not any(self._is_failing(scope) for scope in self.scopes):
+        if not self.remedies or not self.fails:
             return
         self._play([*self._names(self.remedies), EVERYTHING], self.search_seed, SEARCH)
         if self._wants_pairs():
@@ -145,6 +145,11 @@ class Experiment:
         outcomes = self.lab.of(SHAM, self.search_seed, range(SEARCH))
         named = [name for each in outcomes for name in failed(each, self.conditions, self.contract)]
         return tuple(dict.fromkeys(named))
+
+    @property
+    def fails(self) -> bool:
+        """For somebody the set-up fails more often than declared, beyond chance."""
+        return any(self._is_failing(scope) for scope in self.scopes)
 
     def successes(self, arm: str, run_seed: int, episodes: int, scope: str) -> NDArray[np.float64]:
         """[episodes] 1 where an episode of the arm didn't fail for the scope."""
