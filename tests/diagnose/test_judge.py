@@ -29,6 +29,7 @@ def found(sham: float, everything: float | None = None, **arms: float) -> Findin
     """The finding for arms named by the remedies above."""
     remedies = {"noise": NOISE, "blur": BLUR, "slip": SLIP, "truth": TRUTH}
     remedies["pair"] = joined([NOISE, SLIP])
+    remedies["more"] = joined([joined([NOISE, BLUR], "perception: all"), SLIP])
     return judged(
         share(sham), {remedies[name]: share(p) for name, p in arms.items()},
         everything=None if everything is None else share(everything),
@@ -64,6 +65,13 @@ def test_a_pair_that_neither_part_replaces_is_joint() -> None:
     """Both together, and neither alone."""
     answer = found(0.1, noise=0.15, slip=0.1, pair=0.95)
     assert (answer.answer, answer.labels) == ("joint", ("perception", "control"))
+
+
+def test_a_pair_that_needs_less_goes_before_one_that_does_more() -> None:
+    """So nobody is named whose handle does no harm."""
+    answer = found(0.1, noise=0.15, slip=0.1, blur=0.1, pair=0.95, more=0.95)
+    assert answer.answer == "joint"
+    assert [remedy.name for remedy in answer.remedies] == ["noise = 0 + slip = 0"]
 
 
 def test_a_pair_no_better_than_its_part_is_not_joint() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from hashlib import blake2b
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any, Final
 
 import numpy as np
@@ -32,6 +32,8 @@ PROMISING: Final = 0.35
 """The part of the gap that all remedies have to close in the search for pairs to be tried."""
 NEAR: Final = 0.2
 """A remedy so near the part of the gap that restores could be on either side of it."""
+MOST_PAIRS: Final = 24
+"""Pairs that are searched, those that do most first."""
 PAIRS: Final = 3
 """Pairs that are confirmed."""
 
@@ -123,19 +125,26 @@ class Experiment:
         return False
 
     def _possible_pairs(self) -> list[Remedy]:
-        """Pairs of labels, each at its ideal as a whole."""
-        whole = []
-        for label in LABELS:
-            mine = [one for one in self.remedies if one.label == label]
-            if mine:
-                whole.append(next((one for one in mine if len(one.steps) > 1), mine[0]))
-        return [joined(pair) for pair in combinations(whole, 2)]
+        """Pairs of labels: each as a whole, and where it has several handles each of those too."""
+        units: dict[str, list[Remedy]] = {}
+        for one in self.remedies:
+            units.setdefault(one.label, []).append(one)
+        labels = [label for label in LABELS if label in units]
+        pairs = [
+            joined(pair)
+            for one, two in combinations(labels, 2)
+            for pair in product(units[one], units[two])
+        ]
+        return sorted(pairs, key=lambda pair: -len(pair.steps))[:MOST_PAIRS]
 
     def _best(self, pairs: Sequence[Remedy]) -> list[Remedy]:
-        def most(pair: Remedy) -> float:
-            return max(self._recovered(pair.name, scope) for scope in self.scopes)
+        """Those that restore in the search, the smallest first, before those that come near."""
 
-        return sorted(pairs, key=most, reverse=True)[:PAIRS]
+        def rank(pair: Remedy) -> tuple[bool, int, float]:
+            most = max(self._recovered(pair.name, scope) for scope in self.scopes)
+            return most < self.part, len(pair.steps), -most
+
+        return sorted(pairs, key=rank)[:PAIRS]
 
     # -- what is known
 

@@ -145,8 +145,17 @@ def _tried(
 def _least(tried: Sequence[Tried]) -> list[Tried]:
     """What restores and contains nothing else that does."""
     restoring = [one for one in tried if one.restores]
-    names = {one.remedy.name for one in restoring}
-    return [one for one in restoring if not one.remedy.contains & names]
+    return [
+        one
+        for one in restoring
+        if not any(_is_within(other.remedy, one.remedy) for other in restoring)
+    ]
+
+
+def _is_within(part: Remedy, whole: Remedy) -> bool:
+    """A remedy makes up for another, or a pair for all that another pair does and for more."""
+    is_pair = "+" in part.label and "+" in whole.label
+    return part.name in whole.contains or (is_pair and part.contains < whole.contains)
 
 
 def _beats_its_parts(pair: Tried, arms: Mapping[Remedy, Successes], rng: Generator) -> bool:
