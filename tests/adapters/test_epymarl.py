@@ -288,7 +288,7 @@ def test_registry_calls_it_as_it_calls_gymma(monkeypatch: pytest.MonkeyPatch) ->
     assert env.get_env_info()["episode_limit"] == 7
     assert len(played(env)) == 7
     with pytest.raises(SpecError, match="EPyMARL's own"):
-        gymma("two_robot_line", pretrained_wrapper="PretrainedTag")  # type: ignore[arg-type]
+        gymma("two_robot_line", pretrained_wrapper="PretrainedTag")  # type: ignore[arg-type]  # refused on purpose
 
 
 class Shifted:

@@ -135,6 +135,8 @@ def test_twins_replay_and_another_experiment_is_refused(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "diagnosis.json").read_text()) == found.to_json()
     with pytest.raises(BundleError, match="outcomes of another experiment"):
         plainly(evidence, out=tmp_path, seed=5)
+    with pytest.raises(BundleError, match="outcomes of another experiment"):
+        plainly(evidence, out=tmp_path, policies={"*": "greedy"})
 
 
 def test_code_that_evidence_names_is_not_run_unasked(tmp_path: Path) -> None:

@@ -108,6 +108,17 @@ JsonOption: TypeAlias = Annotated[
 QuietOption: TypeAlias = Annotated[
     bool, typer.Option("--quiet", "-q", help="No progress and no notes on stderr.")
 ]
+ReopenOption: TypeAlias = Annotated[
+    str | None,
+    typer.Option("--env", metavar="ENV", help="Open this in place of what the evidence names."),
+]
+ImportOption: TypeAlias = Annotated[
+    bool,
+    typer.Option(
+        "--allow-import",
+        help="Run code that the evidence names: a file, or a module that isn't installed.",
+    ),
+]
 WorkersOption: TypeAlias = Annotated[
     int, typer.Option("--workers", metavar="N", min=1, help="Processes that work side by side.")
 ]

@@ -9,7 +9,9 @@ import typer
 from gamekeeper.cli._options import (
     SILENCE_S,
     ContractOption,
+    ImportOption,
     PolicyOption,
+    ReopenOption,
     RunArgument,
     SeedOption,
     TimeoutOption,
@@ -40,17 +42,6 @@ PapersOption = Annotated[
         "--papers", metavar="N", min=0, help="Episodes that are looked into action by action."
     ),
 ]
-EnvOption = Annotated[
-    str | None,
-    typer.Option("--env", metavar="ENV", help="Open this in place of what the evidence names."),
-]
-ImportOption = Annotated[
-    bool,
-    typer.Option(
-        "--allow-import",
-        help="Run code that the evidence names: a file, or a module that isn't installed.",
-    ),
-]
 
 
 def command(
@@ -61,7 +52,7 @@ def command(
     papers: PapersOption = PAPERS,
     contract: ContractOption = None,
     policy: PolicyOption = None,
-    env: EnvOption = None,
+    env: ReopenOption = None,
     seed: SeedOption = 0,
     workers: WorkersOption = 1,
     allow_import: ImportOption = False,

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from gamekeeper.cli._options import SILENCE_S, PolicyOption, RunArgument, SeedOption, TimeoutOption
+from gamekeeper.cli._options import (
+    SILENCE_S,
+    ImportOption,
+    PolicyOption,
+    ReopenOption,
+    RunArgument,
+    SeedOption,
+    TimeoutOption,
+)
 from gamekeeper.cli._screen import Answer, Screen
 
 if TYPE_CHECKING:
@@ -31,10 +39,6 @@ FailedOption = Annotated[
 ContractOption = Annotated[
     Path | None,
     typer.Option("--contract", metavar="FILE", help="In place of the one it was recorded under."),
-]
-EnvOption = Annotated[
-    str | None,
-    typer.Option("--env", metavar="ENV", help="Open this in place of what the evidence names."),
 ]
 LevelOption = Annotated[
     float,
@@ -90,14 +94,6 @@ ShrinkOption = Annotated[
         help="Only cuts failing episode N down to the fewest turns and actions that still fail.",
     ),
 ]  # fmt: skip
-ImportOption = Annotated[
-    bool,
-    typer.Option(
-        "--allow-import",
-        help="Run code that the evidence names: a file, a policy, or a module that isn't "
-        "installed.",
-    ),
-]
 
 
 def command(
@@ -105,7 +101,7 @@ def command(
     run: RunArgument,
     failed: FailedOption = None,
     contract: ContractOption = None,
-    env: EnvOption = None,
+    env: ReopenOption = None,
     policy: PolicyOption = None,
     level: LevelOption = LEVEL,
     part: PartOption = PART,

@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from gamekeeper.cli._options import SILENCE_S, RunArgument, TimeoutOption, ToleranceOption
+from gamekeeper.cli._options import (
+    SILENCE_S,
+    ImportOption,
+    ReopenOption,
+    RunArgument,
+    TimeoutOption,
+    ToleranceOption,
+)
 from gamekeeper.cli._screen import Answer, Screen
 
 if TYPE_CHECKING:
@@ -20,17 +27,6 @@ SAME_VERSIONS: Final = "The versions are those of the recording."
 PoliciesOption = Annotated[
     bool, typer.Option("--policies", help="Let the recorded policies choose again.")
 ]
-EnvOption = Annotated[
-    str | None,
-    typer.Option("--env", metavar="ENV", help="Open this in place of what the evidence names."),
-]
-ImportOption = Annotated[
-    bool,
-    typer.Option(
-        "--allow-import",
-        help="Run code that the evidence names: a file, or a module that isn't installed.",
-    ),
-]
 
 
 def command(
@@ -38,7 +34,7 @@ def command(
     run: RunArgument,
     tolerance: ToleranceOption = None,
     policies: PoliciesOption = False,
-    env: EnvOption = None,
+    env: ReopenOption = None,
     allow_import: ImportOption = False,
     timeout: TimeoutOption = SILENCE_S,
 ) -> Answer:

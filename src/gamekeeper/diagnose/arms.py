@@ -8,18 +8,17 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
-from threading import Event, Lock
+from threading import Lock
 from typing import Any, Final
 
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.outcome import Outcome
 from gamekeeper.diagnose.setup import Setup
+from gamekeeper.diagnose.shares import play_shares
 from gamekeeper.diagnose.stage import Stage
-from gamekeeper.errors import BundleError, EnvError, SpecError
-from gamekeeper.run.workers import run_task
+from gamekeeper.errors import BundleError, SpecError
 
 TASK: Final = "gamekeeper.diagnose.arms:arms_task"
 SILENCE_S: Final = 60.0
@@ -114,7 +113,7 @@ class Lab:
 
     def _play_apart(self, wanted: Any, total: int) -> None:
         """Each worker plays every so manieth episode of each arm."""
-        stop, done = Event(), [0]
+        done = [0]
 
         def take(fields: dict[str, Any]) -> None:
             if "outcome" in fields:
@@ -126,12 +125,6 @@ class Lab:
             elif "broken" in fields:
                 self.broken[fields["arm"]] = fields["broken"]
 
-        def work(share: list[dict[str, Any]]) -> Any:
-            arguments: Any = {"orders": share, "contract": self.contract.to_json()}
-            return run_task(
-                TASK, arguments, silence_s=self.silence_s, on_message=take, stop=stop
-            )  # fmt: skip
-
         shares = [
             [
                 {"arm": order.arm, "setup": order.setup.to_json(), "run_seed": order.run_seed,
@@ -140,22 +133,14 @@ class Lab:
             ]
             for place in range(self.workers)
         ]  # fmt: skip
-        with ThreadPoolExecutor(self.workers) as pool:
-            try:
-                ends = list(pool.map(work, shares))
-            except BaseException:
-                stop.set()
-                raise
-        for end in ends:
-            if end.status == "interrupted":
-                raise KeyboardInterrupt
-            if end.status != "done":
-                raise EnvError(
-                    f"a worker process {end.status} while it played",
-                    where=", ".join(dict.fromkeys(order.arm for order, _ in wanted))[:300],
-                    seen=str(end.error),
-                    mend="what was played is kept; run the same command again to go on",
-                )
+        play_shares(
+            TASK,
+            [{"orders": share, "contract": self.contract.to_json()} for share in shares],
+            take,
+            silence_s=self.silence_s,
+            where=", ".join(dict.fromkeys(order.arm for order, _ in wanted))[:300],
+            mend="what was played is kept; run the same command again to go on",
+        )
 
     def _take(self, key: Key, outcome: Outcome) -> None:
         with self._lock:

@@ -21,11 +21,10 @@ from gamekeeper.diagnose.diagnosis import AgentDiagnosis, Diagnosis, Parting, Te
 from gamekeeper.diagnose.experiment import SHAM, Experiment
 from gamekeeper.diagnose.judge import LEVEL, PART, Finding, Tried
 from gamekeeper.diagnose.remedies import Remedy, remedies_of
-from gamekeeper.diagnose.setup import Setup, setup_of
+from gamekeeper.diagnose.setup import contract_of, setup_of
 from gamekeeper.diagnose.stage import Seen, Stage, seen_of
 from gamekeeper.diagnose.stress import EVERYBODY, Stressor, effects, stressors_of
 from gamekeeper.diagnose.twins import keep, partings
-from gamekeeper.game.contract_file import load_contract
 from gamekeeper.record.bundle import load
 from gamekeeper.run.change import changes
 
@@ -86,13 +85,13 @@ def diagnose(
         BundleError: there is no bundle, or another experiment lies in `out`.
     """
     evidence = run if isinstance(run, Evidence) else load(run)
-    declared = _contract(contract, evidence)
+    declared = contract_of(evidence, contract)
     conditions = failures(declared, failed)
     setup = setup_of(evidence, env=env, policies=policies, allow_import=allow_import)
     folder = None if out is None else Path(out)
     kinds = {name: kind for name, kind in changes().items() if kind.kind == "stressor"}
     with Stage(setup, declared) as stage:
-        seen = seen_of(stage, kinds)
+        seen, played = seen_of(stage, kinds), _played(stage)
     remedies = remedies_of(
         setup, declared, seen.agents, has_reference=seen.has_reference, settings=seen.settings,
         layers=seen.layers, resettable=seen.resettable,
@@ -100,7 +99,7 @@ def diagnose(
     lab = Lab(
         declared, workers=workers, on_message=on_message, silence_s=timeout_s,
         notes=None if folder is None else folder / NOTES,
-        head={"run": evidence.fingerprint, "seed": seed, "setup": _shown(setup)},
+        head={"run": evidence.fingerprint, "seed": seed, **played},
     )  # fmt: skip
     experiment = Experiment(
         setup, remedies, declared, conditions, lab, level, part, budget, seed,
@@ -114,15 +113,14 @@ def diagnose(
     return diagnosis
 
 
-def _contract(contract: Any, evidence: Evidence) -> Contract:
-    if contract is None:
-        return evidence.contract
-    return contract if isinstance(contract, Contract) else load_contract(contract)
-
-
-def _shown(setup: Setup) -> Any:
-    """What tells experiments apart; objects of this process by their names."""
-    return json.loads(json.dumps([setup.kwargs, setup.policies, setup.options], default=repr))
+def _played(stage: Stage) -> dict[str, Any]:
+    """What tells experiments apart: source, arguments and policies of what is played."""
+    identity = stage.opened.identity
+    kept = ("entry_point", "api", "kwargs", "source_digest", "versions")
+    plain = {key: identity.get(key) for key in kept}
+    plain |= {"options": list(stage.setup.options), "policies": json.loads(stage.described)}
+    found: dict[str, Any] = json.loads(json.dumps(plain, default=repr))
+    return found
 
 
 def _diagnosis(

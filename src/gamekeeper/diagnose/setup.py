@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from os import PathLike
 from typing import Any, Final
 
 from gamekeeper.core.canon import from_json, is_exact, to_json
@@ -12,6 +13,7 @@ from gamekeeper.core.contract import Contract
 from gamekeeper.core.evidence import Evidence
 from gamekeeper.core.layout import role as role_in_name
 from gamekeeper.errors import EvidenceError, TrustError
+from gamekeeper.game.contract_file import load_contract
 from gamekeeper.game.open import distrust
 from gamekeeper.game.opening.identity import spec_of
 from gamekeeper.game.policy import distrust_policy
@@ -137,9 +139,11 @@ def setup_of(
     )
 
 
-def contract_of(evidence: Evidence, contract: Contract | None) -> Contract:
-    """The contract to go by: the one that is given, else the one of the recording."""
-    return evidence.contract if contract is None else contract
+def contract_of(evidence: Evidence, contract: Contract | str | PathLike[str] | None) -> Contract:
+    """The contract to go by: the one that is given, a path is read, else the recording's."""
+    if contract is None:
+        return evidence.contract
+    return contract if isinstance(contract, Contract) else load_contract(contract)
 
 
 def _named_policies(evidence: Evidence) -> dict[str, str]:

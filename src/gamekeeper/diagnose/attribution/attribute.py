@@ -32,9 +32,8 @@ from gamekeeper.diagnose.attribution.penalties import penalties
 from gamekeeper.diagnose.attribution.shares import own_rewards
 from gamekeeper.diagnose.attribution.talk import talk
 from gamekeeper.diagnose.experiment import fresh_seed
-from gamekeeper.diagnose.setup import Setup, setup_of
+from gamekeeper.diagnose.setup import Setup, contract_of, setup_of
 from gamekeeper.errors import EvidenceError
-from gamekeeper.game.contract_file import load_contract
 from gamekeeper.record.bundle import load
 
 FRESH: Final = 50
@@ -90,7 +89,7 @@ def attribute(
         BundleError: there is no bundle.
     """
     evidence = run if isinstance(run, Evidence) else load(run)
-    declared = evidence.contract if contract is None else _read(contract)
+    declared = contract_of(evidence, contract)
     setup = _setup(evidence, env=env, policies=policies, allow_import=allow_import)
     traces = [t for t in evidence.traces if t.header.get("end") in CAN_BE_PLAYED]
     there = _players(traces, evidence)
@@ -111,10 +110,6 @@ def attribute(
         on_message=on_message,
     )  # fmt: skip
     return _attributed(evidence, task, found, roles, baseline)
-
-
-def _read(contract: Contract | str | PathLike[str]) -> Contract:
-    return contract if isinstance(contract, Contract) else load_contract(contract)
 
 
 def _setup(evidence: Evidence, **given: Any) -> Setup:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from threading import Event, Lock
+from threading import Lock
 from typing import Any, Final
 
 import numpy as np
@@ -15,8 +14,7 @@ from gamekeeper.diagnose.attribution.coalitions import wanted
 from gamekeeper.diagnose.attribution.film import Paper
 from gamekeeper.diagnose.attribution.messages import listened, said
 from gamekeeper.diagnose.attribution.scan import scan
-from gamekeeper.errors import EnvError
-from gamekeeper.run.workers import run_task
+from gamekeeper.diagnose.shares import play_shares
 
 TASK: Final = "gamekeeper.diagnose.attribution.gather:share_task"
 SILENCE_S: Final = 60.0
@@ -140,32 +138,19 @@ def _apart(
     take: Callable[[Mapping[str, Any]], None],
 ) -> None:
     """Each worker plays every so manieth episode."""
-    stop, plain, written = Event(), task.to_json(), [paper_to_json(each) for each in papers]
-
-    def work(place: int) -> Any:
-        share: dict[str, Any] = {
+    plain, written = task.to_json(), [paper_to_json(each) for each in papers]
+    shares = [
+        {
             "task": plain, "papers": written[place::workers],
             "closed": list(range(place, closed, workers)),
             "fresh": list(range(workers - 1 - place, fresh, workers)),
-        }  # fmt: skip
-        return run_task(TASK, share, silence_s=silence_s, on_message=take, stop=stop)
-
-    with ThreadPoolExecutor(workers) as pool:
-        try:
-            ends = list(pool.map(work, range(workers)))
-        except BaseException:
-            stop.set()
-            raise
-    for end in ends:
-        if end.status == "interrupted":
-            raise KeyboardInterrupt
-        if end.status != "done":
-            raise EnvError(
-                f"a worker process {end.status} while it played",
-                where="attribution",
-                seen=str(end.error),
-                mend="workers=0 plays in this process and shows where",
-            )
+        }
+        for place in range(workers)
+    ]  # fmt: skip
+    play_shares(
+        TASK, shares, take, silence_s=silence_s, where="attribution",
+        mend="workers=0 plays in this process and shows where",
+    )  # fmt: skip
 
 
 def share_task(
