@@ -14,7 +14,7 @@ from gamekeeper.audit.front import audit_task
 from gamekeeper.cli._audit import audit_code, sarif_of, shares_of
 from gamekeeper.cli._checks import needs_contract, specimens
 from gamekeeper.cli.audit import BUDGET, SILENCE_S
-from gamekeeper.run.workers import Outcome
+from gamekeeper.run.watch import Outcome
 from tests.cli.lines import LINE, document, said
 from tests.report.audits import audit, mixed, verdict
 

@@ -11,7 +11,7 @@ from gamekeeper.game.open import open_env
 from gamekeeper.record import cause
 from gamekeeper.record.recording import record
 from gamekeeper.record.replay import replay
-from gamekeeper.run.workers import Outcome
+from gamekeeper.run.watch import Outcome
 from tests.record.plays import played, step_through, write_env
 
 HASHES = ("self.rng.normal(size=3)", "np.array([hash(agent) % 97] * 3, float)")

@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamekeeper.run.stacks import place
+from gamekeeper.run.watch import Outcome
 from gamekeeper.run.worker_process import WorkerProcess
-from gamekeeper.run.workers import Outcome, run_task
+from gamekeeper.run.workers import run_task
 
 
 def run(name: str, arguments: dict[str, Any] | None = None, **options: Any) -> Outcome:

@@ -16,7 +16,8 @@ import pytest
 
 from gamekeeper.errors import GamekeeperError
 from gamekeeper.run import workers
-from gamekeeper.run.workers import Outcome, run_task
+from gamekeeper.run.watch import Outcome
+from gamekeeper.run.workers import run_task
 
 PATIENCE_S = 30.0
 

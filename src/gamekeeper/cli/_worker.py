@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from gamekeeper.cli._options import json_object
 from gamekeeper.errors import BundleError, EnvError, GamekeeperError
-from gamekeeper.run.workers import Outcome, run_task
+from gamekeeper.run.watch import Outcome
+from gamekeeper.run.workers import run_task
 
 if TYPE_CHECKING:
     from gamekeeper.core.evidence import Evidence

@@ -8,7 +8,8 @@ from threading import Event
 from typing import Any
 
 from gamekeeper.errors import EnvError
-from gamekeeper.run.workers import Outcome, run_task
+from gamekeeper.run.watch import Outcome
+from gamekeeper.run.workers import run_task
 
 
 def play_shares(

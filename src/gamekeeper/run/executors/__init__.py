@@ -1,0 +1,1 @@
+"""Executors: what plays many tasks, on this machine or on many, behind one `map`."""

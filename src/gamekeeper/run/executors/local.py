@@ -1,0 +1,133 @@
+"""Tasks played by processes on this machine."""
+
+from __future__ import annotations
+
+import os
+import queue
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, Final
+
+from gamekeeper.run.executors.task import USUAL, Done, Limits, OnReport, Task
+from gamekeeper.run.executors.worker import StayingWorker
+
+_PATIENCE_S: Final = 0.2
+"""How long the caller's thread waits at a time, so that Ctrl-C gets through, in seconds."""
+
+
+class LocalExecutor:
+    """Plays tasks in `workers` processes, each of which plays one task after the other.
+
+    Args:
+        workers: how many processes; None: one for each core that this process may use.
+    """
+
+    def __init__(self, workers: int | None = None) -> None:
+        self._workers = workers or len(os.sched_getaffinity(0))
+
+    @property
+    def workers(self) -> int:
+        """How many tasks are played at a time."""
+        return self._workers
+
+    def map(
+        self,
+        tasks: Iterable[Task],
+        *,
+        limits: Limits = USUAL,
+        on_report: OnReport | None = None,
+    ) -> Iterator[Done]:
+        """Yields each task as it ends; see `Executor.map`.
+
+        Raises:
+            GamekeeperError: no process can be started here.
+        """
+        run = _Run(iter(tasks), limits, on_report, self._workers)
+        threads = [
+            threading.Thread(target=run.work, name=f"gamekeeper-worker-{place}", daemon=True)
+            for place in range(self._workers)
+        ]
+        for thread in threads:
+            thread.start()
+        left = len(threads)
+        try:
+            while left:
+                try:
+                    ended = run.ended.get(timeout=_PATIENCE_S)
+                except queue.Empty:
+                    continue
+                if ended is None:
+                    left -= 1
+                elif isinstance(ended, BaseException):
+                    raise ended
+                else:
+                    yield ended
+        finally:
+            run.stop.set()
+            run.drain(threads)
+
+
+class _Run:
+    """What the threads of one `map` share."""
+
+    def __init__(
+        self, tasks: Iterator[Task], limits: Limits, on_report: OnReport | None, workers: int
+    ) -> None:
+        self.stop = threading.Event()
+        self.ended: queue.Queue[Done | BaseException | None] = queue.Queue(2 * workers)
+        self._tasks, self._limits, self._on_report = tasks, limits, on_report
+        self._drawing, self._reporting = threading.Lock(), threading.Lock()
+
+    def work(self) -> None:
+        """Plays tasks until there are no more, or all are to stop."""
+        worker = StayingWorker()
+        try:
+            while (task := self._next()) is not None:
+                done = self._played(worker, task)
+                if self.stop.is_set():
+                    break
+                self.ended.put(done)
+        except BaseException as error:
+            self.ended.put(error)
+        finally:
+            worker.close()
+            self.ended.put(None)
+
+    def _next(self) -> Task | None:
+        with self._drawing:
+            return None if self.stop.is_set() else next(self._tasks, None)
+
+    def _played(self, worker: StayingWorker, task: Task) -> Done:
+        return played(worker, task, self._limits, self._taker(task.key), self.stop)
+
+    def _taker(self, key: str) -> Callable[[dict[str, Any]], None]:
+        def take(fields: dict[str, Any]) -> None:
+            if self._on_report is not None:
+                with self._reporting:
+                    self._on_report(key, fields)
+
+        return take
+
+    def drain(self, threads: list[threading.Thread]) -> None:
+        """Waits for the threads, which may want to hand something over yet."""
+        while any(thread.is_alive() for thread in threads):
+            try:
+                self.ended.get(timeout=_PATIENCE_S)
+            except queue.Empty:
+                continue
+
+
+def played(
+    worker: StayingWorker,
+    task: Task,
+    limits: Limits,
+    on_report: Callable[[dict[str, Any]], None],
+    stop: threading.Event,
+) -> Done:
+    """How a task ended, tried again where its process died."""
+    attempt = 0
+    while True:
+        attempt += 1
+        outcome = worker.play(task, limits=limits, on_report=on_report, stop=stop)
+        if outcome.status != "died" or attempt >= limits.attempts or stop.is_set():
+            return Done(task.key, outcome, attempt)
