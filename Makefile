@@ -61,7 +61,7 @@ format: $(VENV)/test.stamp
 lock:
 	@command -v uv >/dev/null || { echo "make lock needs uv: pip install uv" >&2; exit 1; }
 	$(LOCK) $(UPGRADE) --extra fast pyproject.toml requirements/base.in -o requirements/base.txt
-	$(LOCK) $(UPGRADE) --extra fast --extra frames --extra query pyproject.toml requirements/base.in requirements/test.in -o requirements/test.txt
+	$(LOCK) $(UPGRADE) --extra fast --extra frames --extra query --extra video pyproject.toml requirements/base.in requirements/test.in -o requirements/test.txt
 	@set -e; for asked in requirements/trainers/*.in; do trainer=$$(basename $$asked .in); echo "locking $$trainer"; \
 		$(LOCK) $(UPGRADE) --extra fast --extra $$trainer pyproject.toml requirements/base.in $$asked -o requirements/trainers/$$trainer.txt; done
 
