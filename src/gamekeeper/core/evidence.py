@@ -18,7 +18,7 @@ from gamekeeper.core.layout import Layout, spaces_json
 from gamekeeper.core.press import EPISODES
 from gamekeeper.core.space import Codec, UnknownSpace, space_from_json, space_to_json
 from gamekeeper.core.summary import Summary, summarise
-from gamekeeper.core.tables import Tables
+from gamekeeper.core.tables import Tables, episode_rows
 from gamekeeper.core.trace import Spaces, Trace
 
 NO_STEPS: Final = pa.schema(  # of a run that ended before its first row: what every run has
@@ -38,6 +38,9 @@ NO_STEPS: Final = pa.schema(  # of a run that ended before its first row: what e
         ("odd", pa.string()),
     ]
 )
+HEADERS: Final = 1_024
+"""Rows of `episodes` that are made into headers at a time."""
+MOST_EPISODES: Final = 2**31 - 1  # the numbers that the column `episode` holds
 IDENTITY: Final = (
     "api",
     "kwargs",
@@ -105,8 +108,9 @@ class Evidence:
     @property
     def traces(self) -> Iterator[Trace]:
         """The episodes as traces, in their order."""
-        for header in self.episodes.to_pylist():
-            yield self.trace_of(header)
+        for batch in self.episodes.to_batches(max_chunksize=HEADERS):
+            for header in batch.to_pylist():
+                yield self.trace_of(header)
 
     def trace(self, episode: int) -> Trace:
         """The trace of one episode.
@@ -114,10 +118,10 @@ class Evidence:
         Raises:
             KeyError: there is no such episode.
         """
-        for header in self.episodes.to_pylist():
-            if header["episode"] == episode:
-                return self.trace_of(header)
-        raise KeyError(episode)
+        rows = episode_rows(self.episodes, episode) if 0 <= episode < MOST_EPISODES else None
+        if rows is None or not rows.num_rows:
+            raise KeyError(episode)
+        return self.trace_of(rows.slice(0, 1).to_pylist()[0])
 
     def trace_of(self, header: Mapping[str, Any]) -> Trace:
         """The trace of the episode that has this row in `episodes`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Protocol
@@ -43,9 +44,25 @@ class MemoryTables:
 
 
 def episode_rows(table: pa.Table, episode: int) -> pa.Table:
-    """The rows of one episode of a table that is sorted by episode."""
-    first, last = np.searchsorted(table["episode"].to_numpy(), [episode, episode + 1])
-    return table.slice(int(first), int(last - first))
+    """The rows of one episode of a table that is sorted by episode, without a copy of any.
+
+    A recording that is still open has a chunk for each flush, thousands of them: only the chunks in
+    which the episode begins and ends are looked at.
+    """
+    first, last = (_rows_below(table["episode"], number) for number in (episode, episode + 1))
+    return table.slice(first, last - first)
+
+
+def _rows_below(keys: pa.ChunkedArray, bound: int) -> int:
+    """How many of the sorted `keys` are less than `bound`."""
+    chunks = [chunk for chunk in keys.chunks if len(chunk)]
+    place = bisect_left(chunks, bound, key=lambda chunk: chunk[-1].as_py())
+    before = sum(map(len, chunks[:place]))
+    if place == len(chunks):
+        return before
+    # Keys of Python's own integers would have numpy turn the whole chunk into 64 bits first.
+    values = chunks[place].to_numpy(zero_copy_only=False)
+    return before + int(values.searchsorted(np.asarray(bound, values.dtype)))
 
 
 def kind_of(column: str) -> str:
