@@ -1,0 +1,1 @@
+"""Statistics of evaluation: estimates, and intervals that cover as they say or are refused."""
