@@ -30,6 +30,7 @@ class Outcome:
         endings: the reason why an agent ended, else `terminated`, `truncated`, or `cut`.
         infos: numbers and truth values that an agent was told last.
         seen: the turn at which it was told them.
+        flags: `terminated`, `truncated` or `cut`, whatever the reason is called.
         is_over: the episode ended by itself.
         error: the exception that broke it off.
     """
@@ -41,6 +42,7 @@ class Outcome:
     endings: Mapping[str, str] = field(default_factory=dict)
     infos: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     seen: Mapping[str, int] = field(default_factory=dict)
+    flags: Mapping[str, str] = field(default_factory=dict)
     is_over: bool = True
     error: str | None = None
 
@@ -56,7 +58,8 @@ class Outcome:
             "terms": {agent: dict(terms) for agent, terms in self.terms.items()},
             "endings": dict(self.endings),
             "infos": {agent: dict(info) for agent, info in self.infos.items()},
-            "seen": dict(self.seen), "is_over": self.is_over, "error": self.error,
+            "seen": dict(self.seen), "flags": dict(self.flags), "is_over": self.is_over,
+            "error": self.error,
         }  # fmt: skip
 
     @classmethod
@@ -105,6 +108,7 @@ def outcome_of(trace: Trace) -> Outcome:
     return Outcome(
         seed=trace.seed, turns=acted, returns=returns, terms=terms, infos=infos, seen=seen,
         endings={agent: str(named.get(agent) or endings.get(agent, "cut")) for agent in returns},
+        flags={agent: endings.get(agent, "cut") for agent in returns},
         is_over=end == "ended", error=trace.header.get("error"),
     )  # fmt: skip
 

@@ -93,6 +93,7 @@ class _Count:
             endings={str(agent): end for agent, end in ends.items()},
             infos={str(agent): numbers for agent, numbers in infos.items()},
             seen={str(agent): self.seen[agent] for agent in infos},
+            flags={str(agent): self.ended.get(agent, "cut") for agent in self.returns},
             is_over=is_over,
             error=error,
         )
