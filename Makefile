@@ -13,13 +13,14 @@ SOURCES := $(wildcard src tests examples benchmarks)
 LOCK := uv pip compile --quiet --generate-hashes --no-emit-index-url --universal --fork-strategy fewest --python-version 3.11
 DEMO := warehouse --policy reference
 
-.PHONY: help demo test trainer-test check format-check lint types format lock clean moved
+.PHONY: help demo test trainer-test docs check format-check lint types format lock clean moved
 .DELETE_ON_ERROR:
 
 help:
 	@echo "make demo     set up, then record and replay the warehouse task; evidence in runs/demo"
 	@echo "make test     set up, then run the tests (ARGS='-k replay' hands arguments to pytest)"
 	@echo "make trainer-test TRAINER=sb3   the tests of one trainer's adapter, in an environment of its own, $(VENV)-sb3"
+	@echo "make docs     build the pages into build/docs, strictly"
 	@echo "make check    what must hold before a commit: format, lint, types, tests (docs drift and layers are among them)"
 	@echo "make format   reformat the sources, mend what ruff can mend"
 	@echo "make lock     compile requirements/*.txt again (needs uv; UPGRADE=--upgrade for newer versions)"
@@ -44,6 +45,11 @@ $(VENV)/trainer.stamp: $(VENV)/home.stamp requirements/trainers/$(TRAINER).txt p
 	@touch $@
 
 check: format-check lint types test
+
+# Strictly: a page that nobody links to, a name that isn't there or a heading out of place fails.
+docs: $(VENV)/test.stamp
+	$(RUN) sphinx -W --keep-going -q -b html docs build/docs
+	@echo "build/docs/index.html"
 
 format-check: $(VENV)/test.stamp
 	$(RUN) ruff format --check $(SOURCES)

@@ -1,0 +1,55 @@
+"""Reference pages say what the code says: `python -m gamekeeper.cli._reference docs/reference`."""
+
+import inspect
+import re
+
+import pytest
+
+import gamekeeper
+from gamekeeper import errors
+from gamekeeper.cli._app import commands
+from gamekeeper.cli._reference import pages
+from tests.surface.sources import ROOT
+
+FOLDER = ROOT / "docs" / "reference"
+API = (FOLDER / "api.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("name", sorted(pages()))
+def test_page_is_the_one_that_is_written(name: str) -> None:
+    """Commands, options and errors are those of the source."""
+    assert (FOLDER / name).read_text(encoding="utf-8") == pages()[name]
+
+
+def test_every_command_has_its_section() -> None:
+    """No command is left out, none stands there that isn't one."""
+    headings = re.findall(r"^## (\S+)$", pages()["commands.md"], flags=re.M)
+    assert headings == [name for name, _ in commands()]
+
+
+def test_every_error_has_its_row() -> None:
+    """Each class of the tree of errors has a row."""
+    kinds = [
+        name
+        for name, thing in vars(errors).items()
+        if inspect.isclass(thing) and issubclass(thing, errors.GamekeeperError)
+    ]
+    assert [name for name in kinds if f"`{name}` |" not in pages()["errors.md"]] == []
+
+
+def test_every_public_name_is_documented() -> None:
+    """Every name of `gamekeeper.__all__` has its directive on the page of the API."""
+    rooms = {"vector"}  # documented by what is in it
+    named = set(re.findall(r"^```{auto(?:function|class)} gamekeeper\.(\w+)$", API, flags=re.M))
+    assert set(gamekeeper.__all__) - rooms - named == set()
+
+
+def test_every_documented_name_is_there() -> None:
+    """Every directive on the page of the API names something that can be imported."""
+    for path in re.findall(r"^```{auto\w+} (gamekeeper[\w.]*)$", API, flags=re.M):
+        thing: object = gamekeeper
+        for part in path.split(".")[1:]:
+            thing = getattr(thing, part, None) or __import__(
+                path.rpartition(".")[0], fromlist=[part]
+            )
+        assert thing is not None, path
