@@ -13,7 +13,7 @@ sys.path.insert(0, str(HERE.parent / "src"))
 
 project = "Gamekeeper"
 author = "The Gamekeeper authors"
-copyright = "the Gamekeeper authors; MIT licence"  # noqa: A001  # Sphinx names it so
+copyright = "the Gamekeeper authors; MIT licence"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.intersphinx"]
 exclude_patterns = ["_build"]
 html_theme = "furo"
