@@ -1,0 +1,1 @@
+"""`gamekeeper view`: recorded runs, served to a browser on this machine."""

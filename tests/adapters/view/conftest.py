@@ -1,0 +1,27 @@
+"""A run that several tests look at, and a visitor of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from gamekeeper.adapters.view.view import View
+from gamekeeper.record.recording import rollout
+from tests.adapters.view.visiting import Visitor
+
+
+@pytest.fixture(scope="session")
+def line(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Four episodes of the two robots on a line."""
+    run = tmp_path_factory.mktemp("view") / "line"
+    rollout("two_robot_line", episodes=4, out=run)
+    return run
+
+
+@pytest.fixture(scope="session")
+def visitor(line: Path) -> Iterator[Visitor]:
+    """Visits a view of that run."""
+    with View([line]) as view:
+        yield Visitor(view)
