@@ -26,10 +26,11 @@ def live_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
 
         def take(fields: dict[str, Any]) -> None:
             known.update(fields)
+            done, of = ("merged", "parts") if "merged" in known else ("episode", "episodes")
             progress.update(
                 task,
-                total=known.get("episodes") if "episode" in known else None,  # None: it pulses
-                completed=known.get("episode", 0),
+                total=known.get(of) if done in known else None,  # None: it pulses
+                completed=known.get(done, 0),
                 said=_said(known),
             )
 
@@ -37,6 +38,8 @@ def live_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
 
 
 def _said(known: dict[str, Any]) -> str:
+    if "merged" in known:
+        return f"merging: {known['merged']:,} of {known['parts']:,} parts"
     said = []
     if "episode" in known and "episodes" in known:
         said.append(f"{known['episode']:,} of {known['episodes']:,} episodes")

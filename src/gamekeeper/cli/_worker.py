@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,33 +11,31 @@ from typing import TYPE_CHECKING, Any, Final
 
 from gamekeeper.cli._options import json_object
 from gamekeeper.errors import BundleError, EnvError, GamekeeperError
+from gamekeeper.record.parts.plan import PLAN, Plan, parts_folder
+from gamekeeper.record.told import WorkerFault, error_in
 from gamekeeper.run.watch import Outcome
 from gamekeeper.run.workers import run_task
 
 if TYPE_CHECKING:
     from gamekeeper.core.evidence import Evidence
 
+__all__ = [
+    "MEGABYTE",
+    "Plan",
+    "Recorded",
+    "WorkerFault",
+    "error_in",
+    "evidence_folder",
+    "name_of",
+    "plan_of",
+    "record_in_worker",
+]
+
 RUNS: Final = Path("runs")
 """Where evidence goes that has no folder of its own."""
 MEGABYTE: Final = 1_000_000
 NAMELESS: Final = ("env.py", "environment.py", "__init__.py", "main.py")
 """Files that are called so in every package: the folder says which one it is."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
-    """What is to be recorded; the fields are the arguments of the recording task."""
-
-    spec: str
-    env_kwargs: Mapping[str, Any]
-    policies: Mapping[str, str]
-    episodes: int
-    seed: int
-    options: Mapping[str, Any] | None
-    level: str
-    frames: bool
-    most_turns: int | None
-    contract: str | None
 
 
 def plan_of(
@@ -122,44 +120,6 @@ def record_in_worker(
     return Recorded(evidence, error, is_interrupted)
 
 
-def error_in(outcome: Outcome) -> GamekeeperError | None:
-    """What went wrong in a worker that wasn't interrupted; None where nothing did.
-
-    Raises:
-        WorkerFault: the task itself is broken.
-    """
-    if outcome.status == "done" and isinstance(outcome.value, dict):
-        fields = outcome.value.get("error")
-        if fields is None:
-            return None
-        from gamekeeper.record.tasks import error_of
-
-        return error_of(fields)
-    if outcome.status == "died":
-        return EnvError(
-            "the environment ended its process",
-            seen=outcome.error or "",
-            mend="the evidence may lack its last 0.1 s; the stack, where Python could still tell "
-            "it, is in `gamekeeper show RUN --json`",
-        )
-    if outcome.status == "hung":
-        return EnvError(
-            "the environment hangs",
-            seen=outcome.error or "",
-            mend="allow it more time with --timeout, or mend what it waits for",
-        )
-    if outcome.status == "raised" and (outcome.error or "").startswith("KeyboardInterrupt"):
-        return EnvError(
-            "the environment raised KeyboardInterrupt, and nobody had interrupted it",
-            seen=outcome.traceback or "",
-        )
-    raise WorkerFault(outcome.traceback or outcome.error or outcome.status)
-
-
-class WorkerFault(Exception):  # noqa: N818  # not the user's error: a fault of ours in the worker
-    """A task of ours raised what it should have dealt with; its text is the traceback."""
-
-
 def _sealed(out: Path, outcome: Outcome, error: GamekeeperError | None) -> Evidence | None:
     """The evidence in `out`, sealed here where the worker didn't get that far."""
     from gamekeeper.record.bundle import load
@@ -183,21 +143,32 @@ def _sealed(out: Path, outcome: Outcome, error: GamekeeperError | None) -> Evide
     )
 
 
+def _has_no_parts(folder: Path) -> bool:
+    """Whether no recording by workers was begun for this folder."""
+    return not (parts_folder(folder) / PLAN).exists()
+
+
 @contextmanager
-def evidence_folder(out: Path | None, *, spec: str, is_renamed: bool = False) -> Iterator[Path]:
+def evidence_folder(
+    out: Path | None,
+    *,
+    spec: str,
+    is_renamed: bool = False,
+    is_free: Callable[[Path], bool] = _has_no_parts,
+) -> Iterator[Path]:
     """The folder that evidence will go to, taken away again if nothing came to lie in it.
 
     Args:
         out: as the user named it; None: the first free `runs/NAME-1`, `-2`, ...
         spec: gives the name.
         is_renamed: a folder that holds something already is left alone, and `out-2`, ... taken.
+        is_free: whether nobody else has begun something for a folder that nobody named.
     """
-    is_free = out is not None and not (is_renamed and _holds_something(out))
-    if out is not None and is_free:
+    if out is not None and not (is_renamed and _holds_something(out)):
         yield out
         return
     stem, first = (RUNS / name_of(spec), 1) if out is None else (out, 2)
-    folder = _numbered(stem, first)
+    folder = _numbered(stem, first, is_free)
     try:
         yield folder
     finally:
@@ -229,11 +200,14 @@ def _holds_something(folder: Path) -> bool:
         return folder.is_file()
 
 
-def _numbered(stem: Path, first: int) -> Path:
+def _numbered(stem: Path, first: int, is_free: Callable[[Path], bool]) -> Path:
     """The first free `stem-N`, made at once, so that two runs side by side get two."""
     number = first
     while True:
         folder = stem.with_name(f"{stem.name}-{number}")
+        if not is_free(folder):
+            number += 1
+            continue
         try:
             folder.mkdir(parents=True)
         except FileExistsError:

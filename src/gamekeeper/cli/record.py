@@ -5,6 +5,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Final
 
 from gamekeeper.cli._document import error_document
+from gamekeeper.cli._fan import (
+    ExecutorOption,
+    FanOption,
+    StorageOption,
+    free_for,
+    is_fanned,
+    record_by_workers,
+)
 from gamekeeper.cli._options import (
     EPISODES,
     SILENCE_S,
@@ -46,21 +54,32 @@ def command(
     most_turns: TurnsOption = None,
     timeout: TimeoutOption = SILENCE_S,
     memory: MemoryOption = None,
+    workers: FanOption = None,
+    executor: ExecutorOption = None,
+    storage: StorageOption = None,
 ) -> Answer:
     """Plays episodes and keeps them as evidence.
 
     The environment runs in a process of its own: if it raises, hangs or kills the process, what
     happened until then is sealed as failed, with the traceback, and the exit code is 1. Ctrl-C
-    seals too.
+    seals too. With --workers, --executor or --storage, ranges of episodes are played side by side
+    and merged; stopped, the same command goes on from what is whole.
     """
     plan = plan_of(
         env, policy=policy, episodes=episodes, seed=seed, level=level, frames=frames,
         contract=contract, kwargs=kwargs, options=options, most_turns=most_turns,
     )  # fmt: skip
-    with evidence_folder(out, spec=env) as folder, screen.progress("recording") as take:
-        recorded = record_in_worker(
-            plan, folder, silence_s=timeout, memory_mb=memory, on_message=take
-        )
+    if is_fanned(workers, executor, storage):
+        with evidence_folder(out, spec=env, is_free=free_for(plan, storage)) as folder:
+            recorded = record_by_workers(
+                screen, plan, folder, workers=workers, executor=executor, storage=storage,
+                silence_s=timeout, memory_mb=memory,
+            )  # fmt: skip
+    else:
+        with evidence_folder(out, spec=env) as folder, screen.progress("recording") as take:
+            recorded = record_in_worker(
+                plan, folder, silence_s=timeout, memory_mb=memory, on_message=take
+            )
     say_end(screen, recorded)
     show_recorded(screen, recorded.evidence)
     return Answer(record_document(recorded), exit_code(recorded))

@@ -76,6 +76,7 @@ def rollout(
     *,
     policies: Choices = "random",
     episodes: int = 20,
+    first: int = 0,
     seed: int = 0,
     out: str | PathLike[str] | None = None,
     level: str = "full",
@@ -84,6 +85,7 @@ def rollout(
     most_turns: int | None = None,
     frames: bool = False,
     env_kwargs: Mapping[str, Any] | None = None,
+    workers: int | None = None,
     after_turn: Callable[[], None] | None = None,
     after_episode: Callable[[int], None] | None = None,
     while_sealing: Callable[[], AbstractContextManager[object]] = nullcontext,
@@ -97,12 +99,16 @@ def rollout(
         policies: one for all (`random`, `first-legal`, `noop`, `module:callable`, a callable), or a
             dictionary by agent or role.
         episodes: how many.
+        first: number of the first one, where they are a part of a run.
         seed: of the run.
         out: the folder of a bundle; None keeps the evidence in memory.
         frames: also render() once a turn, into `frames/`; `render_mode` is chosen where it isn't
             among `env_kwargs`.
         most_turns: longer episodes are cut; None: 100,000.
-        after_turn: called after every turn.
+        workers: processes that play ranges of the episodes, each in a fresh environment; the
+            evidence is the same for any number. Needs `out`, and names where objects could be
+            given. None: this process plays.
+        after_turn: called after every turn; not by workers.
         after_episode: called after every episode with how many have been played.
         while_sealing: a context entered while the bundle is sealed and its seal is checked, which
             takes a while after a long run.
@@ -111,12 +117,21 @@ def rollout(
             sealed as *failed*.
         BundleError: the bundle can't be written.
         PolicyError: a policy can't be found, or gave no action.
-        EvidenceError: there is no episode to play.
+        EvidenceError: there is no episode to play, or an object can't go to workers.
     """
-    if episodes < 1:
+    if episodes < 1 or first < 0:
         raise EvidenceError(
-            "nothing is to be played", where="episodes", expected="at least 1", seen=str(episodes)
-        )
+            "nothing is to be played", where="episodes, first",
+            expected="at least 1 episode, from 0 on", seen=f"{episodes}, {first}",
+        )  # fmt: skip
+    if workers is not None:
+        from gamekeeper.record.parts.rollout import rollout_apart  # it plays by this function
+
+        return rollout_apart(
+            spec, out, workers=workers, policies=policies, episodes=episodes, first=first,
+            seed=seed, level=level, contract=contract, options=options, most_turns=most_turns,
+            frames=frames, env_kwargs=env_kwargs, after_episode=after_episode,
+        )  # fmt: skip
     given = dict(env_kwargs or {})
     opened = open_rendered(spec, given) if frames else open_env(spec, **given)
     try:
@@ -128,9 +143,10 @@ def rollout(
         raise
     game = game_of(opened.env, sink=sink, frames=frames)
     game.policies = to_json(cast.described(list(getattr(opened.env, "possible_agents", ()))))
+    game.episode = first - 1
     try:
         _play(
-            game, sink, cast, range(episodes), seed=seed, options=options,
+            game, sink, cast, range(first, first + episodes), seed=seed, options=options,
             most_turns=MOST_TURNS if most_turns is None else most_turns, after_turn=after_turn,
             after_episode=after_episode, while_sealing=while_sealing,
         )  # fmt: skip

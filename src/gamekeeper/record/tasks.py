@@ -56,9 +56,9 @@ def record_task(
         rollout(
             spec, policies=dict(policies) or "random", episodes=episodes, seed=seed, out=out,
             level=level, contract=contract, options=options, most_turns=most_turns, frames=frames,
-            env_kwargs=env_kwargs, after_turn=_counter(report, episodes),
+            env_kwargs=env_kwargs, after_turn=counter(report, episodes),
             after_episode=lambda done: report(episode=done),
-            while_sealing=lambda: _signs_of_life(report),
+            while_sealing=lambda: signs_of_life(report),
         )  # fmt: skip
     except EnvError as error:
         if error.__cause__ is not None:
@@ -128,7 +128,7 @@ def _space(space: Any) -> dict[str, Any] | None:
 
 
 @contextmanager
-def _signs_of_life(report: Report) -> Iterator[None]:
+def signs_of_life(report: Report) -> Iterator[None]:
     """Gives signs of life while nothing foreign runs: sealing a long run takes its time."""
     is_over = Event()
 
@@ -145,7 +145,7 @@ def _signs_of_life(report: Report) -> Iterator[None]:
         thread.join()
 
 
-def _counter(report: Report, episodes: int) -> Callable[[], None]:
+def counter(report: Report, episodes: int) -> Callable[[], None]:
     """Counts turns; reports them now and then, and is a sign of life at each."""
     turns = 0
     last_s = monotonic()

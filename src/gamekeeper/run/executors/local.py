@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, Final
 
+from gamekeeper.errors import GamekeeperError
 from gamekeeper.run.executors.task import USUAL, Done, Limits, OnReport, Task
 from gamekeeper.run.executors.worker import StayingWorker
 
@@ -20,10 +21,17 @@ class LocalExecutor:
 
     Args:
         workers: how many processes; None: one for each core that this process may use.
+
+    Raises:
+        GamekeeperError: there would be nobody.
     """
 
     def __init__(self, workers: int | None = None) -> None:
-        self._workers = workers or len(os.sched_getaffinity(0))
+        if workers is not None and workers < 1:
+            raise GamekeeperError(
+                "nobody would play", where="workers", expected="at least 1", seen=str(workers)
+            )
+        self._workers = cores() if workers is None else workers
 
     @property
     def workers(self) -> int:
@@ -87,6 +95,8 @@ class _Run:
                 if self.stop.is_set():
                     break
                 self.ended.put(done)
+            if not self.stop.is_set():
+                worker.dismiss()
         except BaseException as error:
             self.ended.put(error)
         finally:
@@ -131,3 +141,10 @@ def played(
         outcome = worker.play(task, limits=limits, on_report=on_report, stop=stop)
         if outcome.status != "died" or attempt >= limits.attempts or stop.is_set():
             return Done(task.key, outcome, attempt)
+
+
+def cores() -> int:
+    """How many cores this process may use, as far as the system tells."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

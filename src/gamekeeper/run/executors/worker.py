@@ -2,7 +2,8 @@
 
 The parent holds a `StayingWorker`; `serve` runs in the process. A task's crash or hang costs that
 task and a start; a process that has played `TASKS_EACH` makes room for a fresh one, so that what
-environments leak stays bounded.
+environments leak stays bounded. A process that is no longer needed ends by itself, so that what a
+task left open is closed (`atexit`).
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ from gamekeeper.run.workers import environment_of
 SERVE: Final = "gamekeeper.run.executors.worker:serve"
 TASKS_EACH: Final = 1_000
 """Tasks after which a process is replaced: what environments leak would add up."""
+FAREWELL_S: Final = 5.0
+"""How long a process that isn't at work gets to end by itself, in seconds."""
 
 
 class StayingWorker:
@@ -59,13 +62,24 @@ class StayingWorker:
             raise
         self._played += 1
         code = 0
-        is_spent = watch.answer is None or stop.is_set() or self._played >= TASKS_EACH
-        if is_spent or worker.has_ended():
+        if watch.answer is None or stop.is_set() or worker.has_ended():
             code = self.close(patience_s=watch.patience_s)
+        elif self._played >= TASKS_EACH:
+            self.dismiss()
         return watch.outcome(code, limits.memory_bytes, time.monotonic() - begun_s)
 
+    def dismiss(self) -> None:
+        """Lets the process end by itself, if there is one; it has to be idle."""
+        if self._process is None:
+            return
+        self._process.send(None)
+        deadline_s = time.monotonic() + FAREWELL_S
+        while not self._process.has_ended() and time.monotonic() < deadline_s:
+            self._process.messages(0.05)
+        self.close()
+
     def close(self, *, patience_s: float = 0.0) -> int:
-        """Ends the process, if there is one; returns its exit code."""
+        """Ends the process at once, if there is one; returns its exit code."""
         process, self._process, self._played = self._process, None, 0
         if process is None:
             return 0
@@ -78,7 +92,7 @@ class StayingWorker:
         if self._process is not None and memory_bytes == self._memory_bytes:
             self._process.send(order)
             return self._process
-        self.close()
+        self.dismiss()
         begin = {
             "task": SERVE,
             "arguments": {"first": order, "memory_bytes": memory_bytes},
@@ -90,12 +104,13 @@ class StayingWorker:
 
 
 def serve(report: Any, *, first: Mapping[str, Any], memory_bytes: int | None) -> None:
-    """Plays tasks, each answered before the next is sent; ends when the parent ends it."""
+    """Plays tasks, each answered before the next is sent; ends when the parent has no more."""
     from gamekeeper.run.worker_main import perform
 
     order = first
-    while True:
+    while order is not None:
         report.write(perform({**order, "memory_bytes": memory_bytes}, report))
-        # `perform` leaves Ctrl-C ignored: an interrupt that comes too late has nothing to stop.
-        order = report.order()
+        # `perform` leaves Ctrl-C ignored. From here on it ends the process: either nothing is
+        # played, or the next task was sent and hasn't begun.
         signal.signal(signal.SIGINT, signal.default_int_handler)
+        order = report.order()

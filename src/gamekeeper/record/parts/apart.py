@@ -1,0 +1,155 @@
+"""A recording played by workers, wherever they are: parts, then one bundle.
+
+The bundle is the one that a single process would have recorded, as far as the environment begins
+every episode afresh: each part has an environment of its own. Where an episode fails, those after
+it don't count, as they would not have been played. What is whole already isn't played again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from gamekeeper.errors import BundleError, GamekeeperError
+from gamekeeper.record.parts.plan import Plan, claim, release
+from gamekeeper.record.parts.playing import Playing
+from gamekeeper.record.told import error_in
+from gamekeeper.run.executors.storage import Storage
+from gamekeeper.run.executors.task import USUAL, Executor, Limits
+from gamekeeper.run.workers import run_task
+
+MERGE: Final = "gamekeeper.record.parts.merge:merge_task"
+
+OnMessage = Callable[[dict[str, Any]], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Apart:
+    """What became of a recording by workers.
+
+    Attributes:
+        error: of the first episode that failed; None where none did.
+        parts: how many there are in the bundle.
+        found: how many of them were there before.
+        deaths: how often a worker process died, and its task was played again.
+    """
+
+    error: GamekeeperError | None
+    parts: int
+    found: int
+    deaths: int
+
+
+def record_apart(
+    plan: Plan,
+    out: Path,
+    *,
+    executor: Executor,
+    storage: Storage,
+    limits: Limits = USUAL,
+    on_message: OnMessage = lambda fields: None,
+) -> Apart:
+    """Records a plan into the bundle `out`, by tasks that write their parts to `storage`.
+
+    Stopped at any moment (also by Ctrl-C), the parts that are whole stay, and the same call goes on
+    from them. Once the bundle is sealed they are gone.
+
+    Args:
+        out: a folder that doesn't exist yet, or is empty, on this machine.
+        executor: plays the parts; a process of this machine merges them.
+        limits: of each task.
+        on_message: called with `episode`, `episodes`, `turns` of all parts together, and with
+            `merged` and `parts` once all are played.
+
+    Raises:
+        BundleError: `out` or `storage` holds something else, or can't be written.
+        GamekeeperError: nothing could be recorded, or a policy went wrong.
+        WorkerFault: a task of ours is broken.
+        KeyboardInterrupt: by Ctrl-C.
+    """
+    _check_free(out)
+    playing = Playing(plan, storage, on_message)
+    if claim(storage, plan):
+        playing.look()
+    found = len(playing.whole)
+    try:
+        with _ends(executor.map(playing.tasks(), limits=limits, on_report=playing.take)) as ends:
+            for done in ends:
+                playing.end(done)
+        told = playing.ended_by()
+        parts = playing.kept()
+        _merge(plan, storage, out, parts, told, on_message)
+    except GamekeeperError:
+        if not playing.whole:  # nothing to go on from: the mended command mustn't be refused
+            release(storage)
+        raise
+    release(storage)
+    return Apart(playing.first_error(), parts, min(found, parts), playing.deaths)
+
+
+def _merge(
+    plan: Plan, storage: Storage, out: Path, parts: int, told: str | None, on_message: OnMessage
+) -> None:
+    """The parts become the bundle, in a process of its own: no evidence comes through this one."""
+
+    def take(fields: dict[str, Any]) -> None:
+        on_message({"merged": fields["merged"], "parts": parts})
+
+    outcome = run_task(
+        MERGE,
+        {"storage": storage.place, "plan": plan.to_json(), "out": str(out.absolute()),
+         "parts": parts, "error": told},
+        silence_s=None, on_message=take,
+    )  # fmt: skip
+    if outcome.status == "interrupted":
+        raise KeyboardInterrupt
+    error = error_in(outcome) if outcome.status in ("done", "raised") else _unmerged(outcome.error)
+    if error is not None:
+        raise error
+
+
+def _unmerged(seen: str | None) -> BundleError:
+    return BundleError(
+        "the process that merges the parts ended",
+        seen=seen or "",
+        mend="the parts are whole: the same command merges them",
+    )
+
+
+def _check_free(out: Path) -> None:
+    """Raises where a bundle couldn't be put, before anything is played.
+
+    Raises:
+        BundleError: something lies there.
+    """
+    try:
+        names = sorted(path.name for path in out.iterdir())
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise BundleError(
+            "the run's folder can't be used", where=str(out), seen=error.strerror or str(error),
+            mend="name another with --out",
+        ) from None  # fmt: skip
+    if names:
+        raise BundleError(
+            "the folder isn't empty",
+            where=str(out),
+            expected="a folder that doesn't exist yet, or is empty",
+            seen=", ".join(names[:5]) + (", ..." if len(names) > 5 else ""),
+            mend="choose another folder, or move this one away first",
+        )
+
+
+@contextmanager
+def _ends(ends: Iterator[Any]) -> Iterator[Iterator[Any]]:
+    """An executor's answers; whatever ends the loop over them interrupts what is in flight."""
+    try:
+        yield ends
+    finally:
+        close = getattr(ends, "close", None)
+        if close is not None:
+            close()

@@ -1,0 +1,153 @@
+"""Receipts: what says that a part is whole, and where it lies.
+
+Every attempt at a part has a folder of its own, so that two of them never mix; the receipt, written
+last, names the one that counts. Whoever merges reads receipts: nothing is there twice, and a folder
+without one is rubbish.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from secrets import token_hex
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from gamekeeper.errors import BundleError
+from gamekeeper.record.files.schema import EXTENSION, STREAMS, check_schema, plain_schema
+from gamekeeper.record.parts.plan import FOLDER, Plan, key_of
+from gamekeeper.run.executors.storage import Storage
+
+
+@dataclass(frozen=True, slots=True)
+class Receipt:
+    """A part that is whole.
+
+    Attributes:
+        key: the part's.
+        folder: of the attempt that counts, in storage.
+        first: its first episode.
+        episodes: how many there are; fewer than planned where one failed.
+        turns: crossings of all of them.
+        error: fields of the error that an episode ended with; None where none did.
+        schemas: by stream, its columns, so that a merged table is known before it is written.
+    """
+
+    key: str
+    folder: str
+    first: int
+    episodes: int
+    turns: int
+    error: Mapping[str, str] | None
+    schemas: Mapping[str, str]
+
+    @property
+    def has_failed(self) -> bool:
+        """Whether an episode of it failed, so that one process would have ended here."""
+        return self.error is not None
+
+    def schema(self, stream: str) -> pa.Schema | None:
+        """The columns of a stream; None where it wasn't recorded.
+
+        Raises:
+            BundleError: they are columns that no bundle holds.
+        """
+        text = self.schemas.get(stream)
+        if text is None:
+            return None
+        data = base64.b64decode(text)
+        if EXTENSION in data:  # reading its name would run a package's code
+            raise _unreadable(self.key, "a column of an extension type")
+        found = pa.ipc.read_schema(pa.py_buffer(data))
+        check_schema(found, stream, where=self.key)
+        return found
+
+    def put(self, storage: Storage) -> None:
+        """The part counts from now on.
+
+        Raises:
+            BundleError: the storage refuses.
+        """
+        text = json.dumps(asdict(self), sort_keys=True)
+        storage.put(_name(self.key), text.encode())
+
+    def said(self) -> dict[str, Any]:
+        """What a task hands back of it: nothing that grows with the part."""
+        return {"episodes": self.episodes, "turns": self.turns, "failed": self.has_failed}
+
+
+def receipt_of(storage: Storage, key: str) -> Receipt | None:
+    """The receipt of a part; None where it isn't whole yet.
+
+    Raises:
+        BundleError: it can't be read.
+    """
+    name = _name(key)
+    if not storage.exists(name):
+        return None
+    try:
+        found = Receipt(**json.loads(storage.get(name)))
+    except (ValueError, TypeError) as error:
+        raise _unreadable(f"{storage}/{name}", str(error)[:200]) from error
+    if found.key != key or not found.folder.startswith(f"{FOLDER}/{key}."):
+        raise _unreadable(f"{storage}/{name}", f"{found.key}, {found.folder}"[:200])
+    return found
+
+
+def receipts(storage: Storage) -> set[str]:
+    """The keys of all parts that are whole.
+
+    Raises:
+        BundleError: the storage refuses.
+    """
+    names = storage.names(FOLDER)
+    return {name.removesuffix(".json") for name in names if name.endswith(".json")}
+
+
+def kept(storage: Storage, plan: Plan) -> Iterator[Receipt]:
+    """The parts that one process would have recorded: up to the first that failed or is missing.
+
+    Raises:
+        BundleError: a receipt can't be read.
+    """
+    for episodes in plan.ranges():
+        receipt = receipt_of(storage, key_of(episodes))
+        if receipt is None:
+            return
+        yield receipt
+        if receipt.has_failed:
+            return
+
+
+def attempt_folder(key: str) -> str:
+    """A name in storage that no other attempt has."""
+    return f"{FOLDER}/{key}.{token_hex(6)}"
+
+
+def schemas_of(bundle: Path) -> dict[str, str]:
+    """The columns of a sealed bundle's streams, as a receipt holds them."""
+    found = {}
+    for stream in STREAMS:
+        path = bundle / f"{stream}.parquet"
+        if path.is_file():
+            schema = plain_schema(pq.read_schema(path))
+            found[stream] = base64.b64encode(schema.serialize().to_pybytes()).decode()
+    return found
+
+
+def _name(key: str) -> str:
+    return f"{FOLDER}/{key}.json"
+
+
+def _unreadable(where: str, seen: str) -> BundleError:
+    return BundleError(
+        "a receipt can't be read",
+        where=where,
+        seen=seen,
+        mend="take it away: its part is played again",
+    )
