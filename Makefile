@@ -38,7 +38,7 @@ test: $(VENV)/test.stamp
 trainer-test:
 	@test -f requirements/trainers/$(TRAINER).txt || { echo "no trainer of that name; known: $(notdir $(basename $(wildcard requirements/trainers/*.txt)))" >&2; exit 1; }
 	$(MAKE) $(VENV)-$(TRAINER)/trainer.stamp VENV=$(VENV)-$(TRAINER)
-	$(VENV)-$(TRAINER)/bin/python -m pytest -m trainer $(wildcard tests/adapters/test_$(TRAINER)*.py tests/examples/test_$(TRAINER)*.py) $(ARGS)
+	$(VENV)-$(TRAINER)/bin/python -m pytest -m trainer $(wildcard tests/adapters/test_$(TRAINER)*.py tests/examples/test_$(TRAINER)*.py tests/run/executors/test_$(TRAINER)*.py) $(ARGS)
 
 $(VENV)/trainer.stamp: $(VENV)/home.stamp requirements/trainers/$(TRAINER).txt pyproject.toml
 	@requirements/setup.sh install $(VENV) requirements/trainers/$(TRAINER).txt
