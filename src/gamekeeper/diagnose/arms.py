@@ -16,12 +16,14 @@ from typing import Any, Final
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.outcome import Outcome
 from gamekeeper.diagnose.setup import Setup
-from gamekeeper.diagnose.shares import play_shares
+from gamekeeper.diagnose.shares import kept_open, play_shares
 from gamekeeper.diagnose.stage import Stage
 from gamekeeper.errors import BundleError, SpecError
 
 TASK: Final = "gamekeeper.diagnose.arms:arms_task"
 SILENCE_S: Final = 60.0
+EPISODES_EACH: Final = 4
+"""Most episodes of a worker's task: how far workers can end apart."""
 Key = tuple[str, int, int]
 """Arm, run seed, episode."""
 
@@ -112,44 +114,60 @@ class Lab:
                     self._say(episode=done, episodes=total)
 
     def _play_apart(self, wanted: Any, total: int) -> None:
-        """Each worker plays every so manieth episode of each arm."""
+        """Workers play a few episodes at a time; outcomes are kept as they come."""
         done = [0]
+        given = [(order, order.setup.to_json(), episodes) for order, episodes in wanted]
 
-        def take(fields: dict[str, Any]) -> None:
+        def hear(fields: dict[str, Any]) -> None:
             if "outcome" in fields:
                 key = (fields["arm"], fields["run_seed"], fields["episode"])
-                self._take(key, Outcome.from_json(fields["outcome"]))
-                with self._lock:
+                if self._take(key, Outcome.from_json(fields["outcome"])):
                     done[0] += 1
-                self._say(episode=done[0], episodes=total)
+                    self._say(episode=done[0], episodes=total)
             elif "broken" in fields:
                 self.broken[fields["arm"]] = fields["broken"]
 
-        shares = [
-            [
-                {"arm": order.arm, "setup": order.setup.to_json(), "run_seed": order.run_seed,
-                 "episodes": episodes[place :: self.workers]}
-                for order, episodes in wanted
-            ]
-            for place in range(self.workers)
-        ]  # fmt: skip
+        def take(answers: Any) -> None:
+            for fields in answers:
+                hear(fields)
+
         play_shares(
             TASK,
-            [{"orders": share, "contract": self.contract.to_json()} for share in shares],
+            self._shares(given),
             take,
+            on_report=hear,
+            workers=self.workers,
             silence_s=self.silence_s,
             where=", ".join(dict.fromkeys(order.arm for order, _ in wanted))[:300],
             mend="what was played is kept; run the same command again to go on",
         )
 
-    def _take(self, key: Key, outcome: Outcome) -> None:
+    def _shares(self, given: Any) -> Iterator[dict[str, Any]]:
+        """A few episodes of an arm each, so that workers end at about the same time."""
+        contract = self.contract.to_json()
+        for order, setup, episodes in given:
+            most = min(max(-(-len(episodes) // (2 * self.workers)), 1), EPISODES_EACH)
+            for at in range(0, len(episodes), most):
+                if order.arm in self.broken:
+                    break
+                yield {
+                    "order": {"arm": order.arm, "setup": setup, "run_seed": order.run_seed,
+                              "episodes": episodes[at : at + most]},
+                    "contract": contract,
+                }  # fmt: skip
+
+    def _take(self, key: Key, outcome: Outcome) -> bool:
+        """Keeps an outcome; False where it is known, as of a task that was tried again."""
         with self._lock:
+            if key in self.outcomes:
+                return False
             self.outcomes[key] = outcome
             self.spent += 1
             if self.notes is not None:
                 line = json.dumps({"key": list(key), "outcome": outcome.to_json()})
                 with self.notes.open("a", encoding="utf-8") as file:
                     file.write(line + "\n")
+            return True
 
     def _say(self, **fields: Any) -> None:
         if self.on_message is not None:
@@ -157,23 +175,34 @@ class Lab:
 
 
 def arms_task(
-    report: Callable[..., None], *, orders: Sequence[Mapping[str, Any]], contract: Any
-) -> None:
-    """Plays orders in this process and reports each outcome."""
-    declared = Contract.from_json(contract)
-    for order in orders:
+    report: Callable[..., None], *, order: Mapping[str, Any], contract: Any
+) -> list[dict[str, Any]]:
+    """Plays an order in this process; reports each outcome, and returns them all."""
+    setup = order["setup"]
+
+    def make() -> Stage:
         try:
-            stage = Stage(Setup.from_json(order["setup"]), declared)
+            return Stage(Setup.from_json(setup), Contract.from_json(contract))
         except SpecError as error:
-            report(arm=order["arm"], broken=str(error.what))
-            continue
-        with stage:
+            raise _Unopened(error.what) from error
+
+    found: list[dict[str, Any]] = []
+    try:
+        with kept_open(json.dumps([setup, contract], sort_keys=True), make) as stage:
             for episode in order["episodes"]:
                 outcome = stage.outcome(order["run_seed"], episode, on_step=report)
-                report(
-                    arm=order["arm"], run_seed=order["run_seed"], episode=episode,
-                    outcome=outcome.to_json(),
-                )  # fmt: skip
+                found.append({
+                    "arm": order["arm"], "run_seed": order["run_seed"], "episode": episode,
+                    "outcome": outcome.to_json(),
+                })  # fmt: skip
+                report(**found[-1])
+    except _Unopened as error:
+        return [{"arm": order["arm"], "broken": str(error)}]
+    return found
+
+
+class _Unopened(Exception):  # noqa: N818  # no error of the run: the arm is told as broken
+    """An arm's set-up can't be opened."""
 
 
 def _noted(path: Path, head: Mapping[str, Any]) -> Iterator[tuple[Key, Outcome]]:

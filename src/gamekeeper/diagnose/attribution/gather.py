@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from threading import Lock
 from typing import Any, Final
@@ -14,7 +15,7 @@ from gamekeeper.diagnose.attribution.coalitions import wanted
 from gamekeeper.diagnose.attribution.film import Paper
 from gamekeeper.diagnose.attribution.messages import listened, said
 from gamekeeper.diagnose.attribution.scan import scan
-from gamekeeper.diagnose.shares import play_shares
+from gamekeeper.diagnose.shares import kept_open, play_shares
 
 TASK: Final = "gamekeeper.diagnose.attribution.gather:share_task"
 SILENCE_S: Final = 60.0
@@ -137,20 +138,30 @@ def _apart(
     silence_s: float | None,
     take: Callable[[Mapping[str, Any]], None],
 ) -> None:
-    """Each worker plays every so manieth episode."""
-    plain, written = task.to_json(), [paper_to_json(each) for each in papers]
-    shares = [
-        {
-            "task": plain, "papers": written[place::workers],
-            "closed": list(range(place, closed, workers)),
-            "fresh": list(range(workers - 1 - place, fresh, workers)),
-        }
-        for place in range(workers)
-    ]  # fmt: skip
+    """Workers play an episode at a time, those first that take longest: all coalitions of one."""
+
+    def take_all(answers: Any) -> None:
+        for fields in answers:
+            take(fields)
+
     play_shares(
-        TASK, shares, take, silence_s=silence_s, where="attribution",
+        TASK, _shares(task, papers, closed, fresh), take_all, workers=workers,
+        silence_s=silence_s, where="attribution",
         mend="workers=0 plays in this process and shows where",
     )  # fmt: skip
+
+
+def _shares(
+    task: Task, papers: Sequence[Paper], closed: int, fresh: int
+) -> Iterator[dict[str, Any]]:
+    plain = task.to_json()
+    nothing: dict[str, Any] = {"task": plain, "papers": [], "closed": [], "fresh": []}
+    for number in range(closed):
+        yield {**nothing, "closed": [number]}
+    for paper in papers:
+        yield {**nothing, "papers": [paper_to_json(paper)]}
+    for number in range(fresh):
+        yield {**nothing, "fresh": [number]}
 
 
 def share_task(
@@ -160,8 +171,13 @@ def share_task(
     papers: Sequence[Mapping[str, Any]],
     closed: Sequence[int],
     fresh: Sequence[int],
-) -> None:
-    """Plays a share in this process and reports it bit by bit."""
-    with Bench(Task.from_json(task), on_step=report) as bench:
-        own = [paper_from_json(each) for each in papers]
-        play_share(bench, own, closed, fresh, lambda fields: report(**fields))
+) -> list[Mapping[str, Any]]:
+    """Plays a share in this process; returns what came of it, as `play_share` hands it over."""
+
+    def make() -> Bench:
+        return Bench(Task.from_json(task), on_step=report)
+
+    found: list[Mapping[str, Any]] = []
+    with kept_open(json.dumps(task, sort_keys=True), make) as bench:
+        play_share(bench, [paper_from_json(each) for each in papers], closed, fresh, found.append)
+    return found

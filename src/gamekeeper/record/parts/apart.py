@@ -7,8 +7,7 @@ it don't count, as they would not have been played. What is whole already isn't 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -18,7 +17,7 @@ from gamekeeper.record.parts.plan import Plan, claim, release
 from gamekeeper.record.parts.playing import Playing
 from gamekeeper.record.told import error_in
 from gamekeeper.run.executors.storage import Storage
-from gamekeeper.run.executors.task import USUAL, Executor, Limits
+from gamekeeper.run.executors.task import USUAL, Executor, Limits, stopped_after
 from gamekeeper.run.workers import run_task
 
 MERGE: Final = "gamekeeper.record.parts.merge:merge_task"
@@ -76,7 +75,8 @@ def record_apart(
         playing.look()
     found = len(playing.whole)
     try:
-        with _ends(executor.map(playing.tasks(), limits=limits, on_report=playing.take)) as ends:
+        answers = executor.map(playing.tasks(), limits=limits, on_report=playing.take)
+        with stopped_after(answers) as ends:
             for done in ends:
                 playing.end(done)
         told = playing.ended_by()
@@ -142,14 +142,3 @@ def _check_free(out: Path) -> None:
             seen=", ".join(names[:5]) + (", ..." if len(names) > 5 else ""),
             mend="choose another folder, or move this one away first",
         )
-
-
-@contextmanager
-def _ends(ends: Iterator[Any]) -> Iterator[Iterator[Any]]:
-    """An executor's answers; whatever ends the loop over them interrupts what is in flight."""
-    try:
-        yield ends
-    finally:
-        close = getattr(ends, "close", None)
-        if close is not None:
-            close()

@@ -9,7 +9,7 @@ import shutil
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
@@ -65,15 +65,15 @@ def remains_task(
 ) -> dict[str, Any]:
     """Seals what the attempts at a part left that all died, as far as its turns are whole.
 
-    Of several the one that came furthest counts. Where attempts wrote to a disk of their worker's
-    own, nothing is left of them.
+    Of several the last one counts. Where attempts wrote to a disk of their worker's own, nothing is
+    left of them.
     """
     place, key = Storage.at(storage), key_of(range(first, stop))
     found = receipt_of(place, key)
     if found is not None:
         return {"error": None, **found.said()}
     parent = place.path_of(FOLDER)
-    tries = sorted(parent.glob(f"{key}.*/"), key=_size_bytes) if parent is not None else []
+    tries = sorted(parent.glob(f"{key}.*/"), key=_changed_s) if parent is not None else []
     # The last line says what it was, as in a traceback of Python.
     told = "\n".join(filter(None, (stack, f"{error['what']}: {error['seen']}".removesuffix(": "))))
     with signs_of_life(report):
@@ -136,23 +136,17 @@ def _receipt(
 
 @contextmanager
 def _folder(storage: Storage, name: str) -> Iterator[Path]:
-    """Where an attempt writes: in storage itself where that is a folder, else on this disk.
-
-    What an attempt leaves that raised is gone; one that was killed leaves its folder.
-    """
+    """Where an attempt writes: in storage itself where that is a folder, else on this disk."""
     place = storage.path_of(name)
     scratch = None if place is not None else Path(tempfile.mkdtemp(prefix="gamekeeper-part-"))
     folder = place if place is not None else Path(str(scratch)) / "bundle"
     try:
         yield folder
-    except BaseException:
-        with suppress(GamekeeperError, OSError):
-            storage.delete(name)
-        raise
     finally:
         if scratch is not None:
             shutil.rmtree(scratch, ignore_errors=True)
 
 
-def _size_bytes(folder: Path) -> int:
-    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+def _changed_s(folder: Path) -> float:
+    """When a file of a folder was last changed."""
+    return max((path.stat().st_mtime for path in folder.rglob("*")), default=0.0)

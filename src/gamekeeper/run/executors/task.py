@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Final, Protocol, TypeAlias
 
@@ -100,3 +101,18 @@ class Executor(Protocol):
             on_report: called with reports, one at a time, in any thread; where tasks are played on
                 other machines, it may not be called at all.
         """
+
+
+@contextmanager
+def stopped_after(ends: Iterator[Done]) -> Iterator[Iterator[Done]]:
+    """What `map` yields; however the loop over it is left, what is in flight then is interrupted.
+
+    Without this an error raised in the loop would keep the iterator, and so its workers, alive for
+    as long as its traceback is.
+    """
+    try:
+        yield ends
+    finally:
+        close = getattr(ends, "close", None)
+        if close is not None:
+            close()
