@@ -1,0 +1,65 @@
+// One episode on show: what it is, the world drawn, its lanes, and the table under the cursor.
+
+gk.Deck = class {
+  // `choose(turn)`: the reader points at a turn in the lanes.
+  constructor(episode, entry, label, choose) {
+    this.episode = episode;
+    this.label = label;
+    this.drawing = gk.drawingOf(episode);
+    this.lanes = new gk.Lanes(episode, choose);
+    this.table = new gk.TurnTable(episode, label);
+    const note = episode.drawingNote && gk.node("p", { class: "note", text: `Drawn: ${gk.visible(episode.drawingNote)}` });
+    const world = gk.node("div", { class: "deck-world" }, this.drawing.root, note || "");
+    const parts = [this.#heading(entry), this.#trouble(), this.#before(), world, this.lanes.root, this.table.root].filter(Boolean);
+    this.root = gk.node("article", { class: "deck", "aria-label": label }, ...parts);
+  }
+
+  #heading(entry) {
+    const e = this.episode;
+    const run = gk.page.runs.find((known) => known.key === e.run);
+    const told = [`${e.turns} turns`, { open: "still recorded" }[e.end] ?? e.end];
+    if (e.seed !== null && e.seed !== undefined) told.unshift(`seed ${e.seed}`);
+    const heading = gk.node("h3", {}, "Run ", gk.name(e.run), run && run.name !== e.run ? " (" : "");
+    if (run && run.name !== e.run) heading.append(gk.name(run.name), ")");
+    heading.append(`, episode ${e.index}`);
+    const facts = gk.node("p", { class: "deck-facts", text: told.join(" · ") });
+    for (const label of entry?.labels ?? []) facts.append(" ", gk.node("span", { class: "badge plain" }, gk.name(label)));
+    return gk.node("header", {}, heading, facts);
+  }
+
+  #trouble() {
+    if (!this.episode.error) return null;
+    const text = gk.node("pre", { text: gk.visible(this.episode.error), tabindex: "0" });
+    return gk.node("details", { class: "more warning", open: true }, gk.node("summary", { text: "It ended with an error" }), text);
+  }
+
+  #before() {
+    const e = this.episode;
+    if (!e.base && !e.change) return null;
+    const told = gk.node("p", { class: "note" });
+    if (e.base) told.append("A twin of ", gk.name(e.base.run), `, episode ${e.base.episode}. `);
+    if (e.change) told.append("Changed: ", gk.name(e.change));
+    return told;
+  }
+
+  // Puts the cursor on a turn; beyond its end the last turn stays, and is said to be the last.
+  show(turn, other = null) {
+    const here = Math.min(turn, this.episode.last);
+    this.drawing.show(here);
+    this.lanes.show(here);
+    this.table.show(turn, other);
+    this.root.classList.toggle("over", turn > this.episode.last);
+  }
+
+  // Marks found later, such as where two episodes part.
+  mark(extra) {
+    this.lanes.marks = [...this.episode.marks, ...extra].sort((a, b) => a.turn - b.turn);
+    this.lanes.redraw();
+  }
+
+  // Everything again, in the colours that hold now.
+  repaint(turn) {
+    this.lanes.redraw();
+    this.drawing.show(Math.min(turn, this.episode.last));
+  }
+};

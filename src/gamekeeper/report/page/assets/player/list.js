@@ -1,0 +1,115 @@
+// The list of episodes: filtered, some at a time; each may be opened or put beside the one on show.
+
+const AT_ONCE = 25;
+const AGENTS = 8; // as many have columns of their own
+
+const FILTERS = [
+  ["all", "all episodes", () => true],
+  ["packed", "those that can be played", (entry) => entry.packed],
+  ["failing", "failing", (entry) => entry.failing === true || entry.end === "failed"],
+  ["labelled", "with a label", (entry) => (entry.labels ?? []).length > 0],
+  ["twins", "twins", (entry) => Boolean(entry.base)],
+];
+
+gk.EpisodeList = class {
+  // `open(entry)` and `beside(entry)` put an episode on show.
+  constructor(open, beside) {
+    Object.assign(this, { open, beside, from: 0, entries: [], shown: new Set() });
+    this.filter = gk.node("select", {}, ...FILTERS.map(([value, text]) => gk.node("option", { value, text })));
+    this.words = gk.node("input", { type: "search", placeholder: "run, number, label, seed", autocomplete: "off", spellcheck: "false" });
+    this.body = gk.node("tbody");
+    this.head = gk.node("tr");
+    this.told = gk.node("span", { role: "status" });
+    const again = () => {
+      this.from = 0;
+      this.draw();
+    };
+    this.filter.addEventListener("change", again);
+    this.words.addEventListener("input", again);
+    const table = gk.node("table", { class: "data" }, gk.node("caption", { text: "Episodes" }), gk.node("thead", {}, this.head), this.body);
+    const region = gk.node("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Episodes" }, table);
+    this.earlier = this.#pageButton("Earlier", -AT_ONCE);
+    this.later = this.#pageButton("Later", AT_ONCE);
+    const pager = gk.node("p", { class: "pager" }, this.earlier, this.told, this.later);
+    const choice = gk.node("p", { class: "list-choice" }, gk.node("label", {}, "Show ", this.filter), gk.node("label", {}, "that have ", this.words));
+    const summary = gk.node("summary");
+    this.summary = summary;
+    this.root = gk.node("details", { class: "episode-list", open: gk.served }, summary, choice, region, pager);
+  }
+
+  #pageButton(text, by) {
+    const made = gk.node("button", { type: "button", text });
+    made.addEventListener("click", () => {
+      this.from = Math.max(0, this.from + by);
+      this.draw();
+    });
+    return made;
+  }
+
+  fill(entries) {
+    this.entries = entries;
+    const packed = entries.filter((entry) => entry.packed).length;
+    const more = packed < entries.length ? ` (${packed} of them can be played here; \`gamekeeper view\` plays all)` : "";
+    gk.say(this.summary, `All ${entries.length} episodes${more}`);
+    this.agents = [...new Set(entries.slice(0, 200).flatMap((entry) => Object.keys(entry.returns ?? {})))];
+    this.several = new Set(entries.map((entry) => entry.run)).size > 1;
+    this.draw();
+  }
+
+  // Which episodes are on show, by `run/number`.
+  show(keys) {
+    this.shown = new Set(keys);
+    this.draw();
+  }
+
+  found() {
+    const test = FILTERS.find(([value]) => value === this.filter.value)[2];
+    const words = this.words.value.toLowerCase().split(/\s+/).filter(Boolean);
+    const text = (entry) => [entry.run, entry.episode, `seed ${entry.seed}`, entry.end, ...(entry.labels ?? []), ...(entry.why ?? [])].join(" ").toLowerCase();
+    return this.entries.filter((entry) => test(entry) && words.every((word) => text(entry).includes(word)));
+  }
+
+  draw() {
+    const found = this.found();
+    if (this.from >= found.length) this.from = 0;
+    const some = found.slice(this.from, this.from + AT_ONCE);
+    const agents = this.agents.length <= AGENTS ? this.agents : [];
+    const numbers = ["turns", "team", ...agents];
+    const titles = [...(this.several ? ["run"] : []), "episode", "seed", "end", ...numbers, "notes", ""];
+    this.head.replaceChildren(...titles.map((text) => (text ? gk.node("th", { scope: "col", class: numbers.includes(text) ? "num" : null }, gk.name(text)) : gk.node("td"))));
+    this.body.replaceChildren(...some.map((entry) => this.#row(entry, agents)));
+    gk.say(this.told, found.length ? ` ${this.from + 1} to ${this.from + some.length} of ${found.length} ` : " none ");
+    this.earlier.disabled = this.from === 0;
+    this.later.disabled = this.from + AT_ONCE >= found.length;
+  }
+
+  #row(entry, agents) {
+    const cell = (value) => gk.node("td", {}, gk.name(value ?? ""));
+    const number = (value) => gk.node("td", { class: "num", text: gk.number(value) });
+    const row = gk.node("tr", { class: this.shown.has(`${entry.run}/${entry.episode}`) ? "shown" : null });
+    if (this.several) row.append(cell(entry.run));
+    row.append(gk.node("th", { scope: "row", text: String(entry.episode) }), cell(entry.seed), cell({ open: "still recorded" }[entry.end] ?? entry.end), number(entry.turns), number(entry.team));
+    row.append(...agents.map((agent) => number(entry.returns?.[agent])), this.#notes(entry), this.#buttons(entry));
+    return row;
+  }
+
+  #notes(entry) {
+    const notes = gk.node("td");
+    if (entry.failing) notes.append(gk.node("span", { class: "badge badge-high", text: "failing" }), " ");
+    for (const label of entry.labels ?? []) notes.append(gk.node("span", { class: "badge plain" }, gk.name(label)), " ");
+    if (entry.base) notes.append("twin of ", gk.name(`${entry.base.run}/${entry.base.episode}`), " ");
+    if (entry.why?.length) notes.append(gk.name(entry.why.join(", ")));
+    return notes;
+  }
+
+  #buttons(entry) {
+    if (!entry.packed) return gk.node("td", { class: "note", text: "numbers only" });
+    const button = (text, work) => {
+      const label = `${text} episode ${entry.episode} of run ${gk.visible(entry.run)}`;
+      const made = gk.node("button", { type: "button", text, "aria-label": label });
+      made.addEventListener("click", () => work(entry));
+      return made;
+    };
+    return gk.node("td", { class: "buttons" }, button("Play", this.open), " ", button("Beside", this.beside));
+  }
+};

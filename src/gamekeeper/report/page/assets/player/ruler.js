@@ -1,0 +1,56 @@
+// The ruler above the lanes: turns, and the marks that one may jump to, each kind with a sign of its own.
+
+const HEIGHT = 30;
+const APART = 64; // pixels between numbers
+
+gk.MARKS = {
+  divergence: "◆",
+  failure: "▲",
+  error: "✕",
+  label: "●",
+  change: "✚",
+  ending: "■",
+};
+
+gk.markSign = (mark) => gk.MARKS[mark.kind] ?? "•";
+
+// 1, 2, 5, 10, 20, …: the least of these that keeps numbers apart.
+const stride = (perTurn) => {
+  const least = APART / perTurn;
+  const power = 10 ** Math.floor(Math.log10(Math.max(1, least)));
+  return [1, 2, 5, 10].map((n) => n * power).find((n) => n >= least) ?? 10 * power;
+};
+
+gk.drawRuler = (canvas, episode, marks, { first, perTurn, width }) => {
+  const colours = gk.colours();
+  const ink = gk.sized(canvas, width, HEIGHT);
+  ink.clearRect(0, 0, width, HEIGHT);
+  ink.font = `11px ${colours.font}`;
+  ink.textBaseline = "alphabetic";
+  const each = stride(perTurn);
+  const past = Math.min(episode.last + 1, first + Math.ceil(width / perTurn));
+  for (let turn = Math.ceil(first / each) * each; turn < past; turn += each) {
+    const x = (turn - first + 0.5) * perTurn;
+    ink.fillStyle = colours.line;
+    ink.fillRect(x - 0.5, HEIGHT - 4, 1, 4);
+    ink.fillStyle = colours.grey;
+    const text = String(turn);
+    ink.textAlign = x < 12 ? "left" : x > width - 16 ? "right" : "center";
+    ink.fillText(text, Math.max(0, Math.min(width, x)), HEIGHT - 6);
+  }
+  drawMarks(ink, marks, { first, perTurn, width, past }, colours);
+};
+
+// Where marks crowd, one a column of pixels is enough.
+const drawMarks = (ink, marks, { first, perTurn, width, past }, colours) => {
+  let before = -10;
+  ink.textAlign = "center";
+  for (const mark of marks) {
+    if (mark.turn < first || mark.turn >= past) continue;
+    const x = Math.max(5, Math.min(width - 5, (mark.turn - first + 0.5) * perTurn));
+    if (x - before < 4) continue;
+    before = x;
+    ink.fillStyle = mark.kind === "ending" ? colours.grey : colours.mark;
+    ink.fillText(gk.markSign(mark), x, 11);
+  }
+};

@@ -1,0 +1,29 @@
+// The colours of the style sheet, for canvases; asked anew when the reader's system changes between light and dark.
+
+let known = null;
+const listeners = [];
+
+// Colours and font by their names in style.css: gk.colours()["--accent"].
+gk.colours = () => {
+  if (known === null) {
+    const style = getComputedStyle(document.documentElement);
+    const names = ["ink", "grey", "line", "ground", "raised", "accent", "gain", "loss", "mark", "band", "idle", "received"];
+    known = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+    known.series = [1, 2, 3, 4, 5, 6, 7, 8].map((n) => style.getPropertyValue(`--series-${n}`).trim());
+    known.font = style.getPropertyValue("--font").trim() || "sans-serif";
+  }
+  return known;
+};
+
+// Calls back when colours changed, so that canvases are drawn again.
+gk.onColours = (listener) => {
+  listeners.push(listener);
+};
+
+const forget = () => {
+  known = null;
+  listeners.forEach((listener) => listener());
+};
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", forget);
+
+gk.calm = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
