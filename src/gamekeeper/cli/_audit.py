@@ -157,27 +157,31 @@ def programs_of(document: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
-def junit_of(document: Mapping[str, Any]) -> str:
-    """The audit as JUnit XML, the file with the rules named as from here."""
+def junit_of(*documents: Mapping[str, Any]) -> str:
+    """The audits as JUnit XML, the files with the rules named as from here."""
     from gamekeeper.report.junit import junit_xml
 
-    source = dict(document.get("source") or {})
-    if "file" in source:
-        source["file"] = _from_here(source["file"]) or source["file"]
-    return junit_xml([{**document, "source": source}])
+    placed = []
+    for document in documents:
+        source = dict(document.get("source") or {})
+        if "file" in source:
+            source["file"] = _from_here(source["file"]) or source["file"]
+        placed.append({**document, "source": source})
+    return junit_xml(placed)
 
 
-def sarif_of(document: Mapping[str, Any]) -> str:
-    """The audit as SARIF; the file with the rules from the current folder, if it lies inside."""
+def sarif_of(*documents: Mapping[str, Any]) -> str:
+    """The audits as SARIF; files with rules from the current folder, if they lie inside."""
     from gamekeeper.report.sarif import sarif_json
 
-    file = (document.get("source") or {}).get("file")
-    place = None
-    if file is not None:
-        inside = _from_here(file)
-        place = quote(inside) if inside is not None else Path(file).absolute().as_uri()
+    places: list[str | None] = []
+    for document in documents:
+        file = (document.get("source") or {}).get("file")
+        inside = None if file is None else _from_here(file)
+        absolute = None if file is None else Path(file).absolute().as_uri()
+        places.append(quote(inside) if inside is not None else absolute)
     version = sys.modules["gamekeeper"].__version__  # the front stands above all layers
-    return sarif_json([document], version=version, places=[place])
+    return sarif_json(list(documents), version=version, places=places)
 
 
 def _from_here(file: str) -> str | None:

@@ -40,9 +40,9 @@ def live_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
 def _said(known: dict[str, Any]) -> str:
     if "merged" in known:
         return f"merging: {known['merged']:,} of {known['parts']:,} parts"
-    said = []
+    said, unit = [], known.get("unit", "episodes")
     if "episode" in known and "episodes" in known:
-        said.append(f"{known['episode']:,} of {known['episodes']:,} episodes")
+        said.append(f"{known['episode']:,} of {known['episodes']:,} {unit}")
     if "turns" in known:
         said.append(f"{known['turns']:,} turns")
     return ", ".join(said)
