@@ -61,19 +61,33 @@ class Leaf:
         return self.path.rpartition("/")[2].lower()
 
 
+@dataclass(frozen=True, slots=True)
+class Film:
+    """What was rendered while an episode was recorded.
+
+    Attributes:
+        shown: by turn, the address that holds a picture, or letters.
+        is_text: they are letters.
+    """
+
+    shown: Mapping[int, str]
+    is_text: bool = False
+
+
 def drawn(
-    trace: Trace, agents: Sequence[str], *, frames: Mapping[int, str] | None = None
+    trace: Trace, agents: Sequence[str], *, frames: Film | None = None
 ) -> tuple[dict[str, Any] | None, str]:
     """What is drawn of an episode, and in words where it comes from, or why it is nothing.
 
     Args:
         trace: the episode.
         agents: every agent of the run, in the order of its seats.
-        frames: addresses that hold the recorded pictures, by turn.
+        frames: what was rendered meanwhile.
     """
-    if frames:
-        at = sorted(frames)
-        return {"kind": "frames", "images": [frames[k] for k in at], "at": at}, "recorded frames"
+    if frames is not None and frames.shown:
+        at = sorted(frames.shown)
+        kind, held = ("text", "texts") if frames.is_text else ("frames", "images")
+        return {"kind": kind, held: [frames.shown[k] for k in at], "at": at}, "recorded frames"
     leaves = [*_state_leaves(trace), *_observed(trace, agents)]
     tracks, source = _tracks(trace, leaves, agents)
     if tracks:

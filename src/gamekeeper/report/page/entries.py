@@ -1,0 +1,136 @@
+"""The list of all episodes by numbers, and any one of them packed with all its marks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from gamekeeper.core.evidence import Evidence
+from gamekeeper.core.outcome import failed as failed_by
+from gamekeeper.core.outcome import failures, outcome_of
+from gamekeeper.core.trace import Trace
+from gamekeeper.errors import ContractError
+from gamekeeper.report.page.drawing import Film, drawn
+from gamekeeper.report.page.figures import Figures, failing, figures_of
+from gamekeeper.report.page.pack import Mark, Seat, packed_episode, seats_of, turns_of
+
+Label = Mapping[str, Any]
+
+
+def entries_of(
+    evidence: Evidence,
+    *,
+    run: str = "a",
+    labels: Sequence[Label] = (),
+    figures: Figures | None = None,
+    failed: Sequence[bool | None] | None = None,
+) -> list[dict[str, Any]]:
+    """Every episode by its numbers, as the page's script lists them; none is on the page yet.
+
+    Args:
+        evidence: of the run; it may still be recorded.
+        run: its letter.
+        labels: failure labels as plain data.
+        figures: of the run, where they are known already.
+        failed: by episode, where it is known already.
+    """
+    figures = figures_of(evidence) if figures is None else figures
+    failed = failing(evidence, figures)[0] if failed is None else failed
+    said: dict[Any, list[str]] = {}
+    for each in labels:
+        said.setdefault(each["episode"], []).append(str(each["label"]))
+    team = figures.team
+    return [
+        {
+            "run": run,
+            "episode": header["episode"],
+            "seed": header["seed"],
+            "turns": _turns(evidence, header),
+            "end": header["end"] or "open",
+            "error": header["error"],
+            "packed": False,
+            "why": [],
+            "failing": failed[place],
+            "team": _finite(team[place]),
+            "returns": {
+                agent: _finite(figures.returns[place, column])
+                for column, agent in enumerate(figures.agents)
+                if figures.present[place, column]
+            },
+            "labels": list(dict.fromkeys(said.get(header["episode"], ()))),
+            "base": None,
+            "change": None,
+        }
+        for place, header in enumerate(figures.headers)
+    ]
+
+
+def _turns(evidence: Evidence, header: Mapping[str, Any]) -> int:
+    """Of an episode that is still recorded, or was killed, as far as its rows tell."""
+    told = header["turns"]
+    return turns_of(evidence.trace_of(header)) if told is None else int(told)
+
+
+def _finite(value: float) -> float | None:
+    return float(f"{value:.7g}") if np.isfinite(value) else None
+
+
+def packed_of(
+    evidence: Evidence,
+    episode: int,
+    *,
+    run: str = "a",
+    labels: Sequence[Label] = (),
+    marks: Iterable[Mark] = (),
+    seats: Sequence[Seat] = (),
+    frames: Film | None = None,
+) -> dict[str, Any]:
+    """One episode as the player reads it, with its drawing and all its marks.
+
+    Args:
+        evidence: of the run.
+        episode: its number.
+        run: the letter of the run.
+        labels: failure labels of the run as plain data.
+        marks: further ones, as where it parts from another.
+        seats: of the run, where they are known already.
+        frames: what was rendered while it was recorded.
+    Raises:
+        KeyError: there is no such episode.
+    """
+    trace = evidence.trace(episode)
+    seats = seats or seats_of(evidence)
+    every = [*marks, *_label_marks(trace, labels), *_failure_marks(evidence, trace)]
+    return packed_episode(
+        trace,
+        seats,
+        run=run,
+        api=str((evidence.manifest.get("environment") or {}).get("api") or "parallel"),
+        marks=every,
+        drawing=drawn(trace, [seat.name for seat in seats], frames=frames),
+    )
+
+
+def _label_marks(trace: Trace, labels: Iterable[Label]) -> Iterable[Mark]:
+    for each in labels:
+        if each["episode"] == trace.episode:
+            why = f": {each['why']}" if each.get("why") else ""
+            yield Mark(int(each["turn"] or 0), "label", f"{each['label']}{why}", each["agent"])
+
+
+def _failure_marks(evidence: Evidence, trace: Trace) -> Iterable[Mark]:
+    """Whose condition the episode failed, at its end; an error has a mark of its own."""
+    if trace.header.get("error"):
+        return
+    try:
+        conditions = failures(evidence.contract)
+        answers = failed_by(outcome_of(trace), conditions, evidence.contract)
+    except ContractError:  # nothing is declared, or the episode lacks a figure
+        return
+    for scope, is_failed in answers.items():
+        if is_failed:
+            condition = conditions.get(scope)
+            text = f"failed for {scope}" + ("" if condition is None else f": {condition.text}")
+            yield Mark(turns_of(trace), "failure", text)
