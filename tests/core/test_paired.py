@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gamekeeper.core.paired import FEWEST, paired_effect, student
+from gamekeeper.core.evaluation.student import student
+from gamekeeper.core.paired import FEWEST, paired_effect
 from gamekeeper.errors import EvidenceError
 
 DIFFERENCES = st.lists(st.integers(-4, 4), min_size=FEWEST, max_size=FEWEST + 20)

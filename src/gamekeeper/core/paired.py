@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import comb, copysign, inf, sqrt
 from statistics import NormalDist
@@ -12,21 +11,14 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from gamekeeper.core.evaluation.bootstrap import RESAMPLES, Reach, reach, t_of_means
+from gamekeeper.core.evaluation.student import crossing
 from gamekeeper.errors import EvidenceError
 
 FloatArray = NDArray[np.float64]
 
 FEWEST: Final = 50
 """Pairs below which no interval is claimed: its coverage isn't what it says."""
-_RESAMPLES: Final = 4_999
-"""Bootstrap resamples; the least p-value is then 2 / 5,000."""
-_CHUNK: Final = 2**21
-"""Numbers that are drawn at once, to bound memory."""
-_LONGEST: Final = 1.45
-"""A bound is at most so many times as far out as Student's. Resamples of a few rare values have
-next to no spread, and a quantile of their t is then any number; found by simulation, like the
-halves below (benchmarks/interval_coverage.py)."""
-_HALVINGS: Final = 60
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,15 +77,17 @@ def paired_effect(
     n, value = len(differences), float(differences.mean())
     if np.isin(differences, (-1.0, 0.0, 1.0)).all():
         more, less = int((differences == 1).sum()), int((differences == -1).sum())
-        low, high = _tango(more, less, n, level)
+        low, high = tango(more, less, n, level)
         return Effect(value, low, high, _mcnemar(more, less), n)
     spread = float(differences.std(ddof=1))
     if spread <= 1e-12 * float(np.abs(differences).max()):
         return Effect(value, value, value, 1.0 if value == 0 else 2.0 ** (1 - n), n)
     error = spread / sqrt(n)
-    bounds = _bootstrap_t((differences - value) / spread, rng)
+    bounds = reach(t_of_means((differences - value) / spread, rng), n - 1)
     least, most = bounds(level)
-    return Effect(value, value - most * error, value - least * error, _p(bounds, value / error), n)
+    return Effect(
+        value, value - most * error, value - least * error, least_p(bounds, value / error), n
+    )
 
 
 def _differences(base: FloatArray, changed: FloatArray, level: float) -> FloatArray:
@@ -131,8 +125,16 @@ def _differences(base: FloatArray, changed: FloatArray, level: float) -> FloatAr
     return differences
 
 
-def _tango(more: int, less: int, n: int, level: float) -> tuple[float, float]:
-    """The differences of proportions that a score test doesn't reject."""
+def tango(more: int, less: int, n: int, level: float) -> tuple[float, float]:
+    """The differences of proportions that a score test doesn't reject.
+
+    Args:
+        more: pairs that differ by 1.
+        less: pairs that differ by -1.
+        n: all pairs.
+        level: coverage.
+    Source: Tango 1998.
+    """
     z = NormalDist().inv_cdf(0.5 + level / 2)
     value = (more - less) / n
 
@@ -143,8 +145,8 @@ def _tango(more: int, less: int, n: int, level: float) -> tuple[float, float]:
         off = more - less - n * truth
         return off / sqrt(variance) if variance > 0 else copysign(inf, off)
 
-    low = -1.0 if value == -1 else _crossing(lambda truth: score(truth) > z, -1.0, value)
-    high = 1.0 if value == 1 else _crossing(lambda truth: score(truth) > -z, value, 1.0)
+    low = -1.0 if value == -1 else crossing(lambda truth: score(truth) > z, -1.0, value)
+    high = 1.0 if value == 1 else crossing(lambda truth: score(truth) > -z, value, 1.0)
     return low, high
 
 
@@ -155,61 +157,16 @@ def _mcnemar(more: int, less: int) -> float:
     return float(min(2 * tail / 2**pairs, 1.0))
 
 
-def _bootstrap_t(values: FloatArray, rng: Generator) -> Callable[[float], tuple[float, float]]:
-    """The quantiles of t, least and most, by level; of values with mean 0 and spread 1."""
-    n = len(values)
-    t = np.empty(_RESAMPLES)
-    step = max(_CHUNK // n, 1)
-    for start in range(0, _RESAMPLES, step):
-        drawn = values[rng.integers(0, n, (min(step, _RESAMPLES - start), n))]
-        mean = drawn.mean(axis=1)
-        variance = np.einsum("ij,ij->i", drawn, drawn) / n - mean * mean
-        t[start : start + step] = mean * sqrt(n - 1) / np.sqrt(np.maximum(variance, 1e-12))
-    t.sort()
-    sizes = np.sort(np.abs(t))
+def least_p(bounds: Reach, t: float) -> float:
+    """One minus the highest level whose interval leaves 0 out; 2 / 5,000 at least.
 
-    def bounds(level: float) -> tuple[float, float]:
-        both = _at(sizes, level)
-        farthest = _LONGEST * student(level, n - 1)
-        most = (_at(t, 0.5 + level / 2) + both) / 2
-        least = (_at(t, 0.5 - level / 2) - both) / 2
-        return max(least, -farthest), min(most, farthest)
-
-    return bounds
-
-
-def _p(bounds: Callable[[float], tuple[float, float]], t: float) -> float:
-    """One minus the highest level whose interval leaves 0 out."""
+    Args:
+        bounds: how far t goes either way, by level.
+        t: the estimate in standard errors.
+    """
 
     def leaves_out(level: float) -> bool:
         least, most = bounds(level)
         return not least <= t <= most
 
-    return max(1 - _crossing(leaves_out, 0.0, 1.0 - 1e-9), 2 / (_RESAMPLES + 1))
-
-
-def student(level: float, freedom: int) -> float:
-    """How many standard errors Student's interval of a level reaches, for 30 degrees and more.
-
-    Source: Abramowitz & Stegun 1964, 26.7.5.
-    """
-    z = NormalDist().inv_cdf(0.5 + level / 2)
-    first = (z**3 + z) / 4
-    second = (5 * z**5 + 16 * z**3 + 3 * z) / 96
-    return z + first / freedom + second / freedom**2
-
-
-def _at(ordered: FloatArray, part: float) -> float:
-    """A quantile of sorted values."""
-    place = part * (len(ordered) - 1)
-    under = int(place)
-    above = min(under + 1, len(ordered) - 1)
-    return float(ordered[under] + (place - under) * (ordered[above] - ordered[under]))
-
-
-def _crossing(is_before: Callable[[float], bool], low: float, high: float) -> float:
-    """Where a claim that holds at first stops to hold."""
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if is_before(middle) else (low, middle)
-    return (low + high) / 2
+    return max(1 - crossing(leaves_out, 0.0, 1.0 - 1e-9), 2 / (RESAMPLES + 1))

@@ -83,3 +83,18 @@ def check_level(level: float, where: str) -> None:
             expected="level in [0.8, 0.99]",
             seen=str(level),
         )
+
+
+def check_statistic(statistic: str, where: str) -> None:
+    """A statistic is one there is.
+
+    Raises:
+        EvidenceError: it isn't.
+    """
+    if statistic not in STATISTICS:
+        raise EvidenceError(
+            "there is no such statistic",
+            where=where,
+            expected=" or ".join(STATISTICS),
+            seen=repr(statistic),
+        )

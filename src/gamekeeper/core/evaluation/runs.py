@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
+import numpy as np
 from numpy.random import Generator
+from numpy.typing import NDArray
 
-from gamekeeper.core.evaluation.interval import LEVEL, FloatArray, Interval, Statistic
-from gamekeeper.core.paired import Effect
-
-Scores = FloatArray | Sequence[float] | Sequence[FloatArray] | Sequence[Sequence[float]]
-"""[runs] a score of each, [runs, episodes], or a list of runs with different numbers of episodes."""
-
-
-def run_scores(scores: Scores, *, where: str = "run_scores") -> FloatArray:
-    """The score of each run: the mean over its episodes.
-
-    Args:
-        scores: [runs], [runs, episodes], or ragged.
-        where: what asks, for the error.
-    Raises:
-        EvidenceError: there is no run, a run without episodes, or a figure that isn't finite.
-    """
-    raise NotImplementedError
+from gamekeeper.core.evaluation.interval import (
+    LEVEL,
+    FloatArray,
+    Interval,
+    Statistic,
+    check_level,
+    check_statistic,
+)
+from gamekeeper.core.evaluation.one_sample import around
+from gamekeeper.core.evaluation.refusals import FEWEST_RUNS, enough
+from gamekeeper.core.evaluation.scores import Scores, crossed, run_scores
+from gamekeeper.core.evaluation.shared_seeds import Crossed, reach_of_seeds
+from gamekeeper.core.evaluation.strata import stratified, weighted_means
+from gamekeeper.core.evaluation.student import hypotenuse
+from gamekeeper.core.paired import Effect, least_p
+from gamekeeper.errors import EvidenceError
 
 
 def over_runs(
@@ -35,17 +34,37 @@ def over_runs(
 ) -> Interval:
     """A statistic over the scores of a method's training runs, with an interval.
 
+    Only runs are resampled, never the episodes within them: the spread of run scores already holds
+    the luck of their episodes, and resampling these too counts it twice. What all runs have in
+    common, the episode seeds, is no run's luck; it is added from the columns.
+
     Args:
         scores: [runs, episodes], [runs] (means over many episodes), or ragged.
         statistic: of the runs' scores, each the mean over its episodes.
         shared_seeds: column k is the same episode seed in all runs, as `gamekeeper evaluate` plays
-            them; the luck of the seeds is then part of the interval. Ragged scores need False.
+            them; the luck of the seeds is then part of the interval. Ragged scores need False, and
+            the claim is then about the seeds that were played.
         rng: draws the resamples.
         level: coverage, in [0.8, 0.99].
     Raises:
-        EvidenceError: fewer runs than `FEWEST_RUNS[statistic]`, or a figure isn't finite.
+        EvidenceError: fewer runs than `FEWEST_RUNS[statistic]`, fewer shared seeds than
+            `FEWEST_SEEDS`, or a figure isn't finite.
+    Source: Davison & Hinkley 1997, 3.8 (resampling of clusters); `around` for the interval over
+        runs; Zou & Donner 2008 for putting the distances of two sources together.
     """
-    raise NotImplementedError
+    run_means = run_scores(scores, where="over_runs")
+    check_statistic(statistic, "over_runs")
+    check_level(level, "over_runs")
+    enough(len(run_means), FEWEST_RUNS[statistic], "training runs", where="over_runs")
+    found = around(run_means, statistic=statistic, rng=rng, level=level)
+    matrix = crossed(scores, where="over_runs") if shared_seeds else None
+    if matrix is None:
+        return found
+    block = Crossed(matrix, _kept(run_means, statistic), 1.0)
+    seeds = reach_of_seeds([block], level, where="over_runs")
+    low = found.value - hypotenuse(found.value - found.low, seeds)
+    high = found.value + hypotenuse(found.high - found.value, seeds)
+    return Interval(found.value, low, high, found.n, f"{found.method}, and of shared seeds")
 
 
 def difference_over_runs(
@@ -53,18 +72,60 @@ def difference_over_runs(
     b: Scores,
     *,
     shared_seeds: bool = True,
+    rng: Generator,
     level: float = LEVEL,
 ) -> Effect:
     """The mean of `b - a` over training runs of two methods, with an interval and a p-value.
+
+    The bootstrap-t of the two samples' difference in mean, runs being resampled within each.
 
     Args:
         a: [runs, episodes], [runs] or ragged, of one method.
         b: of the other; it may have another number of runs.
         shared_seeds: column k is the same episode seed in all runs of both.
+        rng: draws the resamples.
         level: coverage, in [0.8, 0.99].
     Returns:
-        value, low, high and p; `n` is the smaller number of runs. `b - a`, as `paired_effect`.
+        value, low, high and p; `n` is the smaller number of runs. `b - a`, as `paired_effect`. The
+        p-value is of the difference over runs on these seeds, and no less than 2 / 5,000.
     Raises:
         EvidenceError: fewer runs than `FEWEST_RUNS["mean"]` of either, or a figure isn't finite.
     """
-    raise NotImplementedError
+    where = "difference_over_runs"
+    check_level(level, where)
+    strata = [run_scores(each, where=where) for each in (a, b)]
+    runs = min(map(len, strata))
+    enough(runs, FEWEST_RUNS["mean"], "training runs of each method", where=where)
+    found = stratified(strata, weighted_means([-1.0, 1.0]), rng)
+    seeds = _seeds_of_both(a, b, level) if shared_seeds else 0.0
+    if found.bounds is None:
+        p = 1.0 if found.value == 0 else 2.0 ** (1 - runs)
+        return Effect(found.value, found.value - seeds, found.value + seeds, p, runs)
+    least, most = found.bounds(level)
+    low = found.value - hypotenuse(most * found.error, seeds)
+    high = found.value + hypotenuse(least * found.error, seeds)
+    return Effect(found.value, low, high, least_p(found.bounds, found.value / found.error), runs)
+
+
+def _seeds_of_both(a: Scores, b: Scores, level: float) -> float:
+    where = "difference_over_runs"
+    one, two = crossed(a, where=where), crossed(b, where=where)
+    if one is None or two is None:
+        return 0.0
+    if one.shape[1] != two.shape[1]:
+        raise EvidenceError(
+            "two methods didn't play the same seeds",
+            where=where,
+            expected="equally many episodes, column for column on one seed",
+            seen=f"{one.shape[1]} and {two.shape[1]}",
+            mend="play the same seeds, or say shared_seeds=False",
+        )
+    blocks = [Crossed(one, np.arange(len(one)), -1.0), Crossed(two, np.arange(len(two)), 1.0)]
+    return reach_of_seeds(blocks, level, where=where)
+
+
+def _kept(run_means: FloatArray, statistic: Statistic) -> NDArray[np.intp]:
+    """The runs that a statistic rests on."""
+    order, n = np.argsort(run_means, kind="stable"), len(run_means)
+    cut = {"mean": 0, "iqm": n // 4, "median": (n - 1) // 2}[statistic]
+    return order[cut : n - cut]
