@@ -1,0 +1,103 @@
+"""Policies against one another, on the same seeds, with p-values corrected for their number."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from gamekeeper.core.stats import holm
+from gamekeeper.evaluate.judge import Judge
+from gamekeeper.evaluate.results import Ground, Whom
+from gamekeeper.evaluate.sheet import RETURN, SUCCESS
+from gamekeeper.evaluate.spec import Spec
+
+ALPHA: Final = 0.05
+
+
+def comparisons_of(spec: Spec, grounds: Sequence[Ground], judge: Judge) -> list[dict[str, Any]]:
+    """Every pair in every environment that both play in; Holm's correction is over all of them."""
+    found = [
+        row
+        for ground in grounds
+        for a, b in spec.pairs
+        for whom in ground.compared
+        for metric in (RETURN, SUCCESS)
+        if (row := _row(spec, ground, judge, (a, b), whom, metric)) is not None
+    ]
+    judged = [row for row in found if (row["difference"] or {}).get("p") is not None]
+    for row, p in zip(judged, holm([row["difference"]["p"] for row in judged]), strict=True):
+        row["difference"] |= {"p": p, "p_alone": row["difference"]["p"]}
+    return [{**row, "claim": claim_of(spec, row)} for row in found]
+
+
+def _row(
+    spec: Spec, ground: Ground, judge: Judge, pair: tuple[str, str], whom: Whom, metric: str
+) -> dict[str, Any] | None:
+    a, b = pair
+    ones, twos = (
+        [sheet.values(metric, whom.scope, whom.name) for sheet in ground.runs_of(name)]
+        for name in pair
+    )
+    if not ones or not twos or any(np.isnan(each).all() for each in [*ones, *twos]):
+        return None
+    is_run = spec.unit != "episode" and any(spec.policies[name].is_method for name in pair)
+    if not is_run and len(ones) + len(twos) > 2:
+        return None  # runs of methods, each taken alone: there is no one difference
+    of = f"{a} and {b} in {ground.name}"
+    name = [ground.name, a, b, whom.scope, whom.name, metric]
+    if is_run:
+        difference, improvement, n = judge.between_runs(ones, twos, of=of, name=name)
+    else:
+        difference, improvement, n = judge.paired(ones[0], twos[0], of=of, name=name)
+    return {
+        "environment": ground.name, "a": a, "b": b, "scope": whom.scope, "who": whom.name,
+        "metric": metric, "unit": "run" if is_run else "episode", "n": n,
+        "difference": difference, "improvement": improvement,
+    }  # fmt: skip
+
+
+def claim_of(spec: Spec, row: dict[str, Any]) -> str:
+    """A comparison in words, as far as it goes."""
+    whom = "" if row["scope"] == "team" else f" of {row['who']}"
+    what = "success" if row["metric"] == SUCCESS else f"{row['metric']}"
+    where = f"{row['environment']}: {what}{whom}"
+    difference = row["difference"]
+    if difference is None:
+        return f"{where}: {row['a']} and {row['b']} have no episode in common"
+    figure = signed(difference, is_share=row["metric"] == SUCCESS)
+    scope = _scope(spec, row)
+    if difference["low"] is None:
+        return f"{where}: {row['a']} against {row['b']} {figure}, no interval; {scope}"
+    p = difference.get("p")
+    is_clear = difference["low"] > 0 or difference["high"] < 0
+    if is_clear and (p is None or p <= ALPHA):
+        verb = "is above" if difference["value"] > 0 else "is below"
+    else:
+        verb = "can't be told from"
+    corrected = "" if p is None else f", p = {p:.3g} corrected"
+    return f"{where}: {row['a']} {verb} {row['b']}, {figure}{corrected}; {scope}"
+
+
+def _scope(spec: Spec, row: dict[str, Any]) -> str:
+    """What the claim is about."""
+    if row["unit"] == "episode":
+        return f"about these checkpoints, {row['n']} paired episodes"
+    single = [name for name in (row["a"], row["b"]) if not spec.policies[name].is_method]
+    if single:
+        return f"about the method and this checkpoint of {single[0]}, {row['n']} training runs"
+    return f"about the methods, {row['n']} training runs"
+
+
+def signed(found: dict[str, Any], *, is_share: bool = False) -> str:
+    """`+0.12 (+0.03 to +0.21)`; of shares in points."""
+    unit = " points" if is_share else ""
+    value = _number(found["value"], is_share) + unit
+    if found["low"] is None:
+        return value
+    return f"{value} ({_number(found['low'], is_share)} to {_number(found['high'], is_share)})"
+
+
+def _number(value: float, is_share: bool) -> str:
+    return f"{100 * value:+.1f}" if is_share else f"{value:+.3g}"

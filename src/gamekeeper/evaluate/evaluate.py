@@ -1,0 +1,314 @@
+"""The front of evaluation: a specification in, results with their intervals and claims out."""
+
+from __future__ import annotations
+
+import json
+import math
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from typing import Any, Final
+
+import pyarrow as pa
+
+from gamekeeper.evaluate.claims import claims_of
+from gamekeeper.evaluate.comparisons import comparisons_of
+from gamekeeper.evaluate.course import SILENCE_S, Course
+from gamekeeper.evaluate.crossplay import Table, crossplay_of
+from gamekeeper.evaluate.evaluation import Evaluation
+from gamekeeper.evaluate.given import command_of, spec_of
+from gamekeeper.evaluate.here import Here
+from gamekeeper.evaluate.judge import Judge
+from gamekeeper.evaluate.look import Look
+from gamekeeper.evaluate.marl_eval import marl_eval_of
+from gamekeeper.evaluate.matchups import SELF
+from gamekeeper.evaluate.plan import Match, matches_of, settle_plan
+from gamekeeper.evaluate.play import EPISODES
+from gamekeeper.evaluate.results import Ground, has_team, results_of
+from gamekeeper.evaluate.sheet import RETURN, SUCCESS, Sheet, sheets_of
+from gamekeeper.evaluate.spec import Spec, plain_of
+from gamekeeper.evaluate.stopping import Stopping
+from gamekeeper.evaluate.suites import check_pins, fingerprint_of, refuse_unpinned
+from gamekeeper.run.executors.choose import executor_of
+from gamekeeper.run.executors.storage import Storage
+from gamekeeper.run.executors.task import Executor, Limits
+
+RESULT: Final = "evaluation.json"
+
+
+def evaluate(
+    spec: object,
+    /,
+    *,
+    policies: Mapping[str, Any] | None = None,
+    episodes: int | None = None,
+    seed: int | None = None,
+    crossplay: bool | Mapping[str, Any] | None = None,
+    env_kwargs: Mapping[str, Any] | None = None,
+    contract: Any = None,
+    record: str | None = None,
+    out: str | PathLike[str] | None = None,
+    storage: str | PathLike[str] | None = None,
+    workers: int = 0,
+    executor: str | Executor = "local",
+    unpinned: bool = False,
+    marl_eval: str | PathLike[str] | None = None,
+    timeout_s: float | None = SILENCE_S,
+    on_message: Callable[[dict[str, Any]], None] | None = None,
+    on_note: Callable[[str], None] | None = None,
+) -> Evaluation:
+    """Policies side by side on the same seeds, with intervals that claim no more than was seen.
+
+    Every policy plays the same episodes, with the same random streams. Figures stand for the team,
+    for roles whose agents are interchangeable and for every agent. The unit is the episode for a
+    checkpoint, the training run for a method of several; agents of one episode are never a sample.
+
+    Args:
+        spec: a TOML file, a suite's name or id, plain data; else what opens an environment.
+        policies: by name: a policy, policies by role, or a list of a method's training runs.
+        episodes: that everybody plays.
+        seed: of the run.
+        crossplay: every policy in every seat with every partner; or its section as plain data.
+        env_kwargs, contract: of an environment.
+        record: `digest` or `full` keeps evidence of every line-up.
+        out: a folder for the raw episodes and the results; a second call goes on there.
+        storage: a folder or URL for parts and raw episodes, in place of `out`.
+        workers: processes that play; 0: this one.
+        executor: `local`, `ray`, `ray:ADDRESS`, or an executor.
+        unpinned: goes on where what is installed isn't what a suite pins, and says so.
+        marl_eval: a file for raw scores in marl-eval's layout.
+        timeout_s: longest time without a turn in a worker.
+        on_message: called with `{"episode", "episodes", "turns"}` as they are played.
+        on_note: called with what was stale and why, and how much was played.
+    Raises:
+        SpecError: the specification, or an environment, can't be read or opened; or what is
+            installed isn't what a suite pins.
+        PolicyError: a policy can't be found.
+        EvidenceError: what is asked for is no evidence, or cross-play has too many line-ups.
+        BundleError: something else lies in `out`.
+        EnvError: a worker process died or hung; what was played until then is kept.
+    """
+    whole = spec_of(
+        spec, policies=policies, episodes=episodes, seed=seed, crossplay=crossplay, record=record,
+        env_kwargs=env_kwargs, contract=contract,
+    )  # fmt: skip
+    changed = {"episodes": episodes, "seed": seed, "crossplay": crossplay}
+    command = command_of(spec, whole, changed)
+    note = on_note or (lambda text: None)
+    with ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory()) if out is None else out
+        is_here = workers == 0 and isinstance(executor, str)
+        course = Course(
+            whole, _executor(executor, workers), is_here, Storage.at(storage or folder),
+            Limits(silence_s=timeout_s), on_message or (lambda fields: None),
+        )  # fmt: skip
+        found, grounds = _evaluated(whole, course, note, unpinned=unpinned)
+        found = replace(found, commands=() if command is None else (command,))
+        text = json.dumps(finite(found.to_json()), indent=1, allow_nan=False) + "\n"
+        course.storage.put(RESULT, text.encode())
+        if storage is not None and out is not None:
+            local = Storage.at(out)
+            local.put(RESULT, text.encode())
+            local.put(EPISODES, course.storage.get(EPISODES))
+        if marl_eval is not None:
+            exported = json.dumps(marl_eval_of(whole, grounds), indent=1)
+            Path(marl_eval).write_text(exported + "\n", encoding="utf-8")
+    return Evaluation.from_json(finite(found.to_json()))
+
+
+def load_evaluation(folder: str | PathLike[str]) -> Evaluation:
+    """The evaluation that a folder keeps.
+
+    Raises:
+        BundleError: there is none.
+        EvidenceError: the document there is another.
+    """
+    return Evaluation.from_json(json.loads(Storage.at(folder).get(RESULT)))
+
+
+def _executor(executor: str | Executor, workers: int) -> Executor:
+    if not isinstance(executor, str):
+        return executor
+    return executor_of(executor, workers) if workers else Here()
+
+
+def _evaluated(
+    spec: Spec, course: Course, note: Callable[[str], None], *, unpinned: bool
+) -> tuple[Evaluation, list[Ground]]:
+    """Plays what is missing and judges everything."""
+    looks = course.looks()
+    strange = check_pins(spec, looks)
+    if not unpinned:
+        refuse_unpinned(spec, strange)
+    matches = matches_of(spec, looks, is_here=course.is_here)
+    for text in settle_plan(spec, looks, course.storage):
+        note(text)
+    stopping = None if spec.stop is None else Stopping(spec, looks)
+    episodes, parts = _played(spec, course, matches, stopping)
+    note(f"{parts} parts were played" if parts else "nothing was to be played: all of it was there")
+    table, told = course.merge(matches, episodes)
+    evidence = course.keep(matches, episodes) if spec.record else []
+    judge = Judge(spec.level, spec.seed)
+    sheets = sheets_of(table)
+    grounds = _grounds(spec, looks, matches, sheets)
+    results = [row for ground in grounds for row in results_of(spec, ground, judge)]
+    stopped = None if stopping is None else stopping.to_json(episodes)
+    comparisons = comparisons_of(spec, grounds, judge)
+    crossed = _crossed(spec, grounds, matches, sheets, judge)
+    for row in evidence:
+        if row["differs"]:
+            judge.refuse(
+                "evidence of line-ups", f"{row['differs']} episodes came out otherwise when they "
+                "were recorded: the environment or a policy doesn't repeat itself",
+                f"{row['pairing']} in {row['environment']}",
+            )  # fmt: skip
+    found = Evaluation(
+        name=spec.name, suite=_suite(spec, looks, strange), seed=spec.seed, level=spec.level,
+        environments=_environments(spec, looks), policies=_policies(spec, looks),
+        results=tuple(_with_sequences(results, stopped)), comparisons=tuple(comparisons),
+        crossplay=crossed, stopping=stopped, refused=tuple(judge.refused),
+        claims=tuple(claims_of(
+            spec, episodes=episodes, stopping=stopped, comparisons=comparisons, crossplay=crossed,
+            errors=told["errors"], unpinned=strange,
+        )),
+        episodes=episodes, fingerprint=told["fingerprint"], evidence=tuple(evidence),
+    )  # fmt: skip
+    return found, grounds
+
+
+def _played(
+    spec: Spec, course: Course, matches: Sequence[Match], stopping: Stopping | None
+) -> tuple[int, int]:
+    """How many episodes everybody played, and how many parts weren't there yet."""
+    parts, last = course.play(matches, 0, spec.episodes), spec.episodes
+    if stopping is None or spec.stop is None:
+        return last, parts
+    first = 0
+    alone = [match for match in matches if match.pairing.kind == SELF]
+    while True:
+        table, _ = course.merge(alone, last)
+        for match in alone:
+            sheet = sheets_of(_since(table, match, first))[match.environment, match.pairing.name]
+            side = match.pairing.side
+            assert side is not None, "who plays by itself has one side"
+            stopping.take(match.environment, side, sheet)
+        if stopping.is_enough() or last >= spec.stop.most:
+            return last, parts
+        first, last = last, min(last + spec.stop.every, spec.stop.most)
+        parts += course.play(matches, first, last)
+
+
+def _since(table: pa.Table, match: Match, first: int) -> pa.Table:
+    """A line-up's rows from an episode on."""
+    import pyarrow.compute as pc
+
+    is_its = pc.and_(
+        pc.equal(table["environment"], match.environment),
+        pc.equal(table["pairing"], match.pairing.name),
+    )
+    return table.filter(pc.and_(is_its, pc.greater_equal(table["episode"], first)))
+
+
+def _grounds(
+    spec: Spec,
+    looks: Mapping[str, Look],
+    matches: Sequence[Match],
+    sheets: Mapping[tuple[str, str], Sheet],
+) -> list[Ground]:
+    return [
+        Ground(
+            name,
+            look,
+            has_team(spec, name, look),
+            {
+                match.pairing.side: sheets[name, match.pairing.name]
+                for match in matches
+                if match.environment == name and match.pairing.side is not None
+            },
+        )
+        for name, look in looks.items()
+    ]
+
+
+def _crossed(
+    spec: Spec,
+    grounds: Sequence[Ground],
+    matches: Sequence[Match],
+    sheets: Mapping[tuple[str, str], Sheet],
+    judge: Judge,
+) -> dict[str, Any]:
+    found = {}
+    for ground in grounds:
+        mine = [match for match in matches if match.environment == ground.name]
+        seats = next((match.seats for match in mine), ())
+        if spec.crossplay.enabled and seats:
+            pairings = [(each.pairing, sheets[ground.name, each.pairing.name]) for each in mine]
+            found[ground.name] = crossplay_of(Table(spec, ground, seats, pairings, judge))
+    return found
+
+
+def _suite(spec: Spec, looks: Mapping[str, Look], strange: Sequence[str]) -> dict[str, Any] | None:
+    if spec.suite is None:
+        return None
+    suite = {"id": spec.suite[0], "version": spec.suite[1]}
+    return {**suite, "fingerprint": fingerprint_of(spec, looks), "unpinned": list(strange)}
+
+
+def _environments(spec: Spec, looks: Mapping[str, Look]) -> dict[str, Any]:
+    return {
+        name: {
+            "spec": plain_of(each.spec), "kwargs": plain_of(dict(each.kwargs)),
+            "options": plain_of(each.options), "digest": looks[name].digest,
+            "version": looks[name].version, "api": looks[name].api,
+            "roles": list(looks[name].role_names), "agents": dict(looks[name].roles),
+        }
+        for name, each in spec.environments.items()
+    }  # fmt: skip
+
+
+def _policies(spec: Spec, looks: Mapping[str, Look]) -> dict[str, Any]:
+    found = {}
+    for name, policy in spec.policies.items():
+        by_environment = {e: list(look.policies.get(name, ())) for e, look in looks.items()}
+        found[name] = {
+            "runs": max((len(each) for each in by_environment.values()), default=0),
+            "digests": list(dict.fromkeys(d for each in by_environment.values() for d in each)),
+            "is_method": policy.is_method, "version": policy.version,
+            "choices": [plain_of(dict(each)) for each in policy.runs],
+            "by_environment": by_environment,
+        }  # fmt: skip
+    return found
+
+
+def _with_sequences(
+    rows: Sequence[dict[str, Any]], stopped: Mapping[str, Any] | None
+) -> list[dict[str, Any]]:
+    """The rows, with intervals that allow for stopping where it went by their figure."""
+    if stopped is None:
+        return list(rows)
+    known = {(s["environment"], s["policy"], s["run"]): s for s in stopped["sequences"]}
+    found = []
+    for row in rows:
+        sequence = known.get((row["environment"], row["policy"], row["run"]))
+        if sequence is not None and row["who"] == stopped["who"]:
+            bounds = {key: sequence[key] for key in ("low", "high")}
+            if row["metric"] == stopped["metric"] and row["mean"] is not None:
+                row = {**row, "mean": {**row["mean"], **bounds, "method": sequence["method"]}}
+            if stopped["metric"] == SUCCESS and row["metric"] == RETURN and row["success"]:
+                row = {**row, "success": {**row["success"], **bounds}}
+        found.append(row)
+    return found
+
+
+def finite(value: Any) -> Any:
+    """Plain data in which a number that JSON lacks (NaN, infinity) is None."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(key): finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    return value

@@ -1,0 +1,120 @@
+"""What an evaluation found, as frozen data: the document that others read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from html import escape
+from typing import Any, Final
+
+from gamekeeper.errors import EvidenceError
+
+KIND: Final = "evaluation"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evaluation:
+    """Results with their intervals, comparisons, cross-play, and what was refused and why.
+
+    Attributes:
+        name: of the evaluation.
+        suite: id, version and fingerprint of the suite that it is of; None where it is of none.
+        seed: of the run.
+        level: of all intervals.
+        environments: by name: spec, arguments, digest, version, API, roles.
+        policies: by name: how many runs, their digests, whether it is a method.
+        results: a row for each environment, policy, run (None: over runs), whom and metric.
+        comparisons: pairs of policies on the same seeds.
+        crossplay: by environment: cells, best responses, fairness.
+        stopping: how it was decided that enough was played; None: by number.
+        refused: what isn't claimed, and why.
+        claims: what may be said, in words.
+        episodes: how many each line-up played.
+        fingerprint: of the raw episodes.
+        evidence: bundles of line-ups, where they were kept.
+        commands: how to have it again.
+    """
+
+    name: str
+    suite: Mapping[str, Any] | None = None
+    seed: int = 0
+    level: float = 0.95
+    environments: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    policies: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    results: tuple[Mapping[str, Any], ...] = ()
+    comparisons: tuple[Mapping[str, Any], ...] = ()
+    crossplay: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    stopping: Mapping[str, Any] | None = None
+    refused: tuple[Mapping[str, str], ...] = ()
+    claims: tuple[str, ...] = ()
+    episodes: int = 0
+    fingerprint: str = ""
+    evidence: tuple[Mapping[str, Any], ...] = ()
+    commands: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """The document that `gamekeeper evaluate --json` prints."""
+        found = {each.name: getattr(self, each.name) for each in fields(self)}
+        lists = {name: list(value) for name, value in found.items() if isinstance(value, tuple)}
+        return {"kind": KIND, **found, **lists}
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Evaluation:
+        """What `to_json` gave.
+
+        Raises:
+            EvidenceError: it is another document.
+        """
+        if data.get("kind") != KIND or "name" not in data:
+            raise EvidenceError(
+                "this is no evaluation", expected=f'"kind": "{KIND}"', seen=repr(data.get("kind"))
+            )
+        known = {each.name for each in fields(cls)}
+        given: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value
+            for name, value in data.items()
+            if name in known
+        }
+        return cls(**given)
+
+    def rows(self) -> list[list[str]]:
+        """A heading and a row for each policy and whom its return is of, as texts."""
+        head = ["environment", "policy", "of", "return", "interval", "success"]
+        return [head, *(_texts(row) for row in self.results if is_headline(row))]
+
+    def __str__(self) -> str:
+        rows = self.rows()
+        widths = [max(len(row[place]) for row in rows) for place in range(len(rows[0]))]
+        table = [
+            "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
+            for row in rows
+        ]
+        return "\n".join([*table, "", *self.claims])
+
+    def _repr_html_(self) -> str:
+        head, *rows = self.rows()
+        heading = "".join(f"<th>{escape(text)}</th>" for text in head)
+        body = "".join(
+            "<tr>" + "".join(f"<td>{escape(text)}</td>" for text in row) + "</tr>" for row in rows
+        )
+        said = "".join(f"<li>{escape(text)}</li>" for text in self.claims)
+        table = f"<table><thead><tr>{heading}</tr></thead><tbody>{body}</tbody></table>"
+        return f"{table}<ul>{said}</ul>"
+
+
+def is_headline(row: Mapping[str, Any]) -> bool:
+    """Whether a row tells a return of the team or of a role."""
+    return bool(row["metric"] == "return" and row["scope"] != "agent")
+
+
+def _texts(row: Mapping[str, Any]) -> list[str]:
+    mean, success = row["mean"], row["success"]
+    interval = "-"
+    if mean is not None and mean["low"] is not None:
+        interval = f"{mean['low']:.3f} to {mean['high']:.3f}"
+    run = "" if row["run"] is None else f"#{row['run']}"
+    return [
+        row["environment"], f"{row['policy']}{run}", row["who"],
+        "-" if mean is None else f"{mean['value']:.3f}", interval,
+        "-" if success is None else f"{success['p']:.0%}",
+    ]  # fmt: skip

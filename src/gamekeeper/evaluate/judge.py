@@ -1,0 +1,246 @@
+"""Intervals as results have them, or the reason why there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from hashlib import blake2b
+from math import sqrt
+from typing import Any, Final
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from gamekeeper.core.evaluation.improvement import improvement
+from gamekeeper.core.evaluation.interval import Interval, Statistic
+from gamekeeper.core.evaluation.iqm import interquartile_mean
+from gamekeeper.core.evaluation.one_sample import one_sample
+from gamekeeper.core.evaluation.refusals import FEWEST_RUNS, enough
+from gamekeeper.core.evaluation.runs import difference_over_runs, over_runs
+from gamekeeper.core.evaluation.student import student, student_p
+from gamekeeper.core.paired import Effect, paired_effect
+from gamekeeper.core.stats import wilson
+from gamekeeper.errors import EvidenceError
+
+FloatArray = NDArray[np.float64]
+
+MOST_NAMED: Final = 6
+"""Whom a refusal names; the others are counted."""
+POINT: Final[dict[str, Callable[[FloatArray], Any]]] = {
+    "mean": np.mean,
+    "iqm": interquartile_mean,
+    "median": np.median,
+}
+
+
+class Judge:
+    """Makes intervals, and notes what was refused and why.
+
+    Args:
+        level: of all intervals.
+        seed: with the name of what is judged it settles the resamples, so that no interval hangs
+            on which others were made.
+    """
+
+    def __init__(self, level: float, seed: int) -> None:
+        self.level, self._seed = level, seed
+        self._refused: dict[tuple[str, str], dict[str, None]] = {}
+
+    @property
+    def refused(self) -> list[dict[str, str]]:
+        """What was refused, and why."""
+        found = []
+        for (what, why), whom in self._refused.items():
+            names = [name for name in whom if name]
+            named = ", ".join(names[:MOST_NAMED])
+            more = len(names) - MOST_NAMED
+            named += f" and {more} more" if more > 0 else ""
+            found.append({"what": f"{what}: {named}" if named else what, "why": why})
+        return found
+
+    def refuse(self, what: str, why: str, whom: str = "") -> None:
+        """Notes a refusal."""
+        self._refused.setdefault((what, why), {}).setdefault(whom)
+
+    def rng(self, *name: object) -> Generator:
+        """The random stream of something that has a name."""
+        digest = blake2b("\0".join(map(str, name)).encode(), digest_size=8).digest()
+        return np.random.default_rng([13, self._seed, int.from_bytes(digest, "little")])
+
+    def episodes(
+        self, values: FloatArray, statistic: Statistic, *, of: str, name: Sequence[object]
+    ) -> dict[str, Any] | None:
+        """A statistic over episodes of a checkpoint; None where there is no value.
+
+        Args:
+            values: [episodes] NaN where an episode has none.
+            of: whom a refusal names.
+            name: of the random stream.
+        """
+        there = values[~np.isnan(values)]
+        if not len(there):
+            return None
+        what = f"interval of the {_shown(statistic)} over episodes"
+        try:
+            found = one_sample(
+                there, statistic=statistic, rng=self.rng(*name, statistic), level=self.level
+            )
+        except EvidenceError as error:
+            return self._point(float(POINT[statistic](there)), error, what, of)
+        return _plain(found)
+
+    def runs(
+        self, scores: Sequence[FloatArray], statistic: Statistic, *, of: str, name: Sequence[object]
+    ) -> dict[str, Any] | None:
+        """A statistic over training runs; None where a run has no value.
+
+        Args:
+            scores: of each run, [episodes] on the same seeds.
+        """
+        kept = shared(scores)
+        if not kept.size:
+            return None
+        what = f"interval of the {_shown(statistic)} over training runs"
+        try:
+            found = over_runs(
+                kept, statistic=statistic, rng=self.rng(*name, statistic), level=self.level
+            )
+        except EvidenceError as error:
+            return self._point(float(POINT[statistic](kept.mean(axis=1))), error, what, of)
+        return _plain(found)
+
+    def share(self, values: FloatArray) -> dict[str, Any] | None:
+        """How many episodes succeeded, with Wilson's interval; None where nothing says so."""
+        there = values[~np.isnan(values)]
+        if not len(there):
+            return None
+        hits = int(there.sum())
+        found = wilson(hits, len(there), level=self.level)
+        return {"hits": hits, "n": len(there), "p": found.p, "low": found.low, "high": found.high}
+
+    def paired(
+        self, a: FloatArray, b: FloatArray, *, of: str, name: Sequence[object]
+    ) -> tuple[dict[str, Any] | None, dict[str, Any] | None, int]:
+        """By how much `a` is above `b` on shared seeds, how probably, and on how many."""
+        both = ~np.isnan(a) & ~np.isnan(b)
+        a, b = a[both], b[both]
+        if not len(a):
+            return None, None, 0
+        try:
+            effect = paired_effect(b, a, rng=self.rng(*name, "difference"), level=self.level)
+            difference = _effect(effect)
+        except EvidenceError as error:
+            difference = self._point(
+                float((a - b).mean()), error, "interval of a difference over episodes", of
+            )
+        return difference, self._improvement(a, b, paired=True, of=of), len(a)
+
+    def between_runs(
+        self,
+        a: Sequence[FloatArray],
+        b: Sequence[FloatArray],
+        *,
+        of: str,
+        name: Sequence[object],
+    ) -> tuple[dict[str, Any] | None, dict[str, Any] | None, int]:
+        """The same of methods; one that is a single checkpoint counts as it is, without spread."""
+        kept = shared([*a, *b])
+        one, two = kept[: len(a)], kept[len(a) :]
+        if not kept.size:
+            return None, None, 0
+        what = "interval of a difference over training runs"
+        value = float(one.mean() - two.mean())
+        try:
+            if min(len(a), len(b)) == 1:
+                apart = one - two if len(two) == 1 else -(two - one)
+                found = over_runs(apart, rng=self.rng(*name, "difference"), level=self.level)
+                difference = {**_plain(found), "p": _p_of(found, self.level)}
+            else:
+                difference = _effect(difference_over_runs(two, one, level=self.level))
+        except EvidenceError as error:
+            difference = self._point(value, error, what, of)
+        chance = self._improvement(one.mean(axis=1), two.mean(axis=1), paired=False, of=of)
+        return (
+            difference,
+            chance,
+            max(len(a), len(b)) if 1 in (len(a), len(b)) else min(len(a), len(b)),
+        )
+
+    def meetings(
+        self, scores: Sequence[Sequence[float]], *, times: int, of: str
+    ) -> dict[str, Any] | None:
+        """The mean over meetings of runs, by how much it varies with the runs of each method.
+
+        Meetings share runs, so that they aren't a sample; runs are. The mean's variance is that of
+        a U-statistic: of each method, the variance of its runs' means over their meetings.
+
+        Args:
+            scores: by method, of each run the mean over its meetings.
+            times: in how many seats a method's runs sit.
+        Source: van der Vaart 1998, "Asymptotic statistics", ch. 12 (Hajek projection of one- and
+            two-sample U-statistics); Welch 1947 for the degrees of freedom.
+        """
+        value = float(np.mean([np.mean(each) for each in scores]))
+        parts = [
+            (times**2 * float(np.var(each, ddof=1)) / len(each), len(each) - 1)
+            for each in scores
+            if len(each) > 1
+        ]
+        what = "interval of a cell over training runs"
+        try:
+            for each in scores:
+                enough(len(each), FEWEST_RUNS["mean"], "training runs", where=of)
+        except EvidenceError as error:
+            return self._point(value, error, what, of)
+        variance = sum(part for part, _ in parts)
+        freedom = variance**2 / sum(part**2 / n for part, n in parts) if variance > 0 else 1.0
+        reach = student(self.level, freedom) * sqrt(variance)
+        method = "Student's t on runs that meet one another (U-statistic)"
+        return {"value": value, "low": value - reach, "high": value + reach, "method": method}
+
+    def _improvement(
+        self, a: FloatArray, b: FloatArray, *, paired: bool, of: str
+    ) -> dict[str, Any] | None:
+        try:
+            return _plain(improvement(a, b, paired=paired, level=self.level))
+        except EvidenceError as error:
+            unit = "episodes" if paired else "training runs"
+            self._note(error, f"probability of improvement over {unit}", of)
+            return None
+
+    def _point(self, value: float, error: EvidenceError, what: str, of: str) -> dict[str, Any]:
+        """The estimate alone."""
+        self._note(error, what, of)
+        return {"value": value, "low": None, "high": None, "method": None}
+
+    def _note(self, error: EvidenceError, what: str, of: str) -> None:
+        asked = f"; {error.expected}, seen {error.seen}" if error.expected else ""
+        self.refuse(what, f"{error.what}{asked}", of)
+
+
+def shared(scores: Sequence[FloatArray]) -> FloatArray:
+    """[runs, episodes] the scores of the episodes in which every run has one."""
+    kept = np.stack(list(scores))
+    return np.asarray(kept[:, ~np.isnan(kept).any(axis=0)])
+
+
+def _plain(found: Interval) -> dict[str, Any]:
+    return {
+        "value": found.value, "low": found.low, "high": found.high, "method": found.method,
+    }  # fmt: skip
+
+
+def _p_of(found: Interval, level: float) -> float:
+    """The two-sided p-value that goes with an interval over runs, by Student's t."""
+    spread = (found.high - found.low) / 2 / student(level, found.n - 1)
+    if spread == 0:
+        return 1.0 if found.value == 0 else 0.0
+    return student_p(found.value / spread, found.n - 1)
+
+
+def _effect(found: Effect) -> dict[str, Any]:
+    return {"value": found.value, "low": found.low, "high": found.high, "p": found.p}
+
+
+def _shown(statistic: str) -> str:
+    return {"iqm": "interquartile mean"}.get(statistic, statistic)

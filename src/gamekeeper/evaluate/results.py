@@ -1,0 +1,221 @@
+"""What every policy comes to: for the team, for roles, for every agent, metric by metric."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gamekeeper.core.contract import Contract
+from gamekeeper.core.outcome import EACH, TEAM
+from gamekeeper.evaluate.judge import Judge
+from gamekeeper.evaluate.look import Look
+from gamekeeper.evaluate.matchups import Side
+from gamekeeper.evaluate.sheet import RETURN, ROLE, SUCCESS, Sheet
+from gamekeeper.evaluate.spec import Spec
+
+QUANTILES: Final = (0.05, 0.25, 0.75, 0.95)
+MOST_AGENTS: Final = 32
+"""Agents of an environment that have rows of their own; the raw episodes have all of them."""
+ZERO_SUM: Final = "zero-sum"
+
+
+@dataclass(frozen=True, slots=True)
+class Whom:
+    """Of whom a figure is: the team, a role, or an agent."""
+
+    scope: str
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """An environment's share of an evaluation.
+
+    Attributes:
+        name: of the environment.
+        look: what it is.
+        has_team: a sum over all agents means something.
+        sheets: of every policy's every run by itself.
+    """
+
+    name: str
+    look: Look
+    has_team: bool
+    sheets: Mapping[Side, Sheet]
+
+    def runs_of(self, policy: str) -> list[Sheet]:
+        """A policy's sheets, run by run."""
+        return [sheet for side, sheet in self.sheets.items() if side.policy == policy]
+
+    @property
+    def whom(self) -> list[Whom]:
+        """The team, roles whose agents are interchangeable, and agents."""
+        found = [Whom(TEAM, TEAM)] if self.has_team else []
+        found += [Whom(ROLE, role) for role in self.pooled]
+        agents = dict.fromkeys(agent for sheet in self.sheets.values() for agent in sheet.agents)
+        return [*found, *(Whom(EACH, agent) for agent in list(agents)[:MOST_AGENTS] if agent)]
+
+    @property
+    def compared(self) -> list[Whom]:
+        """Of whom policies are compared: the team, roles, and agents that have no role together."""
+        pooled = self.pooled
+        alone = [Whom(EACH, agent) for agent, role in self.look.roles.items() if role not in pooled]
+        return [each for each in self.whom if each.scope != EACH] + alone[:MOST_AGENTS]
+
+    @property
+    def pooled(self) -> list[str]:
+        """Roles whose agents may be put together in an episode."""
+        declared = self.look.declared
+        names = dict.fromkeys(
+            [*self.look.role_names, *(r for s in self.sheets.values() for r in s.roles)]
+        )
+        return [role for role in names if role and may_pool(declared, role, self.members(role))]
+
+    def members(self, role: str) -> list[str]:
+        """The agents that were seen in a role."""
+        seen = {
+            agent: None
+            for sheet in self.sheets.values()
+            for agent, its in zip(sheet.agents, sheet.roles, strict=True)
+            if its == role
+        }
+        return list(dict.fromkeys([*self.look.members(role), *seen]))
+
+
+def may_pool(contract: Contract, role: str, members: Sequence[str]) -> bool:
+    """Whether the agents of a role are interchangeable, or there is only one."""
+    declared = contract.roles.get(role)
+    return len(members) == 1 or (declared is not None and declared.symmetric is True)
+
+
+def has_team(spec: Spec, environment: str, look: Look) -> bool:
+    """Whether a sum over all agents means something: as is said, else where nothing cancels."""
+    told = spec.environments[environment].team
+    if told is not None:
+        return told
+    return not any(term.kind == ZERO_SUM for term in look.declared.rewards.values())
+
+
+def results_of(spec: Spec, ground: Ground, judge: Judge) -> Iterator[dict[str, Any]]:
+    """The rows of an environment: every policy's, of each run and over them."""
+    _refuse_pooling(ground, judge)
+    for name, policy in spec.policies.items():
+        sheets = ground.runs_of(name)
+        if not sheets:
+            continue
+        is_method = policy.is_method
+        for run, sheet in enumerate(sheets):
+            of = f"{name}#{run}" if is_method else name
+            yield from _rows(spec, ground, judge, name, [sheet], run=run, of=of)
+        if is_method and spec.unit != "episode":
+            yield from _rows(spec, ground, judge, name, sheets, run=None, of=name)
+
+
+def _refuse_pooling(ground: Ground, judge: Judge) -> None:
+    for role in ground.look.role_names:
+        if role not in ground.pooled:
+            judge.refuse(
+                f"{role} as one figure",
+                "its agents aren't interchangeable, or no contract says that they are: "
+                "they are shown one by one",
+                ground.name,
+            )
+    if not ground.has_team:
+        judge.refuse(
+            "the team's return", "rewards are zero-sum: over all agents they cancel", ground.name
+        )
+    agents = dict.fromkeys(agent for sheet in ground.sheets.values() for agent in sheet.agents)
+    if len(agents) > MOST_AGENTS:
+        judge.refuse(
+            "rows for every agent",
+            f"there are {len(agents):,}; the first {MOST_AGENTS} have rows, the raw episodes all",
+            ground.name,
+        )
+
+
+def _rows(
+    spec: Spec,
+    ground: Ground,
+    judge: Judge,
+    policy: str,
+    sheets: Sequence[Sheet],
+    *,
+    run: int | None,
+    of: str,
+) -> Iterator[dict[str, Any]]:
+    broken = sum(sheet.broken for sheet in sheets)
+    if broken:
+        judge.refuse(
+            "figures of broken episodes",
+            "an exception broke them off: they count as failed and have no return",
+            f"{of} in {ground.name} ({broken})",
+        )
+    for whom in ground.whom:
+        for metric in sheets[0].metrics(spec.terms, spec.infos):
+            scores = [sheet.values(metric, whom.scope, whom.name) for sheet in sheets]
+            if all(np.isnan(each).all() for each in scores):
+                continue
+            where = {
+                "environment": ground.name, "policy": policy, "run": run, "scope": whom.scope,
+                "who": whom.name, "metric": metric,
+            }  # fmt: skip
+            named = f"{of} in {ground.name}" + (f", {whom.name}" if whom.scope == EACH else "")
+            found = _figures(judge, scores, list(where.values()), named, run)
+            is_first = metric == RETURN
+            yield {
+                **where, **found,
+                "success": _success(judge, sheets, whom, run, of) if is_first else None,
+                "endings": _endings(sheets, whom) if is_first else None,
+            }  # fmt: skip
+
+
+def _figures(
+    judge: Judge,
+    scores: Sequence[NDArray[np.float64]],
+    name: Sequence[object],
+    of: str,
+    run: int | None,
+) -> dict[str, Any]:
+    """Mean, median, interquartile mean and quantiles: of episodes, or of runs' means."""
+    if run is None:
+        means = np.array([np.nanmean(each) for each in scores if not np.isnan(each).all()])
+        mean = judge.runs(scores, "mean", of=of, name=name)
+        iqm = judge.runs(scores, "iqm", of=of, name=name)
+    else:
+        means = scores[0][~np.isnan(scores[0])]
+        mean = judge.episodes(scores[0], "mean", of=of, name=name)
+        iqm = judge.episodes(scores[0], "iqm", of=of, name=name)
+    return {
+        "episodes": int(max((~np.isnan(each)).sum() for each in scores)),
+        "runs": len(scores), "mean": mean, "median": float(np.median(means)), "iqm": iqm,
+        "quantiles": {f"{part:g}": float(np.quantile(means, part)) for part in QUANTILES},
+    }  # fmt: skip
+
+
+def _success(
+    judge: Judge, sheets: Sequence[Sheet], whom: Whom, run: int | None, of: str
+) -> dict[str, Any] | None:
+    values = [sheet.values(SUCCESS, whom.scope, whom.name) for sheet in sheets]
+    share = judge.share(np.concatenate(values))
+    if share is None or run is not None:
+        return share
+    over = judge.runs(values, "mean", of=of, name=["success", *(str(whom), of)])
+    if over is None:
+        return None
+    return {**share, "p": over["value"], "low": over["low"], "high": over["high"]}
+
+
+def _endings(sheets: Sequence[Sheet], whom: Whom) -> dict[str, Any]:
+    total: dict[str, Any] = {"terminated": 0, "truncated": 0, "cut": 0, "reasons": {}}
+    for sheet in sheets:
+        for key, count in sheet.endings(whom.scope, whom.name).items():
+            if key == "reasons":
+                for reason, times in count.items():
+                    total["reasons"][reason] = total["reasons"].get(reason, 0) + times
+            else:
+                total[key] = total.get(key, 0) + count
+    return total

@@ -1,0 +1,113 @@
+"""Playing until every policy is known well enough, by intervals that allow for having looked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from gamekeeper.core.evaluation.confidence_sequence import ConfidenceSequence
+from gamekeeper.core.outcome import EACH, TEAM
+from gamekeeper.errors import EvidenceError
+from gamekeeper.evaluate.judge import FloatArray
+from gamekeeper.evaluate.look import Look
+from gamekeeper.evaluate.matchups import Side
+from gamekeeper.evaluate.sheet import LENGTH, RETURN, ROLE, SUCCESS, Sheet
+from gamekeeper.evaluate.spec import Spec
+
+
+@dataclass(slots=True)
+class Stopping:
+    """What was seen so far, by environment and checkpoint.
+
+    Attributes:
+        spec: with a `stop`.
+        looks: of the environments.
+        seen: [episodes] figures, in the order of their numbers.
+        rounds: how often it was looked.
+    """
+
+    spec: Spec
+    looks: Mapping[str, Look]
+    seen: dict[tuple[str, Side], FloatArray] = field(default_factory=dict)
+    rounds: int = 0
+
+    @property
+    def sequence(self) -> ConfidenceSequence:
+        """The intervals: of shares bounded ones, of everything else those without bounds."""
+        if self._stop.metric == SUCCESS:
+            return ConfidenceSequence(least=0.0, most=1.0, level=self.spec.level)
+        return ConfidenceSequence(level=self.spec.level)
+
+    @property
+    def _stop(self) -> Any:
+        return self.spec.stop
+
+    def take(self, environment: str, side: Side, sheet: Sheet) -> None:
+        """Takes the next episodes of a checkpoint.
+
+        Raises:
+            EvidenceError: they have no such figure.
+        """
+        scope = self._scope(environment)
+        values = sheet.values(self._stop.metric, scope, self._stop.who)
+        if np.isnan(values).any():
+            named = {RETURN, LENGTH, SUCCESS, *sheet.metrics(None, self.spec.infos)}
+            raise EvidenceError(
+                "an episode lacks the figure by which playing is to stop",
+                where=f"stop, {environment}", expected=", ".join(sorted(named)),
+                seen=f"{self._stop.metric} of {self._stop.who}",
+                mend="name a figure that every episode has; an exception leaves an episode none",
+            )  # fmt: skip
+        before = self.seen.get((environment, side), np.empty(0))
+        self.seen[environment, side] = np.concatenate([before, values])
+
+    def is_enough(self) -> bool:
+        """Whether every interval is narrow enough."""
+        self.rounds += 1
+        return all(row["width"] is not None and row["width"] <= self._stop.width
+                   for row in self.sequences())  # fmt: skip
+
+    def sequences(self) -> list[dict[str, Any]]:
+        """The interval of each checkpoint as it stands."""
+        found = []
+        for (environment, side), values in self.seen.items():
+            interval = self.sequence.interval(values)
+            width = interval.high - interval.low
+            is_known = bool(np.isfinite(width))
+            found.append(
+                {
+                    "environment": environment, "policy": side.policy, "run": side.run,
+                    "n": interval.n, "value": interval.value,
+                    "low": interval.low if is_known else None,
+                    "high": interval.high if is_known else None,
+                    "width": width if is_known else None, "method": interval.method,
+                }
+            )  # fmt: skip
+        return found
+
+    def to_json(self, episodes: int) -> dict[str, Any]:
+        """As the document has it."""
+        stop, sequences = self._stop, self.sequences()
+        widths = [row["width"] for row in sequences]
+        return {
+            "metric": stop.metric, "who": stop.who, "width": stop.width, "most": stop.most,
+            "rounds": self.rounds, "episodes": episodes, "level": self.spec.level,
+            "reached": all(width is not None and width <= stop.width for width in widths),
+            "sequences": sequences,
+        }  # fmt: skip
+
+    def _scope(self, environment: str) -> str:
+        who, look = self._stop.who, self.looks[environment]
+        if who == TEAM:
+            return TEAM
+        if who in look.role_names:
+            return ROLE
+        if who in look.roles:
+            return EACH
+        raise EvidenceError(
+            "there is nobody of this name", where=f"stop.who, {environment}",
+            expected=", ".join([TEAM, *look.role_names, *look.roles]), seen=who,
+        )  # fmt: skip
