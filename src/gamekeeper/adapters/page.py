@@ -122,6 +122,30 @@ def opened(path: PathText, *, key: str, name: str | None = None) -> Shown:
     return shown(evidence, key=key, path=str(path), name=called, labels=said)
 
 
+def view_page(runs: Sequence[Shown], documents: Documents) -> str:
+    """The page that `gamekeeper view` serves: it asks for the list and for episodes by itself.
+
+    Args:
+        runs: at least one; the documents are about the first.
+        documents: what is known of it.
+    """
+    main = runs[0]
+    page = Page(
+        title=main.name,
+        lead=lead_of(runs, documents),
+        runs=tuple(run.card for run in runs),
+        sections=sections_of(runs, documents, version=_version(), rng=np.random.default_rng(SEED)),
+        is_view=True,
+        extra={"version": ""},
+    )
+    return render(page)
+
+
+def _version() -> str:
+    # the front stands above all layers, so nobody imports it
+    return str(sys.modules["gamekeeper"].__version__)
+
+
 # -- documents
 
 
@@ -225,13 +249,11 @@ def _page(
                                    each["run"],
                                    order_on_page.get(each["episode"], 0) if each["packed"]
                                    else each["episode"]))  # fmt: skip
-    version = sys.modules["gamekeeper"].__version__  # the front stands above all layers
-    rng = np.random.default_rng(SEED)
     return Page(
         title=main.name if title is None else title,
         lead=lead_of(runs, documents),
         runs=tuple(run.card for run in (*runs, *twins)),
-        sections=sections_of(runs, documents, version=version, rng=rng),
+        sections=sections_of(runs, documents, version=_version(), rng=np.random.default_rng(SEED)),
         episodes=entries,
         packed=packer.packed,
         chosen=chosen_text(taken, len(main.figures.headers), run=main.path),

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Literal
+import json
+import sys
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal
 
 import typer
 
+from gamekeeper.cli._document import document_text
 from gamekeeper.cli._options import (
     SILENCE_S,
     ContractOption,
@@ -18,10 +22,14 @@ from gamekeeper.cli._options import (
     WorkersOption,
 )
 from gamekeeper.cli._screen import Answer, Screen
+from gamekeeper.errors import BundleError
 
 ORDER: Final = 56
 PAPERS: Final = 50
 """As `diagnose.attribution.attribute.PAPERS` has it; that loads numpy, help doesn't."""
+KIND: Final = "attribution"
+MOST_BYTES: Final = 16 << 20
+"""Of a document that is kept among a run's annotations."""
 
 BaselineOption = Annotated[
     Literal["noop", "random", "reference"],
@@ -85,4 +93,24 @@ def command(
         )
     document = found.to_json()
     screen.show(attribution_text(document, width=screen.width))
+    _keep(screen, run, document)
     return Answer(document, 0)
+
+
+def _keep(screen: Screen, run: Path, document: dict[str, Any]) -> None:
+    """The document is added to the run's annotations, where a report finds it; not twice."""
+    from gamekeeper.record.files.notes import annotate, read_notes
+
+    text = document_text(document)
+    if len(text) > MOST_BYTES:
+        screen.note(f"not kept in the run: it has {len(text):,} bytes")
+        return
+    version = sys.modules["gamekeeper"].__version__  # the front stands above all layers
+    plain = json.loads(text)
+    try:
+        known = [note.get("document") for note in read_notes(run) if note.get("kind") == KIND]
+        if known[-1:] != [plain]:
+            by = f"gamekeeper attribute {version}"
+            annotate(run, {"kind": KIND, "by": by, "document": plain})
+    except BundleError as error:  # a run that nobody may write into is attributed all the same
+        screen.note(f"not kept in the run: {error.what}")

@@ -39,7 +39,7 @@ def compared_block(one: Figures, two: Figures, *, names: tuple[str, str], rng: G
         ))  # fmt: skip
     columns = ("agent", *names, "same seeds", "difference", "95 % interval")
     note = f"Differences are over episodes with one seed; an interval needs {FEWEST} of them."
-    table = Table(f"{names[1]} beside {names[0]}", columns, tuple(rows), note)
+    table = Table("Returns, and how they differ on the same seeds", columns, tuple(rows), note)
     missing = [each for each in (*one.agents, *two.agents) if each not in one.agents or
                each not in two.agents]  # fmt: skip
     notes = (f"Only in one of them: {', '.join(missing)}.",) if missing else ()

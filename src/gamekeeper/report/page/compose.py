@@ -117,7 +117,8 @@ def sections_of(
             attribution=told if run is main else None, failed=run.failed,
             condition=run.condition, rng=rng,
         )  # fmt: skip
-        agents += [Block(title=f"Run {run.key}: {run.name}", notes=(" ",))] * (len(runs) > 1)
+        if len(runs) > 1:
+            agents.append(Block(title=f"Run {run.key}: {run.name}", is_heading=True))
         agents += blocks
     for run in runs[1:]:
         names = (main.name, run.name)

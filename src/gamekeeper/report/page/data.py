@@ -71,6 +71,7 @@ class Block:
         snippets: texts to copy, by their titles.
         folded: it is shown when asked for.
         anchor: its address on the page.
+        is_heading: it stands there for its title alone.
     """
 
     title: str = ""
@@ -82,10 +83,11 @@ class Block:
     snippets: tuple[tuple[str, str], ...] = ()
     folded: bool = False
     anchor: str = ""
+    is_heading: bool = False
 
     def __bool__(self) -> bool:
         parts = (self.alerts, self.notes, self.facts, self.charts, self.snippets)
-        return any(parts) or any(self.tables)
+        return self.is_heading or any(parts) or any(self.tables)
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ Document = Mapping[str, Any]
 
 ANSWERS: Final = {"isolated": "broken", "joint": "broken", "compatible": "warn"}
 """The badge of an answer; others are plain."""
+WORDS: Final = {"success": "share of successes", "return": "team's return"}
 
 
 def diagnosis_blocks(document: Document, *, key: str) -> list[Block]:
@@ -65,27 +66,9 @@ def _alike(everybody: Mapping[str, Document]) -> Iterator[list[str]]:
 
 
 def _tested(names: Sequence[str], found: Document) -> Block:
-    rows = [
-        {
-            "name": each["change"],
-            "group": f"{each['kind']}: {each['label']}",
-            **{key: each.get(key) for key in ("value", "low", "high", "p")},
-            "value": each["effect"],
-            "text": _mark(each),
-        }
-        for each in sorted(found["tested"], key=lambda each: (each["kind"], each["label"]))
-    ]
-    measures = sorted({each.get("measure", "success") for each in found["tested"]})
     title = few(names)
-    charts: tuple[Chart, ...] = ()
-    if rows:
-        charts = (
-            forest(
-                f"diagnosis-{_anchor(names[0])}", f"Effects for {title}", rows,
-                label=f"effect on {' or '.join(measures)}, with its 95 % interval",
-                note="p is corrected for the number of changes of one kind (Holm).",
-            ),
-        )  # fmt: skip
+    measures = dict.fromkeys(_measure(each) for each in found["tested"])
+    charts = tuple(_effects(names, found["tested"], measure) for measure in sorted(measures)[::-1])
     reasons: dict[str, list[str]] = {}
     for each in found["not_tested"]:
         reasons.setdefault(each["why"], []).append(each["label"])
@@ -93,7 +76,32 @@ def _tested(names: Sequence[str], found: Document) -> Block:
         "Not tested", ("labels", "why"),
         tuple((Cell(", ".join(labels)), Cell(why)) for why, labels in reasons.items()),
     )  # fmt: skip
-    return Block(title=f"Tested for {title}", charts=charts, tables=(table,), folded=not rows)
+    return Block(title=f"Tested for {title}", charts=charts, tables=(table,), folded=not charts)
+
+
+def _measure(tested: Document) -> str:
+    return str(tested.get("measure", "success"))
+
+
+def _effects(names: Sequence[str], tested: Sequence[Document], measure: str) -> Chart:
+    """The effects on one measure: shares of successes and returns have no axis in common."""
+    rows = [
+        {
+            "name": each["change"],
+            "group": f"{each['kind']}: {each['label']}",
+            **{key: each.get(key) for key in ("low", "high", "p")},
+            "value": each["effect"],
+            "text": _mark(each),
+        }
+        for each in sorted(tested, key=lambda each: (each["kind"], each["label"]))
+        if _measure(each) == measure
+    ]
+    return forest(
+        f"diagnosis-{measure}-{_anchor(names[0])}",
+        f"Effects on the {WORDS.get(measure, measure)} for {few(names)}", rows,
+        label="effect, with its 95 % interval",
+        note="p is corrected for the number of changes of one kind (Holm).",
+    )  # fmt: skip
 
 
 def _mark(tested: Document) -> str:

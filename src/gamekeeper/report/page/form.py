@@ -44,6 +44,7 @@ def form_section(
             Block(
                 facts=tuple(_facts(evidence, declared)),
                 tables=(_beside(measured, declared, source), _measured_agents(measured)),
+                alerts=tuple(_strangers(audit, evidence)),
                 notes=tuple(_notes(audit, measured)),
             ),
             Block(title="Agents and spaces", tables=(_spaces(evidence, figures, seats),)),
@@ -64,6 +65,18 @@ def _facts(evidence: Evidence, declared: Mapping[str, Any]) -> list[tuple[str, s
     if not declared:
         facts.append(("contract", "none: nothing is declared, so nothing of it can be broken"))
     return facts
+
+
+def _strangers(audit: Mapping[str, Any] | None, evidence: Evidence) -> list[str]:
+    """An audit of another environment than the run's is told, never passed over."""
+    if audit is None:
+        return []
+    mine = set(map(str, evidence.manifest.get("agents") or ()))
+    if mine & set(audit.get("agents") or mine):
+        return []
+    ran = (evidence.manifest.get("environment") or {}).get("entry_point")
+    return [f"The audit is of {audit.get('environment')}, and this run of {ran}: no agent of the "
+            "one is in the other."]  # fmt: skip
 
 
 def _notes(audit: Mapping[str, Any] | None, measured: Mapping[str, Any]) -> list[str]:
