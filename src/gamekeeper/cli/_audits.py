@@ -66,20 +66,18 @@ def audit_many(
     wanted = [(spec, seed) for spec in dict.fromkeys(specs) for seed in seeds]
     given = {**options, "memory_bytes": None if memory_mb is None else memory_mb * MEGABYTE}
     found: dict[int, dict[str, Any]] = {}
-    answers = executor_of(executor or "local", workers).map(
-        _tasks(wanted, given),
-        limits=Limits(silence_s=None),  # each audit watches over a process of its own
-    )
-    with screen.progress("auditing") as take, stopped_after(answers) as ends:
+    limits = Limits(silence_s=None)  # each audit watches over a process of its own
+    with executor_of(executor or "local", workers) as players, screen.progress("auditing") as take:
         take({"episode": 0, "episodes": len(wanted), "unit": "audits"})
-        for done in ends:
-            end = done.outcome
-            if end.status == "interrupted":
-                raise KeyboardInterrupt
-            if not isinstance(end.value, dict):
-                raise WorkerFault(end.traceback or end.error or end.status)
-            found[int(done.key.rpartition("-")[2])] = end.value
-            take({"episode": len(found)})
+        with stopped_after(players.map(_tasks(wanted, given), limits=limits)) as ends:
+            for done in ends:
+                end = done.outcome
+                if end.status == "interrupted":
+                    raise KeyboardInterrupt
+                if not isinstance(end.value, dict):
+                    raise WorkerFault(end.traceback or end.error or end.status)
+                found[int(done.key.rpartition("-")[2])] = end.value
+                take({"episode": len(found)})
     names = {spec: found[n]["environment"] for n, (spec, _) in enumerate(wanted)
              if "verdicts" in found[n]}  # fmt: skip
     for number, (spec, _) in enumerate(wanted):  # the same name where another seed could be played

@@ -77,10 +77,12 @@ def record_by_workers(
 
     place = Storage.at(parts_folder(out) if storage is None else storage)
     memory_bytes = None if memory_mb is None else memory_mb * MEGABYTE
-    players = executor_of(executor or LOCAL, workers)
     limits = Limits(silence_s=silence_s, memory_bytes=memory_bytes)
     try:
-        with screen.progress("recording") as take:
+        with (
+            executor_of(executor or LOCAL, workers) as players,
+            screen.progress("recording") as take,
+        ):
             played = record_apart(
                 plan, out, executor=players, storage=place, limits=limits, on_message=take
             )

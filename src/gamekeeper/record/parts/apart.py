@@ -70,6 +70,7 @@ def record_apart(
         KeyboardInterrupt: by Ctrl-C.
     """
     _check_free(out)
+    executor.check_storage(storage.place)
     playing = Playing(plan, storage, on_message)
     if claim(storage, plan):
         playing.look()

@@ -6,7 +6,7 @@ import os
 import queue
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, Final
+from typing import Any, Final, Self
 
 from gamekeeper.errors import GamekeeperError
 from gamekeeper.run.executors.task import USUAL, Done, Limits, OnReport, Task
@@ -33,10 +33,22 @@ class LocalExecutor:
             )
         self._workers = cores() if workers is None else workers
 
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
     @property
     def workers(self) -> int:
         """How many tasks are played at a time."""
         return self._workers
+
+    def check_storage(self, place: str) -> None:
+        """Processes of this machine mean by a place what this one does."""
+
+    def close(self) -> None:
+        """Processes end with the `map` that started them."""
 
     def map(
         self,

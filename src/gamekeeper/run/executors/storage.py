@@ -92,9 +92,9 @@ class Storage:
             elif not self._is_renamed:
                 self._write(path, data)
             else:
-                parent, _, last = path.rpartition("/")
-                draft = f"{parent}/.{token_hex(8)}.{last}"
-                self._files.create_dir(parent, recursive=True)
+                parent, slash, last = path.rpartition("/")
+                draft = f"{parent}{slash}.{token_hex(8)}.{last}"
+                self._make(parent)
                 try:
                     self._write(draft, data)
                     self._files.move(draft, path)
@@ -169,8 +169,7 @@ class Storage:
             inner = f"{name}/{path.relative_to(folder).as_posix()}"
             target = self._path(inner)
             with self._doing("writing", inner):
-                if self._is_renamed:
-                    self._files.create_dir(target.rpartition("/")[0], recursive=True)
+                self._make(target.rpartition("/")[0])
                 with path.open("rb") as source, self._files.open_output_stream(target) as sink:
                     shutil.copyfileobj(source, sink, CHUNK_BYTES)
 
@@ -231,6 +230,11 @@ class Storage:
                     )
         return f"{self._root}/{name}" if self._root else name
 
+    def _make(self, folder: str) -> None:
+        """The folder exists, where there are folders: object stores have only names."""
+        if self._is_renamed and folder:
+            self._files.create_dir(folder, recursive=True)
+
     def _write(self, path: str, data: bytes) -> None:
         with self._files.open_output_stream(path) as stream:
             stream.write(data)
@@ -277,4 +281,5 @@ def _shown(place: str) -> str:
 
 def _first_line(error: BaseException) -> str:
     text = (str(error) or type(error).__name__).splitlines()[0]
-    return re.sub(r"(://)[^/\s'\"@]*@", r"\1", text)[:300]
+    text = re.sub(r"(://)[^/\s'\"@]*@", r"\1", text)  # user and password, then the query
+    return re.sub(r"(://[^\s'\"?]*)\?[^\s'\"]*", r"\1", text)[:300]

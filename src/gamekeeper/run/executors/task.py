@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any, Final, Protocol, TypeAlias
+from typing import Any, Final, Protocol, Self, TypeAlias
 
 from gamekeeper.errors import GamekeeperError
 from gamekeeper.run.watch import Outcome
@@ -80,7 +80,10 @@ USUAL: Final = Limits()
 
 
 class Executor(Protocol):
-    """Plays tasks, in whatever order and place, and yields each once, as it ends."""
+    """Plays tasks, in whatever order and place, and yields each once, as it ends.
+
+    A context that closes it.
+    """
 
     @property
     def workers(self) -> int:
@@ -101,6 +104,22 @@ class Executor(Protocol):
             on_report: called with reports, one at a time, in any thread; where tasks are played on
                 other machines, it may not be called at all.
         """
+
+    def check_storage(self, place: str) -> None:
+        """What any worker writes to the storage, this process reads there.
+
+        Args:
+            place: what `Storage.at` opens.
+        Raises:
+            GamekeeperError: a worker doesn't reach it, or means another place by it.
+        """
+
+    def close(self) -> None:
+        """Lets go of what tasks were played with."""
+
+    def __enter__(self) -> Self: ...
+
+    def __exit__(self, *error: object) -> None: ...
 
 
 @contextmanager
