@@ -14,7 +14,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from gamekeeper.errors import BundleError
+from gamekeeper.record.bundle import load
 from gamekeeper.record.files import limits
+from gamekeeper.record.files.folder import digest_file
 from gamekeeper.record.files.limits import check_growth
 from gamekeeper.record.files.manifest import DEPTH, render
 from gamekeeper.record.files.seal import commit
@@ -22,7 +24,9 @@ from gamekeeper.record.files.segment_reader import SegmentReader
 from gamekeeper.record.files.store import read, seal_recovered
 from gamekeeper.record.files.table_reader import TableReader
 from gamekeeper.record.files.table_writer import write_table
+from gamekeeper.record.recording import rollout
 from tests.record import bundles
+from tests.record.reseal import reseal
 
 
 @pytest.fixture(scope="module")
@@ -321,3 +325,27 @@ def test_table_with_other_columns_is_refused(tmp_path: Path) -> None:
     commit(tmp_path / "b", {"format_version": 1, "status": "sealed"}, files)
     with pytest.raises(BundleError, match="columns that a bundle doesn't hold"):
         read(tmp_path / "b")
+
+
+@pytest.mark.parametrize(
+    ("stream", "column", "other"),
+    [("episodes", "endings", None), ("steps", "reward", pa.string()), ("timings", "wall_ns", pa.string())],
+)
+def test_table_without_a_column_that_readers_need_is_refused(
+    tmp_path: Path, stream: str, column: str, other: pa.DataType | None
+) -> None:
+    """A run whose table lacks a column, or has it with another type, is refused by name."""
+    run = tmp_path / "run"
+    rollout("two_robot_line", episodes=1, out=run)
+    table = pq.read_table(run / f"{stream}.parquet")
+    place = table.schema.get_field_index(column)
+    changed = table.remove_column(place)
+    if other is not None:
+        changed = changed.add_column(place, column, table[column].cast(other))
+    pq.write_table(changed, run / f"{stream}.parquet")
+    size, digest = digest_file(run / f"{stream}.parquet")
+    seal = json.loads((run / "manifest.json").read_text(encoding="utf-8"))["seal"]
+    seal["files"][f"{stream}.parquet"] = {"digest": digest, "size": size}
+    reseal(run, seal=seal)
+    with pytest.raises(BundleError, match=rf"columns that a bundle doesn't hold.*\n.*{column}"):
+        load(run)

@@ -10,7 +10,7 @@ from gamekeeper.core.tables import MemoryTables, Tables
 from gamekeeper.record.files.folder import reading
 from gamekeeper.record.files.manifest import MANIFEST, load_manifest, seal_of
 from gamekeeper.record.files.reading import check_sealed, read
-from gamekeeper.record.files.schema import STREAMS
+from gamekeeper.record.files.schema import STREAMS, check_columns
 from gamekeeper.record.files.sealed import SealedTables
 
 
@@ -32,10 +32,15 @@ def load(path: str | PathLike[str], *, check: bool = True, salvage: bool = False
     if seal is None:
         bundle = read(folder, salvage=salvage)
         manifest = bundle.manifest
-        found = {name: getattr(bundle, name) for name in STREAMS}
-        tables: Tables = MemoryTables({n: table for n, table in found.items() if table is not None})
+        read_now = {name: getattr(bundle, name) for name in STREAMS}
+        found = {name: table for name, table in read_now.items() if table is not None}
+        tables: Tables = MemoryTables(found)
+        schemas = {name: table.schema for name, table in found.items()}
     else:
         if check:
             check_sealed(folder, manifest, seal)
-        tables = SealedTables(folder, [name for name in STREAMS if f"{name}.parquet" in seal.files])
+        sealed = SealedTables(folder, [name for name in STREAMS if f"{name}.parquet" in seal.files])
+        tables, schemas = sealed, sealed.schemas
+    for stream, schema in schemas.items():
+        check_columns(schema, stream, where=f"{folder}, {stream}")
     return Evidence(manifest, tables, path=folder)

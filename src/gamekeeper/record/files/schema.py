@@ -8,10 +8,18 @@ import numpy as np
 import numpy.typing as npt
 import pyarrow as pa
 
+from gamekeeper.core.evidence import NO_STEPS
+from gamekeeper.core.press import EPISODES
 from gamekeeper.errors import BundleError
 from gamekeeper.record.files.limits import row_bytes
 
 STREAMS: Final = ("episodes", "steps", "states", "timings")
+KNOWN: Final = {
+    "episodes": EPISODES,
+    "steps": NO_STEPS,
+    "timings": pa.schema([("wall_ns", pa.int64())]),
+}
+"""Columns that a stream of a run always has; others depend on its spaces and contract."""
 Keys = npt.NDArray[np.int64]
 DEPTH: Final = 32  # nested types
 LIST_BYTES: Final = 1 << 24  # a row of a fixed-size list; what is longer stands as bytes
@@ -48,6 +56,23 @@ def check_schema(schema: pa.Schema, stream: str, *, where: str) -> None:
             raise _refused(
                 where, "numbers, text, bytes, lists and structs", f"{field.name}: {field.type}"
             )
+
+
+def check_columns(schema: pa.Schema, stream: str, *, where: str) -> None:
+    """The columns that every reader of a run relies on are there, with their types.
+
+    A run that was killed before its first turn has the key columns alone.
+
+    Raises:
+        BundleError: one is missing, or has another type.
+    """
+    if tuple(schema.names) == keys_of(stream):
+        return
+    for field in KNOWN.get(stream, ()):
+        place = schema.get_field_index(field.name)
+        seen = "none of this name" if place < 0 else str(_plain_type(schema.field(place).type))
+        if seen not in (str(field.type), "null"):
+            raise _refused(where, f"a column {field.name} ({field.type})", seen)
 
 
 def plain_schema(schema: pa.Schema) -> pa.Schema:

@@ -29,6 +29,11 @@ class SealedTables:
         self._bounds: dict[str, Any] = {}
         self._kept: dict[str, dict[int, pa.Table]] = {}
 
+    @property
+    def schemas(self) -> dict[str, pa.Schema]:
+        """The columns of each stream."""
+        return {name: reader.schema for name, reader in self._readers.items()}
+
     def table(self, stream: str, *, without: Collection[str] = ()) -> pa.Table | None:
         """A whole stream, but for columns of the kinds in `without`.
 
