@@ -17,17 +17,17 @@ if TYPE_CHECKING:
 
 ORDER: Final = 17
 
-Kind = Literal["checks", "probes", "envs", "changes", "policies", "openers", "exporters"]
+Kind = Literal["checks", "probes", "envs", "changes", "policies", "openers", "exporters", "suites"]
 Row = dict[str, Any]
 
 KindArgument = Annotated[
     Kind | None, typer.Argument(metavar="[KIND]", show_default=False,
-                                help="checks, probes, envs, changes, policies, openers, exporters.")
+                                help="checks, probes, envs, changes, policies, openers, exporters, suites.")
 ]  # fmt: skip
 
 
 def command(screen: Screen, kind: KindArgument = None) -> Answer:
-    """Lists what can be named: checks, probes, environments, changes, policies, exporters.
+    """Lists what can be named: checks, environments, changes, policies, suites, exporters, ...
 
     Built-in ones and those of installed packages; a package's that can't be loaded is named on
     stderr. Without a kind, all but the checks are listed, and the checks counted.
@@ -124,6 +124,24 @@ def _exporters() -> tuple[list[Row], list[str]]:
     return _modules(found())
 
 
+def _suites() -> tuple[list[Row], list[str]]:
+    from gamekeeper import plugins
+    from gamekeeper.errors import GamekeeperError
+    from gamekeeper.evaluate.reading import read_file
+    from gamekeeper.evaluate.suites import GROUP, suites
+
+    rows, broken = [], [str(each) for each in plugins.load(GROUP).broken]
+    for name, path in suites().items():
+        try:
+            spec = read_file(path)
+        except GamekeeperError as error:  # a package's file that can't be read
+            broken.append(f"{GROUP}: {name} is left out: {error.what} ({path})")
+            continue
+        about = f"{', '.join(spec.environments)}: {', '.join(spec.policies)}"
+        rows.append({"name": name, "about": about, "version": (spec.suite or ("", ""))[1]})
+    return rows, broken
+
+
 def _envs() -> tuple[list[Row], list[str]]:
     from gamekeeper.game.openers import _registry
 
@@ -153,6 +171,7 @@ LISTS: Final[Mapping[Kind, tuple[Callable[[], tuple[list[Row], list[str]]], str]
     "envs": (_envs, "Environments"),
     "openers": (_openers, "How environments are named"),
     "policies": (_policies, "Policies"),
+    "suites": (_suites, "Suites to evaluate"),
     "exporters": (_exporters, "Forms to export to"),
     "changes": (_changes, "Changes"),
     "probes": (_probes, "Probes"),

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 
 from gamekeeper.core.stats import holm
+from gamekeeper.evaluate.crossplay import Table, both_ways
 from gamekeeper.evaluate.judge import Judge
 from gamekeeper.evaluate.results import Ground, Whom
 from gamekeeper.evaluate.sheet import RETURN, SUCCESS
@@ -16,20 +17,56 @@ from gamekeeper.evaluate.spec import Spec
 ALPHA: Final = 0.05
 
 
-def comparisons_of(spec: Spec, grounds: Sequence[Ground], judge: Judge) -> list[dict[str, Any]]:
-    """Every pair in every environment that both play in; Holm's correction is over all of them."""
-    found = [
-        row
-        for ground in grounds
-        for a, b in spec.pairs
-        for whom in ground.compared
-        for metric in (RETURN, SUCCESS)
-        if (row := _row(spec, ground, judge, (a, b), whom, metric)) is not None
-    ]
+def comparisons_of(
+    spec: Spec, grounds: Sequence[Ground], tables: Mapping[str, Table], judge: Judge
+) -> list[dict[str, Any]]:
+    """Every pair in every environment that both play in; Holm's correction is over all of them.
+
+    Where rewards cancel, returns of policies that each play against themselves say nothing of who
+    is better: there they are compared against one another, both ways, if cross-play has it.
+    """
+    found = []
+    for ground in grounds:
+        metrics = (RETURN, SUCCESS) if ground.has_team else (SUCCESS,)
+        found += [
+            row
+            for a, b in spec.pairs
+            for whom in ground.compared
+            for metric in metrics
+            if (row := _row(spec, ground, judge, (a, b), whom, metric)) is not None
+        ]
+        if not ground.has_team:
+            found += _head_to_head(spec, ground, tables.get(ground.name), judge)
     judged = [row for row in found if (row["difference"] or {}).get("p") is not None]
     for row, p in zip(judged, holm([row["difference"]["p"] for row in judged]), strict=True):
         row["difference"] |= {"p": p, "p_alone": row["difference"]["p"]}
     return [{**row, "claim": claim_of(spec, row)} for row in found]
+
+
+def _head_to_head(
+    spec: Spec, ground: Ground, table: Table | None, judge: Judge
+) -> Iterator[dict[str, Any]]:
+    """Pairs that sat opposite one another both ways on the same seeds."""
+    met = {} if table is None else both_ways(table)
+    if not met:
+        judge.refuse(
+            "returns compared",
+            "rewards cancel, so that one who plays against itself shows no strength; cross-play "
+            "lets two policies meet both ways",
+            ground.name,
+        )
+    for a, b in spec.pairs:
+        figures = met.get((a, b)) or tuple(reversed(met.get((b, a), ())))
+        if not figures or table is None:
+            continue
+        name = [ground.name, a, b, "both seats", RETURN]
+        of = f"{a} and {b} in {ground.name}"
+        difference, improvement, n = judge.paired(*figures, of=of, name=name)
+        yield {
+            "environment": ground.name, "a": a, "b": b, "scope": "seats",
+            "who": " and ".join(table.seats), "metric": RETURN, "unit": "episode", "n": n,
+            "difference": difference, "improvement": improvement,
+        }  # fmt: skip
 
 
 def _row(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -17,7 +18,7 @@ from gamekeeper.evaluate.play import EPISODES, MERGE
 from gamekeeper.evaluate.spec import Spec
 from gamekeeper.record.tasks import error_of
 from gamekeeper.run.executors.storage import Storage
-from gamekeeper.run.executors.task import Done, Executor, Limits, Task
+from gamekeeper.run.executors.task import Done, Executor, Limits, Task, stopped_after
 
 SILENCE_S: Final = 60.0
 """Longest time without a turn before an environment counts as hung, in seconds."""
@@ -59,7 +60,8 @@ class Course:
         if self.is_here:
             return {name: look_at(**arguments) for name, arguments in asked.items()}
         tasks = [Task(f"look.{k}", LOOK, each) for k, each in enumerate(asked.values())]
-        values = {done.key: self._value(done) for done in self._done(tasks)}
+        with self._done(tasks) as ends:
+            values = {done.key: self._value(done) for done in ends}
         return {
             name: Look(**{**values[f"look.{k}"], "policies": {
                 policy: tuple(digests)
@@ -104,13 +106,16 @@ class Course:
         failed: list[GamekeeperError] = []
         names = {match.key(a, b): match for match, a, b in missing}
         tasks = (match.task(a, b, self.storage.place) for match, a, b in missing)
-        for done in self._done(tasks):
-            try:
-                receipt = self._value(done, names[done.key])
-            except GamekeeperError as error:
-                failed.append(error)
-                continue
-            self._take(done.key, {"episode": receipt["episodes"], "turns": receipt["turns"]})
+        if missing:
+            self.executor.check_storage(self.storage.place)
+        with self._done(tasks) as ends:
+            for done in ends:
+                try:
+                    receipt = self._value(done, names[done.key])
+                except GamekeeperError as error:
+                    failed.append(error)
+                    continue
+                self._take(done.key, {"episode": receipt["episodes"], "turns": receipt["turns"]})
         if failed:
             raise failed[0]
         return len(missing)
@@ -119,8 +124,8 @@ class Course:
         """The table of all episodes, and what the merge says of it."""
         keys = [match.key(a, b) for match in matches for a, b in chunks(0, last)]
         arguments = {"place": self.storage.place, "keys": keys}
-        (done,) = self._done([Task("merge", MERGE, arguments)])
-        told = self._value(done)
+        with self._done([Task("merge", MERGE, arguments)]) as ends:
+            (told,) = [self._value(done) for done in ends]
         return pq.read_table(pa.BufferReader(self.storage.get(EPISODES))), told
 
     def keep(self, matches: Sequence[Match], last: int) -> list[dict[str, Any]]:
@@ -139,14 +144,15 @@ class Course:
             })
             for key, match in by_key.items()
         )  # fmt: skip
-        found = {done.key: self._value(done, by_key[done.key]) for done in self._done(tasks)}
+        with self._done(tasks) as ends:
+            found = {done.key: self._value(done, by_key[done.key]) for done in ends}
         return [
             {"environment": match.environment, "pairing": match.pairing.name, **found[key]}
             for key, match in by_key.items()
         ]
 
-    def _done(self, tasks: Any) -> Iterator[Done]:
-        yield from self.executor.map(tasks, limits=self.limits, on_report=self._take)
+    def _done(self, tasks: Iterable[Task]) -> AbstractContextManager[Iterator[Done]]:
+        return stopped_after(self.executor.map(tasks, limits=self.limits, on_report=self._take))
 
     def _value(self, done: Done, match: Match | None = None) -> Any:
         """What a task returned.

@@ -189,6 +189,24 @@ def _fairness(table: Table) -> list[dict[str, Any]]:
     return [_swapped(table, pair, both) for pair, both in found.items()]
 
 
+def both_ways(table: Table) -> dict[tuple[str, str], tuple[FloatArray, FloatArray]]:
+    """[episodes] the mean returns of two checkpoints that met both ways on the same seeds."""
+    if table.ground.has_team or len(table.seats) != 2:
+        return {}
+    first, second = table.seats
+    by_sides = {tuple(table.seated(p).values()): sheet for p, sheet in table.pairings}
+    found = {}
+    for (a, b), there in by_sides.items():
+        back = by_sides.get((b, a))
+        is_method = any(table.spec.policies[side.policy].is_method for side in (a, b))
+        if back is None or a == b or is_method:
+            continue
+        ones = (table.of_seat(there, first) + table.of_seat(back, second)) / 2
+        twos = (table.of_seat(there, second) + table.of_seat(back, first)) / 2
+        found[a.policy, b.policy] = (ones, twos)
+    return found
+
+
 def _swapped(
     table: Table, pair: tuple[str, str], meetings: Sequence[tuple[Sheet, Sheet]]
 ) -> dict[str, Any]:

@@ -28,7 +28,7 @@ from gamekeeper.evaluate.matchups import SELF
 from gamekeeper.evaluate.plan import Match, matches_of, settle_plan
 from gamekeeper.evaluate.play import EPISODES
 from gamekeeper.evaluate.results import Ground, has_team, results_of
-from gamekeeper.evaluate.sheet import RETURN, SUCCESS, Sheet, sheets_of
+from gamekeeper.evaluate.sheet import SUCCESS, Sheet, sheets_of
 from gamekeeper.evaluate.spec import Spec, plain_of
 from gamekeeper.evaluate.stopping import Stopping
 from gamekeeper.evaluate.suites import check_pins, fingerprint_of, refuse_unpinned
@@ -100,9 +100,12 @@ def evaluate(
     note = on_note or (lambda text: None)
     with ExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory()) if out is None else out
-        is_here = workers == 0 and isinstance(executor, str)
+        is_here = workers == 0 and executor == "local"
+        player = _executor(executor, workers)
+        if isinstance(executor, str):
+            stack.enter_context(player)
         course = Course(
-            whole, _executor(executor, workers), is_here, Storage.at(storage or folder),
+            whole, player, is_here, Storage.at(storage or folder),
             Limits(silence_s=timeout_s), on_message or (lambda fields: None),
         )  # fmt: skip
         found, grounds = _evaluated(whole, course, note, unpinned=unpinned)
@@ -119,6 +122,22 @@ def evaluate(
     return Evaluation.from_json(finite(found.to_json()))
 
 
+def looked_at(spec: object, *, timeout_s: float | None = SILENCE_S) -> tuple[Spec, dict[str, Look]]:
+    """A specification, and what its environments and policies are as they are installed here.
+
+    Raises:
+        SpecError: it can't be read, or an environment can't be opened.
+        PolicyError: a policy can't be found.
+    """
+    whole = spec_of(spec)
+    with tempfile.TemporaryDirectory() as folder, executor_of("local", 1) as player:
+        course = Course(
+            whole, player, False, Storage.at(folder), Limits(silence_s=timeout_s),
+            lambda fields: None,
+        )  # fmt: skip
+        return whole, course.looks()
+
+
 def load_evaluation(folder: str | PathLike[str]) -> Evaluation:
     """The evaluation that a folder keeps.
 
@@ -132,7 +151,9 @@ def load_evaluation(folder: str | PathLike[str]) -> Evaluation:
 def _executor(executor: str | Executor, workers: int) -> Executor:
     if not isinstance(executor, str):
         return executor
-    return executor_of(executor, workers) if workers else Here()
+    return (
+        Here() if workers == 0 and executor == "local" else executor_of(executor, workers or None)
+    )
 
 
 def _evaluated(
@@ -156,8 +177,9 @@ def _evaluated(
     grounds = _grounds(spec, looks, matches, sheets)
     results = [row for ground in grounds for row in results_of(spec, ground, judge)]
     stopped = None if stopping is None else stopping.to_json(episodes)
-    comparisons = comparisons_of(spec, grounds, judge)
-    crossed = _crossed(spec, grounds, matches, sheets, judge)
+    tables = _tables(spec, grounds, matches, sheets, judge)
+    comparisons = comparisons_of(spec, grounds, tables, judge)
+    crossed = {name: crossplay_of(table) for name, table in tables.items()}
     for row in evidence:
         if row["differs"]:
             judge.refuse(
@@ -233,20 +255,21 @@ def _grounds(
     ]
 
 
-def _crossed(
+def _tables(
     spec: Spec,
     grounds: Sequence[Ground],
     matches: Sequence[Match],
     sheets: Mapping[tuple[str, str], Sheet],
     judge: Judge,
-) -> dict[str, Any]:
+) -> dict[str, Table]:
+    """Cross-play by environment; of those that have any."""
     found = {}
     for ground in grounds:
         mine = [match for match in matches if match.environment == ground.name]
         seats = next((match.seats for match in mine), ())
         if spec.crossplay.enabled and seats:
             pairings = [(each.pairing, sheets[ground.name, each.pairing.name]) for each in mine]
-            found[ground.name] = crossplay_of(Table(spec, ground, seats, pairings, judge))
+            found[ground.name] = Table(spec, ground, seats, pairings, judge)
     return found
 
 
@@ -297,7 +320,7 @@ def _with_sequences(
             bounds = {key: sequence[key] for key in ("low", "high")}
             if row["metric"] == stopped["metric"] and row["mean"] is not None:
                 row = {**row, "mean": {**row["mean"], **bounds, "method": sequence["method"]}}
-            if stopped["metric"] == SUCCESS and row["metric"] == RETURN and row["success"]:
+            if stopped["metric"] == SUCCESS and row["success"]:
                 row = {**row, "success": {**row["success"], **bounds}}
         found.append(row)
     return found

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator
-from typing import Any
+from typing import Any, Self
 
 from gamekeeper.run.executors.task import USUAL, Done, Limits, OnReport, Task
 from gamekeeper.run.watch import Outcome
@@ -14,7 +14,10 @@ from gamekeeper.run.worker_main import find
 class Here:
     """Plays one task after the other in this process; what a task raises comes out."""
 
-    workers = 1
+    @property
+    def workers(self) -> int:
+        """One."""
+        return 1
 
     def map(
         self,
@@ -29,6 +32,18 @@ class Here:
             begun_s = time.monotonic()
             value = find(task.call)(_Report(task.key, on_report), **task.arguments)
             yield Done(task.key, Outcome("done", value, None, None, time.monotonic() - begun_s))
+
+    def check_storage(self, place: str) -> None:
+        """Nothing: whoever plays is this process."""
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
 
 
 class _Report:

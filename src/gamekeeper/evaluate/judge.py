@@ -156,7 +156,11 @@ class Judge:
                 found = over_runs(apart, rng=self.rng(*name, "difference"), level=self.level)
                 difference = {**_plain(found), "p": _p_of(found, self.level)}
             else:
-                difference = _effect(difference_over_runs(two, one, level=self.level))
+                difference = _effect(
+                    difference_over_runs(
+                        two, one, rng=self.rng(*name, "difference"), level=self.level
+                    )
+                )
         except EvidenceError as error:
             difference = self._point(value, error, what, of)
         chance = self._improvement(one.mean(axis=1), two.mean(axis=1), paired=False, of=of)

@@ -10,6 +10,7 @@ from typing import Any, Final
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.contract.failure import Failure
 from gamekeeper.core.contract.places import nearest, path_text, shown
+from gamekeeper.core.evaluation.refusals import AGENTS_OF_ONE_EPISODE
 from gamekeeper.errors import ContractError, EvidenceError, SpecError
 from gamekeeper.evaluate.spec import (
     EVERYONE,
@@ -344,9 +345,9 @@ def _metrics(value: object, at: Place) -> dict[str, Any]:
         found["level"] = _number(table["level"], at / "level", 0.79, 1.0)
     if table.get("unit") == "agent":
         raise EvidenceError(
-            "agents of one episode are no sample: they share its start, its luck and one another",
-            where=path_text((*at.path, "unit")), expected=" or ".join(UNITS), seen="agent",
-            mend="leave it out: episodes are the unit of a checkpoint, training runs of a method",
+            "no interval over agents of one episode", where=path_text((*at.path, "unit")),
+            expected=" or ".join(UNITS), seen=f'"agent": {AGENTS_OF_ONE_EPISODE}',
+            mend="leave it out; agents are shown one by one, and by role as means per episode",
         )  # fmt: skip
     if "unit" in table:
         found["unit"] = _word(table["unit"], at / "unit", UNITS)

@@ -14,6 +14,7 @@ from gamekeeper.core.outcome import EACH, TEAM
 from gamekeeper.evaluate.judge import Judge
 from gamekeeper.evaluate.look import Look
 from gamekeeper.evaluate.matchups import Side
+from gamekeeper.evaluate.rows import REWARD
 from gamekeeper.evaluate.sheet import RETURN, ROLE, SUCCESS, Sheet
 from gamekeeper.evaluate.spec import Spec
 
@@ -54,14 +55,16 @@ class Ground:
     @property
     def whom(self) -> list[Whom]:
         """The team, roles whose agents are interchangeable, and agents."""
-        found = [Whom(TEAM, TEAM)] if self.has_team else []
-        found += [Whom(ROLE, role) for role in self.pooled]
+        found = [Whom(TEAM, TEAM), *(Whom(ROLE, role) for role in self.pooled)]
         agents = dict.fromkeys(agent for sheet in self.sheets.values() for agent in sheet.agents)
         return [*found, *(Whom(EACH, agent) for agent in list(agents)[:MOST_AGENTS] if agent)]
 
     @property
     def compared(self) -> list[Whom]:
-        """Of whom policies are compared: the team, roles, and agents that have no role together."""
+        """Of whom policies are compared: the team, roles, and agents that have no role together.
+
+        Where returns cancel, the team has no return, but may have succeeded.
+        """
         pooled = self.pooled
         alone = [Whom(EACH, agent) for agent, role in self.look.roles.items() if role not in pooled]
         return [each for each in self.whom if each.scope != EACH] + alone[:MOST_AGENTS]
@@ -155,7 +158,11 @@ def _rows(
             f"{of} in {ground.name} ({broken})",
         )
     for whom in ground.whom:
+        is_first = True  # success and endings stand in one row of each
+        cancels = whom.scope == TEAM and not ground.has_team
         for metric in sheets[0].metrics(spec.terms, spec.infos):
+            if cancels and metric.startswith((RETURN, REWARD)):
+                continue
             scores = [sheet.values(metric, whom.scope, whom.name) for sheet in sheets]
             if all(np.isnan(each).all() for each in scores):
                 continue
@@ -165,12 +172,12 @@ def _rows(
             }  # fmt: skip
             named = f"{of} in {ground.name}" + (f", {whom.name}" if whom.scope == EACH else "")
             found = _figures(judge, scores, list(where.values()), named, run)
-            is_first = metric == RETURN
             yield {
                 **where, **found,
                 "success": _success(judge, sheets, whom, run, of) if is_first else None,
                 "endings": _endings(sheets, whom) if is_first else None,
             }  # fmt: skip
+            is_first = False
 
 
 def _figures(

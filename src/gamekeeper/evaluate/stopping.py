@@ -72,21 +72,26 @@ class Stopping:
 
     def sequences(self) -> list[dict[str, Any]]:
         """The interval of each checkpoint as it stands."""
-        found = []
-        for (environment, side), values in self.seen.items():
-            interval = self.sequence.interval(values)
-            width = interval.high - interval.low
-            is_known = bool(np.isfinite(width))
-            found.append(
-                {
-                    "environment": environment, "policy": side.policy, "run": side.run,
-                    "n": interval.n, "value": interval.value,
-                    "low": interval.low if is_known else None,
-                    "high": interval.high if is_known else None,
-                    "width": width if is_known else None, "method": interval.method,
-                }
-            )  # fmt: skip
-        return found
+        return [
+            {
+                "environment": environment, "policy": side.policy, "run": side.run,
+                **self._interval(values),
+            }
+            for (environment, side), values in self.seen.items()
+        ]  # fmt: skip
+
+    def _interval(self, values: FloatArray) -> dict[str, Any]:
+        """An interval and its width; none before there are enough values for one."""
+        try:
+            found = self.sequence.interval(values)
+        except EvidenceError:
+            mean = float(values.mean())
+            nothing = dict.fromkeys(("low", "high", "width", "method"))
+            return {"n": len(values), "value": mean, **nothing}
+        return {
+            "n": found.n, "value": found.value, "low": found.low, "high": found.high,
+            "width": found.high - found.low, "method": found.method,
+        }  # fmt: skip
 
     def to_json(self, episodes: int) -> dict[str, Any]:
         """As the document has it."""

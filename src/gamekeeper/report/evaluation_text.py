@@ -1,0 +1,235 @@
+"""An evaluation as text: figures with their intervals, comparisons, cross-play, what is claimed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final
+
+from gamekeeper.report.columns import wrapped
+from gamekeeper.report.text import table_lines
+
+INDENT: Final = "  "
+MOST_AGENTS: Final = 12
+"""Agents whose returns are shown; the document has more, the raw episodes all."""
+MOST_POLICIES: Final = 5
+"""Policies that stand side by side in a table of agents."""
+MOST_CELLS: Final = 30
+MOST_RUNS: Final = 20
+Row = Mapping[str, Any]
+
+
+def evaluation_text(document: Mapping[str, Any], *, width: int) -> str:
+    """Environment by environment: returns, success and endings, agents; then what follows.
+
+    Args:
+        document: an evaluation as plain data.
+        width: columns that no line exceeds, as far as names allow.
+    """
+    blocks = ["\n".join(_head(document, width))]
+    for name in document["environments"]:
+        rows = [row for row in document["results"] if row["environment"] == name]
+        blocks += [
+            "\n".join(lines)
+            for lines in (
+                [f"Returns in {name}", *_returns(rows, document["level"], width)],
+                [f"Endings in {name}", *_endings(rows, width)],
+                [f"Agents in {name}", *_agents(rows, width)],
+            )
+            if len(lines) > 1
+        ]
+        if name in document["crossplay"]:
+            blocks.append("\n".join(_crossplay(name, document["crossplay"][name], width)))
+    if document["comparisons"]:
+        blocks.append("\n".join(_comparisons(document["comparisons"], width)))
+    for title, texts in (
+        ("Said", document["claims"]),
+        ("Not said", [f"{row['what']}: {row['why']}" for row in document["refused"]]),
+    ):
+        if texts:
+            blocks.append("\n".join([title, *(line for t in texts for line in _item(t, width))]))
+    return "\n\n".join(blocks)
+
+
+def _head(document: Mapping[str, Any], width: int) -> Iterator[str]:
+    policies, environments = len(document["policies"]), len(document["environments"])
+    text = (
+        f"Evaluated  {document['name']}: {policies} {'policy' if policies == 1 else 'policies'} "
+        f"in {environments} {'environment' if environments == 1 else 'environments'}, "
+        f"{document['episodes']:,} episodes each, seed {document['seed']}"
+    )
+    yield from wrapped(text, width, rest=INDENT)
+    suite = document["suite"]
+    if suite is not None:
+        yield f"{INDENT}suite        {suite['id']} {suite['version']}  {suite['fingerprint']}"
+    yield f"{INDENT}fingerprint  {document['fingerprint']}"
+
+
+def _item(text: str, width: int) -> list[str]:
+    return wrapped(text, width, first=INDENT, rest=INDENT * 2)
+
+
+def _name(row: Row) -> str:
+    return row["policy"] if row["run"] is None else f"{row['policy']}#{row['run']}"
+
+
+def _shown(rows: Sequence[Row]) -> list[Row]:
+    """Rows of the team and of roles, of agents where there is neither; methods over their runs."""
+    over = {row["policy"] for row in rows if row["run"] is None}
+    wide = [row for row in rows if (row["run"] is None) == (row["policy"] in over)]
+    return [row for row in wide if row["scope"] != "agent"] or wide
+
+
+def _returns(rows: Sequence[Row], level: float, width: int) -> Iterator[str]:
+    shown = _shown([row for row in rows if row["metric"] == "return"])
+    if not shown:
+        return
+    head = ("policy", "of", f"mean ({100 * level:g} %)", "middle half", "5 to 95 %", "n")
+    cells = [head]
+    for row in shown:
+        quantiles = row["quantiles"]
+        unit = f"{row['runs']} runs" if row["run"] is None else str(row["episodes"])
+        cells.append(
+            (
+                row["policy"] if row["run"] in (None, 0) else _name(row), row["who"],
+                _interval(row["mean"]), _value(row["iqm"]),
+                f"{quantiles['0.05']:.3g} to {quantiles['0.95']:.3g}", unit,
+            )
+        )  # fmt: skip
+    yield from table_lines(cells, width=width, right=(3, 4, 5))
+    yield from _runs(rows, width)
+
+
+def _runs(rows: Sequence[Row], width: int) -> Iterator[str]:
+    """The training runs of methods, one by one."""
+    over = [row for row in rows if row["run"] is None and row["metric"] == "return"]
+    for method in over:
+        key = (method["policy"], method["scope"], method["who"])
+        if method["scope"] == "agent":
+            continue
+        means = [
+            _value(row["mean"])
+            for row in rows
+            if (row["policy"], row["scope"], row["who"]) == key
+            and row["metric"] == "return"
+            and row["run"] is not None
+        ]
+        more = f" and {len(means) - MOST_RUNS} more" if len(means) > MOST_RUNS else ""
+        text = f"runs of {key[0]}, {key[2]}: {', '.join(means[:MOST_RUNS])}{more}"
+        yield from wrapped(text, width, first=INDENT, rest=INDENT * 2)
+
+
+def _endings(rows: Sequence[Row], width: int) -> Iterator[str]:
+    shown = _shown([row for row in rows if row["endings"] is not None])
+    if not shown:
+        return
+    cells = [("policy", "of", "success", "term.", "trunc.", "cut", "reasons")]
+    for row in shown:
+        ends = row["endings"]
+        reasons = ", ".join(f"{name} {count}" for name, count in ends["reasons"].items())
+        cells.append(
+            (
+                row["policy"] if row["run"] in (None, 0) else _name(row), row["who"],
+                _share(row["success"]), str(ends["terminated"]), str(ends["truncated"]),
+                str(ends["cut"]), reasons,
+            )
+        )  # fmt: skip
+    yield from table_lines(cells, width=width, right=(3, 4, 5))
+
+
+def _agents(rows: Sequence[Row], width: int) -> Iterator[str]:
+    """Mean returns, an agent a line, policies side by side."""
+    returns = [row for row in rows if row["scope"] == "agent" and row["metric"] == "return"]
+    over = {row["policy"] for row in returns if row["run"] is None}
+    kept = [row for row in returns if row["run"] == (None if row["policy"] in over else 0)]
+    if not any(row["scope"] != "agent" and row["metric"] == "return" for row in rows):
+        return  # they were shown instead of team and roles
+    agents = list(dict.fromkeys(row["who"] for row in kept))
+    policies = list(dict.fromkeys(row["policy"] for row in kept))[:MOST_POLICIES]
+    if len(agents) < 2:
+        return
+    by_key = {(row["policy"], row["who"]): _value(row["mean"]) for row in kept}
+    cells = [("agent", *policies)]
+    cells += [
+        (agent, *(by_key.get((policy, agent), "-") for policy in policies))
+        for agent in agents[:MOST_AGENTS]
+    ]
+    yield from table_lines(cells, width=width, right=range(1, len(policies) + 1))
+    if len(agents) > MOST_AGENTS:
+        yield f"{INDENT}... and {len(agents) - MOST_AGENTS} more agents"
+
+
+def _comparisons(rows: Sequence[Row], width: int) -> Iterator[str]:
+    yield "Compared on the same seeds (p corrected for their number)"
+    cells: list[tuple[str, ...]] = [
+        ("environment", "less", "of", "figure", "difference", "p", "better")
+    ]
+    for row in rows:
+        difference = row["difference"]
+        p = (difference or {}).get("p")
+        better = row["improvement"]
+        cells.append(
+            (
+                row["environment"], f"{row['a']} - {row['b']}", row["who"], row["metric"],
+                "-" if difference is None else _interval(difference, sign="+"),
+                "-" if p is None else f"{p:.2g}",
+                "-" if better is None else f"{100 * better['value']:.0f} %",
+            )
+        )  # fmt: skip
+    if len({cell[0] for cell in cells[1:]}) == 1:  # one environment needs no column
+        cells = [cell[1:] for cell in cells]
+    last = len(cells[0]) - 1
+    yield from table_lines(cells, width=width, right=(last - 1, last))
+
+
+def _crossplay(name: str, found: Mapping[str, Any], width: int) -> Iterator[str]:
+    roles, whom = found["roles"], found["who"]
+    yield f"Cross-play in {name}, return of {whom}"
+    cells = [(*roles, "kind", "n", "mean", "each seat's own")]
+    for cell in found["cells"][:MOST_CELLS]:
+        own = ", ".join(_number(cell["by_role"][role]) for role in roles)
+        seats = (cell["roles"][role] for role in roles)
+        mean = {"value": cell["mean"], "low": cell["low"], "high": cell["high"]}
+        cells.append((*seats, cell["kind"], str(cell["n"]), _interval(mean), own))
+    yield from table_lines(cells, width=width, right=(len(roles) + 1,))
+    if len(found["cells"]) > MOST_CELLS:
+        yield f"{INDENT}... and {len(found['cells']) - MOST_CELLS} more cells (--json has them)"
+    for row in found["best_response"]:
+        against = next(iter(row["against"].values()), "")
+        gaps = ", ".join(f"{policy} {_interval(gap)}" for policy, gap in row["gap"].items() if gap)
+        text = f"best as {row['role']} to {against}: {row['policy']} {_number(row['value'])}; "
+        yield from _item(text + f"ahead of {gaps}", width)
+    for row in found["fairness"]:
+        a, b = row["policies"]
+        lead = row["first_mover"]
+        text = f"both ways, {a} with {b}: {row['roles'][0]} leads by {_interval(lead)}"
+        if row["difference"] is not None:
+            text += f"; {a} - {b} {_interval(row['difference'], sign='+')}"
+        yield from _item(text, width)
+
+
+def _value(found: Row | None) -> str:
+    return "-" if found is None else _number(found["value"])
+
+
+def _number(value: float | None, sign: str = "") -> str:
+    return "-" if value is None else f"{value:{sign}.4g}"
+
+
+def _interval(found: Row | None, sign: str = "") -> str:
+    """`36 (34.9 to 37.1)`; without an interval the value alone."""
+    if found is None or found["value"] is None:
+        return "-"
+    if found["low"] is None:
+        return _number(found["value"], sign)
+    value = f"{found['value']:{sign}.3g}"
+    return f"{value} ({found['low']:{sign}.3g} to {found['high']:{sign}.3g})"
+
+
+def _share(success: Row | None) -> str:
+    """`60/60 (94 to 100 %)`."""
+    if success is None:
+        return "-"
+    share = f"{100 * success['p']:.0f} %"
+    if success["low"] is None:
+        return share
+    return f"{share} ({100 * success['low']:.0f} to {100 * success['high']:.0f})"
