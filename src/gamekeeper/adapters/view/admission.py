@@ -125,7 +125,7 @@ class Admission:
 
 def is_for_people(path: str) -> bool:
     """Whether a page is asked for; everything else is asked for by the page."""
-    return path == ENTRANCE
+    return path in (ENTRANCE, "/report")
 
 
 def _field(query: str, name: str) -> str | None:

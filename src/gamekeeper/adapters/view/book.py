@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
+from gamekeeper.adapters.page import Pictures
 from gamekeeper.adapters.view.answers import error_fields
-from gamekeeper.adapters.view.pages import entries_of
 from gamekeeper.core.evidence import Evidence
 from gamekeeper.diagnose.labels import labels
 from gamekeeper.errors import GamekeeperError
 from gamekeeper.record.bundle import load
 from gamekeeper.record.files.manifest import MANIFEST
 from gamekeeper.record.files.notes import NOTES
+from gamekeeper.report.page.compose import Shown, shown
+from gamekeeper.report.page.entries import entries_of
 
 SOONEST_S: Final = 1.0
 """Between two readings of a run that grows, in seconds."""
@@ -33,8 +35,8 @@ class Edition:
     """A run as it was when it was read.
 
     Attributes:
-        evidence: what was read.
-        labels: the failure labels, as plain data.
+        shown: what was read, and its figures.
+        pictures: its frames, where some were recorded.
         entries: by episode, its line in the index.
         since: by episode, the edition in which its line last changed.
         number: of this edition; they count up.
@@ -42,8 +44,8 @@ class Edition:
         written: when the files last changed, in seconds since 1970.
     """
 
-    evidence: Evidence
-    labels: Sequence[Mapping[str, Any]]
+    shown: Shown
+    pictures: Pictures
     entries: Mapping[int, Mapping[str, Any]]
     since: Mapping[int, int]
     number: int
@@ -55,7 +57,7 @@ class Edition:
     @property
     def status(self) -> str:
         """The bundle's: open, sealed, recovered, failed."""
-        return str(self.evidence.manifest.get("status"))
+        return str(self.shown.evidence.manifest.get("status"))
 
 
 class Book:
@@ -106,22 +108,35 @@ class Book:
 
     def _read(self, before: Edition | None, *, rows: bool = True) -> Edition:
         written = _written(self.path)
-        evidence = load(self.path) if rows or before is None else before.evidence
         said, error = _said(self.path)
-        lines = entries_of(evidence, run=self.key, labels=said)
-        entries = {int(line["episode"]): line for line in lines}
+        if rows or before is None:
+            evidence = load(self.path)
+            name = self.path.resolve().name
+            run = shown(evidence, key=self.key, path=str(self.path), name=name, labels=said)
+            pictures = Pictures(self.path)
+        else:
+            run, pictures = replace(before.shown, labels=said), before.pictures
+        entries = _entries(run)
         number = 1 if before is None else before.number + 1
-        changed = _changed(before, evidence, entries)
+        changed = _changed(before, run.evidence, entries)
         since = {
             episode: number if before is None or episode in changed else before.since[episode]
             for episode in entries
         }
-        return Edition(evidence, said, entries, since, number, error, written)
+        return Edition(run, pictures, entries, since, number, error, written)
 
     @staticmethod
     def _pause(start: float) -> float:
         now = time.monotonic()
         return now + max(SOONEST_S, SHARE * (now - start))
+
+
+def _entries(run: Shown) -> dict[int, dict[str, Any]]:
+    """By episode, its line in the index; all of them can be opened here."""
+    lines = entries_of(
+        run.evidence, run=run.key, labels=run.labels, figures=run.figures, failed=run.failed
+    )
+    return {int(line["episode"]): {**line, "packed": True} for line in lines}
 
 
 def _changed(
@@ -130,7 +145,7 @@ def _changed(
     """The episodes that aren't as they were, also where their line in the index is the same."""
     if before is None:
         return set(entries)
-    old, new = _fingerprints(before.evidence), _fingerprints(evidence)
+    old, new = _fingerprints(before.shown.evidence), _fingerprints(evidence)
     return {
         episode
         for episode, line in entries.items()

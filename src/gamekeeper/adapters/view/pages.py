@@ -1,83 +1,98 @@
-"""What is served of a run, made by the report's page: the page, lines of the index, episodes."""
+"""What is served of the runs, made by the report's page: two pages, and single episodes."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+import sys
+from collections.abc import Sequence
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any, Final
 
-import pyarrow.compute as pc
+import numpy as np
 
-from gamekeeper.adapters.view.answers import Answer, page_answer
-from gamekeeper.core.evidence import Evidence
-from gamekeeper.report.page.drawing import drawn
-from gamekeeper.report.page.pack import packed_episode, seats_of
+from gamekeeper.adapters.page import documents_of
+from gamekeeper.adapters.view.answers import HTML, Answer
+from gamekeeper.errors import GamekeeperError
+from gamekeeper.report.page.assets import script, style
+from gamekeeper.report.page.causes import causes_section
+from gamekeeper.report.page.compose import PLAYER, Documents, Shown, lead_of, sections_of
+from gamekeeper.report.page.data import Page, Section
+from gamekeeper.report.page.entries import packed_of
+from gamekeeper.report.page.provenance import provenance_section
+from gamekeeper.report.page.render import policy_of, render
 
 if TYPE_CHECKING:
     from gamekeeper.adapters.view.book import Edition
 
-
-def page_of(editions: Sequence[tuple[str, Path, Edition]]) -> Answer:
-    """The page of these runs, which asks for the index and for episodes by itself."""
-    return page_answer("<p>runs</p>", title="Gamekeeper")
-
-
-def run_entry(edition: Edition, *, key: str, path: Path) -> dict[str, Any]:
-    """One run's line in the index."""
-    manifest = edition.evidence.manifest
-    return {
-        "key": key,
-        "name": path.name,
-        "status": edition.status,
-        "episodes": len(edition.entries),
-        "api": str((manifest.get("environment") or {}).get("api") or "parallel"),
-    }
+SEED: Final = 0
+"""Of the resamples of intervals."""
+FRAMES_BYTES: Final = 16 << 20
+"""Of the recorded pictures of one episode; of more every second one is sent, and so on."""
+MORE: Final = "Agents, game form and charts of all episodes: add `report` to the address."
+NO_FRAME: Final = "; frame-ancestors 'none'"
+"""What a page can't say of itself."""
 
 
-def packed_of(edition: Edition, number: int, *, run: str) -> dict[str, Any]:
+def front_page(editions: Sequence[Edition]) -> Answer:
+    """The player and what costs no look at all rows: there at once, however long the runs are."""
+    return _page(editions, is_whole=False)
+
+
+def whole_page(editions: Sequence[Edition]) -> Answer:
+    """All that a report says of the runs as they are now, beside the player."""
+    return _page(editions, is_whole=True)
+
+
+def episode_of(edition: Edition, number: int) -> dict[str, Any]:
     """One episode as the player reads it."""
-    evidence = edition.evidence
-    trace = evidence.trace(number)
-    seats = seats_of(evidence)
-    return packed_episode(
-        trace,
-        seats,
-        run=run,
-        api=str((evidence.manifest.get("environment") or {}).get("api") or "parallel"),
-        drawing=drawn(trace, [seat.name for seat in seats]),
+    shown = edition.shown
+    return packed_of(
+        shown.evidence, number, run=shown.key, labels=shown.labels, seats=shown.seats,
+        frames=edition.pictures.of(number, FRAMES_BYTES),
+    )  # fmt: skip
+
+
+def _page(editions: Sequence[Edition], *, is_whole: bool) -> Answer:
+    with ExitStack() as stack:
+        for edition in editions:
+            stack.enter_context(edition.lock)
+        runs = [edition.shown for edition in editions]
+        documents = _documents(runs[0])
+        page = Page(
+            title=" · ".join(run.name for run in runs),
+            lead=lead_of(runs, documents),
+            runs=tuple(run.card for run in runs),
+            sections=_all(runs, documents) if is_whole else _cheap(runs, documents),
+            chosen="" if is_whole else MORE,
+            is_view=True,
+            extra={"version": ""},
+        )
+        text = render(page)
+    policy = policy_of(style(), script(), is_view=True) + NO_FRAME
+    return Answer(200, HTML, text.encode(), {"Content-Security-Policy": policy})
+
+
+def _cheap(runs: Sequence[Shown], documents: Documents) -> tuple[Section, ...]:
+    known = documents.diagnosis, documents.attribution
+    named = [(run.key, run.path, run.evidence) for run in runs]
+    return (
+        Section(PLAYER, "Episodes"),
+        *((causes_section(*known, key=runs[0].key),) if known != (None, None) else ()),
+        provenance_section(named, version=_version(), audit=documents.audit),
     )
 
 
-def entries_of(
-    evidence: Evidence, *, run: str, labels: Sequence[Mapping[str, Any]]
-) -> list[dict[str, Any]]:
-    """The line of every episode in the index."""
-    steps = evidence.tables.table("steps", without=("obs", "info", "action", "mask", "odd"))
-    returns: dict[int, dict[str, float]] = {}
-    turns: dict[int, int] = {}
-    if steps is not None:
-        found = steps.group_by(["episode", "agent"]).aggregate([("reward", "sum")]).to_pydict()
-        for episode, agent, total in zip(*found.values(), strict=True):
-            returns.setdefault(episode, {})[agent] = total or 0.0
-        acted = steps.filter(pc.is_valid(steps["order"]))
-        last = acted.group_by("episode").aggregate([("turn", "max")]).to_pydict()
-        turns = {e: t + 1 for e, t in zip(*last.values(), strict=True)}
-    return [
-        {
-            "run": run,
-            "episode": row["episode"],
-            "seed": row["seed"],
-            "turns": row["turns"] if row["turns"] is not None else turns.get(row["episode"], 0),
-            "end": row["end"] or "open",
-            "error": row["error"],
-            "packed": True,
-            "why": [],
-            "failing": None,
-            "team": sum(returns.get(row["episode"], {}).values()),
-            "returns": dict(sorted(returns.get(row["episode"], {}).items())),
-            "labels": [e["label"] for e in labels if e["episode"] == row["episode"]],
-            "base": None,
-            "change": None,
-        }
-        for row in evidence.episodes.to_pylist()
-    ]
+def _all(runs: Sequence[Shown], documents: Documents) -> tuple[Section, ...]:
+    rng = np.random.default_rng(SEED)
+    return sections_of(runs, documents, version=_version(), rng=rng)
+
+
+def _version() -> str:
+    return str(sys.modules["gamekeeper"].__version__)  # the front stands above all layers
+
+
+def _documents(run: Shown) -> Documents:
+    """What the run's annotations hold; nothing where they are damaged, which the index tells."""
+    try:
+        return documents_of(run.path)
+    except GamekeeperError:
+        return Documents()

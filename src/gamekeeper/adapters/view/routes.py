@@ -9,12 +9,12 @@ from urllib.parse import parse_qsl, unquote
 
 from gamekeeper.adapters.view.admission import Admission, Headers, is_for_people
 from gamekeeper.adapters.view.answers import Answer, error_answer, json_answer, refusal
-from gamekeeper.adapters.view.shelf import Shelf
+from gamekeeper.adapters.view.shelf import PAGES, Shelf
 from gamekeeper.errors import GamekeeperError
 
 EPISODE: Final = re.compile(r"/episode/([^/]{1,64})/([0-9]{1,10})")
 SINCE: Final = "since"
-ROUTES: Final = "/, /index.json, /episode/RUN/NUMBER"
+ROUTES: Final = "/, /report, /index.json, /episode/RUN/NUMBER"
 
 
 class Routes:
@@ -41,8 +41,8 @@ class Routes:
             )  # fmt: skip
 
     def _answer(self, path: str, query: str) -> Answer:
-        if path == "/":
-            return self._shelf.page()
+        if path[1:] in PAGES:
+            return self._shelf.page(path[1:])
         if path == "/index.json":
             return json_answer(self._shelf.index(_field(query, SINCE)))
         if path == "/favicon.ico":  # browsers ask for it by themselves

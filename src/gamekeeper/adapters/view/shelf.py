@@ -6,18 +6,22 @@ import secrets
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 from gamekeeper.adapters.view.answers import Answer, json_answer
 from gamekeeper.adapters.view.book import Book, Edition
-from gamekeeper.adapters.view.pages import packed_of, page_of, run_entry
+from gamekeeper.adapters.view.pages import episode_of, front_page, whole_page
 from gamekeeper.errors import GamekeeperError
 
 LETTERS: Final = "abcdefghijklmnopqrstuvwxyz"
 KEPT_BYTES: Final = 64 << 20
 """Of packed episodes that are kept for whoever asks again."""
+PAGES: Final[Mapping[str, Callable[[Sequence[Edition]], Answer]]] = {
+    "": front_page,
+    "report": whole_page,
+}
 
 
 class Shelf:
@@ -41,11 +45,18 @@ class Shelf:
         # Another server's version, of an earlier start, says nothing of this one's.
         self._birth = secrets.token_hex(4)
         self._packed = Packed(KEPT_BYTES)
+        self._pages: dict[str, tuple[str, Answer]] = {}
+        self._printing = threading.Lock()
 
-    def page(self) -> Answer:
-        """The page, without any episode: it asks for them."""
-        editions = {key: book.edition() for key, book in self.books.items()}
-        return page_of([(key, self.books[key].path, each) for key, each in editions.items()])
+    def page(self, name: str) -> Answer:
+        """A page (`PAGES`), without any episode: it asks for them."""
+        editions = [book.edition() for book in self.books.values()]
+        version = self._version(editions)
+        with self._printing:
+            known = self._pages.get(name)
+            if known is None or known[0] != version:
+                known = self._pages[name] = version, PAGES[name](editions)
+            return known[1]
 
     def index(self, since: str) -> dict[str, Any]:
         """All runs, and the lines of those episodes that changed.
@@ -63,7 +74,7 @@ class Shelf:
         ]
         return {
             "version": self._version(list(editions.values())),
-            "runs": [self._run(key, edition) for key, edition in editions.items()],
+            "runs": [_run(edition) for edition in editions.values()],
             "episodes": lines,
         }
 
@@ -79,17 +90,9 @@ class Shelf:
             with edition.lock:
                 answer = self._packed.get(place)  # another thread may have packed it meanwhile
                 if answer is None:
-                    answer = json_answer(packed_of(edition, number, run=key))
+                    answer = json_answer(episode_of(edition, number))
                     self._packed.put(place, answer)
         return answer
-
-    def _run(self, key: str, edition: Edition) -> dict[str, Any]:
-        idle_s = max(0.0, time.time() - edition.written)
-        return {
-            **run_entry(edition, key=key, path=self.books[key].path),
-            "written_s": round(idle_s, 1),
-            "error": edition.error,
-        }
 
     def _version(self, editions: Sequence[Edition]) -> str:
         return "-".join([self._birth, *(str(edition.number) for edition in editions)])
@@ -100,6 +103,14 @@ class Shelf:
         if birth != self._birth or len(numbers) != count:
             return [0] * count
         return [int(number) if number.isascii() and number.isdigit() else 0 for number in numbers]
+
+
+def _run(edition: Edition) -> dict[str, Any]:
+    return {
+        **edition.shown.card.to_json(),
+        "written_s": round(max(0.0, time.time() - edition.written), 1),
+        "error": edition.error,
+    }
 
 
 class Packed:
