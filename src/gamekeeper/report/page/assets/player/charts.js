@@ -222,7 +222,7 @@ gk.drawCharts = () => {
   const charts = new Map(Object.values(gk.page.charts ?? {}).map((chart) => [chart.id, chart]));
   for (const host of document.querySelectorAll("[data-chart]")) {
     const chart = charts.get(host.dataset.chart);
-    if (chart && KINDS[chart.kind]) drawWhenSeen(host, chart);
+    if (chart && gk.own(KINDS, chart.kind)) drawWhenSeen(host, chart);
   }
 };
 

@@ -8,7 +8,7 @@ gk.Deck = class {
     this.drawing = gk.drawingOf(episode);
     this.lanes = new gk.Lanes(episode, choose);
     this.table = new gk.TurnTable(episode, label);
-    const note = episode.drawingNote && gk.node("p", { class: "note", text: `Drawn: ${gk.visible(episode.drawingNote)}` });
+    const note = episode.drawingNote && gk.node("p", { class: "note", text: (episode.drawing ? "Drawn: " : "") + gk.visible(episode.drawingNote) });
     const world = gk.node("div", { class: "deck-world" }, this.drawing.root, note || "");
     const parts = [this.#heading(entry), this.#trouble(), this.#before(), world, this.lanes.root, this.table.root].filter(Boolean);
     this.root = gk.node("article", { class: "deck", "aria-label": label }, ...parts);
@@ -17,7 +17,7 @@ gk.Deck = class {
   #heading(entry) {
     const e = this.episode;
     const run = gk.page.runs.find((known) => known.key === e.run);
-    const told = [`${e.turns} turns`, { open: "still recorded" }[e.end] ?? e.end];
+    const told = [`${e.turns} turns`, e.end === "open" ? "still recorded" : e.end];
     if (e.seed !== null && e.seed !== undefined) told.unshift(`seed ${e.seed}`);
     const heading = gk.node("h3", {}, "Run ", gk.name(e.run), run && run.name !== e.run ? " (" : "");
     if (run && run.name !== e.run) heading.append(gk.name(run.name), ")");

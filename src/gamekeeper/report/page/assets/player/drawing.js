@@ -39,6 +39,6 @@ const Nothing = class {
 const KINDS = { frames: FramesDrawing, map: gk.MapDrawing, cells: gk.CellsDrawing, text: TextDrawing };
 
 gk.drawingOf = (episode) => {
-  const Kind = KINDS[episode.drawing?.kind] ?? Nothing;
+  const Kind = gk.own(KINDS, episode.drawing?.kind) ?? Nothing;
   return new Kind(episode);
 };

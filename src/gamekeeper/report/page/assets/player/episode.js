@@ -57,7 +57,8 @@ gk.Episode = class {
     this.mask = indices(rows.mask, n);
     this.info = indices(rows.info, n);
     this.odd = indices(rows.odd, n);
-    this.terms = Object.fromEntries(Object.entries(rows.terms ?? {}).map(([name, column]) => [name, numbers(column, n)]));
+    this.terms = Object.create(null); // a term may have any name, "constructor" too
+    for (const [name, column] of Object.entries(rows.terms ?? {})) this.terms[name] = numbers(column, n);
     this.last = n ? this.turn[n - 1] : 0;
     this.byTurn = grouped(this.turn, this.last + 1).start;
     const byAgent = grouped(this.agent, this.agents.length);
@@ -68,7 +69,7 @@ gk.Episode = class {
     this.tallest = Math.max(1e-12, this.#tallest(this.reward), this.#tallest(this.received));
     this.idle = this.#idleValues();
     this.seat = new Map(this.agents.map((agent, i) => [agent.name, i]));
-    this.ends = this.agents.map((agent) => this.endings[agent.name] ?? null);
+    this.ends = this.agents.map((agent) => gk.own(this.endings, agent.name));
   }
 
   get key() {

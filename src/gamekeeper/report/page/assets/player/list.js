@@ -88,8 +88,8 @@ gk.EpisodeList = class {
     const number = (value) => gk.node("td", { class: "num", text: gk.number(value) });
     const row = gk.node("tr", { class: this.shown.has(`${entry.run}/${entry.episode}`) ? "shown" : null });
     if (this.several) row.append(cell(entry.run));
-    row.append(gk.node("th", { scope: "row", text: String(entry.episode) }), cell(entry.seed), cell({ open: "still recorded" }[entry.end] ?? entry.end), number(entry.turns), number(entry.team));
-    row.append(...agents.map((agent) => number(entry.returns?.[agent])), this.#notes(entry), this.#buttons(entry));
+    row.append(gk.node("th", { scope: "row", text: String(entry.episode) }), cell(entry.seed), cell(entry.end === "open" ? "still recorded" : entry.end), number(entry.turns), number(entry.team));
+    row.append(...agents.map((agent) => number(gk.own(entry.returns, agent))), this.#notes(entry), this.#buttons(entry));
     return row;
   }
 

@@ -6,6 +6,9 @@ const held = document.getElementById("gk-data");
 gk.page = held ? JSON.parse(held.textContent) : { title: "", runs: [], episodes: [], charts: {} };
 gk.served = document.documentElement.dataset.view === "1";
 
+// What may go wrong without anybody's fault here, in words for the reader.
+gk.Trouble = class extends Error {};
+
 const decoded = new Map();
 
 const inflated = async (text) => {
@@ -31,20 +34,20 @@ gk.fetched = async (address) => {
   try {
     response = await fetch(address, { cache: "no-store", credentials: "same-origin" });
   } catch {
-    throw new Error("the server does not answer; is `gamekeeper view` still running?");
+    throw new gk.Trouble("the server does not answer; is `gamekeeper view` still running?");
   }
-  if (!response.ok) throw new Error(await complaint(response));
+  if (!response.ok) throw new gk.Trouble(await complaint(response));
   return response.json();
 };
 
 const packed = (run, episode) => {
   const element = document.getElementById(`gk-episode-${run}-${episode}`);
   if (element) {
-    if (typeof DecompressionStream === "undefined") throw new Error("this browser is too old to inflate episodes (no DecompressionStream)");
+    if (typeof DecompressionStream === "undefined") throw new gk.Trouble("this browser is too old to inflate episodes (no DecompressionStream)");
     return inflated(element.textContent);
   }
   if (gk.served) return gk.fetched(`episode/${encodeURIComponent(run)}/${encodeURIComponent(episode)}`);
-  throw new Error("this episode is not in the page");
+  throw new gk.Trouble("this episode is not in the page");
 };
 
 // An episode, decoded; the last few are kept. `again`: it grew, so it is read anew.

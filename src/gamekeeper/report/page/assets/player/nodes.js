@@ -3,6 +3,9 @@
 const LONG = 300; // characters of a value that a cell shows; its title has more
 const LONGEST = 4000;
 
+// What an object out of data has under a name out of data; never what every object has, such as "constructor".
+gk.own = (object, name) => (object && Object.hasOwn(object, name) ? object[name] : null);
+
 // An element with attributes (a fixed name each; `text`: what stands in it) and children.
 gk.node = (tag, attributes = {}, ...children) => {
   const made = document.createElement(tag);

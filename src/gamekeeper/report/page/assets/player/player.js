@@ -29,7 +29,7 @@ const wording = (mark) => [mark.kind, mark.agent === null || mark.agent === unde
 
 gk.Player = class {
   constructor(host) {
-    Object.assign(this, { host, decks: [], turn: 0, speed: 3, playing: false, part: null, settled: 0, generation: 0 });
+    Object.assign(this, { host, decks: [], turn: 0, speed: 3, playing: false, part: null, settled: 0, generation: 0, moved: false });
     this.#make();
     this.render = gk.once(() => this.#render());
     gk.onColours(() => this.decks.forEach((deck) => deck.repaint(this.turn)));
@@ -159,10 +159,12 @@ gk.Player = class {
       this.trouble.hidden = true;
       this.#deal(episodes, entries);
       this.to(turn ?? this.#start());
+      this.began = this.turn;
     } catch (error) {
       if (mine !== this.generation) return;
       this.trouble.hidden = false;
       gk.say(this.trouble, gk.visible(`Not opened: ${error.message}`));
+      if (!(error instanceof gk.Trouble)) console.error(error);
     }
   }
 
@@ -199,8 +201,10 @@ gk.Player = class {
     if (!this.part) return gk.say(this.parted, "No difference: the same agents did and were given the same at every turn (observations and infos were not compared).");
     const { turn, agent, field } = this.part;
     if (field === "length") return gk.say(this.parted, `The same until turn ${turn - 1}, where one of them ends.`);
-    const values = episodes.map((episode) => this.#valueAt(episode, this.part));
-    return gk.say(this.parted, `First difference: turn ${turn}, ${agent === null ? "" : `${gk.visible(agent)}, `}${field === "row" ? "has a turn in one of them only" : `${field} ${values[0]} against ${values[1]}`}.`);
+    const who = agent === null ? "" : `${gk.visible(agent)}, `;
+    if (field === "row") return gk.say(this.parted, `First difference: turn ${turn}, ${who}which has a row in one of them only.`);
+    const [left, right] = episodes.map((episode) => this.#valueAt(episode, this.part));
+    return gk.say(this.parted, `First difference: turn ${turn}, ${who}${gk.visible(field)} ${left} against ${right}.`);
   }
 
   #valueAt(episode, { turn, agent, field }) {
@@ -220,7 +224,7 @@ gk.Player = class {
       ...named.map((mark) => {
         const side = several && !mark.both ? `${mark.side}: ` : "";
         const sign = gk.node("span", { "aria-hidden": "true", class: "sign", text: gk.markSign(mark) });
-        const made = gk.node("button", { type: "button", class: `jump jump-${mark.kind in gk.MARKS ? mark.kind : "other"}` }, sign, ` ${mark.turn} `, gk.name(`${side}${wording(mark)}`));
+        const made = gk.node("button", { type: "button", class: `jump jump-${gk.own(gk.MARKS, mark.kind) ? mark.kind : "other"}` }, sign, ` ${mark.turn} `, gk.name(`${side}${wording(mark)}`));
         made.addEventListener("click", () => {
           this.to(mark.turn);
           if (mark.agent) this.decks.forEach((deck) => deck.lanes.reveal(mark.agent));
@@ -301,8 +305,8 @@ gk.Player = class {
     this.settled = setTimeout(() => {
       gk.say(this.status, this.#spoken());
       const { run, index } = this.decks[0].episode;
+      if (this.turn !== this.began) this.moved = true; // an address is not replaced by a page that nobody touched
       if (this.moved) history.replaceState(null, "", `#play:${encodeURIComponent(run)}/${index}/${this.turn}`);
-      this.moved = true;
     }, SETTLED);
   }
 

@@ -12,7 +12,7 @@ gk.MARKS = {
   ending: "■",
 };
 
-gk.markSign = (mark) => gk.MARKS[mark.kind] ?? "•";
+gk.markSign = (mark) => gk.own(gk.MARKS, mark.kind) ?? "•";
 
 // 1, 2, 5, 10, 20, …: the least of these that keeps numbers apart.
 const stride = (perTurn) => {

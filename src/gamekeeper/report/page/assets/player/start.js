@@ -5,7 +5,7 @@ const EVERY = 3000; // milliseconds between questions while a run is still recor
 document.documentElement.classList.add("js");
 
 const copyFrom = async (button) => {
-  const source = document.getElementById(button.dataset.copyFrom);
+  const source = document.getElementById(button.dataset.copy);
   if (!source) return;
   let told = "Copied";
   try {
@@ -39,7 +39,7 @@ const goTo = (player, place) => {
 
 const followLinks = (player) => {
   document.addEventListener("click", (event) => {
-    const button = event.target.closest?.("button[data-copy-from]");
+    const button = event.target.closest?.("button[data-copy]");
     if (button) copyFrom(button);
     const link = event.target.closest?.("a[data-episode]");
     if (!link || event.ctrlKey || event.metaKey || event.shiftKey) return;
@@ -72,6 +72,7 @@ const keepUp = (player) => {
       player.trouble.hidden = false;
       player.trouble.dataset.kind = "index";
       gk.say(player.trouble, gk.visible(error.message));
+      if (!(error instanceof gk.Trouble)) console.error(error);
     }
   };
   const forever = async (always) => {

@@ -1,0 +1,73 @@
+"""Many agents and many turns: only what is in sight is made and drawn."""
+
+import pytest
+
+from tests.browser.episodes import page_of, parallel_episode
+from tests.browser.waits import Open, turn_of
+
+pytestmark = pytest.mark.browser
+
+# Counts what is drawn on canvases from now on.
+COUNT = """() => {
+    window.drawn = 0;
+    const ink = CanvasRenderingContext2D.prototype;
+    for (const name of ['fillRect', 'fillText', 'stroke']) {
+        const real = ink[name];
+        ink[name] = function (...given) { window.drawn++; return real.apply(this, given); };
+    }
+}"""
+# Puts the slider on a turn, as a reader's dragging does.
+DRAG = """(turn) => {
+    const slider = document.querySelector('.scrub');
+    slider.value = String(turn);
+    slider.dispatchEvent(new Event('input'));
+}"""
+
+
+def test_crowd_has_nodes_for_those_in_sight_only(open_page: Open) -> None:
+    """Of hundreds of agents only those in sight have a name and a row."""
+    page = open_page(page_of([parallel_episode(agents=300, turns=40)]))
+    page.wait_for_selector("#gk-player[data-turn]")
+    assert turn_of(page) == 13
+    assert 10 < page.locator(".lane-name").count() < 40
+    assert page.locator(".turn-table tbody tr").count() == 40
+    page.get_by_role("button", name="Later agents").click()
+    assert page.locator(".pager >> text=41 to 80 of 300").count() == 1
+    first = page.locator(".turn-table tbody th").first
+    assert first.inner_text() == "picker_20"
+
+
+def test_crowd_scrolls_to_the_last_lane(open_page: Open) -> None:
+    """Scrolling the lanes shows the names of those who come in sight."""
+    page = open_page(page_of([parallel_episode(agents=300, turns=40)]))
+    page.wait_for_selector("#gk-player[data-turn]")
+    page.locator(".lanes-scroll").evaluate("(lanes) => { lanes.scrollTop = lanes.scrollHeight; }")
+    assert turn_of(page) == 13
+    names = page.locator(".lane-name:not([hidden])").all_inner_texts()
+    assert names[-1] == "carrier_149"
+
+
+def test_scrubbing_draws_nothing_in_the_lanes(open_page: Open) -> None:
+    """While all turns are in sight, moving the cursor draws no lane anew."""
+    page = open_page(page_of([parallel_episode(agents=40, turns=3_000)]))
+    page.wait_for_selector("#gk-player[data-turn]")
+    assert turn_of(page) == 1000
+    page.evaluate(COUNT)
+    for turn in (10, 2_000, 2_999):
+        page.evaluate(DRAG, turn)
+        assert turn_of(page) == turn
+    assert page.evaluate("window.drawn") == 0
+
+
+def test_long_lanes_are_drawn_by_pixels(open_page: Open) -> None:
+    """A lane of 30,000 turns costs about as many strokes as it has pixels, from afar and near."""
+    page = open_page(page_of([parallel_episode(agents=2, turns=30_000)]), address="#play:a/0/29000")
+    page.wait_for_selector("#gk-player[data-turn]")
+    assert turn_of(page) == 29_000
+    width = page.locator(".lanes-canvas").bounding_box()["width"]
+    page.evaluate(COUNT)
+    for name in ("Show fewer turns", "Show fewer turns", "Show all turns"):
+        page.evaluate("window.drawn = 0")
+        page.get_by_role("button", name=name).click()
+        assert turn_of(page) == 29_000
+        assert 0 < page.evaluate("window.drawn") < 2 * 6 * width

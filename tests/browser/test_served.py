@@ -1,0 +1,104 @@
+"""The page as a server shows it: episodes are asked for, and a recording that grows is followed."""
+
+import json
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
+
+import pytest
+
+from tests.browser.episodes import entry_of, page_of, parallel_episode
+from tests.browser.waits import expect, turn_of
+
+pytestmark = pytest.mark.browser
+
+
+class Shown:
+    """What the server has: one run whose only episode is still recorded."""
+
+    def __init__(self) -> None:
+        self.episode = {**parallel_episode(turns=10), "end": "open", "marks": []}
+        self.status = "open"
+        self.page = page_of([self.episode], is_view=True)
+        self.asked: list[str] = []
+
+    def answer(self, path: str) -> tuple[int, str, Any]:
+        """Status, kind and text for a path."""
+        self.asked.append(path)
+        if path == "/":
+            return 200, "text/html; charset=utf-8", self.page
+        if path == "/episode/a/0":
+            return 200, "application/json", json.dumps(self.episode)
+        if path.startswith("/index.json?since="):
+            run = {"key": "a", "name": "runs/a", "status": self.status, "episodes": 1}
+            news = {"version": "1", "runs": [run], "episodes": [entry_of(self.episode)]}
+            return 200, "application/json", json.dumps(news)
+        error = {"what": "no such <b>episode</b>", "where": path, "mend": "ask for another"}
+        return 404, "application/json", json.dumps({"error": error})
+
+
+@pytest.fixture
+def shown(chromium: Any) -> Iterator[tuple[Shown, Any]]:
+    """A server of the page, and a browser's page on it."""
+    things = Shown()
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            status, kind, text = things.answer(self.path)
+            self.send_response(status)
+            self.send_header("Content-Type", kind)
+            self.end_headers()
+            self.wfile.write(text.encode())
+
+        def log_message(self, *given: Any) -> None:
+            pass
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    context = chromium.new_context(viewport={"width": 1200, "height": 900})
+    page = context.new_page()
+    page.goto(f"http://127.0.0.1:{server.server_port}/")
+    yield things, page
+    context.close()
+    server.shutdown()
+    server.server_close()
+
+
+def grow(things: Shown, turns: int, end: str) -> None:
+    """The recording goes on."""
+    things.episode = {**parallel_episode(turns=turns), "end": end, "marks": []}
+    things.status = "open" if end == "open" else "sealed"
+
+
+def test_served_page_asks_for_its_episode(shown: tuple[Shown, Any]) -> None:
+    """The episode is fetched, not held in the page; the list is there at once."""
+    things, page = shown
+    page.wait_for_selector("#gk-player[data-turn]")
+    assert turn_of(page) == 0
+    assert "/episode/a/0" in things.asked
+    expect(page.locator(".deck-facts")).to_contain_text("still recorded")
+    assert page.locator(".episode-list tbody tr").count() == 1
+
+
+def test_served_page_follows_a_recording(shown: tuple[Shown, Any]) -> None:
+    """An episode that grew is read again: the cursor stays, or goes to the end if asked to."""
+    things, page = shown
+    page.wait_for_selector("#gk-player[data-turn]")
+    page.locator(".scrub").focus()
+    page.keyboard.press("ArrowRight")
+    grow(things, 20, "open")
+    expect(page.locator(".where")).to_have_text("1 / 20")
+    page.get_by_label("follow the recording").check()
+    grow(things, 30, "ended")
+    expect(page.locator(".where")).to_have_text("30 / 30")
+    expect(page.locator(".following")).to_be_hidden()
+
+
+def test_served_page_tells_what_the_server_complains_of(shown: tuple[Shown, Any]) -> None:
+    """An episode that cannot be had is told in the server's words, as text."""
+    _, page = shown
+    page.wait_for_selector("#gk-player[data-turn]")
+    page.evaluate("gamekeeper.player.open({run: 'a', episode: 7})")
+    trouble = page.get_by_role("alert")
+    expect(trouble).to_contain_text("no such <b>episode</b>; /episode/a/7; ask for another")
