@@ -1,0 +1,106 @@
+"""Executors that play in this process, and recordings by them."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import random
+from collections.abc import Iterable, Iterator
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gamekeeper.record.parts import apart, playing
+from gamekeeper.record.parts.apart import Apart, record_apart
+from gamekeeper.record.parts.plan import Plan, parts_folder
+from gamekeeper.run.executors.storage import Storage
+from gamekeeper.run.executors.task import USUAL, Done, Limits, OnReport, Task
+from gamekeeper.run.watch import Outcome
+
+CROWD = f"{Path(__file__).with_name('crowd.py')}:Crowd"
+
+
+def called(call: str, arguments: Any, report: Any = None) -> Outcome:
+    """How a task ends that is played here; what crosses is JSON, as to a process."""
+    module, _, name = call.partition(":")
+    function = getattr(importlib.import_module(module), name)
+    value = function(report or (lambda **fields: None), **json.loads(json.dumps(arguments)))
+    return Outcome("done", json.loads(json.dumps(value)), None, None, 0.0)
+
+
+class Here:
+    """Plays tasks in this process, a few in flight at a time and in any order.
+
+    Args:
+        order: settles the order; None: as they come.
+        stop: how many are played before Ctrl-C comes.
+        most: how many are in flight.
+    """
+
+    workers = 1
+
+    def __init__(self, order: int | None = None, stop: int | None = None, most: int = 4) -> None:
+        self.played: list[str] = []
+        self._rng = None if order is None else random.Random(order)
+        self._stop, self._most = stop, most
+
+    def __enter__(self) -> Here:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """There is nothing to let go of."""
+
+    def check_storage(self, place: str) -> None:
+        """It is this process that looks."""
+
+    def map(
+        self, tasks: Iterable[Task], *, limits: Limits = USUAL, on_report: OnReport | None = None
+    ) -> Iterator[Done]:
+        """Yields each task as it ends."""
+        source = iter(tasks)
+        flight = list(islice(source, self._most))
+        while flight:
+            task = flight.pop(0 if self._rng is None else self._rng.randrange(len(flight)))
+            if self._stop is not None and len(self.played) >= self._stop:
+                raise KeyboardInterrupt
+            self.played.append(task.key)
+
+            def report(key: str = task.key, **fields: Any) -> None:
+                if on_report is not None and fields:
+                    on_report(key, fields)
+
+            yield Done(task.key, called(task.call, task.arguments, report))
+            flight += islice(source, self._most - len(flight))
+
+
+@pytest.fixture
+def tasks_run_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Merging needs no process of its own either."""
+
+    def run(call: str, arguments: Any, **options: Any) -> Outcome:
+        return called(call, arguments)
+
+    for module in (apart, playing):
+        monkeypatch.setattr(module, "run_task", run)
+
+
+def plan(**changed: Any) -> Plan:
+    """Six episodes of the crowd."""
+    usual: dict[str, Any] = {
+        "spec": CROWD, "env_kwargs": {}, "policies": {}, "episodes": 6, "seed": 3, "options": None,
+        "level": "full", "frames": False, "most_turns": None, "contract": None,
+    }  # fmt: skip
+    return Plan(**{**usual, **changed})
+
+
+def apart_into(
+    out: Path, wanted: Plan, executor: Here | None = None, storage: Storage | None = None
+) -> Apart:
+    """A plan recorded by tasks."""
+    place = Storage.at(parts_folder(out)) if storage is None else storage
+    return record_apart(wanted, out, executor=executor or Here(), storage=place)

@@ -1,0 +1,261 @@
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import gamekeeper as gk
+from gamekeeper.core.evidence import Evidence
+from gamekeeper.core.seeds import episode_seed
+from gamekeeper.errors import BundleError, EnvError, EvidenceError, SpecError
+from gamekeeper.record.parts.plan import FOLDER, key_of, parts_folder
+from gamekeeper.record.parts.play import part_task
+from gamekeeper.record.parts.receipt import receipt_of
+from gamekeeper.record.verify import verify
+from gamekeeper.run.executors.storage import Storage
+from tests.record.parts.here import CROWD, Here, apart_into, plan, tasks_run_here
+from tests.record.walks import TURNS
+
+__all__ = ["tasks_run_here"]
+
+pytestmark = pytest.mark.usefixtures("tasks_run_here")
+WALKS = f"{Path(__file__).parents[1] / 'walks.py'}"
+
+
+def plain(out: Path, **changed: Any) -> Evidence:
+    """The same plan recorded by one process, as far as it gets."""
+    wanted = plan(**changed)
+    options: dict[str, Any] = {
+        name: getattr(wanted, name)
+        for name in ("env_kwargs", "episodes", "seed", "options", "level", "frames", "most_turns")
+    }
+    try:
+        return gk.rollout(
+            wanted.spec, policies=dict(wanted.policies) or "random", out=out, **options
+        )
+    except EnvError:
+        return gk.load(out)
+
+
+def assert_same(one: Evidence, run: Path) -> None:
+    """Fingerprints, every turn of every trace, header, timing and frame."""
+    other = gk.load(run)
+    for name in ("fingerprint", "info_fingerprint", "status", "agents", "spaces", "contract"):
+        assert one.manifest[name] == other.manifest[name], name
+    assert gk.diff(one, other) is None
+    found = verify(run, fingerprint=one.fingerprint)
+    assert found.ok, str(found)
+    drop = ["error"]
+    assert one.episodes.drop_columns(drop).equals(other.episodes.drop_columns(drop))
+    for a, b in zip(one.traces, other.traces, strict=True):
+        for x, y in zip(a.turns, b.turns, strict=True):
+            assert str(x.observations) == str(y.observations)
+            assert (x.actions, x.rewards, x.infos) == (y.actions, y.rewards, y.infos)
+            assert str(x.state) == str(y.state)
+    pair = one.timings, other.timings
+    assert pair[0] is not None
+    assert pair[1] is not None
+    assert pair[0].num_rows == pair[1].num_rows
+    assert _frames(Path(str(one.path))) == _frames(run)
+
+
+def _frames(run: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in (run / "frames").glob("*")}
+
+
+@pytest.mark.parametrize(
+    ("order", "changed"),
+    [
+        (None, {}),
+        (0, {}),
+        (1, {"spec": f"{WALKS}:Walk", "options": {"start": 5}, "most_turns": TURNS - 1}),
+        (2, {"spec": f"{WALKS}:Turns", "policies": {"a": "first-legal", "b": "random"}}),
+        (3, {"level": "digest"}),
+        (4, {"frames": True, "episodes": 3}),
+        (5, {"episodes": 70}),
+    ],
+    ids=["crowd", "out of order", "walk", "turns", "digest", "frames", "many"],
+)
+def test_parts_merge_into_what_one_process_records(
+    order: int | None, changed: dict[str, Any], tmp_path: Path
+) -> None:
+    """Whatever the order in which parts are played, the bundle is the one of a plain recording."""
+    one = plain(tmp_path / "one", **changed)
+    done = apart_into(tmp_path / "many", plan(**changed), Here(order))
+    assert (done.error, done.found, done.deaths) == (None, 0, 0)
+    assert_same(one, tmp_path / "many")
+    assert not parts_folder(tmp_path / "many").exists()
+    if len(changed) < 2:
+        assert gk.replay(tmp_path / "many", allow_import=True).verified
+
+
+def test_columns_of_late_joiners_find_their_places(tmp_path: Path) -> None:
+    """Guests that see alike share a column, though in each part another of them came first."""
+    apart_into(tmp_path / "many", plan(episodes=12))
+    one = plain(tmp_path / "one", episodes=12)
+    steps = gk.load(tmp_path / "many").steps
+    assert sorted(steps.schema.names) == sorted(one.steps.schema.names)
+    assert len([name for name in steps.schema.names if name.startswith("obs")]) == 4
+
+
+@pytest.mark.parametrize("order", [None, 2, 5])
+def test_first_failure_ends_the_run_as_in_one_process(order: int | None, tmp_path: Path) -> None:
+    """Episodes after the first that failed don't count, though some of them were played."""
+    fails = [episode_seed(3, episode) for episode in (2, 4)]
+    one = plain(tmp_path / "one", env_kwargs={"fails": fails})
+    executor = Here(order, most=6)
+    done = apart_into(tmp_path / "many", plan(env_kwargs={"fails": fails}), executor)
+    assert isinstance(done.error, EnvError)
+    assert "the crowd is stuck" in done.error.what
+    assert (done.parts, one.manifest["status"]) == (3, "failed")
+    assert_same(one, tmp_path / "many")
+    last = gk.load(tmp_path / "many").episodes.to_pylist()[-1]
+    assert (last["episode"], last["end"]) == (2, "failed")
+    assert "the crowd is stuck" in last["error"]
+    assert not parts_folder(tmp_path / "many").exists()
+
+
+def test_stopped_recording_goes_on_where_it_was(tmp_path: Path) -> None:
+    """Parts that are whole are not played again, and the bundle is the same."""
+    with pytest.raises(KeyboardInterrupt):
+        apart_into(tmp_path / "many", plan(), Here(1, stop=4))
+    assert not (tmp_path / "many").exists()
+    with pytest.raises(BundleError, match="another recording"):
+        apart_into(tmp_path / "many", plan(seed=9))
+    executor = Here()
+    done = apart_into(tmp_path / "many", plan(), executor)
+    assert (done.found, len(executor.played)) == (4, 2)
+    assert_same(plain(tmp_path / "one"), tmp_path / "many")
+
+
+def test_failure_found_again_ends_the_run(tmp_path: Path) -> None:
+    """A recording that goes on after a failure was seen still ends there."""
+    changed = {"env_kwargs": {"fails": [episode_seed(3, 1)]}}
+    with pytest.raises(KeyboardInterrupt):
+        apart_into(tmp_path / "many", plan(**changed), Here(None, stop=2))
+    executor = Here()
+    done = apart_into(tmp_path / "many", plan(**changed), executor)
+    assert isinstance(done.error, EnvError)
+    assert executor.played == []
+    assert_same(plain(tmp_path / "one", **changed), tmp_path / "many")
+
+
+def test_two_attempts_at_a_part_never_mix(tmp_path: Path) -> None:
+    """An attempt that nobody heard of any more leaves rubbish, and no second copy."""
+    storage = Storage.at(parts_folder(tmp_path / "many"))
+    with pytest.raises(KeyboardInterrupt):
+        apart_into(tmp_path / "many", plan(), Here(stop=0))
+    given = {"storage": storage.place, "plan": plan().to_json(), "first": 0, "stop": 1}
+    first = part_task(lambda **fields: None, **given)
+    receipt = receipt_of(storage, key_of(range(1)))
+    assert receipt is not None
+    storage.delete(f"{FOLDER}/{receipt.key}.json")
+    again = part_task(lambda **fields: None, **given)
+    assert first == again
+    other = receipt_of(storage, key_of(range(1)))
+    assert other is not None
+    assert other.folder != receipt.folder
+    assert storage.exists(receipt.folder)
+    assert part_task(lambda **fields: None, **given) == again
+    done = apart_into(tmp_path / "many", plan())
+    assert done.found == 1
+    assert_same(plain(tmp_path / "one"), tmp_path / "many")
+
+
+def test_damaged_part_is_told_and_played_again(tmp_path: Path) -> None:
+    """Every byte of a part is compared with its seal; the mend is to take that one part away."""
+    storage = Storage.at(parts_folder(tmp_path / "many"))
+    with pytest.raises(KeyboardInterrupt):
+        apart_into(tmp_path / "many", plan(), Here(stop=5))
+    receipt = receipt_of(storage, key_of(range(2, 3)))
+    assert receipt is not None
+    path = storage.path_of(f"{receipt.folder}/steps.parquet")
+    assert path is not None
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(BundleError, match="a part was changed") as caught:
+        apart_into(tmp_path / "many", plan())
+    assert receipt.key in caught.value.where
+    assert not (tmp_path / "many").exists()
+    storage.delete(f"{FOLDER}/{receipt.key}.json")
+    executor = Here()
+    assert apart_into(tmp_path / "many", plan(), executor).found == 5
+    assert executor.played == [receipt.key]
+    assert_same(plain(tmp_path / "one"), tmp_path / "many")
+
+
+def test_parts_go_by_url_and_come_back(tmp_path: Path) -> None:
+    """Where storage is no folder of this machine, parts are sent there and fetched again."""
+    place = tmp_path / "far away"
+    done = apart_into(tmp_path / "many", plan(frames=True), Here(2), Storage.at(place.as_uri()))
+    assert done.error is None
+    assert_same(plain(tmp_path / "one", frames=True), tmp_path / "many")
+    assert [path for path in place.rglob("*") if path.is_file()] == []
+
+
+def test_taken_folder_is_refused_before_anything_is_played(tmp_path: Path) -> None:
+    """Nobody waits for hours to hear that there is no room for the result."""
+    (tmp_path / "many").mkdir()
+    (tmp_path / "many" / "mine.txt").write_text("keep")
+    executor = Here()
+    with pytest.raises(BundleError, match="isn't empty"):
+        apart_into(tmp_path / "many", plan(), executor)
+    assert executor.played == []
+    assert not parts_folder(tmp_path / "many").exists()
+
+
+def test_mistake_leaves_nothing_that_is_in_the_way(tmp_path: Path) -> None:
+    """A wrong name is told as in one process, and the mended command isn't refused."""
+    with pytest.raises(SpecError):
+        apart_into(tmp_path / "many", plan(spec="no.such:env"))
+    assert not parts_folder(tmp_path / "many").exists()
+    assert apart_into(tmp_path / "many", plan()).error is None
+
+
+def test_environment_of_other_code_is_refused(tmp_path: Path) -> None:
+    """Parts played before the rules were changed don't go into one run with those after it."""
+    text = Path(CROWD.rpartition(":")[0]).read_text(encoding="utf-8")
+    file = tmp_path / "rules.py"
+    file.write_text(text, encoding="utf-8")
+    wanted = plan(spec=f"{file}:Crowd")
+    with pytest.raises(KeyboardInterrupt):
+        apart_into(tmp_path / "many", wanted, Here(stop=3))
+    file.write_text(text + "# changed\n", encoding="utf-8")
+    with pytest.raises(BundleError, match="isn't of the same environment") as caught:
+        apart_into(tmp_path / "many", wanted)
+    assert "source_digest" in caught.value.where
+
+
+def test_progress_counts_all_parts_together(tmp_path: Path) -> None:
+    """Episodes never run backwards and end at all of them; then parts are merged."""
+    said: list[dict[str, Any]] = []
+    from gamekeeper.record.parts.apart import record_apart
+
+    record_apart(
+        plan(), tmp_path / "many", executor=Here(3), on_message=said.append,
+        storage=Storage.at(parts_folder(tmp_path / "many")),
+    )  # fmt: skip
+    episodes = [each["episode"] for each in said if "episode" in each]
+    assert episodes == sorted(episodes)
+    assert episodes[-1] == 6
+    assert [each["episodes"] for each in said if "episodes" in each][-1] == 6
+    assert max(each.get("turns", 0) for each in said) == 24
+
+
+@pytest.mark.parametrize(
+    ("given", "where"),
+    [
+        ({"spec": object()}, "spec"),
+        ({"policies": {"host": lambda observation: 0}}, "policies['host']"),
+        ({"contract": gk.Contract()}, "contract"),
+        ({"out": None}, "out"),
+        ({"first": 2}, "first"),
+    ],
+)
+def test_objects_are_refused_to_workers(given: dict[str, Any], where: str, tmp_path: Path) -> None:
+    """What can't be named can't be opened by another process; the mend says so."""
+    usual: dict[str, Any] = {"spec": CROWD, "out": tmp_path / "run", "episodes": 1, "workers": 1}
+    with pytest.raises(EvidenceError) as caught:
+        gk.rollout(**{**usual, **given})
+    assert caught.value.where == where
+    assert caught.value.mend
