@@ -161,8 +161,8 @@ def least_p(bounds: Reach, t: float) -> float:
     """One minus the highest level whose interval leaves 0 out; 2 / 5,000 at least.
 
     Args:
-        bounds: how far t goes either way, by level.
-        t: the estimate in standard errors.
+        bounds: how far the estimate is off either way, by level.
+        t: the estimate, in the same unit.
     """
 
     def leaves_out(level: float) -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
@@ -61,7 +63,7 @@ def over_runs(
     if matrix is None:
         return found
     block = Crossed(matrix, _kept(run_means, statistic), 1.0)
-    seeds = reach_of_seeds([block], level, where="over_runs")
+    seeds = reach_of_seeds([block], where="over_runs")(level)
     low = found.value - hypotenuse(found.value - found.low, seeds)
     high = found.value + hypotenuse(found.high - found.value, seeds)
     return Interval(found.value, low, high, found.n, f"{found.method}, and of shared seeds")
@@ -87,9 +89,11 @@ def difference_over_runs(
         level: coverage, in [0.8, 0.99].
     Returns:
         value, low, high and p; `n` is the smaller number of runs. `b - a`, as `paired_effect`. The
-        p-value is of the difference over runs on these seeds, and no less than 2 / 5,000.
+        p-value is the least for which the interval leaves 0 out, and no less than 2 / 5,000.
     Raises:
-        EvidenceError: fewer runs than `FEWEST_RUNS["mean"]` of either, or a figure isn't finite.
+        EvidenceError: fewer runs than `FEWEST_RUNS["mean"]` of either, seeds that aren't shared,
+            or a figure isn't finite.
+    Source: `stratified` and `reach_of_seeds`, put together as in `over_runs`.
     """
     where = "difference_over_runs"
     check_level(level, where)
@@ -97,21 +101,31 @@ def difference_over_runs(
     runs = min(map(len, strata))
     enough(runs, FEWEST_RUNS["mean"], "training runs of each method", where=where)
     found = stratified(strata, weighted_means([-1.0, 1.0]), rng)
-    seeds = _seeds_of_both(a, b, level) if shared_seeds else 0.0
-    if found.bounds is None:
-        p = 1.0 if found.value == 0 else 2.0 ** (1 - runs)
-        return Effect(found.value, found.value - seeds, found.value + seeds, p, runs)
-    least, most = found.bounds(level)
-    low = found.value - hypotenuse(most * found.error, seeds)
-    high = found.value + hypotenuse(least * found.error, seeds)
-    return Effect(found.value, low, high, least_p(found.bounds, found.value / found.error), runs)
+    seeds = _seeds_of_both(a, b) if shared_seeds else _no_seeds
+
+    def off(level: float) -> tuple[float, float]:
+        """How far the estimate is above the truth, at least and at most."""
+        least, most = found.bounds(level) if found.bounds else (0.0, 0.0)
+        luck = seeds(level)
+        return -hypotenuse(least * found.error, luck), hypotenuse(most * found.error, luck)
+
+    least, most = off(level)
+    value = found.value
+    if most == least:  # nothing varied
+        return Effect(value, value, value, 1.0 if value == 0 else 2.0 ** (1 - runs), runs)
+    return Effect(value, value - most, value - least, least_p(off, value), runs)
 
 
-def _seeds_of_both(a: Scores, b: Scores, level: float) -> float:
+def _no_seeds(level: float) -> float:
+    """Runs on seeds of their own hold the seeds' luck already."""
+    return 0.0
+
+
+def _seeds_of_both(a: Scores, b: Scores) -> Callable[[float], float]:
     where = "difference_over_runs"
     one, two = crossed(a, where=where), crossed(b, where=where)
     if one is None or two is None:
-        return 0.0
+        return _no_seeds
     if one.shape[1] != two.shape[1]:
         raise EvidenceError(
             "two methods didn't play the same seeds",
@@ -121,7 +135,7 @@ def _seeds_of_both(a: Scores, b: Scores, level: float) -> float:
             mend="play the same seeds, or say shared_seeds=False",
         )
     blocks = [Crossed(one, np.arange(len(one)), -1.0), Crossed(two, np.arange(len(two)), 1.0)]
-    return reach_of_seeds(blocks, level, where=where)
+    return reach_of_seeds(blocks, where=where)
 
 
 def _kept(run_means: FloatArray, statistic: Statistic) -> NDArray[np.intp]:

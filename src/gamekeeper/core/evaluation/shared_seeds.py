@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -32,15 +32,14 @@ class Crossed:
     weight: float
 
 
-def reach_of_seeds(blocks: Sequence[Crossed], level: float, *, where: str) -> float:
-    """How far the estimate may be off because of the seeds that were drawn.
+def reach_of_seeds(blocks: Sequence[Crossed], *, where: str) -> Callable[[float], float]:
+    """How far the estimate may be off because of the seeds that were drawn, by level.
 
     Scores are run + seed + what is left; the variance of the mean over columns, less what the
     residue puts there (which the interval over runs already holds), is the seeds'.
 
     Args:
         blocks: of one environment, so that all have the same columns.
-        level: coverage.
         where: what asks, for the error.
     Raises:
         EvidenceError: fewer seeds than `FEWEST_SEEDS`.
@@ -56,7 +55,8 @@ def reach_of_seeds(blocks: Sequence[Crossed], level: float, *, where: str) -> fl
         together += block.weight * rows.mean(axis=0)
         residue += block.weight**2 * _residue(block.values_re) / (len(rows) * episodes)
     variance = float(together.var(ddof=1)) / episodes - residue
-    return student(level, episodes - 1) * float(np.sqrt(max(variance, 0.0)))
+    error = float(np.sqrt(max(variance, 0.0)))
+    return lambda level: student(level, episodes - 1) * error
 
 
 def _residue(values_re: FloatArray) -> float:
