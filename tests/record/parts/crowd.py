@@ -22,7 +22,7 @@ class Crowd(ParallelEnv):
         fails: seeds of resets whose episodes raise at their third tick.
         kills: a file; the first episode that doesn't find it writes it and ends its process.
         dies: seeds of resets whose episodes end their process at their third tick.
-        waits: a file; as long as it is there, ticks take a while.
+        waits: a file; as long as it names the seed of a reset, that episode waits.
     """
 
     metadata: ClassVar = {
@@ -64,7 +64,7 @@ class Crowd(ParallelEnv):
         self.tick += 1
         if self.tick == 3:
             self.go_wrong()
-        while self.waits and Path(self.waits).exists():
+        while self.waits and str(self.seed) in Path(self.waits).read_text():
             time.sleep(0.01)
         agents = ["host", self.guest] if self.tick >= 1 else ["host"]
         self.agents, ended = agents, self.tick >= 4
