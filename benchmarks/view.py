@@ -25,7 +25,7 @@ import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -43,9 +43,10 @@ PAUSE_S: Final = 0.25
 class Crowd(TickEnv):
     """Agents that walk on a plane and are paid for being near to others."""
 
-    metadata = {"name": "crowd_v0", "render_modes": []}
+    metadata: ClassVar[dict[str, Any]] = {"name": "crowd_v0", "render_modes": []}
 
     def __init__(self, turns: int = 500, render_mode: str | None = None) -> None:
+        """An episode has so many turns."""
         super().__init__(render_mode=render_mode)
         self.length = turns
         self.possible_agents = [f"walker_{number}" for number in range(AGENTS)]
@@ -54,6 +55,7 @@ class Crowd(TickEnv):
         self.action_spaces = dict.fromkeys(self.possible_agents, Discrete(5))
 
     def start(self, rng: Any, options: Any) -> None:
+        """At random places."""
         del options
         self.rng = rng
         self.now = 0
@@ -61,6 +63,7 @@ class Crowd(TickEnv):
         self.sight = np.zeros((AGENTS, NUMBERS), np.float32)
 
     def tick(self, actions: Any) -> None:
+        """Everybody moves; being far from the others and moving cost."""
         moves = np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]]) * 0.05
         for number, action in enumerate(actions.values()):
             self.places[number] += moves[action]
@@ -75,12 +78,15 @@ class Crowd(TickEnv):
                 self.truncate(agent, "horizon")
 
     def observe(self, agent: str) -> Any:
+        """Where everybody is, twice."""
         return self.sight[self.possible_agents.index(agent)]
 
     def mask(self, agent: str) -> Any:
+        """The last move isn't there at every seventh turn."""
         return [1, 1, 1, 1, int(self.now % 7 > 0)]
 
     def info(self, agent: str) -> Any:
+        """Its place, and a number that the player shows."""
         place = self.places[self.possible_agents.index(agent)]
         return {"position": place.copy(), "tired": self.now % 11}
 
@@ -101,7 +107,8 @@ def main() -> None:
                 measured(run, options, live=True)
         else:
             if options.run is None:
-                rollout(Crowd, episodes=options.episodes, out=run, env_kwargs={"turns": options.turns})
+                kwargs = {"turns": options.turns}
+                rollout(f"{__file__}:Crowd", episodes=options.episodes, out=run, env_kwargs=kwargs)
             measured(run, options)
 
 

@@ -66,8 +66,20 @@ def _announce(screen: Screen, view: View, runs: list[Path], *, browser: bool) ->
     screen.note("Ctrl-C ends it")
     if "SSH_CONNECTION" in os.environ:
         screen.note(f"from your own machine: ssh -N -L {view.port}:127.0.0.1:{view.port} THIS-HOST")
-    elif browser and screen.out.isatty() and not screen.is_json and _has_display():
-        threading.Thread(target=_open, args=(view.url,), daemon=True).start()
+    elif browser and not screen.is_json and is_at_terminal(screen) and _has_display():
+        open_browser(view.url)
+
+
+def is_at_terminal(screen: Screen) -> bool:
+    """Whether somebody reads what is shown, rather than a program."""
+    return screen.out.isatty()
+
+
+def open_browser(url: str) -> None:
+    """Opens an address in the browser, which may take its time."""
+    import webbrowser
+
+    threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 
 
 def _has_display() -> bool:
@@ -75,9 +87,3 @@ def _has_display() -> bool:
     if os.name == "nt" or sys.platform == "darwin":
         return True
     return any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"))
-
-
-def _open(url: str) -> None:
-    import webbrowser
-
-    webbrowser.open(url)

@@ -100,10 +100,10 @@ class Book:
         try:
             # A run that only got labels isn't read again.
             self._edition = self._read(self._edition, rows=stamp != self._stamp)
-            # As before the reading: what was written meanwhile is seen the next time.
-            self._stamp, self._noted = stamp, noted
         except GamekeeperError as error:
             self._edition = _failed(self._edition, error)
+        # As before the reading: what was written meanwhile is seen the next time.
+        self._stamp, self._noted = stamp, noted
         self._next = self._pause(start)
 
     def _read(self, before: Edition | None, *, rows: bool = True) -> Edition:

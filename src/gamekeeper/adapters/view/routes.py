@@ -41,8 +41,8 @@ class Routes:
             )  # fmt: skip
 
     def _answer(self, path: str, query: str) -> Answer:
-        if path[1:] in PAGES:
-            return self._shelf.page(path[1:])
+        if path in PAGES:
+            return self._shelf.page(path)
         if path == "/index.json":
             return json_answer(self._shelf.index(_field(query, SINCE)))
         if path == "/favicon.ico":  # browsers ask for it by themselves

@@ -19,8 +19,8 @@ LETTERS: Final = "abcdefghijklmnopqrstuvwxyz"
 KEPT_BYTES: Final = 64 << 20
 """Of packed episodes that are kept for whoever asks again."""
 PAGES: Final[Mapping[str, Callable[[Sequence[Edition]], Answer]]] = {
-    "": front_page,
-    "report": whole_page,
+    "/": front_page,
+    "/report": whole_page,
 }
 
 
@@ -48,14 +48,14 @@ class Shelf:
         self._pages: dict[str, tuple[str, Answer]] = {}
         self._printing = threading.Lock()
 
-    def page(self, name: str) -> Answer:
-        """A page (`PAGES`), without any episode: it asks for them."""
+    def page(self, path: str) -> Answer:
+        """A page of `PAGES`, without any episode: it asks for them."""
         editions = [book.edition() for book in self.books.values()]
         version = self._version(editions)
         with self._printing:
-            known = self._pages.get(name)
+            known = self._pages.get(path)
             if known is None or known[0] != version:
-                known = self._pages[name] = version, PAGES[name](editions)
+                known = self._pages[path] = version, PAGES[path](editions)
             return known[1]
 
     def index(self, since: str) -> dict[str, Any]:

@@ -1,0 +1,187 @@
+"""What is served of runs: an index that tells what changed, episodes as the player reads them."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections import OrderedDict
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gamekeeper.adapters.view import book
+from gamekeeper.adapters.view.answers import Answer, json_answer
+from gamekeeper.adapters.view.shelf import Packed, Shelf
+from gamekeeper.adapters.view.view import View
+from gamekeeper.diagnose.labels import label
+from gamekeeper.errors import BundleError, GamekeeperError
+from gamekeeper.record.bundle import load
+from gamekeeper.record.files.notes import NOTES
+from gamekeeper.record.recording import rollout
+from gamekeeper.report.page.entries import packed_of
+from tests.adapters.view.visiting import Visitor
+
+
+@pytest.fixture
+def copy(line: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A run of its own, looked at anew at every request."""
+    monkeypatch.setattr(book, "SOONEST_S", 0.0)
+    monkeypatch.setattr(book, "SHARE", 0.0)
+    return Path(shutil.copytree(line, tmp_path / "copy"))
+
+
+def test_index_lists_every_episode_with_returns_by_agent(visitor: Visitor, line: Path) -> None:
+    """As the evidence has them, agent by agent."""
+    found = visitor.get("/index.json").document
+    evidence = load(line)
+    assert [run["key"] for run in found["runs"]] == ["a"]
+    assert found["runs"][0]["status"] == "sealed"
+    assert [each["episode"] for each in found["episodes"]] == [0, 1, 2, 3]
+    for entry, trace in zip(found["episodes"], evidence.traces, strict=True):
+        assert (entry["seed"], entry["end"], entry["packed"]) == (trace.seed, "ended", True)
+        for agent, total in entry["returns"].items():
+            paid = sum(turn.rewards.get(agent, 0.0) for turn in trace.turns)
+            assert total == pytest.approx(paid)
+
+
+def test_index_since_a_version_is_what_changed(copy: Path) -> None:
+    """Nothing; then the one episode that was labelled, and from before, or from elsewhere, all."""
+    shelf = Shelf([copy])
+    first = shelf.index("")
+    assert shelf.index(first["version"])["episodes"] == []
+    label(copy, "control", episode=2, by="me")
+    second = shelf.index(first["version"])
+    assert second["version"] != first["version"]
+    assert [(each["episode"], each["labels"]) for each in second["episodes"]] == [(2, ["control"])]
+    for other in ("", "x", "x-1", f"{first['version']}-1", "-", "a-²", first["version"][::-1]):
+        assert len(shelf.index(other)["episodes"]) == 4
+
+
+def test_episode_is_what_the_player_reads(visitor: Visitor, line: Path) -> None:
+    """Every one of them, the same as a report's, also when it is asked for again."""
+    evidence = load(line)
+    for number in (0, 3, 0, 1):
+        expected = json_answer(packed_of(evidence, number, run="a")).body
+        assert visitor.get(f"/episode/a/{number}").body == expected
+
+
+def test_label_shows_in_an_episode_that_was_seen_already(copy: Path) -> None:
+    """What was kept of it doesn't count any more."""
+    shelf = Shelf([copy])
+    before = shelf.episode("a", 1)
+    label(copy, "timing", episode=1, turn=2, why="late", by="me")
+    after = shelf.episode("a", 1)
+    assert before is not None
+    assert after is not None
+    assert "label" not in [mark["kind"] for mark in json.loads(before.body)["marks"]]
+    assert "timing: late" in [mark["text"] for mark in json.loads(after.body)["marks"]]
+
+
+def test_run_that_was_recorded_anew_is_read_anew(copy: Path) -> None:
+    """Under the same path, with the same number of episodes."""
+    shelf = Shelf([copy])
+    first, before = shelf.index(""), shelf.episode("a", 0)
+    shutil.rmtree(copy)
+    rollout("two_robot_line", episodes=4, seed=9, out=copy)
+    after = shelf.episode("a", 0)
+    assert before is not None
+    assert after is not None
+    assert before.body != after.body
+    assert len(shelf.index(first["version"])["episodes"]) == 4
+
+
+def test_two_runs_have_a_letter_each(line: Path, tmp_path: Path) -> None:
+    """Both in one index; a third letter is nobody's."""
+    rollout("tictactoe", episodes=1, out=tmp_path / "board")
+    with View([line, tmp_path / "board"]) as view:
+        visitor = Visitor(view)
+        found = visitor.get("/index.json").document
+        assert [(run["key"], run["name"]) for run in found["runs"]] == [
+            ("a", "line"),
+            ("b", "board"),
+        ]
+        assert [each["run"] for each in found["episodes"]] == ["a"] * 4 + ["b"]
+        assert visitor.get("/episode/b/0").document["run"] == "b"
+        assert visitor.get("/episode/c/0").status == 404
+
+
+def test_more_runs_than_letters_are_refused(line: Path) -> None:
+    """With how many may be."""
+    with pytest.raises(GamekeeperError, match="at most 26"):
+        Shelf([line] * 27)
+
+
+def test_what_is_no_run_is_refused_at_the_start(tmp_path: Path) -> None:
+    """As every command does."""
+    with pytest.raises(BundleError, match="there is no bundle here"):
+        View([tmp_path])
+
+
+def test_run_that_goes_away_is_said_and_stays_to_be_seen(copy: Path) -> None:
+    """What was read is shown, beside the reason why there is no more; then it is back."""
+    shelf = Shelf([copy])
+    first = shelf.index("")
+    copy.rename(copy.parent / "away")
+    gone = shelf.index(first["version"])
+    assert gone["runs"][0]["error"]["what"] == "there is no bundle here"
+    assert gone["runs"][0]["error"]["mend"]
+    assert gone["version"] != first["version"]
+    assert shelf.index("")["version"] == gone["version"]
+    assert len(shelf.index("")["episodes"]) == 4
+    (copy.parent / "away").rename(copy)
+    assert shelf.index("")["runs"][0]["error"] is None
+    assert shelf.index("")["episodes"] == first["episodes"]
+
+
+def test_damaged_file_is_an_answer_with_its_place(copy: Path) -> None:
+    """Where rows can't be read any more, the answer names the file; other episodes aren't hurt."""
+    with View([copy]) as view:
+        steps = copy / "steps.parquet"
+        steps.write_bytes(steps.read_bytes()[:100] + bytes(steps.stat().st_size - 100))
+        reply = Visitor(view).get("/episode/a/0")
+        assert reply.status in (200, 503)  # what was read before may still be there
+        found = Visitor(view).get("/index.json").document["runs"][0]
+        assert "steps.parquet" in found["error"]["where"]
+
+
+def test_damaged_annotations_hide_no_episode(copy: Path) -> None:
+    """The labels are missing, and why is said."""
+    (copy / NOTES).write_text("no JSON\n", encoding="ascii")
+    shelf = Shelf([copy])
+    found = shelf.index("")
+    assert len(found["episodes"]) == 4
+    assert NOTES in found["runs"][0]["error"]["what"]
+    assert shelf.page("/").status == 200
+
+
+@pytest.mark.parametrize("path", ["/", "/report"])
+def test_pages_ask_for_episodes_by_themselves(visitor: Visitor, path: str) -> None:
+    """The player's script runs, and nothing else; no episode stands in the page."""
+    reply = visitor.get(path)
+    text = reply.body.decode()
+    assert reply.status == 200
+    assert 'data-view="1"' in text
+    assert "gk-episode-" not in text.partition('<script type="application/json"')[2][:2000]
+    policy = reply.headers["content-security-policy"]
+    assert "connect-src 'self'" in policy
+    assert "unsafe" not in policy
+    assert policy.count("default-src 'none'") == 1
+
+
+@given(st.lists(st.tuples(st.integers(0, 8), st.integers(0, 60)), max_size=40))
+def test_packed_answers_keep_to_their_bytes(asked: list[tuple[int, int]]) -> None:
+    """The newest that fit are kept, in the order in which they were asked for."""
+    kept, model = Packed(100), OrderedDict[int, int]()
+    for number, size in asked:
+        place = ("a", number, 1)
+        found = kept.get(place)
+        assert (found is not None) == (number in model)
+        if found is not None:
+            model.move_to_end(number)
+            continue
+        kept.put(place, Answer(200, "", bytes(size)))
+        model[number] = size
+        while sum(model.values()) > 100:
+            model.popitem(last=False)
