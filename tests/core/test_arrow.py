@@ -13,8 +13,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamekeeper.core import arrow
-from gamekeeper.core.arrow import block_of_table, blocks_of, value_columns
+from gamekeeper.core.arrow import block_of_table, blocks_of
 from gamekeeper.core.digest import row_digests
+from gamekeeper.core.leaf_columns import value_columns
 from gamekeeper.errors import EvidenceError
 from tests.core.drawn_spaces import FIXED, sample
 from tests.core.tapes import Given, record

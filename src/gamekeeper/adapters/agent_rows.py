@@ -12,8 +12,9 @@ import numpy as np
 import pyarrow as pa
 from gymnasium import spaces
 
-from gamekeeper.core.arrow import TERM, cells_of, value_columns
+from gamekeeper.core.arrow import TERM, cells_of
 from gamekeeper.core.block import Text
+from gamekeeper.core.leaf_columns import value_columns
 from gamekeeper.core.space import Codec, Leaf
 from gamekeeper.core.trace import Spaces, Trace
 

@@ -12,6 +12,7 @@ import pyarrow.compute as pc
 
 from gamekeeper.core.block import Block, Cells, Coded, Raw, Text, most_rows
 from gamekeeper.core.layout import Column
+from gamekeeper.core.leaf_columns import leaf_columns, length_of
 from gamekeeper.core.space import Leaf
 from gamekeeper.errors import EvidenceError
 
@@ -69,7 +70,7 @@ def cells_field(column: Column, cells: Cells) -> tuple[pa.Field, pa.Array]:
 def blocks_of(table: pa.Table, *, rows: int | None = None) -> Iterator[Block]:
     """The rows of a `steps` table as blocks of at most `rows` rows, in their order."""
     if rows is None:
-        rows = most_rows(_column(field) for field in table.schema if _is_leaf(field))
+        rows = most_rows(leaf_columns(table.schema))
     for start in range(0, table.num_rows, rows):
         yield block_of_table(table.slice(start, rows))
 
@@ -79,11 +80,10 @@ def block_of_table(table: pa.Table) -> Block:
     table = table.combine_chunks()
     values = {}
     terms = {}
+    for column in leaf_columns(table.schema):
+        values[column.name] = (column, cells_of(column, table[column.name]))
     for field in table.schema:
-        if _is_leaf(field):
-            column = _column(field)
-            values[field.name] = (column, cells_of(column, table[field.name]))
-        elif field.name.startswith(TERM):
+        if field.name.startswith(TERM):
             terms[field.name[len(TERM) :]] = _raw_number(table[field.name], "<f8")
     cells: dict[str, Any] = {n: _raw_number(table[n], dtype) for n, (dtype, _) in NUMBERS.items()}
     cells |= {name: _raw_number(table[name].cast(pa.uint8()), "|u1") for name in FLAGS}
@@ -98,12 +98,6 @@ def block_of_table(table: pa.Table) -> Block:
         terms=terms,
         **cells,
     )
-
-
-def value_columns(schema: pa.Schema, kind: str) -> list[Column]:
-    """The columns of `schema` that hold leaves of `kind` ("obs" or "action")."""
-    found = [_column(field) for field in schema if _is_leaf(field)]
-    return [column for column in found if column.tag == kind or column.tag.startswith(f"{kind}.")]
 
 
 def cells_of(column: Column, array: pa.ChunkedArray) -> Cells:
@@ -138,19 +132,6 @@ def cells_of(column: Column, array: pa.ChunkedArray) -> Cells:
     return Raw(raw, valid)
 
 
-def _is_leaf(field: pa.Field) -> bool:
-    return bool(field.metadata) and b"leaf" in field.metadata
-
-
-def _column(field: pa.Field) -> Column:
-    leaf = json.loads(field.metadata[b"leaf"])
-    return Column(
-        field.name,
-        field.metadata[b"tag"].decode(),
-        Leaf(leaf["path"], leaf["kind"], leaf["dtype"], tuple(leaf["shape"])),
-    )
-
-
 def _metadata(column: Column) -> dict[str, str]:
     leaf = column.leaf
     text = {"path": leaf.path, "kind": leaf.kind, "dtype": leaf.dtype, "shape": list(leaf.shape)}
@@ -166,7 +147,7 @@ def _cells(column: Column, cells: Cells) -> pa.Array:
         return _binary(cells.values, cells.valid)
     flat = np.ascontiguousarray(cells.values).view(column.leaf.dtype).reshape(-1)
     mask = None if cells.valid.all() else pa.array(~cells.valid)
-    length = flat.size // max(len(cells.values), 1) or _length(column.leaf)
+    length = flat.size // max(len(cells.values), 1) or length_of(column.leaf)
     return pa.FixedSizeListArray.from_arrays(pa.array(flat), length, mask=mask)
 
 
@@ -235,12 +216,5 @@ def _whole(array: pa.ChunkedArray) -> pa.Array:
     return pa.concat_arrays(chunks) if chunks else pa.array([], array.type)
 
 
-def _length(leaf: Leaf) -> int:
-    count = 1
-    for length in leaf.shape:
-        count *= length
-    return count
-
-
 def _size(leaf: Leaf) -> int:
-    return _length(leaf) * np.dtype(leaf.dtype).itemsize
+    return length_of(leaf) * np.dtype(leaf.dtype).itemsize

@@ -12,10 +12,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from gamekeeper.core.arrow import cells_of, value_columns
+from gamekeeper.core.arrow import cells_of
 from gamekeeper.core.block import Raw
 from gamekeeper.core.canon import drop, from_json, to_json
 from gamekeeper.core.difference import difference, shown_pair
+from gamekeeper.core.leaf_columns import value_columns
 from gamekeeper.core.trace import Trace, Turn
 
 # of an episode whose recorder was killed nothing is known after its last whole turn

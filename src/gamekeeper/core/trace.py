@@ -13,11 +13,12 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 
-from gamekeeper.core.arrow import TERM, blocks_of, cells_of, value_columns
+from gamekeeper.core.arrow import TERM, blocks_of, cells_of
 from gamekeeper.core.block import Cells, Raw
 from gamekeeper.core.canon import from_json
 from gamekeeper.core.digest import SIZE, row_digests
 from gamekeeper.core.layout import Column
+from gamekeeper.core.leaf_columns import value_columns
 from gamekeeper.core.space import Codec
 from gamekeeper.core.where import Where
 

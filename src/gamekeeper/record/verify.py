@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from gamekeeper.core.arrow import blocks_of, cells_of, value_columns
+from gamekeeper.core.arrow import blocks_of, cells_of
 from gamekeeper.core.digest import EpisodeDigest, episode_header
 from gamekeeper.core.evidence import Evidence, fingerprints
+from gamekeeper.core.leaf_columns import value_columns
 from gamekeeper.core.press import add_infos, state_digests
 from gamekeeper.core.trace import digests_of
 from gamekeeper.errors import BundleError, GamekeeperError

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Any, Final
 
@@ -89,7 +90,9 @@ def parse_manifest(data: bytes, path: Path) -> dict[str, Any]:
         BundleError: they spell none.
     """
     with reading(path):
-        manifest = json.loads(data.decode("utf-8"), parse_constant=_refuse_constant)
+        manifest = json.loads(
+            data.decode("utf-8"), parse_constant=_refuse_constant, parse_float=_finite
+        )
     if not isinstance(manifest, dict):
         raise _damaged(path, "a JSON object", type(manifest).__name__)
     _check_version(manifest, path)
@@ -166,6 +169,13 @@ def _check_depth(manifest: dict[str, Any], path: Path) -> None:
 
 def _refuse_constant(name: str) -> float:
     raise ValueError(f"{name} is no JSON")
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    if not isfinite(number):
+        raise ValueError(f"{text[:40]} is too large a number")
+    return number
 
 
 def _short(value: object) -> str:

@@ -11,9 +11,10 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from gamekeeper.core.arrow import TERM, cells_of, value_columns
+from gamekeeper.core.arrow import TERM, cells_of
 from gamekeeper.core.block import Raw
 from gamekeeper.core.layout import Column
+from gamekeeper.core.leaf_columns import value_columns
 from gamekeeper.core.trace import MASK
 from gamekeeper.report.page.plain import (
     DIGITS,
@@ -149,7 +150,7 @@ def _infos(steps: pa.Table, values: Values) -> Places:
 
     def place(text: str) -> int:
         value = plain_of_text(text, without=(MASK,))
-        return NONE if value == {} else values.place(value)
+        return NONE if value == {} else values.put(value, text)  # every text comes once
 
     return _coded(steps["info"], place)
 

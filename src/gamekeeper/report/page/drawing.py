@@ -15,15 +15,16 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from gamekeeper.core.arrow import cells_of, value_columns
+from gamekeeper.core.arrow import cells_of
 from gamekeeper.core.block import Raw
 from gamekeeper.core.layout import Column
+from gamekeeper.core.leaf_columns import value_columns
 from gamekeeper.core.trace import MASK, Trace
 from gamekeeper.report.page.plain import plain_of_text
 from gamekeeper.report.page.png import data_url, is_picture, png
 
 POSITIONS: Final = ("position", "pos", "xy", "location", "coordinates", "positions", "locations")
-"""Fields of two numbers that say where an agent is."""
+"""Fields of one or two numbers that say where an agent is."""
 MOST_BYTES: Final = 160_000
 """Of shades, or of pictures' pixels divided by 32, that an episode draws; else turns are left out.
 Shades of floats hardly compress, pictures do."""
@@ -75,7 +76,11 @@ class Film:
 
 
 def drawn(
-    trace: Trace, agents: Sequence[str], *, frames: Film | None = None
+    trace: Trace,
+    agents: Sequence[str],
+    *,
+    frames: Film | None = None,
+    infos: Sequence[Any] | None = None,
 ) -> tuple[dict[str, Any] | None, str]:
     """What is drawn of an episode, and in words where it comes from, or why it is nothing.
 
@@ -83,13 +88,14 @@ def drawn(
         trace: the episode.
         agents: every agent of the run, in the order of its seats.
         frames: what was rendered meanwhile.
+        infos: of every row as plain JSON, where they were read already.
     """
     if frames is not None and frames.shown:
         at = sorted(frames.shown)
         kind, held = ("text", "texts") if frames.is_text else ("frames", "images")
         return {"kind": kind, held: [frames.shown[k] for k in at], "at": at}, "recorded frames"
     leaves = [*_state_leaves(trace), *_observed(trace, agents)]
-    tracks, source = _tracks(trace, leaves, agents)
+    tracks, source = _tracks(trace, leaves, agents, infos)
     if tracks:
         return {"kind": "map", "extent": _extent(tracks), "tracks": tracks}, source
     pictures = [each for each in leaves if is_picture(each.values[0]) and each.name != "state"]
@@ -146,10 +152,10 @@ def _raw(column: Column, table: pa.Table) -> Raw:
 
 
 def _tracks(
-    trace: Trace, leaves: Iterable[Leaf], agents: Sequence[str]
+    trace: Trace, leaves: Iterable[Leaf], agents: Sequence[str], infos: Sequence[Any] | None
 ) -> tuple[dict[str, list[list[float]]], str]:
     """By agent [turn, x, y] where it moved, and where that stands."""
-    tracks = _told(trace)
+    tracks = _told(trace, infos if infos is not None else _infos(trace))
     if tracks:
         return tracks, "positions told in infos"
     for leaf in leaves:
@@ -164,35 +170,43 @@ def _tracks(
     return tracks, "positions in observations"
 
 
-def _told(trace: Trace) -> dict[str, list[list[float]]]:
-    """Positions in infos; the same text is read once."""
+def _infos(trace: Trace) -> list[Any]:
+    texts = trace.steps["info"].to_pylist()
+    return [None if text is None else plain_of_text(text) for text in texts]
+
+
+def _told(trace: Trace, infos: Sequence[Any]) -> dict[str, list[list[float]]]:
+    """Positions in infos; where the first info has none, nobody looks further."""
     steps = trace.steps
-    infos = steps["info"].to_pylist()
-    read: dict[str, Any] = {}
     found: dict[str, tuple[list[int], list[Any]]] = {}
-    for agent, turn, text in zip(
-        steps["agent"].to_pylist(), steps["turn"].to_pylist(), infos, strict=True
-    ):
-        if text is None:
+    rows = zip(steps["agent"].to_pylist(), steps["turn"].to_pylist(), infos, strict=True)
+    for agent, turn, info in rows:
+        if info is None:
             continue
-        if text not in read:
-            read[text] = _position(plain_of_text(text))
-        if read[text] is not None:
+        place = _position(info)
+        if place is not None:
             turns, places = found.setdefault(agent, ([], []))
             turns.append(turn)
-            places.append(read[text])
+            places.append(place)
         elif not found:
-            return {}  # the first info of a run tells whether infos hold positions
-    return {agent: _moves(*each) for agent, each in found.items()}
+            return {}
+    order = list(found)
+    return {
+        agent: _moves(turns, [each if len(each) == 2 else [each[0], order.index(agent)]
+                              for each in places])
+        for agent, (turns, places) in found.items()
+    }  # fmt: skip
 
 
 def _position(info: Any) -> list[float] | None:
+    """Two numbers under a name that says where it is, or one: a place on a line."""
     if not isinstance(info, Mapping):
         return None
     for key, value in info.items():
-        is_pair = isinstance(value, list) and len(value) == 2
-        if is_pair and key.lower() in POSITIONS and all(type(x) in (int, float) for x in value):
-            return list(value)
+        if key.lower() in POSITIONS:
+            place = value if isinstance(value, list) else [value]
+            if len(place) in (1, 2) and all(type(x) in (int, float) for x in place):
+                return list(place)
     return None
 
 
