@@ -19,8 +19,6 @@ from gamekeeper.run.executors.ray_node import entry, surroundings
 from gamekeeper.run.executors.task import USUAL, Done, Limits, OnReport, Task
 from gamekeeper.run.watch import GRACE_S, Outcome
 
-AHEAD: Final = 2
-"""Tasks in flight for each core: one is played, the other lies ready on its node."""
 PATIENCE_S: Final = 0.2
 """How long is waited at a time, so that Ctrl-C gets through, in seconds."""
 FAREWELL_S: Final = GRACE_S + 5.0
@@ -87,16 +85,20 @@ class RayExecutor:
             DependencyError: a node has another Gamekeeper.
             GamekeeperError: the cluster doesn't answer, is without cores, or a node can't play.
         """
-        flight = _Flight(self._cluster(), limits)
-        drawn = iter(tasks)
+        cluster = self._cluster()
+        flight, drawn = _Flight(cluster, limits), iter(tasks)
+
+        def fill() -> None:
+            room = cluster.room(self._asked)
+            while len(flight) < room and (task := next(drawn, None)) is not None:
+                flight.launch(_Try(task))
+
         try:
-            while True:
-                room = self._asked or AHEAD * max(self._cluster().cores(), 1)
-                while len(flight) < room and (task := next(drawn, None)) is not None:
-                    flight.launch(_Try(task))
-                if not len(flight):
-                    return
-                yield from flight.landed()
+            fill()
+            while len(flight):
+                ended = list(flight.landed())
+                fill()  # before whoever asked looks at what ended, so that nobody is idle meanwhile
+                yield from ended
         finally:
             flight.cancel()
 

@@ -19,6 +19,8 @@ OBJECTS_BYTES: Final = 100_000_000
 """Room for Ray's objects in a cluster of ours: outcomes are small and never go there."""
 REACH_S: Final = 5.0
 """How long the head of a cluster may take to answer at all, in seconds; Ray waits for minutes."""
+AHEAD: Final = 2
+"""Tasks in flight for each core: one is played, the other waits for its place."""
 FRESH_S: Final = 5.0
 """How old the number of cores may be, in seconds: nodes come and go."""
 ALONE_S: Final = 300.0
@@ -43,6 +45,7 @@ class Cluster:
         os.environ.update(self._variables)  # Ray reads some of them when it is imported
         self.ray = the_ray()
         self._is_ours = not self.ray.is_initialized()
+        self._is_alone = self._is_ours and address is None  # then Ray itself keeps to `workers`
         self._cores, self._seen_s = 0, -FRESH_S
         self._alone_s: float | None = None
         if self._is_ours:
@@ -91,6 +94,15 @@ class Cluster:
                 "was kept",
             )
         return self._cores
+
+    def room(self, asked: int | None) -> int:
+        """How many tasks may be in flight, where `asked` may be played at a time.
+
+        Raises:
+            GamekeeperError: there has been no core for long.
+        """
+        ahead = AHEAD * max(self.cores(), 1)
+        return ahead if asked is None or self._is_alone else asked
 
     def nodes(self) -> list[str]:
         """The ids of the nodes that are alive and play tasks."""
