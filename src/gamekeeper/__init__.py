@@ -12,10 +12,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from gamekeeper import vector
+    from gamekeeper.adapters.page import report
     from gamekeeper.audit.front import audit
     from gamekeeper.core.contract import Contract
     from gamekeeper.diagnose.attribution.attribute import attribute
     from gamekeeper.diagnose.diagnose import diagnose
+    from gamekeeper.evaluate.evaluate import evaluate
     from gamekeeper.game.opening.opened import Env
     from gamekeeper.game.tick_env import TickEnv
     from gamekeeper.game.to_aec import to_aec
@@ -36,10 +38,12 @@ __all__ = [
     "diagnose",
     "diff",
     "draft_contract",
+    "evaluate",
     "load",
     "make",
     "record",
     "replay",
+    "report",
     "rollout",
     "to_aec",
     "to_parallel",
@@ -54,9 +58,11 @@ _HOMES: Final = {
     "audit": "gamekeeper.audit.front",
     "diagnose": "gamekeeper.diagnose.diagnose",
     "diff": "gamekeeper.record.diff",
+    "evaluate": "gamekeeper.evaluate.evaluate",
     "load": "gamekeeper.record.bundle",
     "record": "gamekeeper.record.recording",
     "replay": "gamekeeper.record.replay",
+    "report": "gamekeeper.adapters.page",
     "rollout": "gamekeeper.record.recording",
     "to_aec": "gamekeeper.game.to_aec",
     "to_parallel": "gamekeeper.game.to_parallel",
