@@ -9,8 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from gamekeeper.cli._form import look_at
-from gamekeeper.cli._options import SILENCE_S, KwargsOption, TimeoutOption, json_object
+from gamekeeper.cli._options import (
+    SILENCE_S,
+    ContractOption,
+    ImportOption,
+    KwargsOption,
+    TimeoutOption,
+    json_object,
+)
 from gamekeeper.cli._screen import Answer, Screen
+from gamekeeper.errors import GamekeeperError
 
 if TYPE_CHECKING:
     from gamekeeper.core.evidence import Evidence
@@ -24,22 +32,54 @@ ThingArgument = Annotated[
         metavar="RUN|ENV", show_default=False, help="The folder of evidence, or an environment."
     ),
 ]
+AgainstOption = Annotated[
+    str | None,
+    typer.Option(
+        "--against", metavar="ENV",
+        help="What of the run, or of an evaluation, still holds for ENV as it is installed now.",
+    ),
+]  # fmt: skip
 
 
 def command(
     screen: Screen,
     thing: ThingArgument,
+    against: AgainstOption = None,
     kwargs: KwargsOption = None,
+    contract: ContractOption = None,
+    allow_import: ImportOption = False,
     timeout: TimeoutOption = SILENCE_S,
 ) -> Answer:
     """Shows what a run holds, agent by agent, or what an environment is made of.
 
     Also of a run that is still being recorded, or was killed. Of an environment, which wrappers
-    `gk.make` replaces by one face with the same promises, and which stay.
+    `gk.make` replaces by one face with the same promises, and which stay. With --against, exit
+    code 0: all of it still holds. 1: something is stale, and must be measured again. 2: it can't
+    be told.
     """
+    if against is not None:
+        return _show_against(
+            screen, Path(thing), against, kwargs, contract=contract, allow_import=allow_import,
+            silence_s=timeout,
+        )  # fmt: skip
     if Path(thing).is_dir():
         return _show_run(screen, Path(thing))
     return _show_env(screen, thing, kwargs, timeout)
+
+
+def _show_against(
+    screen: Screen, run: Path, env: str, kwargs: str | None, **options: Any
+) -> Answer:
+    from gamekeeper.cli._against import show_against
+
+    if not run.is_dir():
+        raise GamekeeperError(
+            "only evidence can be put against an environment", where="RUN",
+            expected="the folder of a run or an evaluation", seen=str(run),
+            mend="gamekeeper show RUN --against ENV; two environments: gamekeeper diff A B",
+        )  # fmt: skip
+    given = None if kwargs is None else json_object(kwargs, option="--kwargs")
+    return show_against(screen, run, env, kwargs=given, **options)
 
 
 def _show_env(screen: Screen, env: str, kwargs: str | None, timeout: float) -> Answer:
