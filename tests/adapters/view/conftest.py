@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from gamekeeper.adapters.view import book
 from gamekeeper.adapters.view.view import View
 from gamekeeper.record.recording import rollout
 from tests.adapters.view.visiting import Visitor
@@ -25,3 +26,11 @@ def visitor(line: Path) -> Iterator[Visitor]:
     """Visits a view of that run."""
     with View([line]) as view:
         yield Visitor(view)
+
+
+@pytest.fixture
+def eager(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Runs are read anew at every request, which waits for it."""
+    monkeypatch.setattr(book, "SOONEST_S", 0.0)
+    monkeypatch.setattr(book, "SHARE", 0.0)
+    monkeypatch.setattr(book, "PATIENCE_S", 60.0)

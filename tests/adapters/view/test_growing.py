@@ -49,13 +49,6 @@ class Recorder:
 
 
 @pytest.fixture
-def eager(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Runs are read anew at every request."""
-    monkeypatch.setattr(book, "SOONEST_S", 0.0)
-    monkeypatch.setattr(book, "SHARE", 0.0)
-
-
-@pytest.fixture
 def recorder(tmp_path: Path) -> Iterator[Recorder]:
     """Records into `run`."""
     found = Recorder(tmp_path / "run")

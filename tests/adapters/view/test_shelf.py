@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import shutil
+import threading
 from collections import OrderedDict
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -15,7 +17,7 @@ from gamekeeper.adapters.view import book
 from gamekeeper.adapters.view.answers import Answer, json_answer
 from gamekeeper.adapters.view.shelf import Packed, Shelf
 from gamekeeper.adapters.view.view import View
-from gamekeeper.diagnose.labels import label
+from gamekeeper.diagnose.labels import label, labels
 from gamekeeper.errors import BundleError, GamekeeperError
 from gamekeeper.record.bundle import load
 from gamekeeper.record.files.notes import NOTES
@@ -25,10 +27,8 @@ from tests.adapters.view.visiting import Visitor
 
 
 @pytest.fixture
-def copy(line: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def copy(line: Path, tmp_path: Path, eager: None) -> Path:
     """A run of its own, looked at anew at every request."""
-    monkeypatch.setattr(book, "SOONEST_S", 0.0)
-    monkeypatch.setattr(book, "SHARE", 0.0)
     return Path(shutil.copytree(line, tmp_path / "copy"))
 
 
@@ -185,3 +185,37 @@ def test_packed_answers_keep_to_their_bytes(asked: list[tuple[int, int]]) -> Non
         model[number] = size
         while sum(model.values()) > 100:
             model.popitem(last=False)
+
+
+def test_nobody_waits_for_a_large_run(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """While it is being read again there is what was read before; then there is the news."""
+    shelf = Shelf([copy])
+    is_let, is_begun = threading.Event(), threading.Event()
+
+    def slowly(run: Path) -> Any:
+        is_begun.set()
+        is_let.wait()
+        return labels(run)
+
+    monkeypatch.setattr(book, "labels", slowly)
+    monkeypatch.setattr(book, "PATIENCE_S", 0.0)
+    label(copy, "planning", episode=0, by="me")
+    before = shelf.index("")
+    assert is_begun.wait(60)
+    assert shelf.index("")["version"] == before["version"]
+    assert shelf.episode("a", 0) is not None
+    is_let.set()
+    monkeypatch.setattr(book, "PATIENCE_S", 60.0)
+    while shelf.index("")["version"] == before["version"]:
+        assert shelf.episode("a", 0) is not None
+    assert shelf.index(before["version"])["episodes"][0]["labels"] == ["planning"]
+
+
+def test_fault_while_reading_is_said(copy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One of ours too; what was read stays."""
+    shelf = Shelf([copy])
+    monkeypatch.setattr(book, "labels", lambda run: 1 / 0)
+    label(copy, "planning", episode=0, by="me")
+    found = shelf.index("")
+    assert "ZeroDivisionError" in found["runs"][0]["error"]["what"]
+    assert len(found["episodes"]) == 4

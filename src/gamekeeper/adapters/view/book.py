@@ -26,6 +26,9 @@ SHARE: Final = 4.0
 """A reading that took t seconds is followed by none for this many t: a recording has the cores."""
 RECORDED: Final = (".arrows", ".parquet")
 
+PATIENCE_S: Final = 0.1
+"""How long somebody who asks waits for a reading to end, in seconds."""
+
 Stamp = tuple[tuple[str, int, int, int], ...]
 """By file: name, inode, size and time of its last change."""
 
@@ -82,29 +85,39 @@ class Book:
     def edition(self) -> Edition:
         """The newest edition; the files are read again if they changed and it is time to.
 
-        Whoever comes while another thread reads gets the edition before.
+        Nobody waits long for a large run: who comes while it is being read gets what was read
+        before, and the news the next time.
         """
         if time.monotonic() >= self._next and self._reading.acquire(blocking=False):
+            reader = threading.Thread(target=self._look, name="gamekeeper-reader", daemon=True)
             try:
-                self._look()
-            finally:
+                reader.start()
+            except BaseException:
                 self._reading.release()
+                raise
+            reader.join(PATIENCE_S)
         return self._edition
 
     def _look(self) -> None:
+        """Reads what changed; the lock that says so is held, and released at the end."""
         start = time.monotonic()
-        stamp, noted = _stamp(self.path)
-        if (stamp, noted) == (self._stamp, self._noted):
-            self._next = start + SOONEST_S
-            return
         try:
-            # A run that only got labels isn't read again.
-            self._edition = self._read(self._edition, rows=stamp != self._stamp)
+            stamp, noted = _stamp(self.path)
+            if (stamp, noted) != (self._stamp, self._noted):
+                # A run that only got labels isn't read again.
+                self._edition = self._read(self._edition, rows=stamp != self._stamp)
+                # As before the reading: what was written meanwhile is seen the next time.
+                self._stamp, self._noted = stamp, noted
         except GamekeeperError as error:
             self._edition = _failed(self._edition, error)
-        # As before the reading: what was written meanwhile is seen the next time.
-        self._stamp, self._noted = stamp, noted
-        self._next = self._pause(start)
+            self._stamp, self._noted = stamp, noted
+        except Exception as error:  # a fault of ours, which the page says as it does any other
+            self._edition = _failed(
+                self._edition, GamekeeperError(f"a fault of gamekeeper: {error!r}")
+            )
+        finally:
+            self._next = self._pause(start)
+            self._reading.release()
 
     def _read(self, before: Edition | None, *, rows: bool = True) -> Edition:
         written = _written(self.path)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from contextlib import ExitStack
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from gamekeeper.adapters.page import documents_of
 from gamekeeper.adapters.view.answers import HTML, Answer
 from gamekeeper.errors import GamekeeperError
+from gamekeeper.record.bundle import load
 from gamekeeper.report.page.assets import script, style
 from gamekeeper.report.page.causes import causes_section
 from gamekeeper.report.page.compose import PLAYER, Documents, Shown, lead_of, sections_of
@@ -34,12 +35,24 @@ NO_FRAME: Final = "; frame-ancestors 'none'"
 
 def front_page(editions: Sequence[Edition]) -> Answer:
     """The player and what costs no look at all rows: there at once, however long the runs are."""
-    return _page(editions, is_whole=False)
+    runs = [edition.shown for edition in editions]
+    documents = _documents(runs[0])
+    known = documents.diagnosis, documents.attribution
+    named = [(run.key, run.path, run.evidence) for run in runs]
+    sections = (
+        Section(PLAYER, "Episodes"),
+        *((causes_section(*known, key=runs[0].key),) if known != (None, None) else ()),
+        provenance_section(named, version=_version(), audit=documents.audit),
+    )
+    return _answer(runs, documents, sections, chosen=MORE)
 
 
 def whole_page(editions: Sequence[Edition]) -> Answer:
     """All that a report says of the runs as they are now, beside the player."""
-    return _page(editions, is_whole=True)
+    runs = [_apart(edition) for edition in editions]
+    documents = _documents(runs[0])
+    rng = np.random.default_rng(SEED)
+    return _answer(runs, documents, sections_of(runs, documents, version=_version(), rng=rng))
 
 
 def episode_of(edition: Edition, number: int) -> dict[str, Any]:
@@ -51,39 +64,27 @@ def episode_of(edition: Edition, number: int) -> dict[str, Any]:
     )  # fmt: skip
 
 
-def _page(editions: Sequence[Edition], *, is_whole: bool) -> Answer:
-    with ExitStack() as stack:
-        for edition in editions:
-            stack.enter_context(edition.lock)
-        runs = [edition.shown for edition in editions]
-        documents = _documents(runs[0])
-        page = Page(
-            title=" · ".join(run.name for run in runs),
-            lead=lead_of(runs, documents),
-            runs=tuple(run.card for run in runs),
-            sections=_all(runs, documents) if is_whole else _cheap(runs, documents),
-            chosen="" if is_whole else MORE,
-            is_view=True,
-            extra={"version": ""},
-        )
-        text = render(page)
-    policy = policy_of(style(), script(), is_view=True) + NO_FRAME
-    return Answer(200, HTML, text.encode(), {"Content-Security-Policy": policy})
-
-
-def _cheap(runs: Sequence[Shown], documents: Documents) -> tuple[Section, ...]:
-    known = documents.diagnosis, documents.attribution
-    named = [(run.key, run.path, run.evidence) for run in runs]
-    return (
-        Section(PLAYER, "Episodes"),
-        *((causes_section(*known, key=runs[0].key),) if known != (None, None) else ()),
-        provenance_section(named, version=_version(), audit=documents.audit),
+def _answer(
+    runs: Sequence[Shown], documents: Documents, sections: tuple[Section, ...], *, chosen: str = ""
+) -> Answer:
+    page = Page(
+        title=" · ".join(run.name for run in runs),
+        lead=lead_of(runs, documents),
+        runs=tuple(run.card for run in runs),
+        sections=sections,
+        chosen=chosen,
+        is_view=True,
+        extra={"version": ""},
     )
+    policy = policy_of(style(), script(), is_view=True) + NO_FRAME
+    return Answer(200, HTML, render(page).encode(), {"Content-Security-Policy": policy})
 
 
-def _all(runs: Sequence[Shown], documents: Documents) -> tuple[Section, ...]:
-    rng = np.random.default_rng(SEED)
-    return sections_of(runs, documents, version=_version(), rng=rng)
+def _apart(edition: Edition) -> Shown:
+    """The run with files of its own: nobody's episode waits while all rows are looked at."""
+    run = edition.shown
+    is_open = edition.status == "open"  # then its rows are in memory, for any number of threads
+    return run if is_open else replace(run, evidence=load(run.path, check=False))
 
 
 def _version() -> str:

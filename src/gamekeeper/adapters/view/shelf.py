@@ -46,13 +46,13 @@ class Shelf:
         self._birth = secrets.token_hex(4)
         self._packed = Packed(KEPT_BYTES)
         self._pages: dict[str, tuple[str, Answer]] = {}
-        self._printing = threading.Lock()
+        self._printing = {path: threading.Lock() for path in PAGES}
 
     def page(self, path: str) -> Answer:
         """A page of `PAGES`, without any episode: it asks for them."""
         editions = [book.edition() for book in self.books.values()]
         version = self._version(editions)
-        with self._printing:
+        with self._printing[path]:  # whoever wants the other page doesn't wait for this one
             known = self._pages.get(path)
             if known is None or known[0] != version:
                 known = self._pages[path] = version, PAGES[path](editions)
