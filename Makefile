@@ -13,7 +13,7 @@ SOURCES := $(wildcard src tests examples benchmarks)
 LOCK := uv pip compile --quiet --generate-hashes --no-emit-index-url --universal --fork-strategy fewest --python-version 3.11
 DEMO := warehouse --policy reference
 
-.PHONY: help demo test trainer-test docs check format-check lint types format lock clean moved
+.PHONY: help demo test trainer-test browser-test docs check format-check lint types format lock clean moved
 .DELETE_ON_ERROR:
 
 help:
@@ -21,6 +21,7 @@ help:
 	@echo "make test     set up, then run the tests (ARGS='-k replay' hands arguments to pytest)"
 	@echo "make trainer-test TRAINER=sb3   the tests of one trainer's adapter, in an environment of its own, $(VENV)-sb3"
 	@echo "make docs     build the pages into build/docs, strictly"
+	@echo "make browser-test   the report's page in Chromium (installs Debian's where it is missing), in $(VENV)-browser"
 	@echo "make check    what must hold before a commit: format, lint, types, tests (docs drift and layers are among them)"
 	@echo "make format   reformat the sources, mend what ruff can mend"
 	@echo "make lock     compile requirements/*.txt again (needs uv; UPGRADE=--upgrade for newer versions)"
@@ -42,6 +43,16 @@ trainer-test:
 
 $(VENV)/trainer.stamp: $(VENV)/home.stamp requirements/trainers/$(TRAINER).txt pyproject.toml
 	@requirements/setup.sh install $(VENV) requirements/trainers/$(TRAINER).txt
+	@touch $@
+
+# The report's page in the distribution's Chromium, which requirements/browser.sh installs where it may; CHROMIUM=path names another one.
+browser-test:
+	@requirements/browser.sh
+	$(MAKE) $(VENV)-browser/browser.stamp VENV=$(VENV)-browser
+	$(VENV)-browser/bin/python -m pytest -m browser tests/browser $(ARGS)
+
+$(VENV)/browser.stamp: $(VENV)/home.stamp requirements/browser.txt pyproject.toml
+	@requirements/setup.sh install $(VENV) requirements/browser.txt
 	@touch $@
 
 check: format-check lint types test
@@ -68,6 +79,7 @@ lock:
 	@command -v uv >/dev/null || { echo "make lock needs uv: pip install uv" >&2; exit 1; }
 	$(LOCK) $(UPGRADE) --extra fast pyproject.toml requirements/base.in -o requirements/base.txt
 	$(LOCK) $(UPGRADE) --extra fast --extra frames --extra query --extra video pyproject.toml requirements/base.in requirements/test.in -o requirements/test.txt
+	$(LOCK) $(UPGRADE) pyproject.toml requirements/base.in requirements/browser.in -o requirements/browser.txt
 	@set -e; for asked in requirements/trainers/*.in; do trainer=$$(basename $$asked .in); echo "locking $$trainer"; \
 		$(LOCK) $(UPGRADE) --extra fast --extra $$trainer pyproject.toml requirements/base.in $$asked -o requirements/trainers/$$trainer.txt; done
 
