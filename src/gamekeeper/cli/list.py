@@ -22,7 +22,8 @@ Row = dict[str, Any]
 
 KindArgument = Annotated[
     Kind | None, typer.Argument(metavar="[KIND]", show_default=False,
-                                help="checks, probes, envs, changes, policies, openers, exporters, suites.")
+                                help="checks, probes, envs, changes, policies, openers, exporters, "
+                                "suites.")
 ]  # fmt: skip
 
 

@@ -12,7 +12,15 @@ import pyarrow.parquet as pq
 
 from gamekeeper.errors import EnvError, GamekeeperError
 from gamekeeper.evaluate.keep import KEEP
-from gamekeeper.evaluate.look import LOOK, Look, choices_of, crossing, look_at, opening_of
+from gamekeeper.evaluate.look import (
+    LOOK,
+    Look,
+    check_named,
+    choices_of,
+    crossing,
+    look_at,
+    opening_of,
+)
 from gamekeeper.evaluate.plan import Match, chunks, played_keys
 from gamekeeper.evaluate.play import EPISODES, MERGE
 from gamekeeper.evaluate.spec import Spec
@@ -76,6 +84,8 @@ class Course:
         options: Any = environment.options
         if not self.is_here:
             opening, options = crossing(opening, options)
+            for policy, each in self.spec.policies.items():
+                check_named(policy, each.runs_in(name))
         return {
             "opening": opening,
             "options": options,

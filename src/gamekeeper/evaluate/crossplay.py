@@ -103,7 +103,7 @@ def _cell(
     else:
         runs = [_by_run(table, method, members, values) for method in methods]
         scores = [[float(np.nanmean(each)) for each in one.values()] for one in runs]
-        times = 2 if kind == ZERO_SHOT else 1
+        times = _times(min(map(len, scores)), table.spec.crossplay.sample, kind)
         found = table.judge.meetings(scores, times=times, of=of)
         n = min(map(len, scores))
     mean = found or {"value": None, "low": None, "high": None}
@@ -114,6 +114,17 @@ def _cell(
         "mean": mean["value"], "low": mean["low"], "high": mean["high"],
         "by_role": {seat: _mean([table.of_seat(s, seat) for _, s in members]) for seat in seated},
     }  # fmt: skip
+
+
+def _times(runs: int, sample: int | None, kind: str) -> float:
+    """By how much a run's mean over its meetings is to be enlarged to be its part of the mean.
+
+    Two of its own method sit in two seats: twice. Where all meet, its partners' mean lacks only
+    itself, and so draws its mean towards the others'.
+    """
+    if kind != ZERO_SHOT:
+        return 1.0
+    return 2.0 * (runs - 1) / (runs - 2) if sample is None and runs > 2 else 2.0
 
 
 def _by_run(

@@ -31,7 +31,7 @@ from gamekeeper.evaluate.results import Ground, has_team, results_of
 from gamekeeper.evaluate.sheet import SUCCESS, Sheet, sheets_of
 from gamekeeper.evaluate.spec import Spec, plain_of
 from gamekeeper.evaluate.stopping import Stopping
-from gamekeeper.evaluate.suites import check_pins, fingerprint_of, refuse_unpinned
+from gamekeeper.evaluate.suites import check_pins, fingerprint_of, refuse_copies, refuse_unpinned
 from gamekeeper.run.executors.choose import executor_of
 from gamekeeper.run.executors.storage import Storage
 from gamekeeper.run.executors.task import Executor, Limits
@@ -161,6 +161,7 @@ def _evaluated(
 ) -> tuple[Evaluation, list[Ground]]:
     """Plays what is missing and judges everything."""
     looks = course.looks()
+    refuse_copies(spec, looks)
     strange = check_pins(spec, looks)
     if not unpinned:
         refuse_unpinned(spec, strange)

@@ -171,7 +171,7 @@ class Judge:
         )
 
     def meetings(
-        self, scores: Sequence[Sequence[float]], *, times: int, of: str
+        self, scores: Sequence[Sequence[float]], *, times: float, of: str
     ) -> dict[str, Any] | None:
         """The mean over meetings of runs, by how much it varies with the runs of each method.
 
@@ -180,7 +180,7 @@ class Judge:
 
         Args:
             scores: by method, of each run the mean over its meetings.
-            times: in how many seats a method's runs sit.
+            times: what a run's mean is enlarged by: in how many seats its method sits.
         Source: van der Vaart 1998, "Asymptotic statistics", ch. 12 (Hajek projection of one- and
             two-sample U-statistics); Welch 1947 for the degrees of freedom.
         """

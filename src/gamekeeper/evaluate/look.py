@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -84,6 +84,20 @@ def crossing(opening: Mapping[str, Any], *options: Mapping[str, Any] | None) -> 
     if isinstance(contract, Contract):
         contract = contract.to_json()
     return [{**opening, "kwargs": kwargs, "contract": contract}, *texts]
+
+
+def check_named(policy: str, runs: Iterable[Choices]) -> None:
+    """Refuses a policy that no other process can find.
+
+    Raises:
+        EvidenceError: it is an object.
+    """
+    if not all(isinstance(choice, str) for choices in runs for choice in choices.values()):
+        raise EvidenceError(
+            "a policy is an object of this process", where=f"policies.{policy}",
+            expected="names, which another process can find", seen="an object",
+            mend="workers=0 plays in this process",
+        )  # fmt: skip
 
 
 def given(value: Any) -> Any:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from gamekeeper.errors import BundleError, EvidenceError
+from gamekeeper.errors import BundleError
 from gamekeeper.evaluate.digests import digest_of
 from gamekeeper.evaluate.look import Look, crossing, opening_of
 from gamekeeper.evaluate.matchups import Pairing, by_themselves, crossed, seats_of
@@ -81,12 +81,6 @@ def _match(
     options: Any = environment.options
     if not is_here:
         opening, options = crossing(opening, options)
-        if not all(isinstance(choice, str) for choice in pairing.choices.values()):
-            raise EvidenceError(
-                "a policy is an object of this process", where=f"policies, {pairing.name}",
-                expected="names, which another process can find", seen="an object",
-                mend="workers=0 plays in this process",
-            )  # fmt: skip
     sides = {seat: [side.policy, side.run] for seat, side in pairing.sides}
     settled: dict[str, Any] = {
         "label": {"environment": name, "pairing": pairing.name}, "sides": sides,

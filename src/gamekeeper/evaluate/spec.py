@@ -176,4 +176,5 @@ def plain_of(value: Any) -> Any:
         return [plain_of(item) for item in value]
     if value is None or isinstance(value, bool | int | float | str):
         return value
-    return f"<{type(value).__module__}.{getattr(value, '__qualname__', type(value).__qualname__)}>"
+    named = value if hasattr(value, "__qualname__") else type(value)
+    return f"<{named.__module__}.{named.__qualname__}>"

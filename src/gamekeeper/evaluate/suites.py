@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gamekeeper import plugins
-from gamekeeper.errors import SpecError
+from gamekeeper.errors import EvidenceError, SpecError
 from gamekeeper.evaluate.digests import digest_of
 from gamekeeper.evaluate.look import Look
 from gamekeeper.evaluate.reading import read_file
@@ -74,6 +74,24 @@ def check_pins(spec: Spec, looks: Mapping[str, Look]) -> list[str]:
                 f"here {', '.join(strange or here)}"
             )
     return found
+
+
+def refuse_copies(spec: Spec, looks: Mapping[str, Look]) -> None:
+    """Refuses a method of which one training run stands there under two names.
+
+    Raises:
+        EvidenceError: two runs are the same to the last byte.
+    """
+    for name, look in looks.items():
+        for policy, digests in look.policies.items():
+            if spec.policies[policy].is_method and len(set(digests)) < len(digests):
+                first = next(k for k, digest in enumerate(digests) if digest in digests[:k])
+                raise EvidenceError(
+                    "two training runs of a method are one and the same",
+                    where=f"policies.{policy}, {name}", expected="different runs",
+                    seen=f"runs {digests.index(digests[first])} and {first}: {digests[first]}",
+                    mend="leave one out: counted twice, it makes intervals too narrow",
+                )  # fmt: skip
 
 
 def refuse_unpinned(spec: Spec, texts: list[str]) -> None:
