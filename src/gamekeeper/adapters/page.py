@@ -29,7 +29,7 @@ from gamekeeper.report.page.compose import (
 )
 from gamekeeper.report.page.data import Page
 from gamekeeper.report.page.drawing import Film
-from gamekeeper.report.page.entries import entries_of, packed_of
+from gamekeeper.report.page.entries import MOST_AGENTS, entries_of, listed, packed_of
 from gamekeeper.report.page.pack import Mark, deflated
 from gamekeeper.report.page.png import data_url
 from gamekeeper.report.page.render import render
@@ -50,6 +50,11 @@ MOST_TWINS: Final = 3
 """Of each remedy."""
 FRAME_BYTES: Final = 1 << 26
 """Of one picture."""
+LIST_BYTES: Final = 300_000
+"""Of the list of all episodes by numbers."""
+ENTRY_BYTES: Final = 220
+RETURN_BYTES: Final = 24
+"""About what an episode takes in that list, and in it an agent's return."""
 SHAM: Final = "sham"
 SEED: Final = 0
 """Of the resamples behind intervals: a page of the same evidence is the same page."""
@@ -241,6 +246,7 @@ def _page(
         labelled=[each["episode"] for each in main.labels if each["episode"] is not None],
         diverging=_diverging(documents, pairs, main),
     )
+    budget.left -= min(_list_size(main), LIST_BYTES)  # the list of all episodes is data too
     packer = _Packer([*runs, *twins], pairs, budget, frames, documents)
     taken = packer.fill(main, order)
     entries = [entry for run in (*runs, *twins) for entry in packer.entries(run)]
@@ -249,16 +255,25 @@ def _page(
                                    each["run"],
                                    order_on_page.get(each["episode"], 0) if each["packed"]
                                    else each["episode"]))  # fmt: skip
+    shown_entries = listed(entries, most_bytes=LIST_BYTES)
+    cut = len(shown_entries) < len(entries)
     return Page(
         title=main.name if title is None else title,
         lead=lead_of(runs, documents),
         runs=tuple(run.card for run in (*runs, *twins)),
         sections=sections_of(runs, documents, version=_version(), rng=np.random.default_rng(SEED)),
-        episodes=entries,
+        episodes=shown_entries,
         packed=packer.packed,
-        chosen=chosen_text(taken, len(main.figures.headers), run=main.path),
+        chosen=chosen_text(taken, len(main.figures.headers), run=main.path)
+        + (f" The list holds {len(shown_entries):,} of {len(entries):,}." if cut else ""),
         extra={"pairs": [pair.to_json() for pair in pairs if packer.has(pair)]},
     )
+
+
+def _list_size(run: Shown) -> int:
+    """Of the list of a run's episodes, from that of one of them."""
+    few = min(len(run.figures.agents), MOST_AGENTS)
+    return len(run.figures.headers) * (ENTRY_BYTES + few * RETURN_BYTES)
 
 
 def _pairs(runs: Sequence[Shown], twins: Sequence[Shown]) -> list[Pair]:
@@ -307,9 +322,10 @@ class _Packer:
         twins = [pair for pair in self._pairs if pair.left[0] != main.key]
         taken = []
         for number, why in order:
-            if self._budget.is_spent:
+            is_named = "named" in why
+            if self._budget.is_spent and not is_named:
                 break
-            if not self._take(main.key, number, why, must="named" in why):
+            if not self._take(main.key, number, why, must=is_named):
                 continue
             taken.append((number, why))
             for pair in self._pairs:
@@ -330,6 +346,7 @@ class _Packer:
             packed_of(
                 run.evidence, number, run=key, labels=run.labels, seats=run.seats,
                 marks=self._marks(key, number), frames=frames,
+                failed=run.failed[run.figures.place(number)],
             )
         )  # fmt: skip
         pictures = 0 if frames is None else sum(map(len, frames.shown.values())) * 3 // 4

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from gamekeeper.report.page.figures import Figures, failing, figures_of
 from gamekeeper.report.page.pack import Mark, Seat, packed_episode, seats_of, turns_of
 
 Label = Mapping[str, Any]
+
+MOST_AGENTS: Final = 64
+"""Agents whose returns stand in the list; of more, only the sum."""
 
 
 def entries_of(
@@ -38,6 +42,7 @@ def entries_of(
     """
     figures = figures_of(evidence) if figures is None else figures
     failed = failing(evidence, figures)[0] if failed is None else failed
+    has_few = len(figures.agents) <= MOST_AGENTS
     said: dict[Any, list[str]] = {}
     for each in labels:
         said.setdefault(each["episode"], []).append(str(each["label"]))
@@ -57,7 +62,7 @@ def entries_of(
             "returns": {
                 agent: _finite(figures.returns[place, column])
                 for column, agent in enumerate(figures.agents)
-                if figures.present[place, column]
+                if has_few and figures.present[place, column]
             },
             "labels": list(dict.fromkeys(said.get(header["episode"], ()))),
             "base": None,
@@ -65,6 +70,26 @@ def entries_of(
         }
         for place, header in enumerate(figures.headers)
     ]
+
+
+def listed(entries: Sequence[dict[str, Any]], *, most_bytes: int) -> list[dict[str, Any]]:
+    """As many entries as fit: those on the page, then failing ones, then the others.
+
+    Args:
+        entries: in the order in which they are shown, which stays.
+        most_bytes: of their JSON.
+    """
+    left, kept = most_bytes, set()
+    for place in sorted(range(len(entries)), key=lambda k: _weight(entries[k])):
+        left -= len(json.dumps(entries[place]))
+        if left < 0 and not entries[place]["packed"]:
+            break
+        kept.add(place)
+    return [entry for place, entry in enumerate(entries) if place in kept]
+
+
+def _weight(entry: Mapping[str, Any]) -> tuple[bool, bool]:
+    return not entry["packed"], not entry["failing"]
 
 
 def _turns(evidence: Evidence, header: Mapping[str, Any]) -> int:
@@ -86,6 +111,7 @@ def packed_of(
     marks: Iterable[Mark] = (),
     seats: Sequence[Seat] = (),
     frames: Film | None = None,
+    failed: bool | None = None,
 ) -> dict[str, Any]:
     """One episode as the player reads it, with its drawing and all its marks.
 
@@ -97,19 +123,21 @@ def packed_of(
         marks: further ones, as where it parts from another.
         seats: of the run, where they are known already.
         frames: what was rendered while it was recorded.
+        failed: whether it failed, where that is known already.
     Raises:
         KeyError: there is no such episode.
     """
     trace = evidence.trace(episode)
     seats = seats or seats_of(evidence)
-    every = [*marks, *_label_marks(trace, labels), *_failure_marks(evidence, trace)]
+    names = [seat.name for seat in seats]
+    every = [*marks, *_label_marks(trace, labels), *_failure_marks(evidence, trace, failed)]
     return packed_episode(
         trace,
         seats,
         run=run,
         api=str((evidence.manifest.get("environment") or {}).get("api") or "parallel"),
         marks=every,
-        drawing=drawn(trace, [seat.name for seat in seats], frames=frames),
+        drawing=lambda infos: drawn(trace, names, frames=frames, infos=infos),
     )
 
 
@@ -120,13 +148,16 @@ def _label_marks(trace: Trace, labels: Iterable[Label]) -> Iterable[Mark]:
             yield Mark(int(each["turn"] or 0), "label", f"{each['label']}{why}", each["agent"])
 
 
-def _failure_marks(evidence: Evidence, trace: Trace) -> Iterable[Mark]:
+def _failure_marks(evidence: Evidence, trace: Trace, failed: bool | None) -> Iterable[Mark]:
     """Whose condition the episode failed, at its end; an error has a mark of its own."""
-    if trace.header.get("error"):
+    if trace.header.get("error") or failed is False:
         return
     try:
         conditions = failures(evidence.contract)
-        answers = failed_by(outcome_of(trace), conditions, evidence.contract)
+        if failed and len(conditions) == 1:  # whose it is needs no second look
+            answers = dict.fromkeys(conditions, True)
+        else:
+            answers = failed_by(outcome_of(trace), conditions, evidence.contract)
     except ContractError:  # nothing is declared, or the episode lacks a figure
         return
     for scope, is_failed in answers.items():

@@ -31,11 +31,17 @@ class Values:
         text = json.dumps(value, sort_keys=True)
         known = self._places.get(text)
         if known is None:
+            known = self._places[text] = self.put(value, text)
+        return known
+
+    def put(self, value: Any, text: str) -> int:
+        """The place of a value that is known to be new; cut where its text is long."""
+        if len(text) > MOST_CHARACTERS:
+            text = json.dumps(value)
             if len(text) > MOST_CHARACTERS:
                 value = f"{text[:MOST_CHARACTERS]}… ({len(text):,} characters)"
-            known = self._places[text] = len(self.items)
-            self.items.append(value)
-        return known
+        self.items.append(value)
+        return len(self.items) - 1
 
 
 def plain_of_text(text: str, *, without: Iterable[str] = ()) -> Any:
@@ -50,7 +56,8 @@ def plain_of_text(text: str, *, without: Iterable[str] = ()) -> Any:
     except (ValueError, RecursionError):
         return text
     if isinstance(value, dict) and "$" not in value:
-        value = {key: item for key, item in value.items() if key not in set(without)}
+        for key in without:
+            value.pop(key, None)
     try:
         return _plain(value, 0)
     except (ArithmeticError, LookupError, TypeError, ValueError):

@@ -1,0 +1,70 @@
+"""`gamekeeper report`: a page from runs and documents, or a reason why not."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.cli.lines import document, said
+
+Capture = pytest.CaptureFixture[str]
+
+
+def test_report_writes_a_page(line_run: Path, tmp_path: Path, capsys: Capture) -> None:
+    """The page is where --out says, and the document names it with its size."""
+    out = tmp_path / "deep" / "page.html"
+    code, told = document(capsys, "report", line_run, "--out", out, "--episode", 1)
+    assert code == 0
+    assert told == {"run": str(line_run), "report": str(out), "size_bytes": out.stat().st_size}
+    assert "gk-episode-a-1" in out.read_text(encoding="utf-8")
+
+
+def test_report_takes_runs_and_a_title(
+    line_run: Path, rough_run: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    """Several runs stand beside one another under the title that was given."""
+    out = tmp_path / "page.html"
+    line = ("report", line_run, rough_run, "-o", out, "--title", "Two & more", "--budget", "0.1")
+    code, words, _ = said(capsys, *line)
+    assert (code, str(out) in words) == (0, True)
+    page = out.read_text(encoding="utf-8")
+    assert "<title>Two &amp; more</title>" in page
+    assert "rough beside line" in page
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        (["--episode", "99"], "no episode 99"),
+        (["--audit", "{run}/manifest.json"], "this is no audit"),
+        (["--evaluation", "{run}"], "evaluation.json is missing"),
+        (["--out", "{run}"], "this is a folder"),
+    ],
+)
+def test_report_says_what_is_wrong(
+    line: list[str], why: str, line_run: Path, tmp_path: Path, capsys: Capture,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """A wrong option is refused with exit code 2, and no page is written."""
+    monkeypatch.chdir(tmp_path)
+    code, _, errors = said(capsys, "report", line_run, *(w.format(run=line_run) for w in line))
+    assert (code, list(tmp_path.iterdir())) == (2, [])
+    assert why in errors
+
+
+def test_report_of_no_run_is_refused(tmp_path: Path, capsys: Capture) -> None:
+    """A folder that is no run is named."""
+    code, told = document(capsys, "report", tmp_path)
+    assert (code, told["error"]["kind"]) == (2, "BundleError")
+
+
+def test_report_finds_the_attribution(tmp_path: Path, capsys: Capture) -> None:
+    """What `attribute` found out is kept in the run, once, and stands on the page."""
+    run, out = tmp_path / "run", tmp_path / "page.html"
+    said(capsys, "record", "two_robot_line", "--policy", "reference", "--episodes", 3, "--out", run)
+    for _ in range(2):
+        said(capsys, "attribute", run, "--episodes", 2, "--papers", 1)
+    assert (run / "annotations.jsonl").read_text().count('"attribution"') == 1
+    said(capsys, "report", run, "--out", out)
+    page = out.read_text(encoding="utf-8")
+    assert "What each agent brings" in page
+    assert "nobody else has its role" in page.replace("&#39;", "'")
