@@ -96,7 +96,7 @@ def _played(report: Callable[..., None], storage: Storage, plan: Plan, episodes:
     failed: Mapping[str, str] | None = None
     with _folder(storage, name) as bundle:
         try:
-            rollout(
+            evidence = rollout(
                 plan.spec, policies=dict(plan.policies) or "random", episodes=len(episodes),
                 first=episodes.start, seed=plan.seed, out=bundle, level=plan.level,
                 contract=plan.contract, options=plan.options, most_turns=plan.most_turns,
@@ -111,8 +111,8 @@ def _played(report: Callable[..., None], storage: Storage, plan: Plan, episodes:
             failed = error_fields(error)
             if not (bundle / MANIFEST).exists():  # it failed before there was anything to keep
                 raise
-        with signs_of_life(report):
             evidence = load(bundle, check=False)
+        with signs_of_life(report):
             receipt = _receipt(key, name, bundle, evidence, episodes.start, failed)
             if storage.folder is None:
                 storage.put_folder(name, bundle)
