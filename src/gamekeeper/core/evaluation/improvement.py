@@ -16,7 +16,7 @@ from gamekeeper.core.evaluation.interval import (
     figures,
 )
 from gamekeeper.core.evaluation.refusals import FEWEST_PAIRS, FEWEST_RUNS, enough
-from gamekeeper.core.evaluation.student import crossing, hypotenuse
+from gamekeeper.core.evaluation.student import crossing, hypotenuse, student
 from gamekeeper.core.paired import tango
 from gamekeeper.core.stats import wilson
 from gamekeeper.errors import EvidenceError
@@ -52,7 +52,8 @@ def improvement(
 
     Not paired: Newcombe's interval for the Mann-Whitney statistic, its variance less by what ties
     take from it; where only two values occur, Wilson's intervals of both shares. Paired: Tango's
-    score interval of wins less losses. Over environments the distances are put together.
+    score interval of wins less losses. Over several environments the distances are put together,
+    and Newcombe's reach by Student's quantile, without which they cover too little.
 
     Args:
         a: [n] scores of runs (not paired), or figures of episodes on shared seeds (paired); or such
@@ -78,9 +79,11 @@ def improvement(
             expected=", ".join(ones),
             seen=", ".join(twos),
         )
-    one = _paired if paired else _independent
-    found = [one(ones[name], twos[name], level) for name in ones]
-    many = len(found)
+    many = len(ones)
+    if paired:
+        found = [_paired(ones[name], twos[name], level) for name in ones]
+    else:
+        found = [_independent(ones[name], twos[name], level, many > 1) for name in ones]
     value = sum(each.value for each in found) / many
     low = value - hypotenuse(*(each.value - each.low for each in found)) / many
     high = value + hypotenuse(*(each.high - each.value for each in found)) / many
@@ -109,7 +112,8 @@ def _paired(a: FloatArray, b: FloatArray, level: float) -> Interval:
     return Interval(value, 0.5 + low / 2, 0.5 + high / 2, len(a), "Tango, of wins less losses")
 
 
-def _independent(a: FloatArray, b: FloatArray, level: float) -> Interval:
+def _independent(a: FloatArray, b: FloatArray, level: float, is_one_of_many: bool) -> Interval:
+    """One environment; of many the normal quantile gives too little, by simulation."""
     n = min(len(a), len(b))
     enough(n, FEWEST_RUNS["mean"], "values of each", where=_WHERE)
     value = probability_of_improvement(a, b)
@@ -123,13 +127,14 @@ def _independent(a: FloatArray, b: FloatArray, level: float) -> Interval:
         return Interval(value, low, high, n, "Newcombe, of two shares")
     both = len(a) + len(b)
     untied = 1 - float((counts**3.0 - counts).sum()) / (both**3 - both)
-    low, high = _newcombe(value, len(a), len(b), untied, level)
+    z = student(level, both - 2) if is_one_of_many else NormalDist().inv_cdf(0.5 + level / 2)
+    low, high = _newcombe(value, len(a), len(b), untied, z)
     return Interval(value, low, high, n, "Newcombe, of Mann-Whitney")
 
 
-def _newcombe(value: float, n: int, m: int, untied: float, level: float) -> tuple[float, float]:
+def _newcombe(value: float, n: int, m: int, untied: float, z: float) -> tuple[float, float]:
     """The chances that a score test with the exponential model's variance doesn't reject."""
-    z, half = NormalDist().inv_cdf(0.5 + level / 2), (n + m) / 2 - 1
+    half = (n + m) / 2 - 1
 
     def score(truth: float) -> float:
         spread = half * ((1 - truth) / (2 - truth) + truth / (1 + truth))
