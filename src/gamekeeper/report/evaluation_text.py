@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from gamekeeper.report.columns import wrapped
+from gamekeeper.report.columns import columns_of, wrapped
 from gamekeeper.report.text import table_lines
 
 INDENT: Final = "  "
@@ -84,7 +84,7 @@ def _returns(rows: Sequence[Row], level: float, width: int) -> Iterator[str]:
     if not shown:
         return
     head = ("policy", "of", f"mean ({100 * level:g} %)", "middle half", "5 to 95 %", "n")
-    cells = [head]
+    cells: list[tuple[str, ...]] = [head]
     for row in shown:
         quantiles = row["quantiles"]
         unit = f"{row['runs']} runs" if row["run"] is None else str(row["episodes"])
@@ -95,7 +95,7 @@ def _returns(rows: Sequence[Row], level: float, width: int) -> Iterator[str]:
                 f"{quantiles['0.05']:.3g} to {quantiles['0.95']:.3g}", unit,
             )
         )  # fmt: skip
-    yield from table_lines(cells, width=width, right=(3, 4, 5))
+    yield from _fitted(cells, width, right=(3, 4, 5), spare=(4, 3))
     yield from _runs(rows, width)
 
 
@@ -122,7 +122,9 @@ def _endings(rows: Sequence[Row], width: int) -> Iterator[str]:
     shown = _shown([row for row in rows if row["endings"] is not None])
     if not shown:
         return
-    cells = [("policy", "of", "success", "term.", "trunc.", "cut", "reasons")]
+    cells: list[tuple[str, ...]] = [
+        ("policy", "of", "success", "term.", "trunc.", "cut", "reasons")
+    ]
     for row in shown:
         ends = row["endings"]
         reasons = ", ".join(f"{name} {count}" for name, count in ends["reasons"].items())
@@ -133,7 +135,8 @@ def _endings(rows: Sequence[Row], width: int) -> Iterator[str]:
                 str(ends["cut"]), reasons,
             )
         )  # fmt: skip
-    yield from table_lines(cells, width=width, right=(3, 4, 5))
+    is_cut = any(row["endings"]["cut"] for row in shown)
+    yield from _fitted(cells, width, right=(3, 4, 5), spare=() if is_cut else (5,))
 
 
 def _agents(rows: Sequence[Row], width: int) -> Iterator[str]:
@@ -178,7 +181,7 @@ def _comparisons(rows: Sequence[Row], width: int) -> Iterator[str]:
     if len({cell[0] for cell in cells[1:]}) == 1:  # one environment needs no column
         cells = [cell[1:] for cell in cells]
     last = len(cells[0]) - 1
-    yield from table_lines(cells, width=width, right=(last - 1, last))
+    yield from _fitted(cells, width, right=(last - 1, last), spare=(last, last - 1))
 
 
 def _crossplay(name: str, found: Mapping[str, Any], width: int) -> Iterator[str]:
@@ -205,6 +208,25 @@ def _crossplay(name: str, found: Mapping[str, Any], width: int) -> Iterator[str]
         if row["difference"] is not None:
             text += f"; {a} - {b} {_interval(row['difference'], sign='+')}"
         yield from _item(text, width)
+
+
+def _fitted(
+    cells: Sequence[tuple[str, ...]], width: int, *, right: Sequence[int], spare: Sequence[int]
+) -> Iterator[str]:
+    """A table without those of its spare columns for which there is no room."""
+    columns = list(range(len(cells[0])))
+    for gone in (*spare, None):
+        lines = list(
+            table_lines(
+                [[row[k] for k in columns] for row in cells],
+                width=width,
+                right=[place for place, k in enumerate(columns) if k in right],
+            )
+        )
+        if gone is None or max(map(columns_of, lines)) <= width:
+            break
+        columns.remove(gone)
+    yield from lines
 
 
 def _value(found: Row | None) -> str:

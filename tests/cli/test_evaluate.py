@@ -1,0 +1,154 @@
+"""`gamekeeper evaluate`, and suites in the list."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.cli.lines import SURROUNDINGS, document, said
+
+SPEC = """
+name = "lines"
+[environments.line]
+spec = "two_robot_line"
+kwargs = { n = 5, horizon = 30 }
+[seeds]
+episodes = 50
+[policies.reference]
+policy = "reference"
+[policies.mine]
+policy = "mine.py:act"
+"""
+POLICY = "def act(observation, agent, info, rng):\n    return int(rng.integers(3))\n"
+
+
+@pytest.fixture(name="path")
+def _path(tmp_path: Path) -> Path:
+    """A specification, and a policy beside it."""
+    (tmp_path / "mine.py").write_text(POLICY)
+    path = tmp_path / "lines.toml"
+    path.write_text(SPEC)
+    return path
+
+
+def test_evaluate_says_what_was_found_and_how_far_it_goes(
+    path: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Tables in 80 columns, claims in words; the second call plays nothing."""
+    out = tmp_path / "e"
+    code, text, notes = said(capfd, "evaluate", path, "--out", out, "--workers", "1")
+    assert code == 0
+    assert "6 parts were played" in notes
+    assert max(map(len, text.replace(str(out), "e").splitlines())) <= 80
+    for part in ("Returns in line", "Endings in line", "Compared on the same seeds", "Said"):
+        assert part in text
+    assert "one checkpoint each" in text
+    assert (out / "episodes.parquet").is_file()
+    code, found = document(capfd, "evaluate", path, "--out", out, "--workers", "1")
+    assert found == json.loads((out / "evaluation.json").read_text())
+    assert {"kind", "name", "suite", "seed", "environments", "policies", "results", "comparisons",
+            "crossplay", "stopping", "refused", "claims", "episodes", "commands",
+            "fingerprint"} <= found.keys()  # fmt: skip
+    assert found["commands"] == [f"gamekeeper evaluate {path}"]
+
+
+def test_evaluate_takes_an_environment_and_policies(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Without a file; each --policy is one that is compared, under its own or a given name."""
+    code, found = document(
+        capfd, "evaluate", "two_robot_line", "--policy", "random", "--policy", "still=noop",
+        "--episodes", "3", "--out", tmp_path / "e", "--workers", "1", "--kwargs", '{"horizon": 9}',
+        "--marl-eval", tmp_path / "m.json",
+    )  # fmt: skip
+    assert code == 0
+    assert list(found["policies"]) == ["random", "still"]
+    assert {"two_robot_line"} == json.loads((tmp_path / "m.json").read_text()).keys()
+
+
+def test_evaluate_pins_what_is_installed(
+    path: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """--pin writes digests; another policy is refused then, unless one goes on all the same."""
+    code, told = document(capfd, "evaluate", path, "--pin")
+    assert code == 0
+    assert told["environments"]["line"] in path.read_text()
+    (tmp_path / "mine.py").write_text(POLICY.replace("3", "2"))
+    line = ("evaluate", path, "--episodes", "2", "--out", tmp_path / "e", "--workers", "1")
+    code, told = document(capfd, *line)
+    assert code == 2
+    assert "policy mine" in told["error"]["seen"]
+    code, found = document(capfd, *line, "--unpinned")
+    assert code == 0
+    assert "Not the suite as it was pinned" in found["claims"][0]
+
+
+def test_evaluate_exits_with_1_where_episodes_break_off_and_2_where_it_is_told_to(
+    path: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A policy that raises; an interval that was refused, with --strict."""
+    line = ("evaluate", path, "--episodes", "2", "--workers", "1")
+    assert said(capfd, *line, "--out", tmp_path / "a")[0] == 0
+    assert said(capfd, *line, "--out", tmp_path / "a", "--strict")[0] == 2
+    (tmp_path / "mine.py").write_text("def act(observation, agent, info, rng):\n    1 / 0\n")
+    code, text, _ = said(capfd, *line, "--out", tmp_path / "b")
+    assert code == 1
+    assert "division by zero" in text
+
+
+@pytest.mark.parametrize(
+    ("words", "seen"),
+    [
+        (("nothing.toml",), "can't be opened"),
+        (("two_robot_line",), "nobody is to be evaluated"),
+        (("two_robot_line", "--policy", "a=random", "--policy", "a=noop"), "one name"),
+        (("gk-tasks-2", "--pin"), "only a file can be pinned"),
+    ],
+)
+def test_evaluate_used_wrongly_exits_with_2(
+    words: tuple[str, ...], seen: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """And says what was meant."""
+    code, _, text = said(capfd, "evaluate", *words)
+    assert code == 2
+    assert seen in text
+
+
+def test_evaluate_that_is_interrupted_goes_on_from_there(
+    path: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Ctrl-C: 130, and what was played is kept; the result is that of a run in one go."""
+    slow = "import time\ndef act(observation, agent, info, rng):\n    time.sleep(0.001)\n"
+    (tmp_path / "mine.py").write_text(slow + "    return int(rng.integers(3))\n")
+    out = tmp_path / "e"
+    line = ["evaluate", str(path), "--episodes", "200", "--workers", "1", "--quiet"]
+    begun = subprocess.Popen(
+        [sys.executable, "-m", "gamekeeper", *line, "--out", str(out)], env=SURROUNDINGS,
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, cwd=tmp_path,
+    )  # fmt: skip
+    deadline_s = time.monotonic() + 60
+    while not list(out.glob("parts/*.json")) and time.monotonic() < deadline_s:
+        time.sleep(0.05)  # until something is there to be kept
+    begun.send_signal(signal.SIGINT)
+    _, error = begun.communicate(timeout=60)
+    assert begun.returncode == 130, error.decode()
+    kept = len(list(out.glob("parts/*.json")))
+    assert 0 < kept < 20
+    code, _, notes = said(capfd, *line[:-1], "--out", out)
+    assert code == 0
+    assert f"{20 - kept} parts were played" in notes
+
+
+def test_list_names_suites(capfd: pytest.CaptureFixture[str]) -> None:
+    """With their environments and policies."""
+    code, found = document(capfd, "list", "suites")
+    assert code == 0
+    rows = {row["name"]: row for row in found["suites"]}
+    assert "warehouse" in rows["gk-tasks-1"]["about"]
+    assert rows["gk-tasks-1"]["version"] == "1"
