@@ -254,17 +254,20 @@ def one_difference(name: str, shift: float, repeats: int) -> Line:
 
 
 def stopping(repeats: int) -> Iterator[Line]:
-    """Played until the interval is narrow enough, or 3,000 episodes; `n` is the mean n."""
+    """Played until the interval is narrow enough, or 3,000 episodes; `stopped` is the mean n."""
     for name in (*DRAWS, "success, 50 %"):
         draw = DRAWS.get(name, lambda rng, size: (rng.random(size) < 0.5) * 1.0)
         big = draw(np.random.default_rng(7), 2_000_000)
         bounded = big.min() >= 0.0 and big.max() <= 1.0
         sequence = ConfidenceSequence(0.0, 1.0) if bounded else ConfidenceSequence()
         for width in (0.25,) if bounded else (0.6, 0.35):
-            yield one_stop(name, draw, sequence, width * (1.0 if bounded else big.std()), repeats)
+            of = f"{'bounded' if bounded else 'unbounded'}, width {width}{'' if bounded else ' sd'}"
+            spread = 1.0 if bounded else float(big.std())
+            line = one_stop(draw, sequence, width * spread, repeats)
+            yield {"claim": of, "of": name} | line
 
 
-def one_stop(name: str, draw: Draw, sequence: ConfidenceSequence, width: float, most: int) -> Line:
+def one_stop(draw: Draw, sequence: ConfidenceSequence, width: float, most: int) -> Line:
     """Of one distribution, beside Student's interval looked at from 10 episodes on."""
     mean, hits, usual, stops = truth(draw, "mean"), [], [], []
     longest = 3_000 if sequence.least is None else 600
@@ -281,13 +284,8 @@ def one_stop(name: str, draw: Draw, sequence: ConfidenceSequence, width: float, 
         reach[:9] = np.inf
         stop = int(np.argmax(2 * reach <= width))
         usual.append(abs(centre[stop] - mean) <= reach[stop])
-    kind = "bounded" if sequence.least is not None else "unbounded"
-    line = {"claim": f"stopping, {kind}", "of": f"{name}, width {width:.2g}"}
-    return line | {
-        "n": round(float(np.mean(stops))),
-        "held": percent(hits),
-        "usual": percent(usual),
-    }
+    stopped = round(float(np.mean(stops)))
+    return {"held": percent(hits), "usual": percent(usual), "stopped": stopped}
 
 
 PARTS = {
@@ -302,13 +300,25 @@ PARTS = {
 
 
 def table(lines: list[Line]) -> Iterator[str]:
-    """Markdown tables: a claim a table, a distribution a row."""
-    for claim in dict.fromkeys(line["claim"] for line in lines):
-        mine = [line for line in lines if line["claim"] == claim]
-        keys = [key for key in mine[0] if key not in ("claim", "of", "seconds")]
-        yield f"\n**{claim}**\n\n| of | {' | '.join(keys)} |\n|---|{'---|' * len(keys)}"
-        for line in mine:
-            yield f"| {line['of']} | {' | '.join(str(line.get(key, '')) for key in keys)} |"
+    """Markdown: a table for each part, a distribution a row, a claim and n a column."""
+    for part in dict.fromkeys(line["part"] for line in lines):
+        mine = [line for line in lines if line["part"] == part]
+        columns = list(dict.fromkeys(map(heading, mine)))
+        cells = {(line["of"], heading(line)): cell(line) for line in mine}
+        yield f"\n**{part}**\n\n| | {' | '.join(columns)} |\n|---|{'---|' * len(columns)}"
+        for of in dict.fromkeys(line["of"] for line in mine):
+            yield f"| {of} | {' | '.join(cells.get((of, key), '') for key in columns)} |"
+
+
+def heading(line: Line) -> str:
+    """What a column is of."""
+    return line["claim"] + (f", n = {line['n']}" if "n" in line else "")
+
+
+def cell(line: Line) -> str:
+    """The coverage; what the usual interval covers in brackets; where it stopped."""
+    usual = f" ({line['usual']})" if "usual" in line else ""
+    return f"{line['held']}{usual}" + (f" at {line['stopped']}" if "stopped" in line else "")
 
 
 def main() -> None:
@@ -328,7 +338,7 @@ def main() -> None:
     for part in options.only or PARTS:
         for line in PARTS[part](60 if options.quick else options.repeats):
             spent = {"seconds": round(time.process_time(), 1)}
-            print(json.dumps(line | spent), flush=True)
+            print(json.dumps({"part": part} | line | spent), flush=True)
 
 
 if __name__ == "__main__":
