@@ -110,6 +110,7 @@ def _show_run(screen: Screen, run: Path) -> Answer:
     from gamekeeper.diagnose.labels import labels
     from gamekeeper.record.bundle import load
     from gamekeeper.report.labels_text import labels_text
+    from gamekeeper.report.sparkline import returns_by_episode, returns_text
     from gamekeeper.report.text import errors_text, facts_text, summary_text
 
     evidence = load(run)
@@ -117,12 +118,27 @@ def _show_run(screen: Screen, run: Path) -> Answer:
     screen.show(f"Run  {run}")
     screen.show(facts_text(evidence, width=screen.width))
     screen.show(f"\nAgents\n{summary_text(evidence.summary, width=screen.width)}")
+    returns = returns_by_episode(evidence)
+    if evidence.episodes.num_rows > 1 and returns:
+        pictures = returns_text(returns, width=screen.width, has_blocks=_has_blocks(screen))
+        screen.show(f"\nReturns over episodes\n{pictures}")
     if errors:
         screen.show(f"\nErrors\n{errors_text(errors, width=screen.width)}")
     said = [each.to_json() for each in labels(run)]
     if said:
         screen.show(f"\nFailure labels\n{indent(labels_text(said, width=screen.width - 2), '  ')}")
-    return Answer({**_document(evidence, errors), "labels": said})
+    return Answer({**_document(evidence, errors), "returns": returns, "labels": said})
+
+
+def _has_blocks(screen: Screen) -> bool:
+    """Whether the stream's encoding has the signs of a sparkline; most have."""
+    from gamekeeper.report.sparkline import BLOCKS
+
+    try:
+        BLOCKS.encode(getattr(screen.out, "encoding", None) or "utf-8")
+    except (UnicodeError, LookupError):
+        return False
+    return True
 
 
 def _errors(evidence: Evidence) -> list[dict[str, Any]]:

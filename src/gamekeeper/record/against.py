@@ -10,6 +10,7 @@ import json
 import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from html import escape
 from typing import Any, Final, Literal
 
 from gamekeeper.core.canon import from_json
@@ -87,6 +88,21 @@ class Against:
             "holds": None if self.status == "unknown" else self.status == "holds",
             "rows": [asdict(row) for row in self.rows], "commands": list(self.commands),
         }  # fmt: skip
+
+    def __str__(self) -> str:
+        lines = [f"{self.status}: {self.run} against {self.environment}"]
+        lines += [f"  {row.what}: {row.recorded} recorded, {row.now} now"
+                  for row in self.rows if row.status != "holds"]  # fmt: skip
+        return "\n".join([*lines, *(f"  $ {command}" for command in self.commands)])
+
+    def _repr_html_(self) -> str:
+        head = ("", "recorded", "now", "")
+        rows = [(row.what, row.recorded or "", row.now or "", row.status) for row in self.rows]
+        heading = "".join(f"<th>{escape(text)}</th>" for text in head)
+        body = "".join(
+            "<tr>" + "".join(f"<td>{escape(text)}</td>" for text in row) + "</tr>" for row in rows
+        )
+        return f"<b>{self.status}</b><table><tr>{heading}</tr>{body}</table>"
 
 
 def now_task(

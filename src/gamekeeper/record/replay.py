@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from html import escape
 from os import PathLike
 from pathlib import PurePath
 from typing import Any, Final
@@ -87,6 +88,11 @@ class Replay:
         if self.within_tolerance:
             return f"within tolerance: fingerprint {shown}"
         return f"can't tell: {self.reason}"
+
+    def _repr_html_(self) -> str:
+        verdict, *rest = map(escape, str(self).splitlines())
+        told = f"<pre>{chr(10).join(rest)}</pre>" if rest else ""
+        return f"<b>{verdict}</b> <code>{escape(self.run)}</code>{told}"
 
 
 def replay(

@@ -8,6 +8,7 @@ from os import PathLike
 from typing import ClassVar, cast
 
 from gamekeeper.core.contract.failure import Failure
+from gamekeeper.core.contract.html import contract_html
 from gamekeeper.core.contract.parts import (
     NONE,
     Ending,
@@ -141,6 +142,9 @@ class Contract:
 
     def __str__(self) -> str:
         return self.to_toml()
+
+    def _repr_html_(self) -> str:
+        return contract_html(self.to_json())
 
     def __deepcopy__(self, memo: object) -> Contract:
         # It never changes, so copies of an environment share it.

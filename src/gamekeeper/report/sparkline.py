@@ -1,0 +1,115 @@
+"""Returns over episodes as small pictures of text: a sign for each episode, or for a few."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from gamekeeper.core.contract.places import one_line
+from gamekeeper.report.columns import columns_of, filled
+
+if TYPE_CHECKING:
+    from gamekeeper.core.evidence import Evidence
+
+BLOCKS: Final = "▁▂▃▄▅▆▇█"
+ASCII: Final = "_.-:=+*#"
+"""The same eight heights where a terminal has no blocks."""
+ABSENT: Final = " "
+ODD: Final = "?"
+"""Stands for a value that is no number (NaN, infinity)."""
+INDENT: Final = "  "
+GAP: Final = "  "
+NARROWEST: Final = 8
+"""Signs of a picture at least; below, long names push it over the edge of the terminal."""
+
+
+def returns_by_episode(evidence: Evidence) -> dict[str, list[float | None]]:
+    """The return of each agent in each episode, in their order; None where it had no row."""
+    import pyarrow.compute as pc
+
+    steps = evidence.tables.table("steps", without=("obs", "info"))
+    steps = evidence.steps if steps is None else steps
+    places = {number: k for k, number in enumerate(evidence.episodes["episode"].to_pylist())}
+    sums = steps.group_by(["agent", "episode"]).aggregate([("reward", "sum")])
+    present = set(pc.unique(sums["agent"]).to_pylist())
+    found: dict[str, list[float | None]] = {
+        agent: [None] * len(places)
+        for agent in evidence.manifest.get("agents") or ()
+        if agent in present
+    }
+    for agent, episode, total in zip(
+        *(sums[name].to_pylist() for name in ("agent", "episode", "reward_sum")), strict=True
+    ):
+        if agent in found and episode in places:
+            found[agent][places[episode]] = float(total or 0.0)
+    return found
+
+
+def returns_text(
+    returns: Mapping[str, Sequence[float | None]], *, width: int, has_blocks: bool = True
+) -> str:
+    """A line for each agent: its picture, and its lowest and highest return.
+
+    Args:
+        returns: by agent, a value for each episode; None where it didn't take part.
+        width: columns that no line exceeds, as far as names allow.
+        has_blocks: the terminal can show them; otherwise ASCII.
+    """
+    episodes = max((len(values) for values in returns.values()), default=0)
+    names = [one_line(name) for name in returns]
+    ends = [_ends(values) for values in returns.values()]
+    before = max((columns_of(name) for name in names), default=0)
+    after = max((columns_of(text) for text in ends), default=0)
+    room = max(width - before - after - len(INDENT) - 2 * len(GAP), NARROWEST)
+    each = math.ceil(episodes / room) if episodes > room else 1
+    lines = []
+    for name, values, told in zip(names, returns.values(), ends, strict=True):
+        picture = sparkline(means_of(values, each), has_blocks=has_blocks)
+        lines.append(f"{INDENT}{filled(name, before)}{GAP}{picture}{GAP}{told}".rstrip())
+    if each > 1:
+        lines.append(f"{INDENT}a sign: the mean of {each} episodes")
+    return "\n".join(lines)
+
+
+def sparkline(values: Sequence[float | None], *, has_blocks: bool = True) -> str:
+    """A sign for each value, its height between the lowest and the highest of them.
+
+    Equal values stand at half height. None is a blank, what is no number a question mark.
+    """
+    signs = BLOCKS if has_blocks else ASCII
+    finite = [value for value in values if value is not None and math.isfinite(value)]
+    low, high = min(finite, default=0.0), max(finite, default=0.0)
+    return "".join(_sign(value, low, high, signs) for value in values)
+
+
+def means_of(values: Sequence[float | None], each: int) -> list[float | None]:
+    """The mean of each run of so many values, of those that are there."""
+    found: list[float | None] = []
+    for start in range(0, len(values), each):
+        known = [value for value in values[start : start + each] if value is not None]
+        with np.errstate(all="ignore"):  # infinities of two signs have no mean: a NaN, shown as one
+            found.append(float(np.mean(known)) if known else None)
+    return found
+
+
+def _sign(value: float | None, low: float, high: float, signs: str) -> str:
+    if value is None:
+        return ABSENT
+    if not math.isfinite(value):
+        return ODD
+    if low == high:
+        return signs[len(signs) // 2 - 1]
+    # divided first: the distance of two large numbers may be infinite
+    part = (value / 2 - low / 2) / (high / 2 - low / 2)
+    return signs[min(int(part * len(signs)), len(signs) - 1)]
+
+
+def _ends(values: Sequence[float | None]) -> str:
+    finite = [value for value in values if value is not None and math.isfinite(value)]
+    if not finite:
+        return "no number"
+    low, high = f"{min(finite):.4g}", f"{max(finite):.4g}"
+    return f"all {low}" if low == high else f"{low} to {high}"
