@@ -204,7 +204,7 @@ const drawBar = (picture, { line, from, to, value, bounds, alone }, x, y) => {
   picture.append(gk.svg("rect", { x: left, y, width: Math.max(1, Math.abs(x(to) - x(from))), height: THICK - 3, class: `bar bar-${(line % 8) + 1}` }));
   if (bounds) picture.append(gk.svg("line", { x1: x(bounds[0]), x2: x(bounds[1]), y1: y + THICK / 2 - 1.5, y2: y + THICK / 2 - 1.5, class: "ci" }));
   const end = Math.max(x(to), x(from), bounds ? x(bounds[1]) : 0);
-  if (alone) picture.append(gk.svg("text", { x: end + 4, y: y + THICK - 4, class: "bar-value" }, gk.number(value)));
+  if (alone) picture.append(gk.svg("text", { x: end + 4, y: y + THICK - 4, class: "bar-value" }, gk.number(Number(value.toPrecision(3)))));
 };
 
 const barLegend = (chart) => {
@@ -218,15 +218,23 @@ const barLegend = (chart) => {
 
 const KINDS = { line: drawLine, bars: drawBars };
 
+// Those in sight are drawn at once, the others when there is time: a page of many charts opens at once. On paper all are.
 gk.drawCharts = () => {
   const charts = new Map(Object.values(gk.page.charts ?? {}).map((chart) => [chart.id, chart]));
+  const waiting = [];
   for (const host of document.querySelectorAll("[data-chart]")) {
     const chart = charts.get(host.dataset.chart);
-    if (chart && gk.own(KINDS, chart.kind)) drawWhenSeen(host, chart);
+    if (chart && gk.own(KINDS, chart.kind)) waiting.push(drawWhenSeen(host, chart));
   }
+  const idle = window.requestIdleCallback ?? ((work) => setTimeout(work, 50));
+  const next = () => {
+    waiting.shift()?.();
+    if (waiting.length) idle(next);
+  };
+  idle(next);
 };
 
-// What nobody looks at is not drawn: a page of many charts opens at once. On paper all are.
+// Draws it once, at the first of: it comes near, it is printed, the returned function is called.
 const drawWhenSeen = (host, chart) => {
   let drawn = false;
   const draw = () => {
@@ -238,4 +246,5 @@ const drawWhenSeen = (host, chart) => {
   const watch = new IntersectionObserver((seen) => seen.some((entry) => entry.isIntersecting) && draw(), { rootMargin: "400px" });
   watch.observe(host);
   window.addEventListener("beforeprint", draw);
+  return draw;
 };

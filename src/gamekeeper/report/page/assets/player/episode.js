@@ -41,7 +41,6 @@ gk.Episode = class {
     this.agents = packed.agents;
     this.values = packed.values ?? [];
     this.endings = packed.endings ?? {};
-    this.marks = [...(packed.marks ?? [])].sort((a, b) => a.turn - b.turn);
     this.drawing = packed.drawing ?? null;
     this.drawingNote = packed.drawing_note ?? "";
     const rows = packed.rows;
@@ -59,7 +58,10 @@ gk.Episode = class {
     this.odd = indices(rows.odd, n);
     this.terms = Object.create(null); // a term may have any name, "constructor" too
     for (const [name, column] of Object.entries(rows.terms ?? {})) this.terms[name] = numbers(column, n);
+    this.ordered = this.order.some((place) => place > 0); // else all act alone: their order says nothing
     this.last = n ? this.turn[n - 1] : 0;
+    // What was found after the last row belongs to it.
+    this.marks = (packed.marks ?? []).map((mark) => ({ ...mark, turn: Math.max(0, Math.min(mark.turn, this.last)) })).sort((a, b) => a.turn - b.turn);
     this.byTurn = grouped(this.turn, this.last + 1).start;
     const byAgent = grouped(this.agent, this.agents.length);
     this.agentStart = byAgent.start;

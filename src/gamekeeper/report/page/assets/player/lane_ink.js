@@ -60,7 +60,7 @@ gk.drawLane = (ink, episode, agent, level, shape) => {
   fill(ink, colours.received, found.receivedHigh, count, dash(-1));
   fill(ink, colours.received, found.receivedLow, count, dash(1));
   drawActs(ink, found.what, count, { step, gap, top: rewards, strip, colours });
-  if (step >= DIGITS && strip >= 8) drawOrders(ink, episode, agent, shape, rewards, strip, colours);
+  if (episode.ordered && step >= DIGITS && strip >= 8) drawOrders(ink, episode, agent, shape, rewards, strip, colours);
   drawEnd(ink, episode, agent, shape, colours);
 };
 

@@ -187,12 +187,11 @@ gk.Player = class {
     this.decks.forEach((deck) => deck.lanes.draw());
   }
 
-  // A pair begins where it parts, a failure where it failed, anything else at its beginning.
+  // A pair begins where it parts, a failure in the midst of an episode where it is, anything else at its beginning.
   #start() {
     if (this.part) return Math.min(this.last, this.part.turn);
-    const wanted = ["divergence", "failure", "error"];
-    const found = this.marks.find((mark) => wanted.includes(mark.kind));
-    return found ? found.turn : 0;
+    const found = this.marks.find((mark) => mark.kind === "failure" || mark.kind === "error");
+    return found && found.turn < this.last ? found.turn : 0;
   }
 
   #sayPart(episodes) {

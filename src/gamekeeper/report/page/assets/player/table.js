@@ -44,11 +44,12 @@ gk.TurnTable = class {
     this.rows = [];
   }
 
-  // Columns that stay empty over the whole episode are left out.
+  // Columns that say nothing over the whole episode are left out.
   #columns() {
     const e = this.episode;
-    const used = { order: e.order, mask: e.mask, info: e.info, odd: e.odd };
-    const kept = COLUMNS.filter(({ field }) => !(field in used) || used[field].some((value) => value >= 0));
+    const seen = (column) => column.some((value) => value >= 0);
+    const used = { order: e.ordered, mask: seen(e.mask), info: seen(e.info), odd: seen(e.odd) };
+    const kept = COLUMNS.filter(({ field }) => used[field] ?? true);
     const terms = Object.keys(e.terms).map((term) => ({ field: term, title: gk.visible(term), note: "a term of what it was paid", number: true, isTerm: true }));
     kept.splice(1 + kept.findIndex(({ field }) => field === "paid"), 0, ...terms);
     return kept;
