@@ -12,11 +12,12 @@ from typing import Any
 import pytest
 
 import gamekeeper as gk
-from gamekeeper.adapters.page import opened, report, view_page
+from gamekeeper.adapters.page import opened, report
 from gamekeeper.diagnose.labels import label
 from gamekeeper.errors import BundleError, EnvError, EvidenceError
 from gamekeeper.record.files.notes import annotate
-from gamekeeper.report.page.compose import Documents
+from gamekeeper.report.page.data import Page
+from gamekeeper.report.page.render import render
 from tests.report.page import documents
 from tests.report.page.games import PLAIN, recorded
 from tests.report.page.pages import Read, data_of
@@ -215,13 +216,15 @@ def test_page_is_the_same_every_time(tmp_path: Path) -> None:
     assert one == two
 
 
-def test_view_page_asks_for_episodes_itself(tmp_path: Path) -> None:
-    """The page that is served may ask where it came from, and holds no episode."""
+def test_served_page_asks_for_episodes_itself(tmp_path: Path) -> None:
+    """The page that is served may ask where it came from, and leads to others of its server."""
     recorded(tmp_path / "run")
-    page = view_page([opened(tmp_path / "run", key="a")], Documents())
+    card = opened(tmp_path / "run", key="a").card
+    links = (("The whole report", "report"),)
+    page = render(Page("t", "l", (card,), (), is_view=True, links=links))
     assert 'data-view="1"' in page
     assert "connect-src 'self'" in page.replace("&#39;", "'")
-    assert "gk-episode-" not in "".join(value for _, n, value in Read(page).attributes if n == "id")
+    assert ("a", "href", "report") in Read(page).attributes
     assert data_of(page)["episodes"] == []
 
 

@@ -205,6 +205,7 @@ class Page:
         chosen: in words, which episodes those are, and where the others are.
         is_view: served by `gamekeeper view`, which is asked for episodes.
         extra: further data for the page's script.
+        links: words and addresses beside those of the sections.
     """
 
     title: str
@@ -216,6 +217,7 @@ class Page:
     chosen: str = ""
     is_view: bool = False
     extra: Mapping[str, Any] = field(default_factory=dict)
+    links: tuple[tuple[str, str], ...] = ()
 
 
 def name(text: object) -> Cell:
