@@ -123,7 +123,7 @@ def _endings(rows: Sequence[Row], width: int) -> Iterator[str]:
     if not shown:
         return
     cells: list[tuple[str, ...]] = [
-        ("policy", "of", "success", "term.", "trunc.", "cut", "reasons")
+        ("policy", "of", "success", "term", "trunc", "cut", "reasons")
     ]
     for row in shown:
         ends = row["endings"]
