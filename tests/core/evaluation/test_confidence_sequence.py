@@ -60,6 +60,13 @@ def test_stop_at_is_the_first_narrow_interval() -> None:
     assert SHARES.stop_at([], 0.2) is None
 
 
+def test_sequences_watched_together_are_wider() -> None:
+    """A higher level, as several sequences at once ask for, holds the lower one's interval."""
+    values = np.random.default_rng(0).random(200)
+    one, ten = SHARES.interval(values), ConfidenceSequence(0.0, 1.0, 0.995).interval(values)
+    assert ten.low < one.low < one.value < one.high < ten.high
+
+
 def test_interval_is_the_last_of_the_sequence() -> None:
     """What is told after stopping is the sequence's own interval, and says so."""
     values = np.random.default_rng(0).normal(5, 2, 200)

@@ -44,7 +44,8 @@ class ConfidenceSequence:
     Attributes:
         least: the least a value can be (0 for success); None: values aren't bounded.
         most: the most a value can be (1 for success); None with `least`.
-        level: chance that all intervals hold.
+        level: chance that all intervals hold, in [0.8, 0.9999]: to watch several sequences at once,
+            divide 1 - level by their number.
 
     Raises:
         EvidenceError: one bound without the other, most not over least, or a level out of range.
@@ -59,7 +60,7 @@ class ConfidenceSequence:
 
     def __post_init__(self) -> None:
         """Bounds come together and in order."""
-        check_level(self.level, "ConfidenceSequence")
+        check_level(self.level, "ConfidenceSequence", most=0.9999)
         if self.least is None and self.most is None:
             return
         if self.least is None or self.most is None or not self.least < self.most:

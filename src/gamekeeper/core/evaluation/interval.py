@@ -70,17 +70,21 @@ def figures(values: Sequence[float] | FloatArray, where: str) -> FloatArray:
     return array
 
 
-def check_level(level: float, where: str) -> None:
-    """A level is one the intervals were simulated for.
+def check_level(level: float, where: str, *, most: float = 0.99) -> None:
+    """A level is one the intervals were made for.
 
+    Args:
+        level: coverage.
+        where: what asks, for the error.
+        most: the highest there is.
     Raises:
-        EvidenceError: it isn't in [0.8, 0.99].
+        EvidenceError: it isn't in [0.8, most].
     """
-    if not 0.8 <= level <= 0.99:
+    if not 0.8 <= level <= most:
         raise EvidenceError(
             "no interval of this level",
             where=where,
-            expected="level in [0.8, 0.99]",
+            expected=f"level in [0.8, {most}]",
             seen=str(level),
         )
 
