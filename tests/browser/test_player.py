@@ -130,11 +130,26 @@ def test_list_filters_and_opens(open_page: Open) -> None:
     episodes = [parallel_episode(episode=k, seed=k, turns=30) for k in range(30)]
     page = opened(open_page, *episodes)
     page.locator(".episode-list summary").click()
-    assert page.locator(".episode-list tbody tr").count() == 25
+    assert page.locator(".episode-list tbody tr").count() == 12
     page.locator(".episode-list input").fill("seed 27")
     assert page.locator(".episode-list tbody tr").count() == 1
     page.get_by_role("button", name="Play episode 27 of run a").click()
     expect(page.locator(".deck h3")).to_contain_text("episode 27")
+
+
+def test_list_sorts_by_a_column(open_page: Open) -> None:
+    """A heading sorts by its numbers, the largest first; pressed again, the smallest first."""
+    episodes = [parallel_episode(episode=k, seed=k, turns=10 + 7 * k % 11) for k in range(9)]
+    page = opened(open_page, *episodes)
+    page.locator(".episode-list summary").click()
+    heading = page.get_by_role("columnheader", name="turns")
+    shown = page.locator(".episode-list tbody tr td:nth-child(5)")
+    turns = sorted(packed["turns"] for packed in episodes)
+    heading.get_by_role("button").click()
+    assert [int(text) for text in shown.all_inner_texts()] == turns[::-1]
+    assert heading.get_attribute("aria-sort") == "descending"
+    heading.get_by_role("button").click()
+    assert [int(text) for text in shown.all_inner_texts()] == turns
 
 
 def test_drawing_follows_the_cursor(open_page: Open) -> None:

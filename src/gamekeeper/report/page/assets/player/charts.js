@@ -157,6 +157,9 @@ const drawBars = (host, chart) => {
   new ResizeObserver(fit).observe(host);
 };
 
+const groupHeight = (chart) => (chart.stacked ? 1 : chart.series.length) * THICK + 10;
+const barsHeight = (chart) => (chart.x.names ?? chart.x.values).length * groupHeight(chart) + (chart.series.length > 1 ? 42 : 8);
+
 const barPicture = (chart, wide) => {
   const left = Math.min(150, wide * 0.32);
   const names = chart.x.names ?? chart.x.values;
@@ -166,7 +169,7 @@ const barPicture = (chart, wide) => {
   const high = Math.max(0, ...all, ...sums);
   const x = (value) => left + ((value - low) / (high - low || 1)) * (wide - left - 56);
   const lines = chart.stacked ? 1 : chart.series.length;
-  const group = lines * THICK + 10;
+  const group = groupHeight(chart);
   const picture = gk.svg("svg", { viewBox: `0 0 ${wide} ${names.length * group + 8}`, width: wide, class: "bars", focusable: "false", "aria-hidden": "true" });
   names.forEach((name, i) => {
     const top = i * group + 6;
@@ -224,7 +227,10 @@ gk.drawCharts = () => {
   const waiting = [];
   for (const host of document.querySelectorAll("[data-chart]")) {
     const chart = charts.get(host.dataset.chart);
-    if (chart && gk.own(KINDS, chart.kind)) waiting.push(drawWhenSeen(host, chart));
+    if (!chart || !gk.own(KINDS, chart.kind)) continue;
+    // Its height is kept free from the beginning: what a reader looks at further down must not jump.
+    host.style.minHeight = `${chart.kind === "bars" ? barsHeight(chart) : HEIGHT + 34}px`;
+    waiting.push(drawWhenSeen(host, chart));
   }
   const idle = window.requestIdleCallback ?? ((work) => setTimeout(work, 50));
   const next = () => {

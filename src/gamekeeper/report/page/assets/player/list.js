@@ -1,6 +1,6 @@
-// The list of episodes: filtered, some at a time; each may be opened or put beside the one on show.
+// The list of episodes: filtered, sorted, some at a time; each may be opened or put beside the one on show.
 
-const AT_ONCE = 25;
+const AT_ONCE = 12;
 const AGENTS = 8; // as many have columns of their own
 
 const FILTERS = [
@@ -14,7 +14,7 @@ const FILTERS = [
 gk.EpisodeList = class {
   // `open(entry)` and `beside(entry)` put an episode on show.
   constructor(open, beside) {
-    Object.assign(this, { open, beside, from: 0, entries: [], shown: new Set() });
+    Object.assign(this, { open, beside, from: 0, entries: [], shown: new Set(), sort: null, down: false });
     this.filter = gk.node("select", {}, ...FILTERS.map(([value, text]) => gk.node("option", { value, text })));
     this.words = gk.node("input", { type: "search", placeholder: "run, number, label, seed", autocomplete: "off", spellcheck: "false" });
     this.body = gk.node("tbody");
@@ -49,7 +49,7 @@ gk.EpisodeList = class {
   fill(entries) {
     this.entries = entries;
     const packed = entries.filter((entry) => entry.packed).length;
-    const more = packed < entries.length ? ` (${packed} of them can be played here; \`gamekeeper view\` plays all)` : "";
+    const more = packed < entries.length ? ` (${packed} of them can be played here; gamekeeper view plays all)` : "";
     gk.say(this.summary, `All ${entries.length} episodes${more}`);
     this.agents = [...new Set(entries.slice(0, 200).flatMap((entry) => Object.keys(entry.returns ?? {})))];
     this.several = new Set(entries.map((entry) => entry.run)).size > 1;
@@ -69,27 +69,76 @@ gk.EpisodeList = class {
     return this.entries.filter((entry) => test(entry) && words.every((word) => text(entry).includes(word)));
   }
 
+  // What a column sorts by; null: the order that the page has.
+  #columns() {
+    const agents = this.agents.length <= AGENTS ? this.agents : [];
+    const number = (title, key, of) => ({ title, key, of, number: true });
+    const columns = [
+      { title: "episode", key: "episode", of: (entry) => entry.episode },
+      { title: "" },
+      { title: "seed" },
+      { title: "end", key: "end", of: (entry) => entry.end },
+      number("turns", "turns", (entry) => entry.turns),
+      number("team", "team", (entry) => entry.team),
+      ...agents.map((agent) => number(agent, `of ${agent}`, (entry) => gk.own(entry.returns, agent))),
+      { title: "notes" },
+    ];
+    return this.several ? [{ title: "run", key: "run", of: (entry) => entry.run }, ...columns] : columns;
+  }
+
+  #sorted(found, columns) {
+    const by = columns.find(({ key }) => key && key === this.sort);
+    if (!by) return found;
+    const side = this.down ? -1 : 1;
+    const empty = (value) => value === null || value === undefined;
+    const compare = (a, b) => {
+      if (empty(a) || empty(b)) return Number(empty(a)) - Number(empty(b)); // what has no value stands last
+      return a === b ? 0 : side * (a < b ? -1 : 1);
+    };
+    return [...found].sort((a, b) => compare(by.of(a), by.of(b)));
+  }
+
+  #heading({ title, key, number }) {
+    if (!title) return gk.node("td");
+    const sorted = key && key === this.sort ? (this.down ? "descending" : "ascending") : null;
+    const cell = gk.node("th", { scope: "col", class: number ? "num" : null, "aria-sort": sorted });
+    if (!key) return gk.node("th", { scope: "col", text: title });
+    const sign = sorted ? gk.node("span", { "aria-hidden": "true", text: this.down ? " ↓" : " ↑" }) : "";
+    const button = gk.node("button", { type: "button", class: "sort", title: "Sort by this" }, gk.name(title), sign);
+    button.addEventListener("click", () => {
+      this.down = this.sort === key ? !this.down : Boolean(number);
+      this.sort = key;
+      this.from = 0;
+      this.draw();
+      this.head.querySelector("[aria-sort] button")?.focus();
+    });
+    cell.append(button);
+    return cell;
+  }
+
   draw() {
-    const found = this.found();
+    const columns = this.#columns();
+    const found = this.#sorted(this.found(), columns);
     if (this.from >= found.length) this.from = 0;
     const some = found.slice(this.from, this.from + AT_ONCE);
-    const agents = this.agents.length <= AGENTS ? this.agents : [];
-    const numbers = ["turns", "team", ...agents];
-    const titles = [...(this.several ? ["run"] : []), "episode", "seed", "end", ...numbers, "notes", ""];
-    this.head.replaceChildren(...titles.map((text) => (text ? gk.node("th", { scope: "col", class: numbers.includes(text) ? "num" : null }, gk.name(text)) : gk.node("td"))));
-    this.body.replaceChildren(...some.map((entry) => this.#row(entry, agents)));
+    this.head.replaceChildren(...columns.map((column) => this.#heading(column)));
+    this.body.replaceChildren(...some.map((entry) => this.#row(entry, columns)));
     gk.say(this.told, found.length ? ` ${this.from + 1} to ${this.from + some.length} of ${found.length} ` : " none ");
     this.earlier.disabled = this.from === 0;
     this.later.disabled = this.from + AT_ONCE >= found.length;
   }
 
-  #row(entry, agents) {
-    const cell = (value) => gk.node("td", {}, gk.name(value ?? ""));
-    const number = (value) => gk.node("td", { class: "num", text: gk.number(value) });
+  #row(entry, columns) {
     const row = gk.node("tr", { class: this.shown.has(`${entry.run}/${entry.episode}`) ? "shown" : null });
-    if (this.several) row.append(cell(entry.run));
-    row.append(gk.node("th", { scope: "row", text: String(entry.episode) }), cell(entry.seed), cell(entry.end === "open" ? "still recorded" : entry.end), number(entry.turns), number(entry.team));
-    row.append(...agents.map((agent) => number(gk.own(entry.returns, agent))), this.#notes(entry), this.#buttons(entry));
+    const cells = {
+      run: () => gk.node("td", {}, gk.name(entry.run)),
+      episode: () => gk.node("th", { scope: "row", text: String(entry.episode) }),
+      seed: () => gk.node("td", { text: String(entry.seed ?? "") }),
+      end: () => gk.node("td", {}, gk.name(entry.end === "open" ? "still recorded" : entry.end)),
+      notes: () => this.#notes(entry),
+      "": () => this.#buttons(entry),
+    };
+    row.append(...columns.map(({ title, of, number }) => (number ? gk.node("td", { class: "num", text: gk.number(of(entry)) }) : cells[title]())));
     return row;
   }
 

@@ -95,7 +95,9 @@ gk.Player = class {
   }
 
   get marks() {
-    const all = this.decks.flatMap((deck) => deck.episode.marks.map((mark) => ({ ...mark, side: deck.side })));
+    const pair = this.decks.length > 1; // where each parts from some third one is no matter here
+    const kept = (deck) => deck.episode.marks.filter((mark) => !pair || mark.kind !== "divergence");
+    const all = this.decks.flatMap((deck) => kept(deck).map((mark) => ({ ...mark, side: deck.side })));
     if (this.part) all.push(this.partMark());
     return all.sort((a, b) => a.turn - b.turn);
   }
@@ -137,7 +139,7 @@ gk.Player = class {
     await this.#show([entry], turn);
     if (agent) this.decks[0]?.lanes.reveal(agent);
     if (focus) {
-      this.host.closest("section")?.scrollIntoView({ block: "start" });
+      this.host.closest("section")?.scrollIntoView({ block: "start", behavior: "instant" });
       this.slider.focus({ preventScroll: true });
     }
   }
