@@ -10,6 +10,8 @@ from gamekeeper.report.page.data import Block, Cell, Section, Table, interval, n
 
 Document = Mapping[str, Any]
 
+MOST_CLAIMS: Final = 8
+"""Shown at once; of more the list is folded, and the tables say the same in numbers."""
 MOST_CELLS: Final = 400
 """Pairings in a table."""
 
@@ -31,6 +33,7 @@ def evaluation_section(document: Document | None) -> Section:
     results = [each for each in document.get("results") or () if isinstance(each, Mapping)]
     blocks = [
         _head(document),
+        _claims(document),
         *_crossplay(document.get("crossplay") or {}),
         Block(
             title="Comparisons",
@@ -58,8 +61,7 @@ def _head(document: Document) -> Block:
         ("seed", str(document.get("seed"))),
         ("episodes", shown(document.get("episodes"))),
         *(
-            (f"environment {label}", f"{each.get('spec')}, version {each.get('version')}, digest "
-             f"{each.get('digest')}")
+            (f"environment {label}", _known(each, ("spec", "version", "digest")))
             for label, each in (document.get("environments") or {}).items()
         ),
         *(
@@ -68,10 +70,23 @@ def _head(document: Document) -> Block:
             for label, each in (document.get("policies") or {}).items()
         ),
     ]  # fmt: skip
-    claims = tuple(str(claim) for claim in document.get("claims") or ())
+    return Block(facts=tuple(fact for fact in facts if fact[1]))
+
+
+def _known(each: Document, keys: Sequence[str]) -> str:
+    return ", ".join(f"{key} {each[key]}" for key in keys if each.get(key) is not None)
+
+
+def _claims(document: Document) -> Block:
+    """Every claim in the words in which it was made, in a list of its own."""
+    rows = tuple((Cell(str(claim)),) for claim in document.get("claims") or ())
     stopping = document.get("stopping")
-    told = (f"Stopped: {_flat(stopping)}",) if stopping else ()
-    return Block(facts=tuple(fact for fact in facts if fact[1]), notes=(*claims, *told))
+    return Block(
+        title="What is claimed",
+        notes=(f"Stopped: {_flat(stopping)}",) if stopping else (),
+        tables=(Table("Claims, and what they are about", ("claim",), rows),),
+        folded=len(rows) > MOST_CLAIMS,
+    )
 
 
 def _flat(value: Any) -> str:
@@ -143,30 +158,33 @@ def _comparisons(document: Document) -> Table:
             Cell(interval(difference.get("low"), difference.get("high")) or "-", "number"),
             number(difference.get("p")), number(improvement.get("value")),
             Cell(interval(improvement.get("low"), improvement.get("high")) or "-", "number"),
-            Cell(str(each.get("claim") or "")),
         )
         for each in document.get("comparisons") or ()
         for difference in [each.get("difference") or {}]
         for improvement in [each.get("improvement") or {}]
     )  # fmt: skip
     columns = (
-        "environment", "who", "metric", "a", "b", "n", "unit", "b - a", "95 % interval", "p",
-        "a beats b", "95 % interval", "claim",
+        "environment", "who", "metric", "a", "b", "n", "unit", "a - b", "95 % interval", "p",
+        "a beats b", "95 % interval",
     )  # fmt: skip
     return Table("Policies against one another", columns, rows)
 
 
 def _differences(document: Document) -> Iterator[Document]:
-    rows = [
-        {"name": f"{each.get('b')} - {each.get('a')}",
-         "group": f"{each.get('environment')}, {each.get('who')}, {each.get('metric')}",
-         **{key: (each["difference"]).get(key) for key in ("value", "low", "high", "p")},
-         "text": f"n = {each.get('n')} {each.get('unit')}s"}
-        for each in document.get("comparisons") or ()
-        if each.get("difference")
-    ]  # fmt: skip
-    if rows:
-        yield forest("evaluation-differences", "Differences of policies", rows,
+    """A forest for each environment and metric: returns and shares have no axis in common."""
+    groups: dict[tuple[str, str], list[Document]] = {}
+    for each in document.get("comparisons") or ():
+        if each.get("difference"):
+            key = (str(each.get("environment")), str(each.get("metric")))
+            groups.setdefault(key, []).append(each)
+    for place, ((environment, metric), group) in enumerate(groups.items()):
+        rows = [
+            {"name": f"{each.get('a')} - {each.get('b')}", "group": str(each.get("who")),
+             **{key: each["difference"].get(key) for key in ("value", "low", "high", "p")},
+             "text": f"n = {each.get('n')} {each.get('unit')}s"}
+            for each in group
+        ]  # fmt: skip
+        yield forest(f"evaluation-differences-{place}", f"{environment}: {metric}", rows,
                      label="difference, with its 95 % interval")  # fmt: skip
 
 
@@ -227,19 +245,29 @@ def _pairings(roles: Sequence[str], cells: Sequence[Document]) -> Table:
 
 
 def _best(played: Document) -> Table:
+    """The best answer to each line-up of the others, and its lead over every other policy."""
+    every = [each for each in played.get("best_response") or () if isinstance(each, Mapping)]
     rows = tuple(
         (
             name(each.get("role")), name(_flat(each.get("against") or {})),
-            name(each.get("policy")), number(_value(each.get("value"))),
-            name("; ".join(
-                f"{policy}: {shown(_value(gap))} ({interval(gap.get('low'), gap.get('high'))})"
-                for policy, gap in (each.get("gap") or {}).items()
-            )),
+            name(each.get("policy")), number(_value(each.get("value"))), name(policy),
+            number(_value(gap)),
+            Cell(interval(gap.get("low"), gap.get("high")) or "-", "number"),
         )
-        for each in played.get("best_response") or ()
+        for each in every
+        for policy, gap in (each.get("gap") or {}).items()
     )  # fmt: skip
-    columns = ("role", "against", "best response", "value", "gap of the others")
-    return Table("Best responses among those that played", columns, rows)
+    columns = (
+        "role", "against", "best response", "value", "compared with", "lead", "95 % interval",
+    )  # fmt: skip
+    notes = dict.fromkeys(str(each["note"]) for each in every if each.get("note"))
+    return Table(
+        "Best responses among those that played", columns, rows, " ".join(map(_sentence, notes))
+    )
+
+
+def _sentence(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}."
 
 
 def _fairness(played: Document) -> Table:
