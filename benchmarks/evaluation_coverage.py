@@ -60,6 +60,10 @@ DRAWS: dict[str, Draw] = {
     ),
     "60 % zeros": lambda rng, size: rng.choice([0.0, 1.0, 2.0], p=[0.6, 0.2, 0.2], size=size),
 }
+STOPPED: dict[str, Draw] = DRAWS | {
+    "success, 50 %": lambda rng, size: (rng.random(size) < 0.5) * 1.0,
+    "5 in 3 % of episodes": lambda rng, size: (rng.random(size) < 0.03) * 5.0,
+}
 SOME = ("normal", "exponential", "log-normal 0.5", "Student's t, 3", "two peaks, 80 %")
 
 
@@ -255,8 +259,7 @@ def one_difference(name: str, shift: float, repeats: int) -> Line:
 
 def stopping(repeats: int) -> Iterator[Line]:
     """Played until the interval is narrow enough, or 3,000 episodes; `stopped` is the mean n."""
-    for name in (*DRAWS, "success, 50 %"):
-        draw = DRAWS.get(name, lambda rng, size: (rng.random(size) < 0.5) * 1.0)
+    for name, draw in STOPPED.items():
         big = draw(np.random.default_rng(7), 2_000_000)
         bounded = big.min() >= 0.0 and big.max() <= 1.0
         sequence = ConfidenceSequence(0.0, 1.0) if bounded else ConfidenceSequence()
