@@ -73,7 +73,7 @@ def test_evaluation_text_shows_agents_side_by_side_by_policy() -> None:
     assert "p_1       7      8" in text
 
 
-@pytest.mark.parametrize("width", [60, 80, 110])
+@pytest.mark.parametrize("width", [66, 80, 110])
 def test_evaluation_text_stays_within_its_width(width: int) -> None:
     """Comparisons, cross-play, best responses, fairness, claims."""
     cells = [{"roles": {"p": "mine", "c": "mine"}, "kind": "self", "n": 50, "mean": 1.0,
