@@ -34,7 +34,7 @@ from gamekeeper.record.files.table_writer import TableWriter, write_table
 from gamekeeper.record.parts.columns import Columns
 from gamekeeper.record.parts.plan import Plan, key_of
 from gamekeeper.record.parts.playing import lost
-from gamekeeper.record.parts.receipt import Receipt, kept
+from gamekeeper.record.parts.receipt import Receipt, receipts_of
 from gamekeeper.record.tasks import error_fields, signs_of_life
 from gamekeeper.run.executors.storage import Storage
 
@@ -53,10 +53,10 @@ def merge_task(
     parts: int,
     error: str | None,
 ) -> dict[str, Any]:
-    """Merges what is kept of a plan's parts into the folder `out`.
+    """Merges the first parts of a plan into the folder `out`.
 
     Args:
-        parts: how many there have to be.
+        parts: how many of the plan's parts one process would have recorded.
         error: why the run ended where no part says so; the bundle counts as failed then.
 
     Returns:
@@ -65,15 +65,26 @@ def merge_task(
     try:
         with signs_of_life(report):
             place, wanted = Storage.at(storage), Plan.from_json(plan)
-            found = list(kept(place, wanted))
-            if len(found) < parts:
-                missing = next(islice(wanted.ranges(), len(found), None))
-                raise lost(place, key_of(missing))
+            keys = [key_of(each) for each in islice(wanted.ranges(), parts)]
             after = partial(_merged, report)
-            merge(place, found[:parts], Path(out), error=error, after_part=after)
+            merge(place, _found(place, keys), Path(out), error=error, after_part=after)
     except GamekeeperError as raised:
         return {"error": error_fields(raised)}
     return {"error": None}
+
+
+def _found(storage: Storage, keys: list[str]) -> list[Receipt]:
+    """The receipts of all these parts.
+
+    Raises:
+        BundleError: one isn't there.
+    """
+    found = []
+    for key, receipt in zip(keys, receipts_of(storage, keys), strict=True):
+        if receipt is None:
+            raise lost(storage, key)
+        found.append(receipt)
+    return found
 
 
 def _merged(report: Callable[..., None], done: int) -> None:

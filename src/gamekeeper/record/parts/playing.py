@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from threading import Lock
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from gamekeeper.errors import BundleError, EnvError, GamekeeperError
 from gamekeeper.record.parts.plan import Plan, key_of
@@ -13,6 +13,9 @@ from gamekeeper.record.told import error_in
 from gamekeeper.run.executors.storage import Storage
 from gamekeeper.run.executors.task import Done, Task
 from gamekeeper.run.workers import run_task
+
+if TYPE_CHECKING:
+    from gamekeeper.record.parts.receipt import Receipt
 
 PLAY: Final = "gamekeeper.record.parts.play:part_task"
 REMAINS: Final = "gamekeeper.record.parts.play:remains_task"
@@ -50,12 +53,14 @@ class Playing:
         Raises:
             BundleError: a receipt can't be read.
         """
-        from gamekeeper.record.parts.receipt import receipts
+        from gamekeeper.record.parts.receipt import receipts_of, whole_keys
 
-        there = receipts(self.storage)
-        for episodes in self.plan.ranges():
-            if key_of(episodes) in there:
-                self._take_receipt(episodes)
+        there = whole_keys(self.storage)
+        ranges = [each for each in self.plan.ranges() if key_of(each) in there]
+        found = receipts_of(self.storage, map(key_of, ranges))
+        for episodes, receipt in zip(ranges, found, strict=True):
+            if receipt is not None:
+                self._take_receipt(episodes, receipt)
         self._say()
 
     def tasks(self) -> Iterator[Task]:
@@ -95,7 +100,7 @@ class Playing:
         if error is None:
             value: Any = done.outcome.value
             if value["failed"]:
-                self._take_receipt(episodes)
+                self._take_receipt(episodes, self._receipt(done.key))
             else:
                 self._count(episodes, value)
         else:
@@ -157,13 +162,17 @@ class Playing:
     def _ranges_at(self, first: int) -> Iterator[range]:
         return (each for each in self.plan.ranges() if each.start == first)
 
-    def _take_receipt(self, episodes: range) -> None:
+    def _receipt(self, key: str) -> Receipt:
         from gamekeeper.record.parts.receipt import receipt_of
+
+        receipt = receipt_of(self.storage, key)
+        if receipt is None:
+            raise lost(self.storage, key)
+        return receipt
+
+    def _take_receipt(self, episodes: range, receipt: Receipt) -> None:
         from gamekeeper.record.tasks import error_of
 
-        receipt = receipt_of(self.storage, key_of(episodes))
-        if receipt is None:
-            raise lost(self.storage, key_of(episodes))
         self._count(episodes, receipt.said())
         if receipt.error is not None:
             self._fail(episodes.start, error_of(receipt.error))

@@ -15,6 +15,7 @@ from gamekeeper.record.parts.apart import record_apart
 from gamekeeper.record.parts.plan import Plan, parts_folder
 from gamekeeper.run.executors.local import LocalExecutor
 from gamekeeper.run.executors.storage import Storage
+from gamekeeper.run.executors.task import Limits
 
 
 def rollout_apart(
@@ -66,6 +67,7 @@ def rollout_apart(
     folder = Path(out)
     played = record_apart(
         plan, folder, executor=LocalExecutor(workers), storage=Storage.at(parts_folder(folder)),
+        limits=Limits(silence_s=None),  # nor would one process give up
         on_message=take,
     )  # fmt: skip
     if played.error is not None:
