@@ -10,8 +10,9 @@ gk.Deck = class {
     this.table = new gk.TurnTable(episode, label);
     const note = episode.drawingNote && gk.node("p", { class: "note", text: (episode.drawing ? "Drawn: " : "") + gk.visible(episode.drawingNote) });
     const world = gk.node("div", { class: "deck-world" }, this.drawing.root, note || "");
-    const parts = [this.#heading(entry), this.#trouble(), this.#before(), world, this.lanes.root, this.table.root].filter(Boolean);
-    this.root = gk.node("article", { class: "deck", "aria-label": label }, ...parts);
+    const told = [this.#heading(entry), this.#trouble(), this.#before()].filter(Boolean);
+    const top = gk.node("div", { class: "deck-top" }, ...told);
+    this.root = gk.node("article", { class: "deck", "aria-label": label }, top, world, this.lanes.root, this.table.root);
   }
 
   #heading(entry) {

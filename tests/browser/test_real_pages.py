@@ -1,0 +1,80 @@
+"""The pages of `gamekeeper report` and `gamekeeper view`, of runs that were played."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import gamekeeper as gk
+from gamekeeper.adapters.page import report
+from tests.browser.test_surroundings import serious
+from tests.browser.waits import Open, expect, turn_of
+
+pytestmark = pytest.mark.browser
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Four episodes of the warehouse by its reference policy, and the same seeds at random."""
+    folder = tmp_path_factory.mktemp("evidence")
+    for name, policies in (("reference", "reference"), ("random", "random")):
+        gk.rollout("warehouse", policies=policies, episodes=4, out=folder / name)
+    return folder / "reference", folder / "random"
+
+
+@pytest.fixture
+def served(runs: tuple[Path, Path]) -> Iterator[str]:
+    """The address of a `gamekeeper view` of the first run."""
+    command = [sys.executable, "-m", "gamekeeper", "view", str(runs[0]), "--no-browser", "--json"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as server:
+        assert server.stdout is not None
+        yield json.loads(server.stdout.readline())["url"]
+        server.terminate()
+
+
+@pytest.mark.parametrize("width", [360, 1400])
+def test_report_of_two_runs_plays_and_compares(
+    open_page: Open, runs: tuple[Path, Path], tmp_path: Path, width: int
+) -> None:
+    """A real report is silent, fits, steps, and puts two runs beside each other where they part."""
+    file = report(runs[0], tmp_path / "report.html", others=[runs[1]])
+    size = {"width": width, "height": 900}
+    page = open_page(file.read_text(encoding="utf-8"), viewport=size)
+    page.wait_for_selector("#gk-player[data-turn]")
+    page.locator(".scrub").focus()
+    page.keyboard.press("End")
+    page.keyboard.press("ArrowLeft")
+    assert turn_of(page) == int(page.locator(".scrub").get_attribute("max")) - 1
+    page.get_by_label("Two episodes beside each other").select_option(index=1)
+    expect(page.locator(".deck")).to_have_count(2)
+    expect(page.locator(".parted")).to_contain_text("First difference: turn")
+    assert page.evaluate("document.documentElement.scrollWidth") == width
+
+
+def test_report_is_accessible(open_page: Open, runs: tuple[Path, Path], tmp_path: Path) -> None:
+    """axe-core finds nothing serious in a whole report, what is folded unfolded."""
+    file = report(runs[0], tmp_path / "report.html", others=[runs[1]])
+    page = open_page(file.read_text(encoding="utf-8"), bypass_csp=True)
+    page.wait_for_selector("#gk-player[data-turn]")
+    page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
+    assert serious(page) == []
+
+
+def test_view_opens_any_episode(chromium: Any, served: str) -> None:
+    """The served page asks for the episode that is opened, under its token, without complaint."""
+    context = chromium.new_context(viewport={"width": 1200, "height": 900})
+    page = context.new_page()
+    complaints: list[str] = []
+    page.on("console", lambda message: complaints.append(message.text))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.goto(served)
+    page.wait_for_selector("#gk-player[data-turn]")
+    page.get_by_role("button", name="Play episode 3 of run a").click()
+    expect(page.locator(".deck h3")).to_contain_text("episode 3")
+    assert "token" not in page.url
+    context.close()
+    assert complaints == []
