@@ -15,7 +15,7 @@ from gamekeeper.cli._screen import Answer, Screen
 if TYPE_CHECKING:
     from gamekeeper.adapters.view.view import View
 
-ORDER: Final = 125
+ORDER: Final = 96
 
 RunsArgument = Annotated[
     list[Path],

@@ -156,14 +156,15 @@ def test_damaged_annotations_hide_no_episode(copy: Path) -> None:
     assert shelf.page("/").status == 200
 
 
-@pytest.mark.parametrize("path", ["/", "/report"])
-def test_pages_ask_for_episodes_by_themselves(visitor: Visitor, path: str) -> None:
-    """The player's script runs, and nothing else; no episode stands in the page."""
+@pytest.mark.parametrize(("path", "other"), [("/", "report"), ("/report", ".")])
+def test_pages_ask_for_episodes_by_themselves(visitor: Visitor, path: str, other: str) -> None:
+    """The player's script runs, and nothing else; no episode stands in the page, a link does."""
     reply = visitor.get(path)
     text = reply.body.decode()
     assert reply.status == 200
     assert 'data-view="1"' in text
-    assert "gk-episode-" not in text.partition('<script type="application/json"')[2][:2000]
+    assert f'href="{other}"' in text
+    assert '<script type="application/octet-stream' not in text
     policy = reply.headers["content-security-policy"]
     assert "connect-src 'self'" in policy
     assert "unsafe" not in policy

@@ -28,7 +28,8 @@ SEED: Final = 0
 """Of the resamples of intervals."""
 FRAMES_BYTES: Final = 16 << 20
 """Of the recorded pictures of one episode; of more every second one is sent, and so on."""
-MORE: Final = "Agents, game form and charts of all episodes: add `report` to the address."
+TO_WHOLE: Final = (("Whole report: game form, agents, charts", "report"),)
+TO_FRONT: Final = (("All episodes", "."),)
 NO_FRAME: Final = "; frame-ancestors 'none'"
 """What a page can't say of itself."""
 
@@ -44,7 +45,7 @@ def front_page(editions: Sequence[Edition]) -> Answer:
         *((causes_section(*known, key=runs[0].key),) if known != (None, None) else ()),
         provenance_section(named, version=_version(), audit=documents.audit),
     )
-    return _answer(runs, documents, sections, chosen=MORE)
+    return _answer(runs, documents, sections, links=TO_WHOLE)
 
 
 def whole_page(editions: Sequence[Edition]) -> Answer:
@@ -52,7 +53,8 @@ def whole_page(editions: Sequence[Edition]) -> Answer:
     runs = [_apart(edition) for edition in editions]
     documents = _documents(runs[0])
     rng = np.random.default_rng(SEED)
-    return _answer(runs, documents, sections_of(runs, documents, version=_version(), rng=rng))
+    sections = sections_of(runs, documents, version=_version(), rng=rng)
+    return _answer(runs, documents, sections, links=TO_FRONT)
 
 
 def episode_of(edition: Edition, number: int) -> dict[str, Any]:
@@ -65,14 +67,18 @@ def episode_of(edition: Edition, number: int) -> dict[str, Any]:
 
 
 def _answer(
-    runs: Sequence[Shown], documents: Documents, sections: tuple[Section, ...], *, chosen: str = ""
+    runs: Sequence[Shown],
+    documents: Documents,
+    sections: tuple[Section, ...],
+    *,
+    links: tuple[tuple[str, str], ...],
 ) -> Answer:
     page = Page(
         title=" · ".join(run.name for run in runs),
         lead=lead_of(runs, documents),
         runs=tuple(run.card for run in runs),
         sections=sections,
-        chosen=chosen,
+        links=links,
         is_view=True,
         extra={"version": ""},
     )
