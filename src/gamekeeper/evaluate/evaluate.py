@@ -25,6 +25,7 @@ from gamekeeper.evaluate.judge import Judge
 from gamekeeper.evaluate.look import Look
 from gamekeeper.evaluate.marl_eval import marl_eval_of
 from gamekeeper.evaluate.matchups import SELF
+from gamekeeper.evaluate.overall import overall_of
 from gamekeeper.evaluate.plan import Match, matches_of, settle_plan
 from gamekeeper.evaluate.play import EPISODES
 from gamekeeper.evaluate.results import Ground, has_team, results_of
@@ -181,6 +182,7 @@ def _evaluated(
     tables = _tables(spec, grounds, matches, sheets, judge)
     comparisons = comparisons_of(spec, grounds, tables, judge)
     crossed = {name: crossplay_of(table) for name, table in tables.items()}
+    overall = overall_of(spec, grounds, judge)
     for row in evidence:
         if row["differs"]:
             judge.refuse(
@@ -192,7 +194,7 @@ def _evaluated(
         name=spec.name, suite=_suite(spec, looks, strange), seed=spec.seed, level=spec.level,
         environments=_environments(spec, looks), policies=_policies(spec, looks),
         results=tuple(_with_sequences(results, stopped)), comparisons=tuple(comparisons),
-        crossplay=crossed, stopping=stopped, refused=tuple(judge.refused),
+        overall=overall, crossplay=crossed, stopping=stopped, refused=tuple(judge.refused),
         claims=tuple(claims_of(
             spec, episodes=episodes, stopping=stopped, comparisons=comparisons, crossplay=crossed,
             errors=told["errors"], unpinned=strange,

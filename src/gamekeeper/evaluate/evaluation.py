@@ -25,6 +25,7 @@ class Evaluation:
         policies: by name: how many runs, their digests, whether it is a method.
         results: a row for each environment, policy, run (None: over runs), whom and metric.
         comparisons: pairs of policies on the same seeds.
+        overall: over all environments: aggregates of scores that share a scale, and who is above.
         crossplay: by environment: cells, best responses, fairness.
         stopping: how it was decided that enough was played; None: by number.
         refused: what isn't claimed, and why.
@@ -43,6 +44,7 @@ class Evaluation:
     policies: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     results: tuple[Mapping[str, Any], ...] = ()
     comparisons: tuple[Mapping[str, Any], ...] = ()
+    overall: Mapping[str, Any] = field(default_factory=dict)
     crossplay: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     stopping: Mapping[str, Any] | None = None
     refused: tuple[Mapping[str, str], ...] = ()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from hashlib import blake2b
 from math import sqrt
 from typing import Any, Final
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from gamekeeper.core.evaluation.environments import Aggregate, aggregate, over_environments
 from gamekeeper.core.evaluation.improvement import improvement
 from gamekeeper.core.evaluation.interval import Interval, Statistic
 from gamekeeper.core.evaluation.iqm import interquartile_mean
@@ -133,7 +134,7 @@ class Judge:
             difference = self._point(
                 float((a - b).mean()), error, "interval of a difference over episodes", of
             )
-        return difference, self._improvement(a, b, paired=True, of=of), len(a)
+        return difference, self.improvement(a, b, paired=True, of=of), len(a)
 
     def between_runs(
         self,
@@ -163,7 +164,7 @@ class Judge:
                 )
         except EvidenceError as error:
             difference = self._point(value, error, what, of)
-        chance = self._improvement(one.mean(axis=1), two.mean(axis=1), paired=False, of=of)
+        chance = self.improvement(one.mean(axis=1), two.mean(axis=1), paired=False, of=of)
         return (
             difference,
             chance,
@@ -202,9 +203,31 @@ class Judge:
         method = "Student's t on runs that meet one another (U-statistic)"
         return {"value": value, "low": value - reach, "high": value + reach, "method": method}
 
-    def _improvement(
-        self, a: FloatArray, b: FloatArray, *, paired: bool, of: str
+    def environments(
+        self, scores: Mapping[str, FloatArray], statistic: Aggregate, *, of: str,
+        name: Sequence[object],
+    ) -> dict[str, Any] | None:  # fmt: skip
+        """A figure of a policy over environments, [runs, episodes] in each."""
+        try:
+            rng = self.rng(*name, statistic)
+            return _plain(over_environments(scores, statistic=statistic, rng=rng, level=self.level))
+        except EvidenceError as error:
+            refused, what = error, f"interval of the {_shown(statistic)} over all environments"
+        try:
+            return self._point(aggregate(scores, statistic=statistic), refused, what, of)
+        except EvidenceError as error:  # numbers of runs differ
+            self._note(error, f"{_shown(statistic)} over all environments", of)
+            return None
+
+    def improvement(
+        self,
+        a: FloatArray | Mapping[str, FloatArray],
+        b: FloatArray | Mapping[str, FloatArray],
+        *,
+        paired: bool,
+        of: str,
     ) -> dict[str, Any] | None:
+        """How probably `a` is above `b`; None where too little is there to say."""
         try:
             return _plain(improvement(a, b, paired=paired, level=self.level))
         except EvidenceError as error:
@@ -247,4 +270,6 @@ def _effect(found: Effect) -> dict[str, Any]:
 
 
 def _shown(statistic: str) -> str:
-    return {"iqm": "interquartile mean"}.get(statistic, statistic)
+    return {"iqm": "interquartile mean", "optimality_gap": "optimality gap"}.get(
+        statistic, statistic
+    )

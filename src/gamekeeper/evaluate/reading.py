@@ -229,7 +229,7 @@ def _suite(value: object, at: Place) -> tuple[str, str]:
 
 def _environment(value: object, at: Place) -> EnvironmentSpec:
     known = ("spec", "kwargs", "version", "options", "contract", "success", "most_turns", "team",
-             "digest")  # fmt: skip
+             "score", "digest")  # fmt: skip
     if isinstance(value, str):
         value = {"spec": value}
     table = _table(value, at, known)
@@ -251,6 +251,7 @@ def _environment(value: object, at: Place) -> EnvironmentSpec:
         success={scope: _condition(text, at / "success") for scope, text in success.items()},
         most_turns=_maybe(table, "most_turns", at, _whole),
         team=_maybe(table, "team", at, _truth),
+        score=_maybe(table, "score", at, _scale),
         version=_maybe(table, "version", at, _text),
         digest=_maybe(table, "digest", at, _text),
     )
@@ -258,6 +259,14 @@ def _environment(value: object, at: Place) -> EnvironmentSpec:
 
 def _maybe(table: Mapping[str, Any], key: str, at: Place, read: Callable[[Any, Place], Any]) -> Any:
     return read(table[key], at / key) if key in table else None
+
+
+def _scale(value: object, at: Place) -> tuple[float, float]:
+    items: list[Any] = list(value) if isinstance(value, list | tuple) else []
+    numbers = [each for each in items if type(each) in (int, float)]
+    if not len(numbers) == len(items) == 2 or numbers[0] == numbers[1]:
+        raise at.wrong(value, "two different returns: what counts as 0, and what as 1")
+    return float(numbers[0]), float(numbers[1])
 
 
 def _condition(value: object, at: Place) -> str:

@@ -29,6 +29,7 @@ class EnvironmentSpec:
             empty: where none of the contract's `[failure]` holds.
         most_turns: longer episodes are cut; None: as recordings do.
         team: whether a sum over all agents means something; None: unless a reward is zero-sum.
+        score: the team's returns that count as 0 and as 1, so that environments share a scale.
         version, digest: pinned; another environment is refused.
     """
 
@@ -39,6 +40,7 @@ class EnvironmentSpec:
     success: Mapping[str, str] = field(default_factory=dict)
     most_turns: int | None = None
     team: bool | None = None
+    score: tuple[float, float] | None = None
     version: str | None = None
     digest: str | None = None
 

@@ -39,6 +39,9 @@ def evaluation_text(document: Mapping[str, Any], *, width: int) -> str:
         ]
         if name in document["crossplay"]:
             blocks.append("\n".join(_crossplay(name, document["crossplay"][name], width)))
+    overall = document.get("overall") or {}
+    if overall.get("results"):
+        blocks.append("\n".join(_overall(overall, width)))
     if document["comparisons"]:
         blocks.append("\n".join(_comparisons(document["comparisons"], width)))
     for title, texts in (
@@ -122,9 +125,7 @@ def _endings(rows: Sequence[Row], width: int) -> Iterator[str]:
     shown = _shown([row for row in rows if row["endings"] is not None])
     if not shown:
         return
-    cells: list[tuple[str, ...]] = [
-        ("policy", "of", "success", "term", "trunc", "cut", "reasons")
-    ]
+    cells: list[tuple[str, ...]] = [("policy", "of", "success", "term", "trunc", "cut", "reasons")]
     for row in shown:
         ends = row["endings"]
         reasons = ", ".join(f"{name} {count}" for name, count in ends["reasons"].items())
@@ -182,6 +183,23 @@ def _comparisons(rows: Sequence[Row], width: int) -> Iterator[str]:
         cells = [cell[1:] for cell in cells]
     last = len(cells[0]) - 1
     yield from _fitted(cells, width, right=(last - 1, last), spare=(last, last - 1))
+
+
+def _overall(overall: Mapping[str, Any], width: int) -> Iterator[str]:
+    yield "Over all environments"
+    cells: list[tuple[str, ...]] = [
+        ("policy", "figure", "middle half", "mean", "median", "short of 1", "runs")
+    ]
+    for row in overall["results"]:
+        figures = [_interval(row["iqm"]), _interval(row["mean"])]
+        more = [_value(row[key]) for key in ("median", "optimality_gap")]
+        cells.append((row["policy"], row["metric"], *figures, *more, str(row["runs"])))
+    yield from _fitted(cells, width, right=(4, 5, 6), spare=(5, 4, 2))
+    for row in overall["comparisons"]:
+        if row["improvement"] is not None:
+            chance = {k: 100 * row["improvement"][k] for k in ("value", "low", "high")}
+            text = f"{row['a']} is above {row['b']} in {row['metric']}: {_interval(chance)} %"
+            yield from _item(text, width)
 
 
 def _crossplay(name: str, found: Mapping[str, Any], width: int) -> Iterator[str]:
