@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 import gamekeeper as gk
+from gamekeeper.core.contract.failure import Failure
 from gamekeeper.core.evidence import Evidence
 from gamekeeper.core.outcome import failed, failures, outcome_of
 from gamekeeper.core.tables import MemoryTables
-from gamekeeper.report.page.figures import failing, figures_of
+from gamekeeper.report.page.failing import answers_of, failing
+from gamekeeper.report.page.figures import figures_of
 from tests.report.page.games import recorded
 
 
@@ -47,6 +49,20 @@ def test_without_a_condition_nothing_is_called_failed() -> None:
     found, text = failing(evidence, figures_of(evidence))
     assert found == [None, None, None]
     assert "names no failure" in text
+
+
+@pytest.mark.parametrize(
+    "condition", ["one_0.gain > one_1.gain", "one.return < 11", "ending == 'word'", "length > 9"]
+)
+@pytest.mark.parametrize("scope", ["team", "agent", "one"])
+def test_failures_are_those_of_the_core(condition: str, scope: str) -> None:
+    """Conditions of any scope, with and without names of agents, are answered as core answers."""
+    evidence = recorded()
+    conditions = {scope: Failure(condition)}
+    for trace in evidence.traces:
+        outcome = outcome_of(trace)
+        expected = failed(outcome, conditions, evidence.contract)
+        assert expected == answers_of(outcome, conditions, evidence.contract)
 
 
 def test_a_figure_that_nothing_measures_is_told() -> None:

@@ -15,7 +15,8 @@ from gamekeeper.report.page.causes import causes_section
 from gamekeeper.report.page.compared import compared_block
 from gamekeeper.report.page.data import Block, RunCard, Section
 from gamekeeper.report.page.evaluation import evaluation_section
-from gamekeeper.report.page.figures import Figures, failing, figures_of
+from gamekeeper.report.page.failing import failing
+from gamekeeper.report.page.figures import Figures, figures_of
 from gamekeeper.report.page.form import form_section
 from gamekeeper.report.page.learning import learning_section
 from gamekeeper.report.page.pack import Seat, seats_of

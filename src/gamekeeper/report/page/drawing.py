@@ -112,28 +112,34 @@ def drawn(
 def _state_leaves(trace: Trace) -> Iterator[Leaf]:
     if trace.states is not None and trace.states.num_rows:
         every = np.ones(trace.states.num_rows, np.bool_)
-        for column in value_columns(trace.states.schema, "state"):
-            yield from _leaf("state", column, trace.states, every)
+        for column in _numeric(trace.states, "state"):
+            raw = _raw(column, trace.states)
+            yield from _leaf("state", column, raw, trace.states, every)
 
 
 def _observed(trace: Trace, agents: Sequence[str]) -> Iterator[Leaf]:
     """Of every agent its observations, leaf by leaf; masks are shown elsewhere."""
     steps = trace.steps
-    columns = [each for each in value_columns(steps.schema, "obs") if each.leaf.path != MASK]
+    columns = [each for each in _numeric(steps, "obs") if each.leaf.path != MASK]
     if not columns or not steps.num_rows:
         return
+    raws = [_raw(column, steps) for column in columns]
     names = np.asarray(steps["agent"].to_pylist(), object)
     for agent in agents:
         rows = names == agent
         if rows.any():
-            for column in columns:
-                yield from _leaf(agent, column, steps, rows)
+            for column, raw in zip(columns, raws, strict=True):
+                yield from _leaf(agent, column, raw, steps, rows)
 
 
-def _leaf(name: str, column: Column, table: pa.Table, rows: NDArray[np.bool_]) -> Iterator[Leaf]:
-    if column.leaf.kind in ("text", "json"):
-        return
-    raw = _raw(column, table)
+def _numeric(table: pa.Table, kind: str) -> list[Column]:
+    columns = value_columns(table.schema, kind)
+    return [column for column in columns if column.leaf.kind not in ("text", "json")]
+
+
+def _leaf(
+    name: str, column: Column, raw: Raw, table: pa.Table, rows: NDArray[np.bool_]
+) -> Iterator[Leaf]:
     rows = rows & raw.valid
     if rows.any() and raw.values.shape[1]:
         dtype = np.dtype("<i8" if column.leaf.kind == "int" else column.leaf.dtype)

@@ -9,12 +9,12 @@ from typing import Any, Final
 import numpy as np
 
 from gamekeeper.core.evidence import Evidence
-from gamekeeper.core.outcome import failed as failed_by
 from gamekeeper.core.outcome import failures, outcome_of
 from gamekeeper.core.trace import Trace
 from gamekeeper.errors import ContractError
 from gamekeeper.report.page.drawing import Film, drawn
-from gamekeeper.report.page.figures import Figures, failing, figures_of
+from gamekeeper.report.page.failing import answers_of, failing
+from gamekeeper.report.page.figures import Figures, figures_of
 from gamekeeper.report.page.pack import Mark, Seat, packed_episode, seats_of, turns_of
 
 Label = Mapping[str, Any]
@@ -157,7 +157,7 @@ def _failure_marks(evidence: Evidence, trace: Trace, failed: bool | None) -> Ite
         if failed and len(conditions) == 1:  # whose it is needs no second look
             answers = dict.fromkeys(conditions, True)
         else:
-            answers = failed_by(outcome_of(trace), conditions, evidence.contract)
+            answers = answers_of(outcome_of(trace), conditions, evidence.contract)
     except ContractError:  # nothing is declared, or the episode lacks a figure
         return
     for scope, is_failed in answers.items():
