@@ -204,6 +204,25 @@ def test_taken_folder_is_refused_before_anything_is_played(tmp_path: Path) -> No
     assert not parts_folder(tmp_path / "many").exists()
 
 
+def test_link_to_an_empty_folder_is_followed(tmp_path: Path) -> None:
+    """The bundle lies where the link leads, and the link stays."""
+    (tmp_path / "disk").mkdir()
+    (tmp_path / "many").symlink_to(tmp_path / "disk")
+    assert apart_into(tmp_path / "many", plan(episodes=2)).error is None
+    assert (tmp_path / "many").is_symlink()
+    assert (tmp_path / "disk" / "manifest.json").exists()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["disk", "many"]
+
+
+def test_mounted_disk_is_refused_before_anything_is_played(tmp_path: Path) -> None:
+    """A folder that can't be replaced in one step is told while that costs nothing."""
+    executor = Here()
+    storage = Storage.at(tmp_path / "parts")
+    with pytest.raises(BundleError, match="mounted disk"):
+        apart_into(Path("/"), plan(), executor, storage)
+    assert (executor.played, (tmp_path / "parts").exists()) == ([], False)
+
+
 def test_mistake_leaves_nothing_that_is_in_the_way(tmp_path: Path) -> None:
     """A wrong name is told as in one process, and the mended command isn't refused."""
     with pytest.raises(SpecError):

@@ -128,6 +128,7 @@ def _check_free(out: Path) -> None:
     """
     try:
         names = sorted(path.name for path in out.iterdir())
+        is_mount = out.is_mount()
     except FileNotFoundError:
         return
     except OSError as error:
@@ -135,6 +136,12 @@ def _check_free(out: Path) -> None:
             "the run's folder can't be used", where=str(out), seen=error.strerror or str(error),
             mend="name another with --out",
         ) from None  # fmt: skip
+    if is_mount:
+        raise BundleError(
+            "a whole run can't take the place of a mounted disk in one step",
+            where=str(out),
+            mend="name a folder on it",
+        )
     if names:
         raise BundleError(
             "the folder isn't empty",

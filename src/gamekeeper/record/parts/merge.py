@@ -112,7 +112,8 @@ def merge(
     """
     if not parts:
         raise BundleError("there is no part to merge", where=str(storage))
-    draft = out.absolute().with_name(f".{out.name}.merging")
+    place = out.resolve()  # a link to an empty folder is no folder that one can take the place of
+    draft = place.with_name(f".{place.name}.merging")
     _clear(draft)
     whole = _Whole(draft, parts)
     try:
@@ -124,7 +125,7 @@ def merge(
     except BaseException:
         whole.discard()
         raise
-    _publish(draft, out.absolute())
+    _publish(draft, place)
 
 
 class _Whole:

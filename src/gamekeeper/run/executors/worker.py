@@ -23,7 +23,7 @@ from gamekeeper.run.workers import environment_of
 SERVE: Final = "gamekeeper.run.executors.worker:serve"
 TASKS_EACH: Final = 1_000
 """Tasks after which a process is replaced: what environments leak would add up."""
-FAREWELL_S: Final = 5.0
+FAREWELL_S: Final = 2.0
 """How long a process that isn't at work gets to end by itself, in seconds."""
 
 
