@@ -75,7 +75,7 @@ def _answer(
 ) -> Answer:
     page = Page(
         title=" · ".join(run.name for run in runs),
-        lead=lead_of(runs, documents),
+        lead=_lead(runs, documents),
         runs=tuple(run.card for run in runs),
         sections=sections,
         links=links,
@@ -84,6 +84,14 @@ def _answer(
     )
     policy = policy_of(style(), script(), is_view=True) + NO_FRAME
     return Answer(200, HTML, render(page).encode(), {"Content-Security-Policy": policy})
+
+
+def _lead(runs: Sequence[Shown], documents: Documents) -> str:
+    """Of a run that grows, nothing that will be wrong a moment later: its list counts."""
+    main = runs[0].card
+    if main.status != "open":
+        return lead_of(runs, documents)
+    return f"{main.environment} ({main.api}), being recorded or never sealed."
 
 
 def _apart(edition: Edition) -> Shown:
