@@ -58,6 +58,21 @@ def test_pair_has_one_cursor(open_page: Open) -> None:
     assert page.locator("td.differs").count() == 0
 
 
+def test_pair_has_one_scale(open_page: Open) -> None:
+    """A turn stands at the same place in both lanes, whatever the lengths and the zoom."""
+    page = paired(open_page, parallel_episode(turns=60), parallel_episode(turns=20, episode=1))
+    assert turn_of(page) == 0
+    page.locator(".scrub").focus()
+    page.keyboard.press("Shift+ArrowRight")
+    for _ in range(2):
+        assert turn_of(page) == 10
+        places = page.evaluate(
+            "[...document.querySelectorAll('.lanes-cursor')].map((line) => line.style.transform)"
+        )
+        assert places[0] == places[1]
+        page.get_by_role("button", name="Show fewer turns").first.click()
+
+
 def test_pair_without_difference_says_so(open_page: Open) -> None:
     """Equal episodes have no divergence, and the page says what was compared."""
     base, _ = base_and_twin()

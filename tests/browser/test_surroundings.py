@@ -149,6 +149,17 @@ def test_paper_has_numbers_and_nothing_to_press(open_page: Open) -> None:
     assert page.pdf()[:5] == b"%PDF-"
 
 
+def test_paper_is_light(open_page: Open) -> None:
+    """What is printed from a dark screen is drawn in the colours of paper."""
+    page = open_page(whole_page(), color_scheme="dark")
+    page.wait_for_selector("#gk-player[data-turn]")
+    assert page.evaluate("gamekeeper.colours().ground") == "#14181c"
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    assert page.evaluate("gamekeeper.colours().ground") == "#ffffff"
+    page.evaluate("window.dispatchEvent(new Event('afterprint'))")
+    assert page.evaluate("gamekeeper.colours().ground") == "#14181c"
+
+
 def test_chart_hides_a_line_by_keyboard(open_page: Open) -> None:
     """A line of a chart is switched off in its legend, by space."""
     page = open_page(whole_page())

@@ -47,7 +47,7 @@ gk.Deck = class {
   show(turn, other = null) {
     const here = Math.min(turn, this.episode.last);
     this.drawing.show(here);
-    this.lanes.show(here);
+    this.lanes.show(turn);
     this.table.show(turn, other);
     this.root.classList.toggle("over", turn > this.episode.last);
   }
@@ -58,9 +58,9 @@ gk.Deck = class {
     this.lanes.redraw();
   }
 
-  // Everything again, in the colours that hold now.
+  // Everything again, in the colours that hold now; at once, since a page that is printed waits for no frame.
   repaint(turn) {
-    this.lanes.redraw();
+    this.lanes.draw();
     this.drawing.show(Math.min(turn, this.episode.last));
   }
 };

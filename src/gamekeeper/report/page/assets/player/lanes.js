@@ -15,6 +15,8 @@ gk.Lanes = class {
     this.choose = choose;
     this.height = episode.agents.length > MANY ? CLOSE : ROOMY;
     this.cursor = 0;
+    this.span = episode.last + 1; // turns on the scale: those of the longer one of two
+    this.partner = null; // the lanes beside these, which show the same turns
     this.first = 0; // the turn at the left edge
     this.zoom = 1; // 1: the whole episode is in sight
     this.marks = episode.marks;
@@ -84,7 +86,7 @@ gk.Lanes = class {
   }
 
   get perTurn() {
-    const all = this.width / (this.episode.last + 1);
+    const all = this.width / this.span;
     return this.zoom === 1 ? all : Math.max(all, Math.min(WIDEST, all * this.zoom));
   }
 
@@ -95,21 +97,36 @@ gk.Lanes = class {
   // Twice, half, or (0) all; the cursor stays where it is seen.
   zoomBy(factor) {
     const seen = (this.cursor - this.first) * this.perTurn;
-    const most = Math.max(1, (WIDEST * (this.episode.last + 1)) / this.width);
+    const most = Math.max(1, (WIDEST * this.span) / this.width);
     this.zoom = factor === 0 ? 1 : Math.max(1, Math.min(most, this.zoom * factor));
     this.first = this.cursor - Math.min(seen, this.width * 0.8) / this.perTurn;
     this.#intoRange();
     this.redraw();
+    this.partner?.follow(this);
+  }
+
+  // Shows the same turns as the lanes beside these.
+  follow({ zoom, first }) {
+    this.zoom = zoom;
+    this.first = first;
+    this.redraw();
+  }
+
+  // Two lanes on one scale.
+  static pair(one, other) {
+    one.span = other.span = Math.max(one.span, other.span);
+    one.partner = other;
+    other.partner = one;
   }
 
   #intoRange() {
     const shown = this.width / this.perTurn;
-    this.first = Math.max(0, Math.min(Math.floor(this.first), Math.ceil(this.episode.last + 1 - shown)));
+    this.first = Math.max(0, Math.min(Math.floor(this.first), Math.ceil(this.span - shown)));
   }
 
   // Puts the cursor on a turn; draws only when that turn was out of sight.
   show(turn) {
-    this.cursor = Math.min(turn, this.episode.last);
+    this.cursor = Math.min(turn, this.span - 1);
     const shown = this.width / this.perTurn;
     if (this.cursor < this.first || this.cursor >= this.first + shown - 0.5) {
       this.first = this.cursor - shown * 0.2;

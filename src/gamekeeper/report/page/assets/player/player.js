@@ -177,6 +177,7 @@ gk.Player = class {
       Object.assign(deck, { entry: entries[i], side: titles[i].toLowerCase() });
       return deck;
     });
+    if (this.decks.length > 1) gk.Lanes.pair(this.decks[0].lanes, this.decks[1].lanes);
     this.part = episodes.length > 1 ? gk.firstDifference(...episodes) : null;
     if (this.part) this.decks.forEach((deck) => deck.mark([this.partMark()]));
     this.stage.classList.toggle("two", episodes.length > 1);

@@ -1,4 +1,4 @@
-// The colours of the style sheet, for canvases; asked anew when the reader's system changes between light and dark.
+// The colours of the style sheet, for canvases; asked anew when the reader's system changes between light and dark, and for paper.
 
 let known = null;
 const listeners = [];
@@ -26,4 +26,10 @@ const forget = () => {
 };
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", forget);
 
-gk.calm = () => matchMedia("(prefers-reduced-motion: reduce)").matches;
+// Paper is light, whatever the screen is: canvases are drawn for it before the page is laid out.
+const paper = (isPaper) => () => {
+  document.documentElement.classList.toggle("paper", isPaper);
+  forget();
+};
+window.addEventListener("beforeprint", paper(true));
+window.addEventListener("afterprint", paper(false));
