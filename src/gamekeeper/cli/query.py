@@ -21,7 +21,7 @@ MOST: Final = 40
 WordsArgument = Annotated[
     list[str],
     typer.Argument(
-        metavar="RUN... [SQL]", show_default=False,
+        metavar="RUN|SQL", show_default=False,
         help="Folders of evidence, folders of such folders, patterns ('runs/*'); then the query, "
         "- reads it from stdin. Without a query, the views and their columns.",
     ),
