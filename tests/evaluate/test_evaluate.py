@@ -242,6 +242,20 @@ def test_evaluate_says_what_it_needs() -> None:
         evaluate("gk-tasks-1", env_kwargs={"n": 3})
 
 
+def test_evaluate_sees_rewards_that_cancel_without_a_contract() -> None:
+    """Every episode adds up to 0: there is no team, but an environment may be said to have one."""
+    from pettingzoo.classic import connect_four_v3
+
+    found = evaluate(connect_four_v3.env, policies={"random": "random"}, episodes=3)
+    assert list(found.environments) == ["connect_four"]
+    assert rows(found, scope="team", metric="return") == []
+    spec = {
+        "environments": {"c": {"spec": "connect_four", "team": True}},
+        "policies": {"r": "random"},
+    }
+    assert rows(evaluate(spec, episodes=3), scope="team", metric="return")
+
+
 def test_evaluation_goes_to_json_and_back() -> None:
     """And shows itself as text and as a table."""
     found = evaluate("two_robot_line", policies=BOTH, episodes=2)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 from gamekeeper.core.evaluation.refusals import FEWEST_RUNS
 from gamekeeper.evaluate.spec import Spec
+
+MOST_CLAIMS: Final = 24
+"""Comparisons that are told in words; teams and rivals always are."""
 
 
 def claims_of(
@@ -37,7 +40,7 @@ def claims_of(
         f"Every line-up played episodes 0 to {episodes - 1} of seed {spec.seed}: the same resets, "
         f"and the same random streams for its policies.",
         *_stopped(stopping),
-        *(f"{row['claim']}." for row in comparisons),
+        *_compared(comparisons),
         *_crossed(crossplay),
     ]
 
@@ -65,6 +68,22 @@ def _about(spec: Spec) -> Iterator[str]:
             yield f"{name} has {runs} training runs: they are the unit of what is said about it."
 
 
+def _compared(comparisons: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """What was found between policies: of teams and rivals first, of roles as far as they go."""
+    told = [row for row in comparisons if (row["difference"] or {}).get("low") is not None]
+    wide = [row for row in told if row["scope"] in ("team", "seats")]
+    rest = [row for row in told if row not in wide]
+    shown = [*wide, *rest[: max(MOST_CLAIMS - len(wide), 0)]]
+    yield from (f"{row['claim']}." for row in shown)
+    if len(shown) < len(told):
+        yield f"{len(told) - len(shown)} more comparisons of roles and agents stand in the tables."
+    if len(told) < len(comparisons):
+        yield (
+            f"{len(comparisons) - len(told)} comparisons have no interval: nothing is claimed of "
+            "them."
+        )
+
+
 def _stopped(stopping: Mapping[str, Any] | None) -> Iterator[str]:
     if stopping is None:
         return
@@ -81,12 +100,10 @@ def _crossed(crossplay: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     for name, found in crossplay.items():
         kinds = [cell["kind"] for cell in found["cells"]]
         counts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+        roles = ", ".join(found["roles"])
+        yield f"{name}: cross-play of {len(kinds)} line-ups ({counts}) by {roles}."
+    if any(found["best_response"] for found in crossplay.values()):
         yield (
-            f"{name}: cross-play of {len(kinds)} line-ups ({counts}) by "
-            f"{', '.join(found['roles'])}."
+            "Best responses were chosen on the same episodes that they are shown by, so their "
+            "leads are overstated."
         )
-        if found["best_response"]:
-            yield (
-                f"{name}: best responses were chosen on the same episodes that they are shown by, "
-                "so their leads are overstated."
-            )

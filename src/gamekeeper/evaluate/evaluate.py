@@ -243,19 +243,15 @@ def _grounds(
     matches: Sequence[Match],
     sheets: Mapping[tuple[str, str], Sheet],
 ) -> list[Ground]:
-    return [
-        Ground(
-            name,
-            look,
-            has_team(spec, name, look),
-            {
-                match.pairing.side: sheets[name, match.pairing.name]
-                for match in matches
-                if match.environment == name and match.pairing.side is not None
-            },
-        )
-        for name, look in looks.items()
-    ]
+    found = []
+    for name, look in looks.items():
+        mine = {
+            match.pairing.side: sheets[name, match.pairing.name]
+            for match in matches
+            if match.environment == name and match.pairing.side is not None
+        }
+        found.append(Ground(name, look, has_team(spec, name, look, mine.values()), mine))
+    return found
 
 
 def _tables(

@@ -14,6 +14,7 @@ from gamekeeper.errors import SpecError
 from gamekeeper.evaluate.reading import read_file, read_spec
 from gamekeeper.evaluate.spec import Spec
 from gamekeeper.evaluate.suites import suite_named
+from gamekeeper.game.opening.installed import FACTORY_NAMES
 
 
 def spec_of(
@@ -103,7 +104,10 @@ def name_of(given: object) -> str:
     if not isinstance(given, str):
         metadata = getattr(given, "metadata", None)
         named = metadata.get("name") if isinstance(metadata, dict) else None
-        return str(named or getattr(given, "__name__", type(given).__name__))
+        own = str(getattr(given, "__name__", type(given).__name__))
+        if own in FACTORY_NAMES:  # its module says more
+            own = str(getattr(given, "__module__", own)).rpartition(".")[2]
+        return str(named or own)
     bare = re.sub(r"^(parallel|aec):", "", given.strip())
     last = re.split(r"[/\\]", re.sub(r":[^:/\\]*$", "", bare))[-1]
     last = last.removesuffix(".py") if last.endswith(".py") else last.rpartition(".")[2]

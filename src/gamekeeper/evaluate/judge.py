@@ -241,8 +241,8 @@ class Judge:
         return {"value": value, "low": None, "high": None, "method": None}
 
     def _note(self, error: EvidenceError, what: str, of: str) -> None:
-        asked = f"; {error.expected}, seen {error.seen}" if error.expected else ""
-        self.refuse(what, f"{error.what}{asked}", of)
+        asked = f"; {error.expected}" if error.expected else ""
+        self.refuse(what, f"{error.what}{asked}", f"{of} ({error.seen})" if error.seen else of)
 
 
 def shared(scores: Sequence[FloatArray]) -> FloatArray:

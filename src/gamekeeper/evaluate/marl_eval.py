@@ -45,6 +45,7 @@ def _run(ground: Ground, sheet: Sheet) -> dict[str, Any]:
         name: [float(value) for value in values]
         for whom in ground.compared
         for metric in (RETURN, SUCCESS)
+        if metric == SUCCESS or whom.scope != TEAM or ground.has_team
         for name, values in (_metric(sheet, whom, metric),)
         if len(values)
     }

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from gamekeeper.core.evaluation.environments import AGGREGATES
+from gamekeeper.core.evaluation.environments import AGGREGATES, aggregate
 from gamekeeper.core.outcome import TEAM
 from gamekeeper.evaluate.judge import FloatArray, Judge, shared
 from gamekeeper.evaluate.results import Ground
@@ -60,15 +60,26 @@ def _scores(spec: Spec, grounds: Sequence[Ground], policy: str, metric: str) -> 
 
 
 def _row(spec: Spec, policy: str, metric: str, scores: Scores, judge: Judge) -> dict[str, Any]:
-    runs = [len(each) for each in scores.values()]
-    figures: dict[str, Any] = {
-        statistic: judge.environments(scores, statistic, of=policy, name=["all", policy, metric])
-        for statistic in AGGREGATES
-    }
     is_method = spec.policies[policy].is_method
+    if is_method:
+        figures: dict[str, Any] = {
+            each: judge.environments(scores, each, of=policy, name=["all", policy, metric])
+            for each in AGGREGATES
+        }
+    else:
+        judge.refuse(
+            "intervals over all environments",
+            "one checkpoint each: what would vary are training runs",
+            policy,
+        )
+        nothing = dict.fromkeys(("low", "high", "method"))
+        figures = {
+            each: {"value": aggregate(scores, statistic=each), **nothing} for each in AGGREGATES
+        }
     return {
-        "policy": policy, "metric": metric, "environments": len(scores), "runs": min(runs),
-        "unit": "run" if is_method else "episode", **figures,
+        "policy": policy, "metric": metric, "environments": len(scores),
+        "runs": min(map(len, scores.values())), "unit": "run" if is_method else "episode",
+        **figures,
     }  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -22,6 +22,8 @@ QUANTILES: Final = (0.05, 0.25, 0.75, 0.95)
 MOST_AGENTS: Final = 32
 """Agents of an environment that have rows of their own; the raw episodes have all of them."""
 ZERO_SUM: Final = "zero-sum"
+CANCELS: Final = 1e-9
+"""A sum of returns that is smaller, as a part of the largest, is 0 but for rounding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,12 +97,21 @@ def may_pool(contract: Contract, role: str, members: Sequence[str]) -> bool:
     return len(members) == 1 or (declared is not None and declared.symmetric is True)
 
 
-def has_team(spec: Spec, environment: str, look: Look) -> bool:
-    """Whether a sum over all agents means something: as is said, else where nothing cancels."""
+def has_team(spec: Spec, environment: str, look: Look, sheets: Iterable[Sheet]) -> bool:
+    """Whether a sum over all agents means something: as is said, else where nothing cancels.
+
+    Where no contract says that a reward is zero-sum, it is if every episode's returns add up to 0
+    and aren't all 0.
+    """
     told = spec.environments[environment].team
     if told is not None:
         return told
-    return not any(term.kind == ZERO_SUM for term in look.declared.rewards.values())
+    if any(term.kind == ZERO_SUM for term in look.declared.rewards.values()):
+        return False
+    returns = [sheet.column(RETURN) for sheet in sheets]
+    sums = np.concatenate([np.nansum(each, axis=1) for each in returns])
+    largest = max(float(np.nanmax(np.abs(each), initial=0.0)) for each in returns)
+    return largest == 0.0 or bool((np.abs(sums) > CANCELS * largest).any())
 
 
 def results_of(spec: Spec, ground: Ground, judge: Judge) -> Iterator[dict[str, Any]]:
@@ -170,7 +181,8 @@ def _rows(
                 "environment": ground.name, "policy": policy, "run": run, "scope": whom.scope,
                 "who": whom.name, "metric": metric,
             }  # fmt: skip
-            named = f"{of} in {ground.name}" + (f", {whom.name}" if whom.scope == EACH else "")
+            is_rare = whom.scope == EACH and any(np.isnan(each).any() for each in scores)
+            named = f"{whom.name if is_rare else of} in {ground.name}"
             found = _figures(judge, scores, list(where.values()), named, run)
             yield {
                 **where, **found,
