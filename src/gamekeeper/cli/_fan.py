@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
 
 import typer
 
@@ -47,6 +48,24 @@ StorageOption: TypeAlias = Annotated[
 def is_fanned(workers: int | None, executor: str | None, storage: str | None) -> bool:
     """Whether a command line asks for workers; without any of these options one process plays."""
     return (workers, executor, storage) != (None, None, None)
+
+
+@contextmanager
+def players_of(executor: str | None, workers: int, *, asked: int | None) -> Iterator[Any]:
+    """Who plays, for what takes a number of processes or an executor.
+
+    Args:
+        executor: as the user named it; None: processes of this machine.
+        workers: how many of these.
+        asked: how many the user asked for; None leaves it to another executor.
+    Raises:
+        GamekeeperError: there is no such executor.
+    """
+    if executor is None or executor == LOCAL:
+        yield workers
+        return
+    with executor_of(executor, asked or None) as players:
+        yield players
 
 
 def free_for(plan: Plan, storage: str | None) -> Callable[[Path], bool]:

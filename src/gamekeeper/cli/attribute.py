@@ -10,6 +10,7 @@ from typing import Annotated, Any, Final, Literal
 import typer
 
 from gamekeeper.cli._document import document_text
+from gamekeeper.cli._fan import ExecutorOption, FanOption, players_of
 from gamekeeper.cli._options import (
     SILENCE_S,
     ContractOption,
@@ -19,7 +20,6 @@ from gamekeeper.cli._options import (
     RunArgument,
     SeedOption,
     TimeoutOption,
-    WorkersOption,
 )
 from gamekeeper.cli._screen import Answer, Screen
 from gamekeeper.errors import BundleError
@@ -62,7 +62,8 @@ def command(
     policy: PolicyOption = None,
     env: ReopenOption = None,
     seed: SeedOption = 0,
-    workers: WorkersOption = 1,
+    workers: FanOption = None,
+    executor: ExecutorOption = None,
     allow_import: ImportOption = False,
     timeout: TimeoutOption = SILENCE_S,
 ) -> Answer:
@@ -76,7 +77,10 @@ def command(
     from gamekeeper.game.policy import parse_choices
     from gamekeeper.report.attribution_text import attribution_text
 
-    with screen.progress("attributing") as take:
+    with (
+        players_of(executor, workers or 1, asked=workers) as players,
+        screen.progress("attributing") as take,
+    ):
         found = attribute(
             run,
             contract=contract,
@@ -86,7 +90,7 @@ def command(
             policies=parse_choices(policy) if policy else None,
             env=env,
             seed=seed,
-            workers=workers,
+            workers=players,
             allow_import=allow_import,
             timeout_s=timeout,
             on_message=take,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
+from gamekeeper.cli._fan import ExecutorOption, players_of
 from gamekeeper.cli._options import (
     SILENCE_S,
     ImportOption,
@@ -109,6 +110,7 @@ def command(
     budget: BudgetOption = BUDGET,
     stressors: StressorsOption = None,
     workers: WorkersOption = None,
+    executor: ExecutorOption = None,
     out: OutOption = None,
     save_case: CaseOption = None,
     shrink: ShrinkOption = None,
@@ -132,12 +134,16 @@ def command(
             screen, run, shrink, failed=failed, env=env, contract=contract,
             out=folder / f"shrunk-{shrink}", allow_import=allow_import,
         )  # fmt: skip
-    with screen.progress("diagnosing") as take:
+    count = (os.cpu_count() or 1) if workers is None else workers
+    with (
+        players_of(executor, count, asked=workers) as players,
+        screen.progress("diagnosing") as take,
+    ):
         found = diagnose(
             run, failed=failed, contract=contract, env=env,
             policies=parse_choices(policy) if policy else None, level=level, part=part, seed=seed,
             budget=budget, stressors=stressors,
-            workers=(os.cpu_count() or 1) if workers is None else workers, out=folder,
+            workers=players, out=folder,
             allow_import=allow_import, timeout_s=timeout, on_message=take,
         )  # fmt: skip
     document = found.to_json()

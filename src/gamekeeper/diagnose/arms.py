@@ -19,6 +19,7 @@ from gamekeeper.diagnose.setup import Setup
 from gamekeeper.diagnose.shares import kept_open, play_shares
 from gamekeeper.diagnose.stage import Stage
 from gamekeeper.errors import BundleError, SpecError
+from gamekeeper.run.executors.task import Executor
 
 TASK: Final = "gamekeeper.diagnose.arms:arms_task"
 SILENCE_S: Final = 60.0
@@ -44,7 +45,7 @@ class Lab:
 
     Attributes:
         contract: names reward terms and volatile infos.
-        workers: processes that play; 0: this one does.
+        workers: processes that play; 0: this one does; or an executor that plays.
         notes: the file in which outcomes are kept; None: they are kept in memory.
         head: what the file has to begin with, so that no other experiment's outcomes are taken.
         on_message: called with `{"episode", "episodes"}`.
@@ -54,7 +55,7 @@ class Lab:
     """
 
     contract: Contract
-    workers: int = 0
+    workers: int | Executor = 0
     notes: Path | None = None
     head: Mapping[str, Any] = field(default_factory=dict)
     on_message: Callable[[dict[str, Any]], None] | None = None
@@ -145,8 +146,9 @@ class Lab:
     def _shares(self, given: Any) -> Iterator[dict[str, Any]]:
         """A few episodes of an arm each, so that workers end at about the same time."""
         contract = self.contract.to_json()
+        workers = self.workers if isinstance(self.workers, int) else self.workers.workers
         for order, setup, episodes in given:
-            most = min(max(-(-len(episodes) // (2 * self.workers)), 1), EPISODES_EACH)
+            most = min(max(-(-len(episodes) // (2 * workers)), 1), EPISODES_EACH)
             for at in range(0, len(episodes), most):
                 if order.arm in self.broken:
                     break

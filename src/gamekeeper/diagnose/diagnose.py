@@ -27,6 +27,7 @@ from gamekeeper.diagnose.stress import EVERYBODY, Stressor, effects, stressors_o
 from gamekeeper.diagnose.twins import keep, partings
 from gamekeeper.record.bundle import load
 from gamekeeper.run.change import changes
+from gamekeeper.run.executors.task import Executor
 
 BUDGET: Final = 2_000
 """Episodes that an experiment may play unless told otherwise."""
@@ -48,7 +49,7 @@ def diagnose(
     seed: int = 0,
     budget: int = BUDGET,
     stressors: bool | None = None,
-    workers: int = 0,
+    workers: int | Executor = 0,
     out: str | PathLike[str] | None = None,
     allow_import: bool = False,
     timeout_s: float | None = SILENCE_S,
@@ -73,7 +74,7 @@ def diagnose(
         budget: episodes that may be played.
         stressors: also play stressors with what is left of the budget; None: where it fails
             beyond chance.
-        workers: processes that play; 0: this one.
+        workers: processes that play; 0: this one; or an executor that plays.
         out: a folder for what was played and for twins that replay; a second call goes on there.
         allow_import: run code that the evidence names.
         timeout_s: longest time without a turn in a worker.

@@ -10,7 +10,7 @@ from typing import Any, Final, TypeVar
 
 from gamekeeper.errors import EnvError
 from gamekeeper.run.executors.local import LocalExecutor
-from gamekeeper.run.executors.task import Limits, Task, stopped_after
+from gamekeeper.run.executors.task import Executor, Limits, Task, stopped_after
 
 
 def play_shares(
@@ -18,7 +18,7 @@ def play_shares(
     shares: Iterable[Mapping[str, Any]],
     take: Callable[[Any], None],
     *,
-    workers: int,
+    workers: int | Executor,
     silence_s: float | None,
     where: str,
     mend: str,
@@ -30,7 +30,7 @@ def play_shares(
         call: "module:function".
         shares: the arguments of each task; drawn as workers get free, in several threads.
         take: called with what each task returned, once, in this thread.
-        workers: how many processes.
+        workers: how many processes of this machine; or who plays in their place.
         silence_s: longest time without a sign of life.
         where, mend: what an error says of the place and of what to do.
         on_report: called with each report, one at a time, in several threads; of a task that is
@@ -45,9 +45,8 @@ def play_shares(
             on_report(fields)
 
     tasks = (Task(f"share-{number:07d}", call, share) for number, share in enumerate(shares))
-    answers = LocalExecutor(workers).map(
-        tasks, limits=Limits(silence_s=silence_s), on_report=report
-    )
+    players = LocalExecutor(workers) if isinstance(workers, int) else workers
+    answers = players.map(tasks, limits=Limits(silence_s=silence_s), on_report=report)
     with stopped_after(answers) as ends:
         for done in ends:
             end = done.outcome

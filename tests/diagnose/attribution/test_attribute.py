@@ -11,6 +11,7 @@ import gamekeeper as gk
 from gamekeeper.diagnose.attribution.attribute import attribute
 from gamekeeper.errors import PolicyError, TrustError
 from tests.diagnose.attribution import games
+from tests.record.parts.here import Here
 
 ROBOTS = ("robot_0", "robot_1", "robot_2")
 
@@ -217,10 +218,10 @@ def test_attribution_of_turns_sums(tmp_path: Path) -> None:
 
 
 def test_attribution_is_the_same_whoever_plays(tmp_path: Path) -> None:
-    """Worker processes give the figures that this one gives."""
+    """Worker processes, or another executor, give the figures that this process gives."""
     evidence = gk.rollout("two_robot_line", episodes=2, seed=3, out=tmp_path / "run")
-    here, there = (attribute(evidence, episodes=4, workers=n) for n in (0, 2))
-    assert here.to_json() == there.to_json()
+    here, there, far = (attribute(evidence, episodes=4, workers=n) for n in (0, 2, Here(1)))
+    assert here.to_json() == there.to_json() == far.to_json()
 
 
 def test_attribution_of_foreign_code_asks_for_trust(tmp_path: Path) -> None:

@@ -35,6 +35,7 @@ from gamekeeper.diagnose.experiment import fresh_seed
 from gamekeeper.diagnose.setup import Setup, contract_of, setup_of
 from gamekeeper.errors import EvidenceError
 from gamekeeper.record.bundle import load
+from gamekeeper.run.executors.task import Executor
 
 FRESH: Final = 50
 """Fresh episodes that are played unless told otherwise; of fewer no interval is claimed."""
@@ -55,7 +56,7 @@ def attribute(
     env: object | None = None,
     policies: Mapping[str, Any] | None = None,
     seed: int = 0,
-    workers: int = 0,
+    workers: int | Executor = 0,
     allow_import: bool = False,
     timeout_s: float | None = SILENCE_S,
     on_message: Callable[[dict[str, Any]], None] | None = None,
@@ -77,7 +78,7 @@ def attribute(
         env: opened in place of what the evidence names, with the recorded arguments.
         policies: in place of the recorded ones, by agent, role or under `*`.
         seed: of all draws; equal seeds give equal answers.
-        workers: processes that play; 0: this one.
+        workers: processes that play; 0: this one; or an executor that plays.
         allow_import: run code that the evidence names.
         timeout_s: longest time without a turn in a worker.
         on_message: called with `{"episode", "episodes"}` as they are played.

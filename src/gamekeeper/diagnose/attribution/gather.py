@@ -16,6 +16,7 @@ from gamekeeper.diagnose.attribution.film import Paper
 from gamekeeper.diagnose.attribution.messages import listened, said
 from gamekeeper.diagnose.attribution.scan import scan
 from gamekeeper.diagnose.shares import kept_open, play_shares
+from gamekeeper.run.executors.task import Executor
 
 TASK: Final = "gamekeeper.diagnose.attribution.gather:share_task"
 SILENCE_S: Final = 60.0
@@ -59,7 +60,7 @@ def gather(
     *,
     closed: int,
     fresh: int,
-    workers: int = 0,
+    workers: int | Executor = 0,
     silence_s: float | None = SILENCE_S,
     on_message: Callable[[dict[str, Any]], None] | None = None,
 ) -> Gathered:
@@ -69,7 +70,7 @@ def gather(
         papers: episodes of the run.
         closed: fresh episodes in which coalitions play.
         fresh: of these, those that are looked into action by action as well.
-        workers: processes that play; 0: this one does.
+        workers: processes that play; 0: this one does; or an executor that plays.
         on_message: called with `{"episode", "episodes"}`.
     Raises:
         EnvError: the environment raised, or a worker process hung or died.
@@ -134,7 +135,7 @@ def _apart(
     papers: Sequence[Paper],
     closed: int,
     fresh: int,
-    workers: int,
+    workers: int | Executor,
     silence_s: float | None,
     take: Callable[[Mapping[str, Any]], None],
 ) -> None:
