@@ -64,6 +64,19 @@ def test_report_is_accessible(open_page: Open, runs: tuple[Path, Path], tmp_path
     assert serious(page) == []
 
 
+def test_report_fits_on_paper(open_page: Open, runs: tuple[Path, Path], tmp_path: Path) -> None:
+    """On a sheet's width no table is cut off, though all that was folded is open."""
+    file = report(runs[0], tmp_path / "report.html", others=[runs[1]])
+    sheet = {"width": 760, "height": 1100}
+    page = open_page(file.read_text(encoding="utf-8"), viewport=sheet)
+    page.wait_for_selector("#gk-player[data-turn]")
+    page.emulate_media(media="print")
+    page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+    assert turn_of(page) == 0
+    assert page.locator("details:not([open])").count() == 0
+    assert page.evaluate("document.documentElement.scrollWidth") == 760
+
+
 def test_view_opens_any_episode(chromium: Any, served: str) -> None:
     """The served page asks for the episode that is opened, under its token, without complaint."""
     context = chromium.new_context(viewport={"width": 1200, "height": 900})
