@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from gamekeeper.record.files.notes import read_notes
 from tests.cli.lines import document, said
 
 Capture = pytest.CaptureFixture[str]
@@ -58,12 +59,11 @@ def test_report_of_no_run_is_refused(tmp_path: Path, capsys: Capture) -> None:
 
 
 def test_report_finds_the_attribution(tmp_path: Path, capsys: Capture) -> None:
-    """What `attribute` found out is kept in the run, once, and stands on the page."""
+    """What `attribute` printed is kept in the run, and stands on the page."""
     run, out = tmp_path / "run", tmp_path / "page.html"
     said(capsys, "record", "two_robot_line", "--policy", "reference", "--episodes", 3, "--out", run)
-    for _ in range(2):
-        said(capsys, "attribute", run, "--episodes", 2, "--papers", 1)
-    assert (run / "annotations.jsonl").read_text().count('"attribution"') == 1
+    _, told = document(capsys, "attribute", run, "--episodes", 0, "--papers", 1)
+    assert [note["document"] for note in read_notes(run)] == [told]
     said(capsys, "report", run, "--out", out)
     page = out.read_text(encoding="utf-8")
     assert "What each agent brings" in page

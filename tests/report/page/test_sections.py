@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import gamekeeper as gk
-from gamekeeper.core.paired import FEWEST, paired_effect
-from gamekeeper.report.page.agents import Mean, mean_of
+from gamekeeper.core.evaluation.one_sample import one_sample
+from gamekeeper.report.page.agents import FEWEST, Mean, mean_of
 from gamekeeper.report.page.charts import MOST_POINTS, binned_line, forest, matrix
 from gamekeeper.report.page.compared import compared_block
 from gamekeeper.report.page.data import Section, Table, number, shown
@@ -56,11 +56,11 @@ def words(table: Table) -> list[list[str]]:
 
 
 def test_no_interval_below_fifty_episodes() -> None:
-    """Fewer have a mean alone; from fifty on the interval is that of paired effects with 0."""
+    """Fewer have a mean alone; from fifty on the interval is that of an evaluation."""
     values = rng().normal(3, 1, FEWEST)
     assert Mean(float(values[:-1].mean()), None, None, FEWEST - 1) == mean_of(values[:-1], rng())
-    found, effect = mean_of(values, rng()), paired_effect(np.zeros(FEWEST), values, rng=rng())
-    assert (effect.low, effect.high) == (found.low, found.high)
+    found, expected = mean_of(values, rng()), one_sample(values, rng=rng())
+    assert (expected.low, expected.high) == (found.low, found.high)
     assert Mean(None, None, None, 0) == mean_of(np.empty(0), rng())
 
 

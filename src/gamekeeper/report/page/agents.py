@@ -14,7 +14,8 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from gamekeeper.core.paired import FEWEST, paired_effect
+from gamekeeper.core.evaluation.one_sample import one_sample
+from gamekeeper.core.evaluation.refusals import FEWEST_EPISODES
 from gamekeeper.core.summary import Summary
 from gamekeeper.report.page.charts import binned_line
 from gamekeeper.report.page.data import (
@@ -34,6 +35,8 @@ from gamekeeper.report.page.pack import Seat
 
 FloatArray = NDArray[np.float64]
 
+FEWEST: Final = FEWEST_EPISODES["mean"]
+"""Episodes below which no interval is claimed."""
 MOST_INTERVALS: Final = 64
 """Agents whose intervals are worked out; one takes some hundredths of a second."""
 MOST_LINES: Final = 12
@@ -69,8 +72,8 @@ def mean_of(values: FloatArray, rng: Generator) -> Mean:
     value = float(np.mean(values))
     if len(values) < FEWEST or not np.isfinite(values).all():
         return Mean(value, None, None, len(values))
-    effect = paired_effect(np.zeros(len(values)), np.asarray(values, np.float64), rng=rng)
-    return Mean(value, effect.low, effect.high, len(values))
+    found = one_sample(np.asarray(values, np.float64), rng=rng)
+    return Mean(value, found.low, found.high, found.n)
 
 
 def means_of(figures: Figures, rng: Generator) -> dict[str, Mean]:

@@ -17,8 +17,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from gamekeeper.core.paired import FEWEST
-from gamekeeper.report.page.agents import MOST_LINES, mean_of
+from gamekeeper.report.page.agents import FEWEST, MOST_LINES, mean_of
 from gamekeeper.report.page.charts import finite
 from gamekeeper.report.page.data import (
     Block,
