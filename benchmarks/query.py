@@ -37,8 +37,8 @@ def recorded(folder: Path, rows: int) -> list[Path]:
     """A bundle of each environment with about that many rows."""
     found = []
     for name in ENVIRONMENTS:
-        few = gk.rollout(name, episodes=4)
-        episodes = max(round(4 * rows / few.steps.num_rows), 1)
+        few = gk.rollout(name, episodes=20)
+        episodes = max(round(20 * rows / few.steps.num_rows), 1)
         gk.rollout(name, episodes=episodes, out=folder / name)
         found.append(folder / name)
     return found
