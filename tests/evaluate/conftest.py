@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cache
 
 import pytest
 
+from gamekeeper.evaluate import digests
 from gamekeeper.game.opening import identity, installed
 
 
-@pytest.fixture(autouse=True)
-def _owners_known(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(autouse=True, scope="package")
+def _owners_known() -> Iterator[None]:
     """Whom a module belongs to is looked up once: in a source tree it takes 0.1 s."""
-    monkeypatch.setattr(identity, "owner_of", OWNER_OF)
-
-
-OWNER_OF = cache(installed.owner_of)
+    known = cache(installed.owner_of)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(identity, "owner_of", known)
+        patch.setattr(digests, "owner_of", known)
+        yield

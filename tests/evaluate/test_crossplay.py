@@ -111,7 +111,7 @@ def test_crossplay_of_a_method_pairs_its_runs() -> None:
     """Runs are the unit of its cells; partners of the same method are zero-shot."""
     found = evaluate(
         "two_robot_line", policies={"method": names(10), "still": "noop"}, episodes=4,
-        env_kwargs={"n": 5}, crossplay={"sample": 1},
+        env_kwargs={"n": 5, "horizon": 20}, crossplay={"sample": 1},
     ).crossplay["two_robot_line"]  # fmt: skip
     by_kind = {c["kind"]: c for c in found["cells"] if set(c["roles"].values()) == {"method"}}
     assert tuple(by_kind["self"][k] for k in ("unit", "n", "pairings")) == ("run", 10, 10)
