@@ -36,13 +36,14 @@ from typing import Any, Final, Self
 from gamekeeper.record.bundle import load
 from gamekeeper.run.executors.ray import RayExecutor
 from gamekeeper.run.executors.task import Task
+from gamekeeper.run.worker_process import MAIN
 
 RUNS: Final = "local-1,local-2,local-4,nodes,killed"
 INSIDE: Final = "GAMEKEEPER_IN_NAMESPACE"
 HERE: Final = Path(__file__).resolve()
 ENV: Final = ("mpe2.simple_spread_v3:parallel_env", "--kwargs", '{"max_cycles": 60}')
 PARTS_FIRST: Final = 8
-"""Parts that are whole when the node is killed: both nodes are at work then."""
+"""Parts that are whole before the node is killed; it has to be at work, too."""
 UP_S: Final = 90.0
 RECORD_S: Final = 300.0
 
@@ -115,6 +116,10 @@ class TwoNodes:
             raise
         return node, log.read_text()
 
+    def is_playing(self) -> bool:
+        """Whether the second node has a process in which an environment is played."""
+        return any(MAIN.name in command_of(pid) for pid in offspring(self.nodes[1].pid))
+
     def kill(self) -> int:
         """Kills the second node as a power cut would; returns how many processes that were."""
         return kill_tree(self.nodes[1])
@@ -153,6 +158,14 @@ def kill_tree(process: subprocess.Popen[bytes]) -> int:
     return len(found)
 
 
+def command_of(pid: int) -> str:
+    """The command line of a process; empty where it has ended."""
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_text(errors="replace")
+    except OSError:
+        return ""
+
+
 def offspring(pid: int) -> Iterator[int]:
     """The processes that a process started, and theirs, on Linux."""
     with suppress(OSError):
@@ -179,7 +192,11 @@ def recorded(run: str, folder: Path, cluster: TwoNodes | None, episodes: int) ->
         try:
             if kind == "killed" and cluster is not None:
                 whole = (parts / "parts").glob
-                wait(lambda: len(list(whole("*.json"))) >= PARTS_FIRST, RECORD_S)
+                wait(
+                    lambda: (cluster.is_playing() and len(list(whole("*.json"))) >= PARTS_FIRST)
+                    or process.poll() is not None,
+                    RECORD_S,
+                )  # fmt: skip
                 cluster.kill()
                 at_kill = len(list(whole("*.json")))
             text, said = process.communicate(timeout=RECORD_S)
@@ -266,6 +283,7 @@ def main() -> int:
         if figure["figure"] == "recording":
             prints.add(figure["fingerprint"])
             is_ok &= figure["in_order"]
+            is_ok &= bool(figure["died"]) == (figure["run"] == "killed")  # it was at work
     is_ok &= len(prints) == 1
     print(json.dumps({"figure": "same", "fingerprints": len(prints), "ok": is_ok}))
     return 0 if is_ok else 1

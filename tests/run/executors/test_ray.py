@@ -187,15 +187,16 @@ def test_ray_cluster_keeps_its_evidence_when_a_node_is_killed(tmp_path: Path) ->
         pytest.skip("a network namespace takes root (unshare --net)")
     script = [sys.executable, str(ray_cluster.HERE), "--runs", "killed"]
     found = ray_cluster.inside(
-        [*script, "--episodes", "24", "--tasks", "0"], text=True, capture_output=True, timeout=300
+        [*script, "--episodes", "40", "--tasks", "0"], text=True, capture_output=True, timeout=300
     )
     assert found.returncode == 0, found.stdout + found.stderr
     spec, _, kwargs = ray_cluster.ENV
-    plain = gk.rollout(spec, episodes=24, seed=7, out=tmp_path, env_kwargs=json.loads(kwargs))
+    plain = gk.rollout(spec, episodes=40, seed=7, out=tmp_path, env_kwargs=json.loads(kwargs))
     killed, same = ray_cluster.read(found.stdout)
     assert killed["fingerprint"] == plain.fingerprint
     assert killed["in_order"]
-    assert killed["parts_at_kill"] < 24
+    assert killed["parts_at_kill"] < 40
+    assert killed["died"]
     assert same["ok"]
 
 

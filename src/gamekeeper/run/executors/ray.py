@@ -116,10 +116,11 @@ class RayExecutor:
         cluster = self._cluster()
         mark, nodes = token_hex(8), cluster.nodes()
         names = [f"look.{mark}.{number}" for number in range(len(nodes))]
-        remote = cluster.ray.remote(max_retries=0, num_cpus=0)(entry())
+        look = entry({"surroundings": surroundings()})
+        remote = cluster.ray.remote(max_retries=0, num_cpus=0)(look)
         asked = [
             remote.options(scheduling_strategy=cluster.on(node)).remote(
-                {"surroundings": surroundings(), "look": {"place": place, "name": name}}
+                {"look": {"place": place, "name": name}}
             )
             for node, name in zip(nodes, names, strict=True)
         ]
@@ -157,8 +158,8 @@ class _Flight:
     def __init__(self, cluster: Cluster, limits: Limits) -> None:
         self._ray, self._limits = cluster.ray, limits
         self._refs: dict[Any, _Try] = {}
-        self._remote = self._ray.remote(max_retries=0, num_cpus=1)(entry())
-        self._common = {"surroundings": surroundings(), "limits": asdict(limits)}
+        common = {"surroundings": surroundings(), "limits": asdict(limits)}
+        self._remote = self._ray.remote(max_retries=0, num_cpus=1)(entry(common))
 
     def __len__(self) -> int:
         return len(self._refs)
@@ -167,7 +168,7 @@ class _Flight:
         """Hands a task to Ray."""
         task = tried.task
         order = {"key": task.key, "call": task.call, "arguments": dict(task.arguments)}
-        self._refs[self._remote.remote({**self._common, "task": order})] = tried
+        self._refs[self._remote.remote({"task": order})] = tried
 
     def landed(self) -> Iterator[Done]:
         """Those that ended for good, after waiting a little; the others are launched again."""

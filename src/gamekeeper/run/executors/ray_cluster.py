@@ -183,7 +183,8 @@ def _unreachable(address: str | None, seen: str) -> GamekeeperError:
     if address is None:
         return GamekeeperError(
             "no Ray cluster can be started here", where="executor ray", seen=seen,
-            mend="Ray's own logs, in /tmp/ray/session_latest/logs, say more; `local` needs no Ray",
+            mend="Ray's own logs (session_latest/logs in its temporary folder) say more; `local` "
+            "needs no Ray",
         )  # fmt: skip
     return GamekeeperError(
         "the Ray cluster doesn't answer", where=address, seen=seen,

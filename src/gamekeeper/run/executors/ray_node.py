@@ -47,22 +47,25 @@ def version() -> str:
     return str(sys.modules["gamekeeper"].__version__)  # the front stands above all layers
 
 
-def entry() -> Callable[[Mapping[str, Any]], dict[str, Any]]:
-    """The function that Ray carries to nodes.
+def entry(common: Mapping[str, Any]) -> Callable[[Mapping[str, Any]], dict[str, Any]]:
+    """The function that Ray carries to nodes, once for all its calls.
 
     It stands in a function so that it is pickled by value: a node that hasn't Gamekeeper installed
     finds it in the driver's folders, where these are shared.
+
+    Args:
+        common: what all calls share: `surroundings`, and for tasks their `limits`.
     """
 
     def gamekeeper_task(order: Mapping[str, Any]) -> dict[str, Any]:
         import sys
 
-        path = order["surroundings"]["path"]
+        path = common["surroundings"]["path"]
         if sys.path[: len(path)] != path:
             sys.path[:] = [*path, *(entry for entry in sys.path if entry not in path)]
         from gamekeeper.run.executors import ray_node
 
-        return ray_node.obey(order)
+        return ray_node.obey({**common, **order})
 
     return gamekeeper_task
 
