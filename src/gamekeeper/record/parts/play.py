@@ -11,7 +11,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import pyarrow.compute as pc
 
@@ -27,9 +27,6 @@ from gamekeeper.record.recording import rollout
 from gamekeeper.record.recover import recover
 from gamekeeper.record.tasks import counter, error_fields, signs_of_life
 from gamekeeper.run.executors.storage import Storage
-
-TASK: Final = "gamekeeper.record.parts.play:part_task"
-REMAINS: Final = "gamekeeper.record.parts.play:remains_task"
 
 
 def part_task(

@@ -120,7 +120,7 @@ class Playing:
             GamekeeperError: it wasn't the environment that failed; or nothing of it is left.
         """
         error = self.first_error()
-        if error is None or any(key_of(each) in self.whole for each in self._ranges_at(self.stop)):
+        if error is None or key_of(self._range_at(self.stop)) in self.whole:
             return None
         if not isinstance(error, EnvError):
             raise error
@@ -155,12 +155,19 @@ class Playing:
         if found is not None:
             raise found
         value: Any = outcome.value
+        if not value["failed"]:
+            raise BundleError(
+                "a worker ended just after its part was whole",
+                where=f"{self.storage}, {key_of(episodes)}",
+                seen=error.seen,
+                mend="repeat the same command: it goes on from there",
+            )
         if value["episodes"]:
             self._count(episodes, value)
         return bool(value["episodes"])
 
-    def _ranges_at(self, first: int) -> Iterator[range]:
-        return (each for each in self.plan.ranges() if each.start == first)
+    def _range_at(self, first: int) -> range:
+        return next(each for each in self.plan.ranges() if each.start == first)
 
     def _receipt(self, key: str) -> Receipt:
         from gamekeeper.record.parts.receipt import receipt_of
