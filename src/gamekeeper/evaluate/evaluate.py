@@ -298,7 +298,7 @@ def _policies(spec: Spec, looks: Mapping[str, Look]) -> dict[str, Any]:
         found[name] = {
             "runs": max((len(each) for each in by_environment.values()), default=0),
             "digests": list(dict.fromkeys(d for each in by_environment.values() for d in each)),
-            "is_method": policy.is_method, "version": policy.version,
+            "is_method": policy.is_method, "version": policy.version, "files": list(policy.files),
             "choices": [plain_of(dict(each)) for each in policy.runs],
             "by_environment": by_environment,
         }  # fmt: skip

@@ -9,9 +9,10 @@ from typing import Any, Final
 
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.contract.failure import Failure
-from gamekeeper.core.contract.places import nearest, path_text, shown
+from gamekeeper.core.contract.places import nearest, path_text
 from gamekeeper.core.evaluation.refusals import AGENTS_OF_ONE_EPISODE
 from gamekeeper.errors import ContractError, EvidenceError, SpecError
+from gamekeeper.evaluate import values
 from gamekeeper.evaluate.spec import (
     EVERYONE,
     CrossplaySpec,
@@ -20,29 +21,11 @@ from gamekeeper.evaluate.spec import (
     Spec,
     StopSpec,
 )
+from gamekeeper.evaluate.values import Place
 
 LARGEST_BYTES: Final = 1 << 20
 UNITS: Final = ("auto", "episode", "run")
 RECORDS: Final = ("digest", "full")
-
-
-class Place:
-    """Where in a specification a value stands, for errors that say so."""
-
-    def __init__(self, source: str, path: tuple[str | int, ...] = ()) -> None:
-        self.source, self.path = source, path
-
-    def __truediv__(self, key: str | int) -> Place:
-        return Place(self.source, (*self.path, key))
-
-    def error(self, what: str, *, expected: str, seen: object, mend: str = "") -> SpecError:
-        """An error that names this place."""
-        where = ", ".join(part for part in (self.source, path_text(self.path)) if part)
-        return SpecError(what, where=where, expected=expected, seen=shown(seen), mend=mend)
-
-    def wrong(self, value: object, expected: str) -> SpecError:
-        """An error for a value that isn't of its key's kind."""
-        return self.error(f"'{path_text(self.path)}' can't be read", expected=expected, seen=value)
 
 
 def read_file(path: Path) -> Spec:
@@ -86,14 +69,14 @@ def read_spec(data: object, *, source: str = "", folder: Path | None = None) -> 
         SpecError: a key is unknown, a value isn't of its key's kind, or a name stands for nothing.
     """
     at = Place(source)
-    top = _table(
+    top = values.table(
         data, at,
         ("name", "suite", "environments", "policies", "seeds", "compare", "crossplay", "stop",
          "metrics", "record"),
     )  # fmt: skip
     found: dict[str, Any] = {}
     if "name" in top:
-        found["name"] = _text(top["name"], at / "name")
+        found["name"] = values.text(top["name"], at / "name")
     if "suite" in top:
         found["suite"] = _suite(top["suite"], at / "suite")
     found["environments"] = _named(top, "environments", at, _environment)
@@ -101,7 +84,7 @@ def read_spec(data: object, *, source: str = "", folder: Path | None = None) -> 
     found |= _seeds(top.get("seeds", {}), at / "seeds")
     found |= _metrics(top.get("metrics", {}), at / "metrics")
     if "record" in top:
-        found["record"] = _word(top["record"], at / "record", RECORDS)
+        found["record"] = values.word(top["record"], at / "record", RECORDS)
     if "crossplay" in top:
         found["crossplay"] = _crossplay(top["crossplay"], at / "crossplay")
     if "stop" in top:
@@ -154,24 +137,10 @@ def _known(name: str, known: list[str], at: Place, noun: str) -> None:
         )  # fmt: skip
 
 
-def _table(value: object, at: Place, known: tuple[str, ...] | None = None) -> Mapping[str, Any]:
-    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
-        raise at.wrong(value, "a table of names and values")
-    for key in value if known is not None else ():
-        if key not in (known or ()):
-            near = nearest(key, known or ())
-            inside = f"in [{path_text(at.path)}]" if at.path else "at the top"
-            raise (at / key).error(
-                f"{key!r} is no key {inside} of a specification", expected=", ".join(known or ()),
-                seen=key, mend=f"write '{near}'" if near else "leave it out",
-            )  # fmt: skip
-    return value
-
-
 def _named(
     top: Mapping[str, Any], key: str, at: Place, read: Callable[[Any, Place], Any]
 ) -> dict[str, Any]:
-    rows = _table(top.get(key, {}), at / key)
+    rows = values.table(top.get(key, {}), at / key)
     for name in rows:
         if not name.strip() or any(sign in name for sign in "/\\\n\t"):
             raise (at / key).error(
@@ -180,51 +149,13 @@ def _named(
     return {name: read(value, at / key / name) for name, value in rows.items()}
 
 
-def _text(value: object, at: Place) -> str:
-    if not isinstance(value, str) or not value.strip():
-        raise at.wrong(value, "text in quotes")
-    return value
-
-
-def _texts(value: object, at: Place) -> tuple[str, ...]:
-    if not isinstance(value, list | tuple):
-        raise at.wrong(value, "a list of texts")
-    return tuple(_text(each, at / number) for number, each in enumerate(value))
-
-
-def _word(value: object, at: Place, allowed: tuple[str, ...]) -> str:
-    if value not in allowed:
-        near = nearest(value, allowed)
-        raise at.error(
-            f"'{path_text(at.path)}' can't be {shown(value)}", expected=" or ".join(allowed),
-            seen=value, mend=f"write '{near}'" if near else "",
-        )  # fmt: skip
-    return str(value)
-
-
-def _whole(value: object, at: Place, least: int = 1) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or value < least:
-        raise at.wrong(value, f"a whole number from {least} on")
-    return value
-
-
-def _truth(value: object, at: Place) -> bool:
-    if not isinstance(value, bool):
-        raise at.wrong(value, "true or false")
-    return value
-
-
-def _number(value: object, at: Place, low: float, high: float) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not low < value < high:
-        raise at.wrong(value, f"a number between {low:g} and {high:g}")
-    return float(value)
-
-
 def _suite(value: object, at: Place) -> tuple[str, str]:
-    table = _table(value, at, ("id", "version"))
+    table = values.table(value, at, ("id", "version"))
     if "id" not in table:
         raise at.error("a suite has no id", expected="id", seen=", ".join(table))
-    return _text(table["id"], at / "id"), _text(table.get("version", "1"), at / "version")
+    return values.text(table["id"], at / "id"), values.text(
+        table.get("version", "1"), at / "version"
+    )
 
 
 def _environment(value: object, at: Place) -> EnvironmentSpec:
@@ -232,7 +163,7 @@ def _environment(value: object, at: Place) -> EnvironmentSpec:
              "score", "digest")  # fmt: skip
     if isinstance(value, str):
         value = {"spec": value}
-    table = _table(value, at, known)
+    table = values.table(value, at, known)
     if "spec" not in table:
         raise at.error(
             "an environment doesn't say what opens it", expected='spec = "warehouse"',
@@ -240,25 +171,25 @@ def _environment(value: object, at: Place) -> EnvironmentSpec:
         )  # fmt: skip
     spec, contract = table["spec"], table.get("contract")
     if contract is not None and not isinstance(contract, Contract):
-        contract = _text(contract, at / "contract")
+        contract = values.text(contract, at / "contract")
     success = table.get("success", {})
-    success = {"team": success} if isinstance(success, str) else _table(success, at / "success")
+    success = (
+        {"team": success} if isinstance(success, str) else values.table(success, at / "success")
+    )
     return EnvironmentSpec(
         spec=spec,
-        kwargs=dict(_table(table.get("kwargs", {}), at / "kwargs")),
-        options=dict(_table(table["options"], at / "options")) if "options" in table else None,
+        kwargs=dict(values.table(table.get("kwargs", {}), at / "kwargs")),
+        options=dict(values.table(table["options"], at / "options"))
+        if "options" in table
+        else None,
         contract=contract,
         success={scope: _condition(text, at / "success") for scope, text in success.items()},
-        most_turns=_maybe(table, "most_turns", at, _whole),
-        team=_maybe(table, "team", at, _truth),
-        score=_maybe(table, "score", at, _scale),
-        version=_maybe(table, "version", at, _text),
-        digest=_maybe(table, "digest", at, _text),
+        most_turns=values.maybe(table, "most_turns", at, values.whole),
+        team=values.maybe(table, "team", at, values.truth),
+        score=values.maybe(table, "score", at, _scale),
+        version=values.maybe(table, "version", at, values.text),
+        digest=values.maybe(table, "digest", at, values.text),
     )
-
-
-def _maybe(table: Mapping[str, Any], key: str, at: Place, read: Callable[[Any, Place], Any]) -> Any:
-    return read(table[key], at / key) if key in table else None
 
 
 def _scale(value: object, at: Place) -> tuple[float, float]:
@@ -270,7 +201,7 @@ def _scale(value: object, at: Place) -> tuple[float, float]:
 
 
 def _condition(value: object, at: Place) -> str:
-    text = _text(value, at)
+    text = values.text(value, at)
     try:
         Failure(text)
     except ContractError as error:
@@ -288,12 +219,12 @@ def _policy(value: object, at: Place) -> PolicySpec:
     known = ("policy", "runs", "version", "files", "digests", "environments")
     if not any(key in value for key in known):  # policies by role, without more around them
         value = {"policy": value}
-    table = _table(value, at, known)
+    table = values.table(value, at, known)
     runs, is_method = _runs(table, at)
     others: dict[str, tuple[Mapping[str, Any], ...]] = {}
-    for name, inner in _table(table.get("environments", {}), at / "environments").items():
+    for name, inner in values.table(table.get("environments", {}), at / "environments").items():
         place = at / "environments" / name
-        others[name], several = _runs(_table(inner, place, ("policy", "runs")), place)
+        others[name], several = _runs(values.table(inner, place, ("policy", "runs")), place)
         is_method = is_method or several
     if not runs and not others:
         raise at.error(
@@ -302,9 +233,9 @@ def _policy(value: object, at: Place) -> PolicySpec:
         )  # fmt: skip
     return PolicySpec(
         runs=runs, is_method=is_method, environments=others,
-        files=_texts(table.get("files", ()), at / "files"),
-        version=_maybe(table, "version", at, _text),
-        digests=_texts(table.get("digests", ()), at / "digests"),
+        files=values.texts(table.get("files", ()), at / "files"),
+        version=values.maybe(table, "version", at, values.text),
+        digests=values.texts(table.get("digests", ()), at / "digests"),
     )  # fmt: skip
 
 
@@ -336,22 +267,22 @@ def _choices(value: object, at: Place) -> Mapping[str, Any]:
 
 
 def _seeds(value: object, at: Place) -> dict[str, Any]:
-    table = _table(value, at, ("run", "episodes"))
+    table = values.table(value, at, ("run", "episodes"))
     found = {}
     if "run" in table:
-        found["seed"] = _whole(table["run"], at / "run", 0)
+        found["seed"] = values.whole(table["run"], at / "run", 0)
     if "episodes" in table:
-        found["episodes"] = _whole(table["episodes"], at / "episodes")
+        found["episodes"] = values.whole(table["episodes"], at / "episodes")
     return found
 
 
 def _metrics(value: object, at: Place) -> dict[str, Any]:
-    table = _table(value, at, ("infos", "terms", "unit", "level"))
+    table = values.table(value, at, ("infos", "terms", "unit", "level"))
     found: dict[str, Any] = {
-        key: _texts(table[key], at / key) for key in ("infos", "terms") if key in table
+        key: values.texts(table[key], at / key) for key in ("infos", "terms") if key in table
     }
     if "level" in table:
-        found["level"] = _number(table["level"], at / "level", 0.79, 1.0)
+        found["level"] = values.number(table["level"], at / "level", 0.79, 1.0)
     if table.get("unit") == "agent":
         raise EvidenceError(
             "no interval over agents of one episode", where=path_text((*at.path, "unit")),
@@ -359,38 +290,38 @@ def _metrics(value: object, at: Place) -> dict[str, Any]:
             mend="leave it out; agents are shown one by one, and by role as means per episode",
         )  # fmt: skip
     if "unit" in table:
-        found["unit"] = _word(table["unit"], at / "unit", UNITS)
+        found["unit"] = values.word(table["unit"], at / "unit", UNITS)
     return found
 
 
 def _crossplay(value: object, at: Place) -> CrossplaySpec:
     if isinstance(value, bool):
         return CrossplaySpec(enabled=value)
-    table = _table(value, at, ("enabled", "roles", "partners", "sample"))
+    table = values.table(value, at, ("enabled", "roles", "partners", "sample"))
     roles = table.get("roles", {})
     by_environment = roles if isinstance(roles, Mapping) else {EVERYONE: roles}
     return CrossplaySpec(
-        enabled=_truth(table.get("enabled", True), at / "enabled"),
-        roles={name: _texts(each, at / "roles") for name, each in by_environment.items()},
-        partners=_texts(table.get("partners", ()), at / "partners"),
-        sample=_maybe(table, "sample", at, _whole),
+        enabled=values.truth(table.get("enabled", True), at / "enabled"),
+        roles={name: values.texts(each, at / "roles") for name, each in by_environment.items()},
+        partners=values.texts(table.get("partners", ()), at / "partners"),
+        sample=values.maybe(table, "sample", at, values.whole),
     )
 
 
 def _stop(value: object, at: Place) -> StopSpec:
-    table = _table(value, at, ("metric", "who", "width", "most", "every"))
+    table = values.table(value, at, ("metric", "who", "width", "most", "every"))
     if "width" not in table:
         raise at.error("nothing says when to stop", expected="width", seen=", ".join(table))
-    found = {key: _text(table[key], at / key) for key in ("metric", "who") if key in table}
-    counts = {key: _whole(table[key], at / key) for key in ("most", "every") if key in table}
-    width = _number(table["width"], at / "width", 0.0, float("inf"))
+    found = {key: values.text(table[key], at / key) for key in ("metric", "who") if key in table}
+    counts = {key: values.whole(table[key], at / key) for key in ("most", "every") if key in table}
+    width = values.number(table["width"], at / "width", 0.0, float("inf"))
     return StopSpec(**found, **counts, width=width)  # type: ignore[arg-type]  # by their keys
 
 
 def _compare(value: object, at: Place) -> tuple[tuple[str, str], ...] | None:
     if value == "all":
         return None
-    table = _table(value, at, ("pairs",))
+    table = values.table(value, at, ("pairs",))
     pairs = table.get("pairs", "all")
     if pairs == "all":
         return None
@@ -398,7 +329,7 @@ def _compare(value: object, at: Place) -> tuple[tuple[str, str], ...] | None:
         raise (at / "pairs").wrong(pairs, 'pairs of policies, or "all"')
     found = []
     for number, pair in enumerate(pairs):
-        names = _texts(pair, at / "pairs" / number)
+        names = values.texts(pair, at / "pairs" / number)
         if len(names) != 2 or names[0] == names[1]:
             raise (at / "pairs" / number).wrong(pair, "two different policies")
         found.append((names[0], names[1]))
