@@ -66,8 +66,10 @@ def show_against(
 def _of_run(
     run: Path, env: str, *, kwargs: Mapping[str, Any] | None, allow_import: bool, **options: Any
 ) -> Against:
-    from gamekeeper.record.against import askable, policies_of, standing
+    from gamekeeper.record.against import standing
     from gamekeeper.record.bundle import load
+    from gamekeeper.record.now import askable
+    from gamekeeper.record.played import policies_of
     from gamekeeper.record.stage import compact
 
     evidence = load(run)
@@ -84,7 +86,7 @@ def _of_run(
 
 def _now(env: str, *, contract: Path | None, silence_s: float, **arguments: Any) -> Any:
     """The environment as it is installed now."""
-    from gamekeeper.record.against import TASK
+    from gamekeeper.record.now import TASK
 
     given = {"spec": env, "contract": None if contract is None else str(contract), **arguments}
     return looked(TASK, given, silence_s=silence_s)

@@ -79,7 +79,7 @@ def _environments(document: Mapping[str, Any], env: str, folder: Path) -> dict[s
 
 def _choices(policies: Mapping[str, Any], *, allow_import: bool) -> dict[str, list[Any]]:
     """Who plays under each policy's name, of those that may be looked at."""
-    from gamekeeper.record.against import askable
+    from gamekeeper.record.now import askable
 
     found = {}
     for name, each in policies.items():

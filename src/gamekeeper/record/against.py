@@ -8,25 +8,16 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from html import escape
 from typing import Any, Final, Literal
 
-from gamekeeper.core.canon import from_json
 from gamekeeper.core.evidence import Evidence
-from gamekeeper.core.space.plain import space_to_json
-from gamekeeper.errors import GamekeeperError, SpecError
-from gamekeeper.game.declared import declared_contract
-from gamekeeper.game.draft import agent_specs
-from gamekeeper.game.open import open_env
-from gamekeeper.game.policy import distrust_policy
-from gamekeeper.record.recording import cast_of
-from gamekeeper.record.tasks import error_fields
+from gamekeeper.record.played import Played, kwargs_words, policies_of, record_command
 
 Status = Literal["holds", "stale", "unknown"]
 
-TASK: Final = "gamekeeper.record.against:now_task"
 ALL: Final = "every rollout, and whatever was measured from them"
 JUDGED: Final = "what the contract judges: the audit, failures, roles and terms in reports"
 PLAYED: Final = "the episodes that it played"
@@ -105,74 +96,6 @@ class Against:
         return f"<b>{self.status}</b><table><tr>{heading}</tr>{body}</table>"
 
 
-def now_task(
-    report: Callable[..., None],
-    *,
-    spec: str,
-    kwargs: str,
-    contract: str | None,
-    api: str | None,
-    policies: Sequence[str],
-) -> dict[str, Any]:
-    """Opens an environment as it is installed now, in a worker, without a reset or a step.
-
-    Args:
-        spec: names the environment.
-        kwargs: its arguments, in canonical JSON.
-        contract: a contract's file in place of the one beside it.
-        api: asked for where the spec asks for none.
-        policies: names of policies whose versions are wanted.
-    Returns:
-        `identity`, `contract`, `spaces` by agent, `policies`: a version by name, or what was in
-        the way as `{"error": text}`; or the fields of the `error` that was in the way of all.
-    """
-    del report
-    try:
-        given: Any = from_json(kwargs)
-        opened = _opened(spec, api, given)
-        try:
-            declared = declared_contract(contract, opened)
-            from gamekeeper.core.contract import Contract
-
-            specs = agent_specs(opened.env, declared or Contract())
-            versions = {name: _version(name, opened.env, declared) for name in policies}
-        finally:
-            opened.env.close()
-    except GamekeeperError as error:
-        return {"error": error_fields(error)}
-    return {
-        "error": None,
-        "identity": opened.identity,
-        "contract": None if declared is None else declared.to_json(),
-        "spaces": {
-            each.name: {
-                "observation": _space(each.observation_space), "action": _space(each.action_space)
-            }
-            for each in specs
-        },
-        "policies": versions,
-    }  # fmt: skip
-
-
-def policies_of(evidence: Evidence) -> dict[tuple[str, str | None], list[str]]:
-    """Who was played by which policy and version: agents' names by both; empty if not named."""
-    found: dict[tuple[str, str | None], dict[str, None]] = {}
-    for text in evidence.episodes["policies"].unique().to_pylist():
-        try:
-            named = json.loads(text or "{}")
-            rows = [(a, (str(e["policy"]), e.get("version"))) for a, e in named.items()]
-        except (ValueError, TypeError, KeyError, AttributeError):  # nothing that a recorder wrote
-            continue
-        for agent, key in rows:
-            found.setdefault(key, {})[str(agent)] = None
-    return {key: list(agents) for key, agents in found.items()}
-
-
-def askable(names: Sequence[str], *, allow_import: bool) -> list[str]:
-    """The policies whose version may be looked up: those that are code only where it is allowed."""
-    return [name for name in names if allow_import or distrust_policy(name) is None]
-
-
 def standing(
     evidence: Evidence, now: Mapping[str, Any], *, environment: str, kwargs: str | None
 ) -> Against:
@@ -187,8 +110,8 @@ def standing(
     manifest = evidence.manifest
     then: Mapping[str, Any] = manifest.get("environment") or {}
     played = policies_of(evidence)
-    record = _record_command(evidence, played, environment, kwargs)
-    audit = shlex.join(["gamekeeper", "audit", environment, *_kwargs_words(then, kwargs)])
+    record = record_command(evidence, played, environment, kwargs)
+    audit = shlex.join(["gamekeeper", "audit", environment, *kwargs_words(then, kwargs)])
     replay = shlex.join(["gamekeeper", "replay", str(evidence.path), "--env", environment])
     rows = [
         *identity_rows(then, now["identity"], command=record, replay=replay),
@@ -252,9 +175,7 @@ def _contract_row(then: Any, now: Any, command: str) -> Standing:
     return Standing("contract", then.get("name") or "declared", told, "stale", JUDGED, command)
 
 
-def _policy_rows(
-    played: Mapping[tuple[str, str | None], Sequence[str]], now: Mapping[str, Any], command: str
-) -> Iterator[Standing]:
+def _policy_rows(played: Played, now: Mapping[str, Any], command: str) -> Iterator[Standing]:
     if not played:
         yield Standing("policies", UNNAMED, None, "unknown", PLAYED,
                        "")  # fmt: skip
@@ -282,56 +203,6 @@ def _equal(what: str, one: str | None, two: str | None, *, again: str, command: 
         what, one, two, "holds" if same else "stale", "" if same else again,
         "" if same else command,
     )  # fmt: skip
-
-
-def _record_command(
-    evidence: Evidence,
-    played: Mapping[tuple[str, str | None], Sequence[str]],
-    environment: str,
-    kwargs: str | None,
-) -> str:
-    """What records the same anew, as far as the run says how it was played."""
-    manifest = evidence.manifest
-    words = ["gamekeeper", "record", environment]
-    words += _kwargs_words(manifest.get("environment") or {}, kwargs)
-    names = {name for name, _ in played}
-    if len(names) == 1:
-        words += ["--policy", next(iter(names))] if names != {"random"} else []
-    else:
-        words += [w for (name, _), agents in played.items() for agent in agents
-                  for w in ("--policy", f"{agent}={name}")]  # fmt: skip
-    words += ["--episodes", str(evidence.episodes.num_rows)]
-    words += ["--seed", str(manifest["seed"])] if manifest.get("seed") is not None else []
-    words += ["--level", "digest"] if manifest.get("level") == "digest" else []
-    return shlex.join([*words, "--out", f"{evidence.path}-again"])
-
-
-def _kwargs_words(then: Mapping[str, Any], kwargs: str | None) -> list[str]:
-    given = kwargs if kwargs is not None else json.dumps(then.get("kwargs") or {})
-    return [] if given == "{}" else ["--kwargs", given]
-
-
-def _opened(spec: str, api: str | None, kwargs: Mapping[str, Any]) -> Any:
-    """The environment, behind the API that it was recorded with unless the spec names one."""
-    if spec.startswith(("parallel:", "aec:")) or api is None:
-        return open_env(spec, **kwargs)
-    try:
-        return open_env(spec, api=api, **kwargs)
-    except SpecError:
-        return open_env(spec, **kwargs)  # it has another API now: a row tells
-
-
-def _version(name: str, env: Any, contract: Any) -> dict[str, str | None]:
-    try:
-        cast = cast_of(name, env, contract)
-        agent = next(iter(getattr(env, "possible_agents", None) or ["*"]))
-        return {"version": cast.described([agent])[str(agent)]["version"]}
-    except GamekeeperError as error:
-        return {"error": error.what}
-
-
-def _space(space: Any) -> Any:
-    return None if space is None else space_to_json(space)
 
 
 def _same(one: Any, two: Any) -> bool:

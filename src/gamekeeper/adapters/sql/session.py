@@ -3,7 +3,7 @@
 What DuckDB may open is settled before the first word of a query is read: the files of the bundles,
 by name, and nothing besides (`allowed_paths`, `enable_external_access`), no extension, no variable
 of this process, and no way to change any of that (`lock_configuration`). Statements that change
-something are refused as well, though they could change no more than this session's memory.
+something are refused as well, though they could change no more than DuckDB's own memory.
 
 Source: duckdb.org/docs, "Securing DuckDB".
 """
