@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from gamekeeper.errors import GamekeeperError
-from gamekeeper.run import workers
+from gamekeeper.run import watch
 from gamekeeper.run.watch import Outcome
 from gamekeeper.run.workers import run_task
 
@@ -110,7 +110,7 @@ def test_workers_take_one_answer_from_a_task_that_forked() -> None:
 
 def test_workers_count_the_answer_and_not_the_exit(monkeypatch: pytest.MonkeyPatch) -> None:
     """A process that hangs or crashes after its answer is ended; the answer stands."""
-    monkeypatch.setattr(workers, "EXIT_S", 0.2)
+    monkeypatch.setattr(watch, "EXIT_S", 0.2)
     assert (run("dawdle_at_exit").status, run("dawdle_at_exit").value) == ("done", "answered")
     assert (run("crash_at_exit").status, run("crash_at_exit").value) == ("done", "answered")
 
@@ -140,7 +140,7 @@ def test_workers_kill_at_the_second_interrupt(
         parent.send_signal(signal.SIGINT)
         outcome = json.loads(parent.stdout.readline())
         assert (outcome["status"], outcome["error"]) == ("interrupted", "interrupted twice")
-        assert outcome["seconds"] < workers.GRACE_S
+        assert outcome["seconds"] < watch.GRACE_S
         assert parent.wait(PATIENCE_S) == 0
 
 
@@ -148,8 +148,8 @@ def test_workers_stop_at_an_event_and_kill_after_the_grace(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Another thread can interrupt a task; one that ignores it is killed, its stacks kept."""
-    monkeypatch.setattr(workers, "GRACE_S", 0.2)
-    monkeypatch.setattr(workers, "TERM_S", 0.2)
+    monkeypatch.setattr(watch, "GRACE_S", 0.2)
+    monkeypatch.setattr(watch, "TERM_S", 0.2)
     stop = threading.Event()
     outcome = run("ignore_interrupts", stop=stop, on_message=lambda fields: stop.set())
     assert outcome.status == "interrupted"
