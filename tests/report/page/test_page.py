@@ -16,6 +16,7 @@ from gamekeeper.adapters.page import opened, report
 from gamekeeper.diagnose.labels import label
 from gamekeeper.errors import BundleError, EnvError, EvidenceError
 from gamekeeper.record.files.notes import annotate
+from gamekeeper.report.page.compose import continues, shown
 from gamekeeper.report.page.data import Page
 from gamekeeper.report.page.render import render
 from tests.report.page import documents
@@ -209,6 +210,16 @@ def test_frames_are_shown(tmp_path: Path) -> None:
         assert (len(packed["drawing"]["at"]) > packed["turns"]) is is_whole
 
 
+@pytest.mark.parametrize(("policies", "goes_on"), [("random", True), ("first-legal", False)])
+def test_learning_goes_on_in_runs_of_the_same_policies_alone(policies: str, goes_on: bool) -> None:
+    """A run of another policy is another experiment, no learning."""
+    one, two = (
+        shown(recorded(policies=each), key=key, path=key, name=key)
+        for key, each in (("a", "random"), ("b", policies))
+    )
+    assert continues(one, two) is goes_on
+
+
 def test_page_is_the_same_every_time(tmp_path: Path) -> None:
     """Equal evidence makes an equal page."""
     recorded(tmp_path / "run")
@@ -262,7 +273,7 @@ def test_twins_stand_beside_their_base(tmp_path: Path) -> None:
     recorded(kept / "0-sham", seed=9)
     recorded(kept / "1-noop", seed=9, policies="first-legal")
     told: dict[str, Any] = documents.diagnosis("w", PLAIN)
-    told["bundles"] = {"sham": "moved/0-sham", "policy = first-legal": "moved/1-noop"}
+    told["bundles"] = {"policy = first-legal": "moved/1-noop", "sham": "moved/0-sham"}
     data = data_of(report(tmp_path / "run", tmp_path / "p.html", diagnosis=told).read_text())
     assert [run["key"] for run in data["runs"]] == ["a", "a.sham", "a.twin1"]
     twin = next(entry for entry in data["episodes"] if entry["run"] == "a.twin1")

@@ -25,7 +25,9 @@ def twins_of(run: Path, main: Shown, diagnosis: Mapping[str, Any] | None) -> Ite
     if not isinstance(bundles, Mapping) or SHAM not in bundles:
         return
     found = []
-    for number, (arm, told) in enumerate(bundles.items()):
+    arms = sorted(bundles, key=lambda arm: (arm != SHAM, arm))  # annotations keep no order
+    for number, arm in enumerate(arms):
+        told = bundles[arm]
         folder = _kept(run, str(told))
         if folder is None:
             continue

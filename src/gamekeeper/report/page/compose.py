@@ -18,7 +18,7 @@ from gamekeeper.report.page.evaluation import evaluation_section
 from gamekeeper.report.page.failing import failing
 from gamekeeper.report.page.figures import Figures, figures_of
 from gamekeeper.report.page.form import form_section
-from gamekeeper.report.page.learning import learning_section
+from gamekeeper.report.page.learning import learning_section, names_of
 from gamekeeper.report.page.pack import Seat, seats_of
 from gamekeeper.report.page.provenance import provenance_section
 from gamekeeper.report.page.verdicts import verdicts_section
@@ -124,7 +124,7 @@ def sections_of(
     for run in runs[1:]:
         names = (main.name, run.name)
         agents.append(compared_block(main.figures, run.figures, names=names, rng=rng))
-    same = [(run.key, run.figures) for run in runs if run.card.environment == main.card.environment]
+    same = [(run.key, run.figures) for run in runs if run is main or continues(main, run)]
     return (
         form_section(main.evidence, main.figures, main.seats, audit=documents.audit,
                      attribution=told),
@@ -137,6 +137,24 @@ def sections_of(
         provenance_section([(run.key, run.path, run.evidence) for run in runs], version=version,
                            audit=documents.audit),
     )  # fmt: skip
+
+
+def continues(one: Shown, two: Shown) -> bool:
+    """The same game played by the same policies, perhaps in other versions: learning went on.
+
+    Another policy, or other arguments of the environment, is another experiment.
+    """
+    games = [
+        (environment.get("name"), {**kwargs, "render_mode": None})
+        for run in (one, two)
+        for environment in [run.evidence.manifest.get("environment") or {}]
+        for kwargs in [environment.get("kwargs") or {}]
+    ]
+    policies = [
+        {agent: each for header in run.figures.headers for agent, each in names_of(header).items()}
+        for run in (one, two)
+    ]
+    return games[0] == games[1] and policies[0] == policies[1]
 
 
 def lead_of(runs: Sequence[Shown], documents: Documents) -> str:

@@ -110,17 +110,25 @@ def stretches_of(runs: Sequence[tuple[str, Figures]]) -> list[Stretch]:
 
 def profile_of(header: Mapping[str, Any]) -> dict[str, str]:
     """By agent, `policy version`; empty where the episode names none."""
+    return {
+        agent: f"{each.get('policy')} {str(each.get('version'))[:SHORT]}"
+        for agent, each in _policies(header).items()
+    }
+
+
+def names_of(header: Mapping[str, Any]) -> dict[str, str]:
+    """By agent, its policy's name, whatever the version."""
+    return {agent: str(each.get("policy")) for agent, each in _policies(header).items()}
+
+
+def _policies(header: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
     try:
         told = json.loads(header.get("policies") or "{}")
     except ValueError:
         return {}
     if not isinstance(told, Mapping):
         return {}
-    return {
-        agent: f"{each.get('policy')} {str(each.get('version'))[:SHORT]}"
-        for agent, each in told.items()
-        if isinstance(each, Mapping)
-    }
+    return {str(agent): each for agent, each in told.items() if isinstance(each, Mapping)}
 
 
 def _stretch(
