@@ -18,7 +18,7 @@ class Shown:
     """What the server has: one run whose only episode is still recorded."""
 
     def __init__(self) -> None:
-        self.episode = {**parallel_episode(turns=10), "end": "open", "marks": []}
+        self.episode = {**parallel_episode(turns=100), "end": "open", "marks": []}
         self.status = "open"
         self.page = page_of([self.episode], is_view=True)
         self.asked: list[str] = []
@@ -87,11 +87,13 @@ def test_served_page_follows_a_recording(shown: tuple[Shown, Any]) -> None:
     page.wait_for_selector("#gk-player[data-turn]")
     page.locator(".scrub").focus()
     page.keyboard.press("ArrowRight")
-    grow(things, 20, "open")
-    expect(page.locator(".where")).to_have_text("1 / 20")
+    page.get_by_role("button", name="Show fewer turns").click()
+    grow(things, 200, "open")
+    expect(page.locator(".where")).to_have_text("1 / 200")
+    assert page.evaluate("gamekeeper.player.decks[0].lanes.zoom") == 2
     page.get_by_label("follow the recording").check()
-    grow(things, 30, "ended")
-    expect(page.locator(".where")).to_have_text("30 / 30")
+    grow(things, 300, "ended")
+    expect(page.locator(".where")).to_have_text("300 / 300")
     expect(page.locator(".following")).to_be_hidden()
 
 

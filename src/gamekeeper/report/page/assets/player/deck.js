@@ -52,6 +52,18 @@ gk.Deck = class {
     this.root.classList.toggle("over", turn > this.episode.last);
   }
 
+  // What the reader has zoomed and scrolled to, for an episode that is read again.
+  get look() {
+    const { zoom, first, scroll } = this.lanes;
+    return { zoom, first, top: scroll.scrollTop, from: this.table.from };
+  }
+
+  lookLike({ zoom, first, top, from }) {
+    this.lanes.follow({ zoom, first });
+    this.lanes.scroll.scrollTop = top;
+    this.table.from = from;
+  }
+
   // Marks found later, such as where two episodes part.
   mark(extra) {
     this.lanes.marks = [...this.episode.marks, ...extra].sort((a, b) => a.turn - b.turn);

@@ -50,7 +50,7 @@ gk.EpisodeList = class {
     this.entries = entries;
     const packed = entries.filter((entry) => entry.packed).length;
     const more = packed < entries.length ? ` (${packed} of them can be played here; gamekeeper view plays all)` : "";
-    gk.say(this.summary, `All ${entries.length} episodes${more}`);
+    gk.say(this.summary, entries.length === 1 ? "The only episode" : `All ${entries.length} episodes${more}`);
     this.agents = [...new Set(entries.slice(0, 200).flatMap((entry) => Object.keys(entry.returns ?? {})))];
     this.several = new Set(entries.map((entry) => entry.run)).size > 1;
     this.draw();

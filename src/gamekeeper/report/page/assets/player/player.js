@@ -122,7 +122,9 @@ gk.Player = class {
     const pairs = gk.page.pairs ?? [];
     this.pairs = pairs.filter(({ left, right }) => this.entry(left.run, left.episode)?.packed && this.entry(right.run, right.episode)?.packed);
     const options = this.pairs.map((pair, i) => gk.node("option", { value: String(i), text: gk.visible(pair.text) }));
+    const chosen = this.pair.value;
     this.pair.replaceChildren(gk.node("option", { value: "", text: "one episode alone" }), ...options);
+    if (chosen) this.pair.value = chosen; // a recording that goes on only adds pairs
     this.pairing.hidden = this.pairs.length === 0;
   }
 
@@ -325,8 +327,10 @@ gk.Player = class {
     await gk.load(entry.run, entry.episode, { again: true });
     if (mine !== this.generation || this.playing) return;
     const [turn, following] = [this.turn, this.follow.checked];
+    const looks = this.decks.map((deck) => deck.look);
     const entries = this.decks.map((deck) => this.entry(deck.entry.run, deck.entry.episode) ?? deck.entry);
     await this.#show(entries, turn);
+    this.decks.forEach((deck, i) => deck.lookLike(looks[i]));
     if (following) this.to(this.last);
   }
 };
