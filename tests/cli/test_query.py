@@ -14,6 +14,7 @@ from tests.surface.sources import ROOT
 
 pytest.importorskip("duckdb")
 
+from gamekeeper.adapters.sql import Session
 from tests.surface.test_docs_run import blocks_of, run_block
 
 MEANS = "select agent, avg(return) as mean from returns group by agent order by agent"
@@ -128,6 +129,27 @@ def test_query_refuses_what_makes_no_sense(
     assert (code, out) == (2, "")
     assert told in err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_query_ends_at_ctrl_c(
+    line_run: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Exit code 130, however DuckDB tells that it was interrupted."""
+
+    class Interrupted:
+        columns, types = ("one",), ("INTEGER",)
+
+        def take(self, most: int) -> None:
+            with self.session._answering("select 1 as one"):
+                raise RuntimeError("Query interrupted")
+
+        def __init__(self, session: Session) -> None:
+            self.session = session
+
+    monkeypatch.setattr(Session, "ask", lambda session, sql: Interrupted(session))
+    code, out, err = said(capfd, "query", line_run, "select 1 as one")
+    assert (code, out) == (130, "")
+    assert err == "interrupted\n"
 
 
 def test_query_says_errors_as_documents(line_run: Path, capfd: pytest.CaptureFixture[str]) -> None:

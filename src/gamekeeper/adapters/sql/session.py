@@ -33,6 +33,8 @@ CONFIG: Final = {
 WORD: Final = re.compile(r"\w+")
 READING: Final = ("SELECT", "EXPLAIN", "MULTI")
 """Statements that are answered; MULTI is a PIVOT whose columns come from the rows."""
+INTERRUPTED: Final = "Query interrupted"
+"""What a RuntimeError of DuckDB's says when Ctrl-C ended a query."""
 MOST_COLUMNS: Final = 30
 """Columns of a view that a mend names."""
 MOST_SAID: Final = 600
@@ -171,7 +173,7 @@ class Session(AbstractContextManager["Session"]):
         try:
             yield
         except (self._duckdb.Error, RuntimeError) as error:
-            if isinstance(error, self._duckdb.InterruptException):
+            if isinstance(error, self._duckdb.InterruptException) or str(error) == INTERRUPTED:
                 raise KeyboardInterrupt from error
             raise GamekeeperError(
                 "the query can't be answered", where="the query", seen=_text(error),
