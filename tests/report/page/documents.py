@@ -61,11 +61,11 @@ def diagnosis(word: str, agents: tuple[str, str]) -> dict[str, Any]:
 
 
 def attribution(word: str, agents: tuple[str, str]) -> dict[str, Any]:
-    """The second agent is lazy, the first pays for it."""
+    """The second agent is lazy, of the first it can't be told; it pays for the other."""
     measured = {"value": 1.0, "low": 0.5, "high": 1.5, "p": 0.01, "n": 50, "baseline": word}
     part = {
         "own": 3.0, "terms": {}, "share": 0.5, "idle": 0.1, "difference": measured,
-        "turn": {"all": measured, "one": None}, "shapley": measured, "lazy": False,
+        "turn": {"all": measured, "one": None}, "shapley": measured, "lazy": None,
         "lazy_why": word, "fair_share": 0.5,
     }  # fmt: skip
     few = {**measured, "low": None, "high": None, "n": 4}

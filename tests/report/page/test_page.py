@@ -131,6 +131,7 @@ def test_page_says_what_is_known(plain: str) -> None:
     assert text.index("GK402") < text.index("GK101")
     for expected in (
         "2 broken", "1 unseen", "Influence on the observation", "isolated", "restores",
+        "Whether one_0 is lazy can't be told: word.",
         "Effects on the share of successes", "Effects on the team's return", "one_1 is lazy",
         "Shapley", "Penalties on the wrong participant", "Cross-play in word", "Best responses",
         "gamekeeper verify", "said by word", "Errors", "two beside one",

@@ -179,7 +179,7 @@ def _lazy(agent: str, attribution: Mapping[str, Any] | None) -> Cell:
     if not isinstance(told, Mapping) or "lazy" not in told:
         return Cell(NOT_TESTED)
     if told["lazy"] is None:
-        return Cell(f"can't be told: {told.get('lazy_why') or 'no reason given'}")
+        return Cell("can't be told")
     return badge("lazy", "warn") if told["lazy"] else Cell("no")
 
 

@@ -12,6 +12,7 @@ from gamekeeper.report.page.data import (
     Chart,
     Table,
     badge,
+    few,
     interval,
     name,
     number,
@@ -41,12 +42,21 @@ def attribution_blocks(document: Document) -> list[Block]:
     )
     return [
         Block(
-            title="Attribution", alerts=lazy, notes=(told,), anchor="attribution",
+            title="Attribution", alerts=lazy, notes=(told, *_open(agents)), anchor="attribution",
             charts=tuple(chart for chart in charts if chart["rows"]),
             tables=(_contributions(agents), _penalties(document), _messages(document),
                     _untested(document)),
         )
     ]  # fmt: skip
+
+
+def _open(agents: Mapping[str, Document]) -> list[str]:
+    """Of whom it can't be told whether they are lazy, and why."""
+    reasons: dict[str, list[str]] = {}
+    for who, part in agents.items():
+        if part.get("lazy") is None:
+            reasons.setdefault(str(part.get("lazy_why") or "no reason given"), []).append(who)
+    return [f"Whether {few(who)} is lazy can't be told: {why}." for why, who in reasons.items()]
 
 
 def _parts(agents: Mapping[str, Document], which: str, title: str) -> Chart:
@@ -84,7 +94,7 @@ def _measured(part: Document | None) -> tuple[Cell, Cell]:
 
 def _lazy(part: Document) -> Cell:
     if part.get("lazy") is None:
-        return Cell(f"can't be told: {part.get('lazy_why') or 'no reason given'}")
+        return Cell("can't be told")
     return badge("lazy", "warn") if part["lazy"] else Cell("no")
 
 
