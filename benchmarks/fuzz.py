@@ -40,10 +40,10 @@ from gamekeeper.record.files.notes import read_notes
 
 SLOW_S = 2.0
 WORDS = [
-    b"", b"\0", b"\n", b"-1", b"0", b"1e999", b"NaN", b"null", b"true", b"[[[[[[[[", b"{" * 64, b"..",
-    b"/", b"../../x", b"C:\\x", b"\xff\xfe", b"\xe2\x80\xae", b"9" * 40, b'"', b"'", b"\\u0000", b"PAR1",
-    b"ARROW1",
-    (2**31 - 1).to_bytes(4, "little"), (2**63 - 1).to_bytes(8, "little"), b"\xff" * 8, b"\x80" * 16,
+    b"", b"\0", b"\n", b"-1", b"0", b"1e999", b"NaN", b"null", b"true", b"[[[[[[[[", b"{" * 64,
+    b"..", b"/", b"../../x", b"C:\\x", b"\xff\xfe", b"\xe2\x80\xae", b"9" * 40, b'"', b"'",
+    b"\\u0000", b"PAR1", b"ARROW1", (2**31 - 1).to_bytes(4, "little"),
+    (2**63 - 1).to_bytes(8, "little"), b"\xff" * 8, b"\x80" * 16,
 ]  # fmt: skip
 
 
@@ -235,12 +235,12 @@ def run(
         slowest_s = max(slowest_s, time.monotonic() - one_s)
     faulthandler.cancel_dump_traceback_later()
     seconds = time.monotonic() - begun_s
-    print(
-        json.dumps(
-            {"target": name, "inputs": inputs, "refused": refused, "read": inputs - refused - sum(found.values()),
-             "seconds": round(seconds, 1), "slowest_s": round(slowest_s, 2), "other_errors": found}
-        ), flush=True,
-    )  # fmt: skip
+    told_of = {
+        "target": name, "inputs": inputs, "refused": refused,
+        "read": inputs - refused - sum(found.values()), "seconds": round(seconds, 1),
+        "slowest_s": round(slowest_s, 2), "other_errors": found,
+    }  # fmt: skip
+    print(json.dumps(told_of), flush=True)
     return not found and slowest_s < SLOW_S
 
 

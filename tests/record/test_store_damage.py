@@ -329,7 +329,11 @@ def test_table_with_other_columns_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("stream", "column", "other"),
-    [("episodes", "endings", None), ("steps", "reward", pa.string()), ("timings", "wall_ns", pa.string())],
+    [
+        ("episodes", "endings", None),
+        ("steps", "reward", pa.string()),
+        ("timings", "wall_ns", pa.string()),
+    ],
 )
 def test_table_without_a_column_that_readers_need_is_refused(
     tmp_path: Path, stream: str, column: str, other: pa.DataType | None
