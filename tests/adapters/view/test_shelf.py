@@ -153,7 +153,9 @@ def test_damaged_annotations_hide_no_episode(copy: Path) -> None:
     found = shelf.index("")
     assert len(found["episodes"]) == 4
     assert NOTES in found["runs"][0]["error"]["what"]
-    assert shelf.page("/").status == 200
+    page = shelf.page("/")
+    assert page.status == 200
+    assert b"be read again: line 1 of annotations.jsonl is no JSON" in page.body
 
 
 @pytest.mark.parametrize(("path", "other"), [("/", "report"), ("/report", ".")])

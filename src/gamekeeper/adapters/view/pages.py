@@ -16,7 +16,7 @@ from gamekeeper.record.bundle import load
 from gamekeeper.report.page.assets import script, style
 from gamekeeper.report.page.causes import causes_section
 from gamekeeper.report.page.compose import PLAYER, Documents, Shown, lead_of, sections_of
-from gamekeeper.report.page.data import Page, Section
+from gamekeeper.report.page.data import Block, Cell, Page, Section, Table, name
 from gamekeeper.report.page.entries import packed_of
 from gamekeeper.report.page.provenance import provenance_section
 from gamekeeper.report.page.render import policy_of, render
@@ -30,6 +30,13 @@ FRAMES_BYTES: Final = 16 << 20
 """Of the recorded pictures of one episode; of more every second one is sent, and so on."""
 TO_WHOLE: Final = (("Whole report: game form, agents, charts", "report"),)
 TO_FRONT: Final = (("All episodes", "."),)
+COLUMNS: Final = ("run", "folder", "environment", "state")
+STATES: Final = {
+    "open": "being recorded, or its recorder was killed",
+    "sealed": "whole",
+    "recovered": "it was killed; its whole turns are kept",
+    "failed": "it broke off",
+}
 NO_FRAME: Final = "; frame-ancestors 'none'"
 """What a page can't say of itself."""
 
@@ -42,6 +49,7 @@ def front_page(editions: Sequence[Edition]) -> Answer:
     named = [(run.key, run.path, run.evidence) for run in runs]
     sections = (
         Section(PLAYER, "Episodes"),
+        _states(editions),
         *((causes_section(*known, key=runs[0].key),) if known != (None, None) else ()),
         provenance_section(named, version=_version(), audit=documents.audit),
     )
@@ -84,6 +92,23 @@ def _answer(
     )
     policy = policy_of(style(), script(), is_view=True) + NO_FRAME
     return Answer(200, HTML, render(page).encode(), {"Content-Security-Policy": policy})
+
+
+def _states(editions: Sequence[Edition]) -> Section:
+    """Which runs these are, in what state, and why one of them couldn't be read again."""
+    rows = []
+    for edition in editions:
+        run = edition.shown
+        state = f"{edition.status}: {STATES[edition.status]}"
+        rows.append((name(run.key), name(run.path), name(run.card.environment), Cell(state)))
+    alerts = [
+        f"Run {edition.shown.key} can't be read again: {edition.error['what']} "
+        f"({edition.error['where']}). {edition.error['mend']}"
+        for edition in editions
+        if edition.error is not None
+    ]
+    table = Table("Runs, when this page was loaded", COLUMNS, tuple(rows))
+    return Section("runs", "Runs", (Block(alerts=tuple(alerts), tables=(table,)),))
 
 
 def _lead(runs: Sequence[Shown], documents: Documents) -> str:
