@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import ChainMap
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -145,14 +146,17 @@ def failed(
     Raises:
         ContractError: a condition names a figure that the episode doesn't have.
     """
+    asked = {name for condition in conditions.values() for name in condition.names}
+    named = _named(outcome, contract) if any("." in name for name in asked) else {}
     answers: dict[str, bool] = {}
     for scope, condition in conditions.items():
+        groups = {scope: members_of(scope, outcome.returns, contract)}
         if scope == EACH:
-            for agent in outcome.returns:
-                answers[agent] = _holds(condition, outcome, [agent], contract)
-            continue
-        members = members_of(scope, outcome.returns, contract)
-        answers[scope] = _holds(condition, outcome, members, contract)
+            groups = {agent: [agent] for agent in outcome.returns}
+        for name, members in groups.items():
+            own = dict(_of(outcome, members, contract))
+            is_broken = outcome.error is not None
+            answers[name] = is_broken or condition.holds(ChainMap(own, named))
     return answers
 
 
@@ -165,10 +169,6 @@ def members_of(scope: str, agents: Iterable[str], contract: Contract) -> list[st
     ]
 
 
-def _holds(condition: Failure, outcome: Outcome, members: list[str], contract: Contract) -> bool:
-    return outcome.error is not None or condition.holds(figures(outcome, members, contract))
-
-
 def figures(outcome: Outcome, members: list[str], contract: Contract) -> dict[str, Value]:
     """The figures of an episode that a condition may name, for a group of agents.
 
@@ -178,15 +178,20 @@ def figures(outcome: Outcome, members: list[str], contract: Contract) -> dict[st
     `carrier_0.return`, `picker.grasp`, `carrier_0.undelivered`. A declared term that was never
     paid is 0.
     """
-    found: dict[str, Value] = {}
-    everybody = list(outcome.returns)
-    roles = {contract.role_of(agent) or role_in_name(agent) for agent in everybody}
-    for name in sorted({*roles, *everybody}):
-        theirs = members_of(name, everybody, contract)
-        for key, value in _of(outcome, theirs, contract):
-            found[f"{name}.{key}"] = value
-    found.update(_of(outcome, members, contract))
-    return found
+    return {**_named(outcome, contract), **dict(_of(outcome, members, contract))}
+
+
+def _named(outcome: Outcome, contract: Contract) -> dict[str, Value]:
+    """The figures of every role and every agent, under its name."""
+    groups: dict[str, dict[str, None]] = {agent: {agent: None} for agent in outcome.returns}
+    for agent in outcome.returns:
+        role = contract.role_of(agent) or role_in_name(agent)
+        groups.setdefault(role, {})[agent] = None
+    return {
+        f"{name}.{key}": value
+        for name in sorted(groups)
+        for key, value in _of(outcome, list(groups[name]), contract)
+    }
 
 
 def _of(outcome: Outcome, members: list[str], contract: Contract) -> Iterator[tuple[str, Value]]:

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -15,6 +15,10 @@ import pyarrow.compute as pc
 
 if TYPE_CHECKING:
     from gamekeeper.core.evidence import Evidence
+
+
+_UNREAD: Final = ("obs", "mask", "info", "odd", "received", "live", "digest")
+"""Kinds of columns that a summary does without: a long run's take most of its time and memory."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +98,7 @@ class Summary:
 
 def summarise(evidence: Evidence) -> Summary:
     """The summary of a run."""
-    steps = evidence.tables.table("steps", without=("obs",))
+    steps = evidence.tables.table("steps", without=_UNREAD)
     steps = evidence.steps if steps is None else steps
     names = _agents(evidence, steps)
     returns = _by_agent(steps, "reward", "sum")

@@ -80,7 +80,7 @@ class Packer:
             packed_of(
                 run.evidence, number, run=key, labels=run.labels, seats=run.seats,
                 marks=self._marks(key, number), frames=frames,
-                failed=run.failed[run.figures.place(number)],
+                has_failed=run.failed[run.figures.place(number)],
             )
         )  # fmt: skip
         pictures = 0 if frames is None else sum(map(len, frames.shown.values())) * 3 // 4

@@ -9,11 +9,11 @@ from typing import Any, Final
 import numpy as np
 
 from gamekeeper.core.evidence import Evidence
-from gamekeeper.core.outcome import failures, outcome_of
+from gamekeeper.core.outcome import failed, failures, outcome_of
 from gamekeeper.core.trace import Trace
 from gamekeeper.errors import ContractError
 from gamekeeper.report.page.drawing import Film, drawn
-from gamekeeper.report.page.failing import answers_of, failing
+from gamekeeper.report.page.failing import failing
 from gamekeeper.report.page.figures import Figures, figures_of
 from gamekeeper.report.page.pack import Mark, Seat, packed_episode, seats_of, turns_of
 
@@ -111,7 +111,7 @@ def packed_of(
     marks: Iterable[Mark] = (),
     seats: Sequence[Seat] = (),
     frames: Film | None = None,
-    failed: bool | None = None,
+    has_failed: bool | None = None,
 ) -> dict[str, Any]:
     """One episode as the player reads it, with its drawing and all its marks.
 
@@ -123,14 +123,14 @@ def packed_of(
         marks: further ones, as where it parts from another.
         seats: of the run, where they are known already.
         frames: what was rendered while it was recorded.
-        failed: whether it failed, where that is known already.
+        has_failed: whether it failed, where that is known already.
     Raises:
         KeyError: there is no such episode.
     """
     trace = evidence.trace(episode)
     seats = seats or seats_of(evidence)
     names = [seat.name for seat in seats]
-    every = [*marks, *_label_marks(trace, labels), *_failure_marks(evidence, trace, failed)]
+    every = [*marks, *_label_marks(trace, labels), *_failure_marks(evidence, trace, has_failed)]
     return packed_episode(
         trace,
         seats,
@@ -148,16 +148,16 @@ def _label_marks(trace: Trace, labels: Iterable[Label]) -> Iterable[Mark]:
             yield Mark(int(each["turn"] or 0), "label", f"{each['label']}{why}", each["agent"])
 
 
-def _failure_marks(evidence: Evidence, trace: Trace, failed: bool | None) -> Iterable[Mark]:
+def _failure_marks(evidence: Evidence, trace: Trace, has_failed: bool | None) -> Iterable[Mark]:
     """Whose condition the episode failed, at its end; an error has a mark of its own."""
-    if trace.header.get("error") or failed is False:
+    if trace.header.get("error") or has_failed is False:
         return
     try:
         conditions = failures(evidence.contract)
-        if failed and len(conditions) == 1:  # whose it is needs no second look
+        if has_failed and len(conditions) == 1:  # whose it is needs no second look
             answers = dict.fromkeys(conditions, True)
         else:
-            answers = answers_of(outcome_of(trace), conditions, evidence.contract)
+            answers = failed(outcome_of(trace), conditions, evidence.contract)
     except ContractError:  # nothing is declared, or the episode lacks a figure
         return
     for scope, is_failed in answers.items():

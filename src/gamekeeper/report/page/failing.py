@@ -11,19 +11,14 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from gamekeeper.core.canon import from_json
-from gamekeeper.core.contract import Contract
-from gamekeeper.core.contract.failure import Failure
 from gamekeeper.core.evidence import Evidence
 from gamekeeper.core.outcome import (
-    EACH,
     Outcome,
-    _of,
+    failed,
     failures,
-    members_of,
     outcome_of,
     plain_numbers,
 )
-from gamekeeper.core.outcome import figures as every_figure
 from gamekeeper.errors import ContractError, EvidenceError
 from gamekeeper.report.page.figures import APART, Figures
 
@@ -50,38 +45,11 @@ def failing(evidence: Evidence, figures: Figures) -> tuple[list[bool | None], st
     for place, header in enumerate(figures.headers):
         try:
             outcome = _outcome(figures, place, infos.get(header["episode"], {}))
-            found.append(any(answers_of(outcome, conditions, contract).values()))
+            found.append(any(failed(outcome, conditions, contract).values()))
         except (ContractError, EvidenceError) as error:
             found.append(True if header.get("error") else None)
             text = f"{text} ({error.what})" if error.what not in text else text
     return found, text
-
-
-def answers_of(
-    outcome: Outcome, conditions: Mapping[str, Failure], contract: Contract
-) -> dict[str, bool]:
-    """What `core.outcome.failed` answers, without working out everybody's figures for nothing.
-
-    Those of all agents and roles are asked for by names with a point alone; of hundreds of agents
-    they take seconds an episode.
-
-    Raises:
-        ContractError: a condition names a figure that the episode doesn't have.
-    """
-    answers: dict[str, bool] = {}
-    for scope, condition in conditions.items():
-        groups = (
-            {agent: [agent] for agent in outcome.returns}
-            if scope == EACH
-            else {scope: members_of(scope, outcome.returns, contract)}
-        )
-        for name, members in groups.items():
-            answers[name] = outcome.error is not None or condition.holds(
-                every_figure(outcome, members, contract)
-                if any("." in each for each in condition.names)
-                else dict(_of(outcome, members, contract))
-            )
-    return answers
 
 
 def _outcome(
