@@ -48,7 +48,8 @@ def evaluation_against(
         }  # fmt: skip
         policies = document.get("policies") or {}
         choices = _choices(policies, allow_import=allow_import)
-        now, why_not = _look(opening, then.get("options"), choices, silence_s)
+        files = {who: _files(policies[who]) for who in choices}
+        now, why_not = _look(opening, then.get("options"), choices, files, silence_s)
         rows += _environment_rows(name, then, now, _again(document))
         rows += _policy_rows(name, policies, now["policies"], why_not, _again(document))
     return Against(str(folder), env, tuple(rows))
@@ -90,8 +91,18 @@ def _choices(policies: Mapping[str, Any], *, allow_import: bool) -> dict[str, li
     return found
 
 
+def _files(policy: Mapping[str, Any]) -> list[str]:
+    """The files that a policy names beside its own; a device or a pipe might never end."""
+    named = [str(name) for name in policy.get("files") or ()]
+    return [name for name in named if not Path(name).exists() or Path(name).is_file()]
+
+
 def _look(
-    opening: Mapping[str, Any], options: Any, choices: Mapping[str, Any], silence_s: float
+    opening: Mapping[str, Any],
+    options: Any,
+    choices: Mapping[str, Any],
+    files: Mapping[str, list[str]],
+    silence_s: float,
 ) -> tuple[Any, str]:
     """What is there now; policies that can't be found are left out, and why is said."""
     from gamekeeper.evaluate.look import LOOK
@@ -99,7 +110,6 @@ def _look(
     told = None if options is None else canonical(options)
     arguments = {"opening": opening, "options": told}
     try:
-        files: dict[str, list[str]] = {name: [] for name in choices}
         given = {**arguments, "policies": choices, "files": files}
         return looked(LOOK, given, silence_s=silence_s), UNLOOKED
     except PolicyError as error:

@@ -94,7 +94,7 @@ class Admission:
 
     def _is_ours(self, token: str) -> bool:
         """Compares in a time that says nothing of how much of it is right."""
-        given = token.encode("utf-8", "surrogateescape")
+        given = token.encode("utf-8", "backslashreplace")
         return hmac.compare_digest(given, self.token.encode("ascii"))
 
     def _cookies(self, headers: Headers) -> list[str]:
