@@ -194,6 +194,7 @@ def test_against_reads_evaluations(tmp_path: Path, capfd: pytest.CaptureFixture[
     ("words", "told"),
     [
         (["nowhere", "--against", "two_robot_line"], "only evidence"),
+        (["RUN", "--against", "RUN"], "not against evidence"),
         (["RUN", "--against", "no_such_environment"], "no_such_environment"),
         (["RUN", "--against", "two_robot_line", "--kwargs", "[1]"], "--kwargs can't be read"),
         (["RUN", "--against", "two_robot_line", "--kwargs", '{"wings": 2}'], "wings"),

@@ -56,6 +56,7 @@ def test_evaluate_says_what_was_found_and_how_far_it_goes(
             "crossplay", "stopping", "refused", "claims", "episodes", "commands",
             "fingerprint"} <= found.keys()  # fmt: skip
     assert found["commands"] == [f"gamekeeper evaluate {path}"]
+    assert said(capfd, "show", out)[:2] == (0, text[: text.index("\nRaw episodes")])
 
 
 def test_evaluate_takes_an_environment_and_policies(
@@ -138,6 +139,7 @@ def test_evaluate_that_is_interrupted_goes_on_from_there(
     begun.send_signal(signal.SIGINT)
     _, error = begun.communicate(timeout=60)
     assert begun.returncode == 130, error.decode()
+    assert "the same command goes on" in error.decode()
     kept = len(list(out.glob("parts/*.json")))
     assert 0 < kept < 20
     code, _, notes = said(capfd, *line[:-1], "--out", out)

@@ -106,6 +106,7 @@ def test_query_obeys_no_control_character(
     [
         (["nowhere", "select 1 as one"], "there is no evidence here"),
         (["select 1 as one"], "no run is named"),
+        (["select 1 as one", "RUN"], "the query stands before a run"),
         (["RUN", "select nothing from returns"], "columns: returns (run, episode, agent"),
         (["RUN", "copy (select 1) to 'x.csv'"], "one statement that reads"),
         (["RUN", "select * from read_csv('/etc/passwd')"], "the runs that the command names"),

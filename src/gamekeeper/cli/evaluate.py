@@ -128,12 +128,16 @@ def command(
     }  # fmt: skip
     whole = spec_of(spec, **changes)
     folder = RUNS / f"evaluation-{_file_name(whole.name)}" if out is None else out
-    with screen.progress("evaluating") as take:
-        found = evaluate(
-            spec, **changes, out=folder, storage=storage, workers=workers or (os.cpu_count() or 1),
-            executor=executor, unpinned=unpinned, marl_eval=marl_eval, timeout_s=timeout,
-            on_message=take, on_note=screen.note,
-        )  # fmt: skip
+    try:
+        with screen.progress("evaluating") as take:
+            found = evaluate(
+                spec, **changes, out=folder, storage=storage,
+                workers=workers or (os.cpu_count() or 1), executor=executor, unpinned=unpinned,
+                marl_eval=marl_eval, timeout_s=timeout, on_message=take, on_note=screen.note,
+            )  # fmt: skip
+    except KeyboardInterrupt:
+        screen.error(f"parts that are whole stay in {storage or folder}: the same command goes on")
+        raise
     document = found.to_json()
     screen.show(evaluation_text(document, width=screen.width))
     screen.show(f"\nRaw episodes  {storage or folder}/episodes.parquet")

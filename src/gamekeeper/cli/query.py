@@ -102,7 +102,12 @@ def _split(words: list[str]) -> tuple[list[str], str | None]:
         GamekeeperError: there are no runs.
     """
     *before, last = words
-    is_query = last == "-" or (len(last.split()) > 1 and not Path(last).exists())
+    is_query = _is_query(last)
+    if before and not is_query and any(_is_query(word) for word in before):
+        raise GamekeeperError(
+            "the query stands before a run", where="RUN|SQL", expected="runs first, then the query",
+            seen=" ".join(words)[:200], mend="gamekeeper query runs/demo 'select * from returns'",
+        )  # fmt: skip
     if not is_query:
         return words, None
     if not before:
@@ -111,3 +116,7 @@ def _split(words: list[str]) -> tuple[list[str], str | None]:
             mend="gamekeeper query runs/demo 'select * from returns'",
         )  # fmt: skip
     return before, sys.stdin.read() if last == "-" else last
+
+
+def _is_query(word: str) -> bool:
+    return word == "-" or (len(word.split()) > 1 and not Path(word).exists())

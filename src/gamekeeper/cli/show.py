@@ -1,4 +1,4 @@
-"""`gamekeeper show RUN`: what a bundle holds; `show ENV`: what an environment is made of."""
+"""`gamekeeper show`: what a run or an evaluation holds, what an environment is made of."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from gamekeeper.core.evidence import Evidence
 
 ORDER: Final = 110
+EVALUATION: Final = "evaluation.json"
 
 
 ThingArgument = Annotated[
@@ -50,7 +51,7 @@ def command(
     allow_import: ImportOption = False,
     timeout: TimeoutOption = SILENCE_S,
 ) -> Answer:
-    """Shows what a run holds, agent by agent, or what an environment is made of.
+    """Shows what a run or an evaluation holds, or what an environment is made of.
 
     Also of a run that is still being recorded, or was killed. Of an environment, which wrappers
     `gk.make` replaces by one face with the same promises, and which stay. With --against, exit
@@ -62,6 +63,8 @@ def command(
             screen, Path(thing), against, kwargs, contract=contract, allow_import=allow_import,
             silence_s=timeout,
         )  # fmt: skip
+    if (Path(thing) / EVALUATION).is_file():
+        return _show_evaluation(screen, Path(thing))
     if Path(thing).is_dir():
         return _show_run(screen, Path(thing))
     return _show_env(screen, thing, kwargs, timeout)
@@ -72,6 +75,11 @@ def _show_against(
 ) -> Answer:
     from gamekeeper.cli._against import show_against
 
+    if Path(env).is_dir():
+        raise GamekeeperError(
+            "evidence is put against an environment, not against evidence", where="--against",
+            expected="an environment", seen=env, mend=f"gamekeeper diff {run} {env}",
+        )  # fmt: skip
     if not run.is_dir():
         raise GamekeeperError(
             "only evidence can be put against an environment", where="RUN",
@@ -80,6 +88,15 @@ def _show_against(
         )  # fmt: skip
     given = None if kwargs is None else json_object(kwargs, option="--kwargs")
     return show_against(screen, run, env, kwargs=given, **options)
+
+
+def _show_evaluation(screen: Screen, folder: Path) -> Answer:
+    from gamekeeper.evaluate.evaluate import load_evaluation
+    from gamekeeper.report.evaluation_text import evaluation_text
+
+    document = load_evaluation(folder).to_json()
+    screen.show(evaluation_text(document, width=screen.width))
+    return Answer(document)
 
 
 def _show_env(screen: Screen, env: str, kwargs: str | None, timeout: float) -> Answer:

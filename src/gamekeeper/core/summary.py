@@ -141,7 +141,8 @@ def _agents(evidence: Evidence, steps: pa.Table) -> list[str]:
 
 def _by_agent(table: pa.Table, column: str, how: str) -> dict[str, tuple[Any, int]]:
     """An aggregate of `column` by agent, and in how many episodes the agent stands."""
-    grouped = table.select(["agent", "episode", column]).group_by("agent")
+    # By one thread: sums of floats in another order differ in their last digits.
+    grouped = table.select(["agent", "episode", column]).group_by("agent", use_threads=False)
     result = grouped.aggregate([(column, how), ("episode", "count_distinct")]).to_pydict()
     parts = result[f"{column}_{how}"], result["episode_count_distinct"]
     return {
@@ -185,7 +186,7 @@ def _idle(evidence: Evidence, acted: pa.Table) -> dict[str, float]:
 def _endings(evidence: Evidence, steps: pa.Table) -> dict[str, dict[str, int]]:
     """How the episodes of each agent ended: its reason, else its flag, else how the episode did."""
     steps = steps.select(["episode", "agent", "terminated", "truncated"])
-    flags = steps.group_by(["episode", "agent"]).aggregate(
+    flags = steps.group_by(["episode", "agent"], use_threads=False).aggregate(
         [("terminated", "max"), ("truncated", "max")]
     )
     reasons = {

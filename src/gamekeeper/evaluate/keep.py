@@ -104,7 +104,11 @@ def _differs(evidence: Evidence, storage: Storage, parts: Sequence[str]) -> int:
 
 def _returns(table: pa.Table, column: str) -> dict[tuple[int, str], float]:
     table = table.filter(pc.is_valid(table[column]))
-    found = table.group_by(["episode", "agent"]).aggregate([(column, "sum")]).to_pydict()
+    found = (
+        table.group_by(["episode", "agent"], use_threads=False)
+        .aggregate([(column, "sum")])
+        .to_pydict()
+    )
     keys = zip(found["episode"], found["agent"], strict=True)
     return dict(zip(keys, found[f"{column}_sum"], strict=True))
 

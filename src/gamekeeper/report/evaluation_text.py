@@ -216,9 +216,9 @@ def _crossplay(name: str, found: Mapping[str, Any], width: int) -> Iterator[str]
         yield f"{INDENT}... and {len(found['cells']) - MOST_CELLS} more cells (--json has them)"
     for row in found["best_response"]:
         against = next(iter(row["against"].values()), "")
-        gaps = ", ".join(f"{policy} {_interval(gap)}" for policy, gap in row["gap"].items() if gap)
+        gaps = [f"of {policy} by {_interval(gap)}" for policy, gap in row["gap"].items() if gap]
         text = f"best as {row['role']} to {against}: {row['policy']} {_number(row['value'])}; "
-        yield from _item(text + f"ahead of {gaps}", width)
+        yield from _item(text + f"ahead {', '.join(gaps)}", width)
     for row in found["fairness"]:
         a, b = row["policies"]
         lead = row["first_mover"]

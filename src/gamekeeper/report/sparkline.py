@@ -33,7 +33,7 @@ def returns_by_episode(evidence: Evidence) -> dict[str, list[float | None]]:
     steps = evidence.tables.table("steps", without=("obs", "info"))
     steps = evidence.steps if steps is None else steps
     places = {number: k for k, number in enumerate(evidence.episodes["episode"].to_pylist())}
-    sums = steps.group_by(["agent", "episode"]).aggregate([("reward", "sum")])
+    sums = steps.group_by(["agent", "episode"], use_threads=False).aggregate([("reward", "sum")])
     present = set(pc.unique(sums["agent"]).to_pylist())
     found: dict[str, list[float | None]] = {
         agent: [None] * len(places)

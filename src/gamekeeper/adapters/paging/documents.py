@@ -74,6 +74,8 @@ def _document(given: Given, kind: str, needed: Sequence[str]) -> Mapping[str, An
         where = str(path)
         try:
             value = json.loads(read_bounded(path, DOCUMENT_BYTES))
+        except EvidenceError:  # the file can't be read
+            raise
         except (ValueError, RecursionError) as error:
             value = str(error)
     if not isinstance(value, Mapping) or any(name not in value for name in needed):

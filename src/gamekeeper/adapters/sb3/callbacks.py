@@ -152,7 +152,11 @@ def _roles(played: Evidence, agents: Iterable[str]) -> dict[str, str]:
 def returns_by_agent(evidence: Evidence) -> dict[str, list[float]]:
     """What each agent was paid in each episode; 0 in an episode that it wasn't in."""
     steps = evidence.steps
-    table = steps.group_by(["episode", "agent"]).aggregate([("reward", "sum")]).to_pydict()
+    table = (
+        steps.group_by(["episode", "agent"], use_threads=False)
+        .aggregate([("reward", "sum")])
+        .to_pydict()
+    )
     count = max(table["episode"], default=-1) + 1
     agents = sorted(set(table["agent"]))
     returns = {agent: [0.0] * count for agent in agents}

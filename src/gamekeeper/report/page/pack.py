@@ -202,7 +202,7 @@ def _sums(steps: pa.Table) -> dict[str, dict[str, float | None]]:
     ended = pc.or_(*(pc.fill_null(steps[name], False) for name in ("terminated", "truncated")))
     acted = pc.if_else(ended, pa.scalar(None, pa.int16()), steps["order"])
     steps = pa.table({"agent": steps["agent"], "reward": steps["reward"], "order": acted})
-    table = steps.group_by("agent")
+    table = steps.group_by("agent", use_threads=False)
     found = table.aggregate([("reward", "sum"), ("order", "count")]).to_pydict()
     return {
         agent: {"return": _finite(total or 0.0), "length": acted}
