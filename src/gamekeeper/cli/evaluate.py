@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import typer
 
+from gamekeeper.cli._fan import LOCAL, ExecutorOption
 from gamekeeper.cli._options import SILENCE_S, KwargsOption, TimeoutOption, json_object
 from gamekeeper.cli._screen import Answer, Screen
 from gamekeeper.errors import SpecError
@@ -62,10 +63,6 @@ WorkersOption = Annotated[
         "--workers", metavar="N", min=1, help="Processes that play; otherwise a core each."
     ),
 ]
-ExecutorOption = Annotated[
-    str,
-    typer.Option("--executor", metavar="NAME", help="local, ray, or ray:ADDRESS."),
-]
 StorageOption = Annotated[
     str | None,
     typer.Option(
@@ -100,7 +97,7 @@ def command(
     kwargs: KwargsOption = None,
     record: RecordOption = None,
     workers: WorkersOption = None,
-    executor: ExecutorOption = "local",
+    executor: ExecutorOption = None,
     storage: StorageOption = None,
     marl_eval: ExportOption = None,
     pin: PinOption = False,
@@ -132,8 +129,9 @@ def command(
         with screen.progress("evaluating") as take:
             found = evaluate(
                 spec, **changes, out=folder, storage=storage,
-                workers=workers or (os.cpu_count() or 1), executor=executor, unpinned=unpinned,
-                marl_eval=marl_eval, timeout_s=timeout, on_message=take, on_note=screen.note,
+                workers=workers or (os.cpu_count() or 1), executor=executor or LOCAL,
+                unpinned=unpinned, marl_eval=marl_eval, timeout_s=timeout, on_message=take,
+                on_note=screen.note,
             )  # fmt: skip
     except KeyboardInterrupt:
         screen.error(f"parts that are whole stay in {storage or folder}: the same command goes on")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from html import escape
 from typing import Any, Final
 
+from gamekeeper.core.finite import finite
 from gamekeeper.errors import GamekeeperError
 
 JSON: Final = "application/json"
@@ -51,7 +51,7 @@ def json_answer(document: Any, *, status: int = 200) -> Answer:
     try:
         text = json.dumps(document, allow_nan=False, separators=(",", ":"))
     except ValueError:
-        text = json.dumps(_finite(document), allow_nan=False, separators=(",", ":"))
+        text = json.dumps(finite(document), allow_nan=False, separators=(",", ":"))
     return Answer(status, JSON, text.encode("ascii"))
 
 
@@ -105,13 +105,3 @@ def page_answer(body: str, *, title: str, status: int = 200, head: str = "") -> 
         f"<title>{escape(title)}</title></head>\n<body>\n{body}</body></html>\n"
     )
     return Answer(status, HTML, text.encode("utf-8", "replace"))
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {str(key): _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return value
