@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
@@ -14,6 +13,7 @@ from typing import Any, Final
 
 import pyarrow as pa
 
+from gamekeeper.core.finite import finite
 from gamekeeper.evaluate.claims import claims_of
 from gamekeeper.evaluate.comparisons import comparisons_of
 from gamekeeper.evaluate.course import SILENCE_S, Course
@@ -323,14 +323,3 @@ def _with_sequences(
                 row = {**row, "success": {**row["success"], **bounds}}
         found.append(row)
     return found
-
-
-def finite(value: Any) -> Any:
-    """Plain data in which a number that JSON lacks (NaN, infinity) is None."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {str(key): finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [finite(item) for item in value]
-    return value
