@@ -241,7 +241,7 @@ def test_list_of_everything_counts_the_checks(capfd: pytest.CaptureFixture[str])
     assert code == 0
     assert "`gamekeeper list checks`" in out
     assert set(document(capfd, "list")[1]) == {
-        "envs", "openers", "policies", "exporters", "changes", "probes", "checks",
+        "envs", "openers", "policies", "exporters", "changes", "probes", "checks", "suites",
     }  # fmt: skip
 
 
