@@ -182,8 +182,7 @@ def test_dark_changes_the_drawing(open_page: Open) -> None:
     picture = "document.querySelector('.lanes-canvas').toDataURL()"
     light = page.evaluate(picture)
     page.emulate_media(color_scheme="dark")
-    page.evaluate("() => new Promise((done) => requestAnimationFrame(() => setTimeout(done)))")
-    assert page.evaluate(picture) != light
+    page.wait_for_function(f"(light) => {picture} !== light", arg=light)  # fails after its time
 
 
 def test_copy_takes_the_snippet(open_page: Open) -> None:
