@@ -116,8 +116,8 @@ def test_evaluate_refuses_one_run_under_two_names() -> None:
 def test_evaluate_gives_equal_bytes_by_workers_and_here(tmp_path: Path) -> None:
     """In this process, and by two: the same document and the same table."""
     told = {"policies": BOTH, "episodes": 45, "env_kwargs": SHORT, "crossplay": True}
-    evaluate("two_robot_line", **told, out=tmp_path / "here")  # type: ignore[arg-type]
-    evaluate("two_robot_line", **told, out=tmp_path / "apart", workers=2)  # type: ignore[arg-type]
+    evaluate("two_robot_line", **told, out=tmp_path / "here")  # type: ignore[arg-type]  # a dict of any
+    evaluate("two_robot_line", **told, out=tmp_path / "apart", workers=2)  # type: ignore[arg-type]  # a dict of any
     for name in ("evaluation.json", "episodes.parquet"):
         assert (tmp_path / "here" / name).read_bytes() == (tmp_path / "apart" / name).read_bytes()
 

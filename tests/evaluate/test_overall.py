@@ -34,7 +34,7 @@ def test_overall_without_a_shared_scale_is_refused() -> None:
     """Returns of different tasks have nothing in common."""
     bare = {name: {"spec": "tictactoe", "most_turns": 3 + k} for k, name in enumerate("ab")}
     spec = {"environments": bare, "policies": {"random": "random"}}
-    spec["environments"]["a"]["success"] = {"player": "length > 2"}  # type: ignore[index]
+    spec["environments"]["a"]["success"] = {"player": "length > 2"}  # type: ignore[index]  # plain JSON
     found = evaluate(spec, episodes=2)
     assert found.overall["results"] == []
     assert any("no scale is shared" in row["why"] for row in found.refused)
