@@ -62,6 +62,7 @@ def test_read_of_nothing_says_that_no_bundle_is_there(tmp_path: Path) -> None:
         b"null",
         b"\xff\xfe",
         b'{"format_version": 1, "status": NaN}',
+        b'{"format_version": 1, "status": "open", "seed": 1e999}',
         b'{"format_version": 1}',
         b'{"format_version": 1, "status": "done"}',
         b'{"format_version": 1, "status": ["open"]}',
