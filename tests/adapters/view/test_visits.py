@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import socket
+import socketserver
+import threading
 from pathlib import Path
 
 import pytest
@@ -91,3 +93,22 @@ def test_closed_view_leaves_its_port(line: Path) -> None:
         port = view.port
     with View([line], port=port) as again:
         assert again.port == port
+
+
+def test_interrupt_ends_it_while_a_thread_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where the visit was over before the thread that started it was interrupted."""
+
+    def started_and_interrupted(self: visits.Visits, request: socket.socket, who: object) -> None:
+        self.process_request_thread(request, who)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(socketserver.ThreadingMixIn, "process_request", started_and_interrupted)
+    server = visits.Visits(0)
+    given_up = threading.Timer(PATIENCE_S, server.shutdown)
+    given_up.start()
+    with socket.create_connection(("127.0.0.1", server.server_port)) as visit:
+        visit.sendall(b"GET / HTTP/1.1\r\n\r\n")
+        with pytest.raises(KeyboardInterrupt):
+            server.serve_forever()
+    given_up.cancel()
+    server.server_close()

@@ -47,6 +47,7 @@ class Visits(ThreadingHTTPServer):
         """
         self.respond: Respond = _not_ready
         self._places = threading.BoundedSemaphore(VISITS)
+        self._inside: set[socket.socket] = set()
         self._until: dict[socket.socket, float] = {}
         super().__init__((LOOPBACK, port), Visit)
 
@@ -60,10 +61,11 @@ class Visits(ThreadingHTTPServer):
         if not self._places.acquire(blocking=False):
             self.shutdown_request(request)
             return
+        self._inside.add(request)
         self.allow(request, READ_S)
         try:
             super().process_request(request, client_address)
-        except BaseException:  # no thread can be started
+        except BaseException:  # no thread can be started; or Ctrl-C, while one starts or is done
             self._leave(request)
             raise
 
@@ -99,6 +101,10 @@ class Visits(ThreadingHTTPServer):
 
     def _leave(self, request: Any) -> None:
         self._until.pop(request, None)
+        try:
+            self._inside.remove(request)
+        except KeyError:  # it left already: a place is given back once
+            return
         self._places.release()
 
 
