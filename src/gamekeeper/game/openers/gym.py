@@ -7,9 +7,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from gamekeeper.errors import SpecError
-from gamekeeper.game.openers import _family, _packages
-from gamekeeper.game.opening.installed import distrust_module
-from gamekeeper.game.opening.load import split_file
+from gamekeeper.game.openers import _family, _packages, _shaped
 from gamekeeper.game.opening.opened import Source
 from gamekeeper.game.shapes.old_gym import OldGym
 
@@ -35,10 +33,7 @@ def locate(spec: str, api: str | None) -> Source:
 
 def distrust(spec: str) -> str | None:
     """What is said of any file, and of any module that a text names."""
-    text = _family.rest(spec, WORD) or ""
-    if split_file(text) is not None:
-        return f"{text} is a file outside the installed packages"
-    return distrust_module(text.partition(":")[0], "env")
+    return _shaped.distrust_text(_family.rest(spec, WORD) or "")
 
 
 def _registered(module: str | None, env_id: str, text: str) -> Source:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
-from gamekeeper.errors import SpecError
-from gamekeeper.game.openers import _family
-from gamekeeper.game.opening.installed import distrust_module
-from gamekeeper.game.opening.load import split_file
+from gamekeeper.game.openers import _family, _shaped
 from gamekeeper.game.opening.opened import Source
 from gamekeeper.game.shapes.pymarl import PyMarl
 
@@ -15,7 +12,7 @@ WORD: Final = "pymarl"
 SYNTAX: Final = "pymarl:smacv2.env:StarCraft2Env"
 ORDER: Final = _family.ORDER
 
-METHODS: Final = ("get_env_info", "get_obs", "get_avail_actions", "reset", "step")
+NAMES: Final = ("get_env_info", "get_obs", "get_avail_actions", "reset", "step")
 
 
 def matches(spec: object) -> bool:
@@ -26,34 +23,9 @@ def matches(spec: object) -> bool:
 def locate(spec: str, api: str | None) -> Source:
     """The factory of a module or file."""
     text = _family.rest(spec, WORD) or ""
-    factory, module, facts = _family.factory_named(text)
-
-    def build(**kwargs: Any) -> PyMarl:
-        env = factory(**kwargs)
-        lacks = [name for name in METHODS if not callable(getattr(env, name, None))]
-        if lacks:
-            raise SpecError(
-                f"{text} built something that isn't of PyMARL's shape",
-                where=text,
-                expected=", ".join(METHODS),
-                seen=f"{type(env).__qualname__} without {', '.join(lacks)}",
-            )
-        return PyMarl(env, name=text.rpartition(":")[2])
-
-    return Source(
-        kind=WORD,
-        factory=build,
-        spec=f"{WORD}:{text}",
-        entry_point=f"{WORD}:{text}",
-        accepts=factory,
-        pip=f"pip install {module.partition('.')[0]}",
-        facts=facts,
-    )
+    return _shaped.source_of_shape(text, word=WORD, family="PyMARL", names=NAMES, wrap=PyMarl)
 
 
 def distrust(spec: str) -> str | None:
     """What is said of any file, and of any module that a text names."""
-    text = _family.rest(spec, WORD) or ""
-    if split_file(text) is not None:
-        return f"{text} is a file outside the installed packages"
-    return distrust_module(text.partition(":")[0], "env")
+    return _shaped.distrust_text(_family.rest(spec, WORD) or "")
