@@ -32,6 +32,9 @@ intersphinx_mapping = {
 }
 
 LINK = re.compile(r"\]\(([\w./-]+)\.md[)#]")
+HEADING = re.compile(r"^(##+) (.+)$", re.M)
+HOMES = {"checks/index": "checks/GK", "zoo-other": "findings/"}
+"""Pages whose side bar lists a folder of their own: the folder, or how its pages' names begin."""
 ANY_LINK = re.compile(r"\[([^\]]*)\]\(([\w./-]+)(#[\w-]*)?\)")
 
 
@@ -51,20 +54,36 @@ def within(app: Sphinx, page: str, text: list[str]) -> None:
 def with_contents(app: Sphinx, page: str, text: list[str]) -> None:
     """Adds what a browser's side bar is made of; pages that are read as files don't need it.
 
-    The first page lists every page that it links to, in that order; the checks' page the checks.
+    The first page lists every page that it links to, under the headings it has there.
     """
     if page == "index":
-        linked = dict.fromkeys(LINK.findall(text[0]))
-        listed = [each for each in linked if not each.startswith("..")]
-        rest = sorted(app.env.found_docs - set(listed) - {"index"})
-        listed += [each for each in rest if not each.startswith("checks/")]
-        text[0] += _toctree(listed)
-    elif page == "checks/index":
-        text[0] += _toctree(sorted(set(re.findall(r"\((GK\d+)\.md\)", text[0]))))
+        listed: set[str] = set()
+        for caption, part in _parts(text[0]):
+            pages = [each for each in dict.fromkeys(LINK.findall(part)) if each not in listed]
+            pages = [each for each in pages if each in app.env.found_docs]
+            listed |= set(pages)
+            text[0] += _toctree(pages, caption)
+    elif page in HOMES:
+        text[0] += _toctree(sorted(x for x in app.env.found_docs if x.startswith(HOMES[page])))
 
 
-def _toctree(pages: list[str]) -> str:
-    return "\n".join(["", "```{toctree}", ":hidden:", "", *pages, "```", ""])
+def _parts(text: str) -> list[tuple[str, str]]:
+    """What stands under each heading; a heading of the third level is named with its parent."""
+    found, parent = list(HEADING.finditer(text)), ""
+    parts = []
+    for each, after in zip(found, [*found[1:], None], strict=True):
+        parent = each[2] if len(each[1]) == 2 else parent
+        caption = parent if len(each[1]) == 2 else f"{parent}: {each[2].lower()}"
+        parts.append((caption, text[each.end() : after.start() if after else len(text)]))
+    return parts
+
+
+def _toctree(pages: list[str], caption: str = "") -> str:
+    if not pages:
+        return ""
+    told = [f":caption: {caption}"] if caption else []
+    places = [each if "/" not in each else f"/{each}" for each in pages]
+    return "\n".join(["", "```{toctree}", ":hidden:", *told, "", *places, "```", ""])
 
 
 def setup(app: Sphinx) -> None:

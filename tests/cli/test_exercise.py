@@ -10,7 +10,7 @@ from tests.cli.lines import document, run_apart, said
 from tests.cli.test_new import pytest_in
 from tests.surface.sources import ROOT
 
-PAGE = (ROOT / "docs" / "exercise.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "tutorials" / "write-a-task.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(\w*)\n(.*?)^```", PAGE, flags=re.MULTILINE | re.DOTALL)
 
 

@@ -26,10 +26,12 @@ pytest.importorskip(
     "pandas"
 )  # a page reads evidence with it; loaded before workers lose sight of it
 
-PAGES = sorted(
-    [ROOT / "README.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "docs/tasks").glob("*.md")]
-)
-ELSEWHERE = {"docs/exercise.md": "tests/cli/test_exercise.py"}
+FOLDERS = ("", "tutorials", "how-to", "explanation", "tasks", "trainers")
+PAGES = [
+    ROOT / "README.md",
+    *(page for x in FOLDERS for page in sorted((ROOT / "docs" / x).glob("*.md"))),
+]
+ELSEWHERE = {"docs/tutorials/write-a-task.md": "tests/cli/test_exercise.py"}
 """Pages whose blocks a test of their own runs."""
 BLOCK = re.compile(
     r"(?:^<!-- not run: (?P<why>.+?) -->\n)?^```(?P<kind>\w*)\n(?P<text>.*?)^```$", re.M | re.S
