@@ -99,6 +99,16 @@ def test_run_records_what_breaks_a_promise(
     assert "verified: fingerprint" in out
 
 
+def test_run_says_that_the_audit_had_no_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """With the command that takes as long as it needs."""
+    monkeypatch.setattr("gamekeeper.cli.run.AUDIT_S", 0.0)
+    _, out, _ = said(capfd, "run", LINE, "--out", tmp_path / "a", "--episodes", "1")
+    assert "unseen for want of time: it gets 0 s here" in out
+    assert f"gamekeeper audit {LINE}" in out
+
+
 def test_run_goes_on_where_the_audit_gives_up(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -137,7 +137,10 @@ def show_audited(
 
     screen.show(f"\nAudited  {document['steps']:,} steps: {counts_text(document)}")
     rows = brief_rows(document, most=MOST_BROKEN)
-    if not rows:
+    is_late = document["seconds"] >= AUDIT_S
+    if is_late:
+        screen.show(f"{INDENT}unseen for want of time: it gets {AUDIT_S:.0f} s here")
+    if not rows and not is_late:
         return
     for line in table_lines(rows, width=screen.width):
         screen.show(line)
