@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -137,3 +138,32 @@ def test_load_lets_ctrl_c_through(site: Path) -> None:
     distribution(site, "slow_toys", "slow = slow_toys:THING")
     with pytest.raises(KeyboardInterrupt):
         plugins.load("gamekeeper.toys", shelf)
+
+
+def test_load_sees_what_is_installed_and_removed_meanwhile(site: Path) -> None:
+    """What is read of installed distributions is kept only as long as nothing changes there."""
+    (site / "late_toys.py").write_text("THING = 5\n")
+    assert dict(plugins.load("gamekeeper.toys").found) == {}
+    before = plugins.installed()
+    distribution(site, "late_toys", "late = late_toys:THING")
+    assert before != plugins.installed()
+    assert dict(plugins.load("gamekeeper.toys").found) == {"late": 5}
+    assert plugins.one("gamekeeper.toys", "late") == 5
+    shutil.rmtree(site / "late_toys-1.2.dist-info")
+    assert dict(plugins.load("gamekeeper.toys").found) == {}
+    assert plugins.one("gamekeeper.toys", "late") is None
+
+
+def test_load_doesnt_read_distributions_again(site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Opening one environment after another reads everything installed once."""
+    (site / "kept_toys.py").write_text("THING = 6\n")
+    distribution(site, "kept_toys", "kept = kept_toys:THING")
+    plugins.load("gamekeeper.toys")
+    monkeypatch.setattr(plugins, "entry_points", lambda **which: pytest.fail("read again"))
+    assert dict(plugins.load("gamekeeper.toys").found) == {"kept": 6}
+
+
+def test_installed_copes_with_places_that_are_gone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A place of `sys.path` that doesn't exist stands for nothing, and comes into view later."""
+    monkeypatch.setattr(sys, "path", ["/nowhere/at/all"])
+    assert plugins.installed() == (("/nowhere/at/all", -1),)

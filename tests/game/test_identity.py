@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from gamekeeper.errors import SpecError
 from gamekeeper.game.open import open_env, reopen
+from gamekeeper.game.opening.installed import version_of
 from gamekeeper.game.opening.opened import Opened
 from tests.game.toys import PARALLEL_TEXT
 
@@ -79,3 +82,20 @@ def test_reopen_refuses_a_damaged_identity(damage: dict[str, Any]) -> None:
     """Evidence that lost its identity is told so."""
     with pytest.raises(SpecError, match="damaged"):
         reopen(damage)
+
+
+def test_version_of_follows_what_is_installed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A package that is upgraded while the process lives has its new version in evidence."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+    assert version_of("a-late-meadow") is None
+    for version in ("1.0", "2.0"):
+        folder = tmp_path / f"a_late_meadow-{version}.dist-info"
+        folder.mkdir()
+        (folder / "METADATA").write_text(
+            f"Metadata-Version: 2.1\nName: a-late-meadow\nVersion: {version}\n"
+        )
+        assert version_of("a-late-meadow") == version
+        shutil.rmtree(folder)
+    assert version_of("a-late-meadow") is None

@@ -8,13 +8,12 @@ import json
 import platform
 from collections.abc import Iterable, Mapping
 from hashlib import blake2b
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
 
 from gamekeeper.core.canon import to_json
 from gamekeeper.errors import SpecError
-from gamekeeper.game.opening.installed import normal_name, owner_of, requirements
+from gamekeeper.game.opening.installed import normal_name, owner_of, requirements, version_of
 from gamekeeper.game.opening.opened import APIS, Env, Source, api_of
 
 _IN_MEMORY: Final = {"object": "an object", "factory": "a callable"}
@@ -80,10 +79,8 @@ def spec_of(identity: Mapping[str, Any]) -> str:
 def _versions(source: Source, env: Env) -> dict[str, str]:
     versions = {"python": platform.python_version()}
     for name in _FRAMEWORKS:
-        try:
-            versions[name] = version(name)
-        except PackageNotFoundError:  # used from a source tree that nothing installed
-            versions[name] = "unknown"
+        # Unknown where it is used from a source tree that nothing installed.
+        versions[name] = version_of(name) or "unknown"
     module = "" if source.kind == "file" else _class_of(env).__module__
     owner = owner_of(module) if module else None
     if owner is not None:

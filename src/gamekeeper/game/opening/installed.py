@@ -8,6 +8,7 @@ import inspect
 import json
 import re
 import sys
+from functools import lru_cache
 from importlib.metadata import (
     Distribution,
     PackageNotFoundError,
@@ -23,6 +24,7 @@ from pettingzoo import AECEnv, ParallelEnv
 
 from gamekeeper.errors import SpecError
 from gamekeeper.game.opening.construct import foreign
+from gamekeeper.plugins import Installed, installed
 
 FACTORY_NAMES: Final = frozenset({"env", "parallel_env", "raw_env"})
 """What PettingZoo's packages call their factories; these names need no look into the module."""
@@ -36,28 +38,24 @@ def owner_of(module: str) -> Distribution | None:
     top = module.partition(".")[0]
     if top in sys.stdlib_module_names or top == "__main__" or not top.isidentifier():
         return None
-    try:
-        same_name = distribution(top)
-        if top in _top_levels(same_name):
-            return same_name
-    except (PackageNotFoundError, ValueError):
-        pass
-    # Reads the records of everything installed, a tenth of a second: only where names differ.
-    owners = set(packages_distributions().get(top, ()))
-    return distribution(owners.pop()) if len(owners) == 1 else None
+    return _owner(top, installed())
+
+
+def version_of(name: str) -> str | None:
+    """The version of an installed distribution; None where there is none of this name."""
+    return _version(name, installed())
 
 
 def requirements(owner: Distribution, extra: str = "") -> dict[str, str]:
     """Versions of what is installed of a distribution's requirements, plain and of one extra."""
     found: dict[str, str] = {}
-    for line in owner.requires or ():
+    for line in _needs(owner, installed()):
         name, extras = _REQUIREMENT.match(line), _EXTRA.findall(line)
         if name is None or (extras and extra not in extras):
             continue
-        try:
-            found[normal_name(name[0])] = distribution(name[0]).version
-        except PackageNotFoundError:
-            continue
+        version = version_of(name[0])
+        if version is not None:
+            found[normal_name(name[0])] = version
     return found
 
 
@@ -131,6 +129,32 @@ def _editable_folder(owner: Distribution) -> Path | None:
     except (ValueError, KeyError, AttributeError, TypeError):
         pass
     return None
+
+
+@lru_cache(maxsize=64)
+def _owner(top: str, there: Installed) -> Distribution | None:
+    try:
+        same_name = distribution(top)
+        if top in _top_levels(same_name):
+            return same_name
+    except (PackageNotFoundError, ValueError):
+        pass
+    # Reads the records of everything installed, a tenth of a second: only where names differ.
+    owners = set(packages_distributions().get(top, ()))
+    return distribution(owners.pop()) if len(owners) == 1 else None
+
+
+@lru_cache(maxsize=256)
+def _version(name: str, there: Installed) -> str | None:
+    try:
+        return distribution(name).version
+    except PackageNotFoundError:
+        return None
+
+
+@lru_cache(maxsize=64)
+def _needs(owner: Distribution, there: Installed) -> tuple[str, ...]:
+    return tuple(owner.requires or ())
 
 
 def _top_levels(owner: Distribution) -> set[str]:
