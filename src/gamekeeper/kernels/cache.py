@@ -3,7 +3,7 @@
 Numba's own cache goes by the text of one file and by a pickle of the closure; neither says what a
 driver over somebody's rules is made of, so here one key does. It lies in `NUMBA_CACHE_DIR` where
 that is set, else beside this package, else in the user's cache folder: read from any of them, and
-written to the first that can be written to.
+written to the first that can be written to, where what was read longest ago makes room.
 """
 
 from __future__ import annotations
@@ -14,14 +14,18 @@ import pickle
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from gamekeeper.kernels.rules import OPTIONS, numba, numba_part
 
 BROKEN = (EOFError, pickle.UnpicklingError, AttributeError, ImportError, ValueError, TypeError)
 """What reading a file back can say that is no such code, or of another version."""
+SUFFIX: Final = ".kernel"
+MOST_FILES: Final = 1_000
+"""In a folder; one takes about 100 kB, a kernel's batch some 10 of them."""
 
 
 def compiled(function: Any, name: str, key: str) -> Any:
@@ -83,7 +87,7 @@ def _store_class() -> Any:
             """A file's name, by all that the code hangs on."""
             target = str(signature), codegen.magic_tuple(), numba().__version__, sys.version
             digest = hashlib.blake2b(repr((self.key, target)).encode(), digest_size=16).hexdigest()
-            return f"{self.title}-{digest}.kernel"
+            return f"{self.title}-{digest}{SUFFIX}"
 
         def load_overload(self, signature: Any, target: Any) -> Any:
             numba_part("core.runtime").rtsys.initialize(target)  # all that machine code needs
@@ -91,9 +95,12 @@ def _store_class() -> Any:
             for folder in folders():
                 try:
                     parts = pickle.loads((folder / file).read_bytes())
-                    return results._rebuild(target, *parts)
+                    result = results._rebuild(target, *parts)
                 except (OSError, *BROKEN):
                     continue
+                with suppress(OSError):  # somebody else's folder: then its age says nothing
+                    os.utime(folder / file)
+                return result
             _say(self.name, "compiles {name}, once; it is kept on disk")
             return None
 
@@ -103,6 +110,7 @@ def _store_class() -> Any:
             for folder in folders():
                 try:
                     _write(folder / file, data)
+                    make_room(folder)
                     return
                 except OSError:
                     continue
@@ -113,6 +121,17 @@ def _store_class() -> Any:
             )  # fmt: skip
 
     return Store
+
+
+def make_room(folder: Path, most: int = MOST_FILES) -> None:
+    """Removes compiled code above so many files, what was used longest ago first."""
+    used: list[tuple[float, Path]] = []
+    for file in folder.glob(f"*{SUFFIX}"):
+        with suppress(OSError):  # another process made room
+            used.append((file.stat().st_mtime, file))
+    for _, file in sorted(used)[: max(0, len(used) - most)]:
+        with suppress(OSError):
+            file.unlink()
 
 
 def _write(file: Path, data: bytes) -> None:
