@@ -1,7 +1,8 @@
 """What recording adds to a step, against the bare environment, paired in one run.
 
 Prints a JSON line for each task: medians over interleaved segments, in microseconds of wall time
-per agent-step, closing the bundle included; ratios are of paired segments.
+per agent-step, closing the bundle included, with the least and the most; ratios are of paired
+segments.
 
     python benchmarks/recording.py [--tasks line,aec,spread,pistonball] [--segments 15]
 """
@@ -193,6 +194,15 @@ def measure(
     return seconds / count
 
 
+def spread(name: str, values: list[float], digits: int) -> dict[str, float]:
+    """The median of paired segments, and between what they lie."""
+    return {
+        name: round(statistics.median(values), digits),
+        f"{name}_low": round(min(values), digits),
+        f"{name}_high": round(max(values), digits),
+    }
+
+
 def main() -> None:
     """Measures the tasks asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -219,8 +229,8 @@ def main() -> None:
         }
         for kind in kinds[1:]:
             pairs = list(zip(times[kind], bare, strict=True))
-            row[f"{kind}_added_us"] = round(statistics.median(a - b for a, b in pairs), 2)
-            row[f"{kind}_ratio"] = round(statistics.median(a / b for a, b in pairs), 3)
+            row |= spread(f"{kind}_added_us", [a - b for a, b in pairs], 2)
+            row |= spread(f"{kind}_ratio", [a / b for a, b in pairs], 3)
         print(json.dumps(row), flush=True)
 
 
