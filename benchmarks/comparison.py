@@ -97,6 +97,8 @@ def audited(module: ModuleType, kwargs: dict[str, str]) -> dict[str, Any]:
          "--kwargs", json.dumps(kwargs), "--quick", "--json"],
         capture_output=True, text=True,
     )  # fmt: skip
+    if done.returncode not in (0, 1):  # so that a failed audit isn't taken for a silent one
+        raise RuntimeError(f"the audit exits with {done.returncode}: {done.stderr or done.stdout}")
     document = json.loads(done.stdout)
     by_outcome: dict[str, list[str]] = {}
     for verdict in document["verdicts"]:
