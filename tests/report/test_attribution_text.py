@@ -70,3 +70,11 @@ def test_attribution_text_says_that_nobody_could_react() -> None:
     team = {"all": None, "none": None, "shapley": None}
     text = attribution_text(_document(team=team, loop="open"), width=80)
     assert "no policies that could react" in text
+
+
+def test_attribution_text_says_that_fresh_episodes_were_not_asked_for() -> None:
+    """Where policies could react, it isn't the run that lacks them."""
+    team = {"all": None, "none": None, "shapley": None}
+    text = attribution_text(_document(team=team, fresh=0), width=80)
+    assert "no policies" not in text
+    assert "no fresh episodes were asked for" in text

@@ -28,10 +28,17 @@ def attribution_text(document: Mapping[str, Any], *, width: int) -> str:
     return "\n\n".join(block for block in blocks if block)
 
 
+def why_no_team(document: Mapping[str, Any]) -> str:
+    """Why no fresh episodes were played: nobody can react, or they weren't asked for."""
+    if document["loop"] == "closed":
+        return "no fresh episodes were asked for"
+    return "the run names no policies that could react"
+
+
 def _team(document: Mapping[str, Any], width: int) -> str:
     team, fresh = document["team"], document["fresh"]
     if team["all"] is None:
-        told = "Only single actions were replaced; the run names no policies that could react."
+        told = f"Only single actions were replaced; {why_no_team(document)}."
     else:
         told = (
             f"In {fresh} fresh episodes the team's return is {_number(team['all'])}; with the "

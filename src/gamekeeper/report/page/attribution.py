@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from gamekeeper.report.attribution_text import why_no_team
 from gamekeeper.report.page.charts import forest
 from gamekeeper.report.page.data import (
     Block,
@@ -27,7 +28,7 @@ def attribution_blocks(document: Document) -> list[Block]:
     """What each agent brings, with intervals; who is lazy; who pays for whom."""
     team, agents = document["team"], document["agents"]
     if team.get("all") is None:
-        told = "Only single actions were replaced: the run names no policies that could react."
+        told = f"Only single actions were replaced: {why_no_team(document)}."
     else:
         told = (
             f"In {document['fresh']} fresh episodes the team's return is {shown(team['all'])}; with"
