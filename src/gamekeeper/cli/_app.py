@@ -145,14 +145,16 @@ def _performed(command: Callable[..., Answer], screen: Screen, options: dict[str
     try:
         answer = command(screen, **options)
     except GamekeeperError as error:
+        if _is_interrupt(error):
+            return _interrupted(screen)
         screen.error(f"{type(error).__name__}: {error}")
         screen.document({"error": error_document(error)})
         return FAILED if isinstance(error, EnvError) else UNSURE
     except KeyboardInterrupt:
-        screen.error("interrupted")
-        screen.document({"error": {"kind": "Interrupted", "what": "interrupted"}})
-        return INTERRUPTED
+        return _interrupted(screen)
     except Exception as error:
+        if _is_interrupt(error):
+            return _interrupted(screen)
         screen.error(traceback.format_exc())
         screen.error("This is a fault of gamekeeper, not of your environment: please report it.")
         said = traceback.format_exception_only(error)[-1].strip()
@@ -160,6 +162,22 @@ def _performed(command: Callable[..., Answer], screen: Screen, options: dict[str
         return UNSURE
     screen.document(answer.document)
     return answer.code
+
+
+def _is_interrupt(error: BaseException) -> bool:
+    """Whether this was raised while Ctrl-C was being dealt with: what cleans up may fail, too."""
+    context: BaseException | None = error
+    while context is not None:
+        if isinstance(context, KeyboardInterrupt):
+            return True
+        context = context.__context__
+    return False
+
+
+def _interrupted(screen: Screen) -> int:
+    screen.error("interrupted")
+    screen.document({"error": {"kind": "Interrupted", "what": "interrupted"}})
+    return INTERRUPTED
 
 
 def _misused(error: Any, *, as_json: bool) -> int:

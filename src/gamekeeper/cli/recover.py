@@ -23,5 +23,9 @@ def command(screen: Screen, run: RunArgument) -> Answer:
     evidence = recover(run)
     status = evidence.manifest.get("status")
     screen.verdict("recovered" if was_open else f"nothing to do: it is {status}", "good")
+    cuts = evidence.manifest.get("cuts", []) if was_open else []
+    for cut in cuts:
+        screen.show(f"  cut: {cut['file']} at byte {cut['offset']:,}: {cut['why']}")
     show_recorded(screen, evidence)
-    return Answer({**evidence.to_json(), "status": status, "changed": was_open})
+    document = {**evidence.to_json(), "status": status, "changed": was_open, "cuts": cuts}
+    return Answer(document)

@@ -182,7 +182,7 @@ class Recorder:
             self._described = known
             manifest = manifest_of(layout=self.layout, **self._facts)
             entries = {"format_version": FORMAT_VERSION, "status": "open", "action_types": types}
-            replace(self.path / MANIFEST, render({**manifest, **entries}), durable=False)
+            replace(self.path / MANIFEST, render({**manifest, **entries}))
 
     def _let_go(self) -> None:
         """After a failure: a step that waits for a slot of a ring gets one, and then the error."""
@@ -201,16 +201,19 @@ class Recorder:
     def close(self) -> None:
         """Waits for the thread, seals the bundle; once only, and never in a fork.
 
+        Ctrl-C while it waits leaves the bundle open; the next call, or the end of the process,
+        seals it then.
+
         Raises:
             BundleError: writing failed; what was written stays, and `gamekeeper recover` seals it.
         """
         if self._is_closed or os.getpid() != self._process:
             return
-        self._is_closed = True
-        _OPEN.discard(self)
         self._closing = True
         self._wake.set()
         self._thread.join()
+        self._is_closed = True
+        _OPEN.discard(self)
         if self._failure is not None:
             self._store.abandon()
             raise self._failure

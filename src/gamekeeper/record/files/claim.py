@@ -9,7 +9,13 @@ from pathlib import Path
 from typing import Final
 
 from gamekeeper.errors import BundleError
-from gamekeeper.record.files.folder import NEW_FLAGS, system_error, take_lock, write_all
+from gamekeeper.record.files.folder import (
+    NEW_FLAGS,
+    sync_folder,
+    system_error,
+    take_lock,
+    write_all,
+)
 from gamekeeper.record.files.manifest import MANIFEST
 
 DRAFT: Final = MANIFEST + ".tmp"
@@ -26,16 +32,16 @@ def claim(folder: Path, manifest: bytes) -> int:
     made = not os.path.lexists(folder)
     lock = -1
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        _make(folder)
         _refuse_taken(folder, but=())
         lock = lock_folder(folder)
         _publish(folder, manifest)
-    except (OSError, ValueError) as error:
+    except BaseException as error:  # also Ctrl-C
         if lock >= 0:
             os.close(lock)
         if made and not isinstance(error, FileExistsError):
             _remove_empty(folder)
-        if isinstance(error, BundleError):
+        if isinstance(error, BundleError) or not isinstance(error, OSError | ValueError):
             raise
         raise _no_folder(folder, error) from error
     return lock
@@ -63,6 +69,14 @@ def lock_folder(folder: Path) -> int:
     )
 
 
+def _make(folder: Path) -> None:
+    """The folder and its parents are there; the names of those made now survive a power cut."""
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    for path in missing:
+        sync_folder(path.parent)
+
+
 def _publish(folder: Path, manifest: bytes) -> None:
     # The draft is made only where none is, which decides between two that came this far at once;
     # the name manifest.json never shows half a manifest.
@@ -71,11 +85,13 @@ def _publish(folder: Path, manifest: bytes) -> None:
     try:
         try:
             write_all(descriptor, manifest)
+            os.fsync(descriptor)
         finally:
             os.close(descriptor)
         _refuse_taken(folder, but=(DRAFT,))
         draft.replace(folder / MANIFEST)
-    except OSError:
+        sync_folder(folder)
+    except BaseException:
         draft.unlink(missing_ok=True)
         raise
 

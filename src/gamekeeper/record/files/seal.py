@@ -18,6 +18,7 @@ from gamekeeper.record.files.folder import (
     read_bounded,
     reading,
     replace,
+    sync_files,
     sync_folder,
 )
 from gamekeeper.record.files.manifest import (
@@ -55,23 +56,28 @@ def commit(folder: Path, manifest: dict[str, Any], files: dict[str, tuple[Path, 
     """Drafts become the bundle's Parquet files, the manifest seals them, the segments go.
 
     Killed anywhere in between, the bundle can be read: a Parquet file holds what its segments hold,
-    and the manifest says "open" until everything that it seals is there.
+    and the manifest says "open" until everything that it seals is there. So it is after a power cut
+    too: bytes are on the disk before their names, names before the manifest that seals them, the
+    manifest before a segment goes.
 
     Args:
         folder: the bundle.
         manifest: what the manifest says besides the seal.
-        files: by stream, the draft, its size and its digest.
+        files: by stream, the draft, its size and its digest; synced.
     Raises:
         BundleError: the disk refuses.
     """
     sealed = {f"{stream}.parquet": (size, hash_) for stream, (_, size, hash_) in files.items()}
-    sealed |= {name: digest_file(inside(folder, name)) for name in frame_names(folder)}
+    frames = {name: inside(folder, name) for name in frame_names(folder)}
+    sealed |= {name: digest_file(path) for name, path in frames.items()}
     rest = {key: value for key, value in manifest.items() if key != "seal"}
     seal = Seal(manifest_digest(rest), sealed)
     data = render({**rest, "seal": seal.to_json()})
     for stream, (draft, _, _) in files.items():
         draft.replace(folder / f"{stream}.parquet")
-    sync_folder(folder)
+    sync_files(list(frames.values()))
+    for inner in (*sorted({path.parent for path in frames.values()}), folder):
+        sync_folder(inner)
     replace(folder / MANIFEST, data)
     for path in list(folder.iterdir()):
         if SEGMENT.fullmatch(path.name):

@@ -7,7 +7,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Final
 
 import pyarrow as pa
 
@@ -25,6 +25,11 @@ from gamekeeper.record.files.messages import (
 from gamekeeper.record.files.schema import EXTENSION, check_schema
 from gamekeeper.record.files.segments import CRC, END, NO_CRC, Cut
 
+BLANK: Final = "zeros up to the file's end, as a power cut leaves them"
+BLOCK_BYTES: Final = 1 << 16
+SECTOR_BYTES: Final = 512
+"""What a disk writes or doesn't as a whole: bytes never written begin at a multiple of it."""
+
 
 class SegmentReader:
     """Iterates over the whole batches of a segment; `cut` then says where they ended early.
@@ -32,7 +37,8 @@ class SegmentReader:
     Args:
         path: the segment.
         stream: the stream that it belongs to.
-        salvage: damage ends the segment as a cut does, in place of raising.
+        salvage: damage ends the segment as a cut does, in place of raising. Zeros from within a
+            message to the file's end are a cut: a power cut left the length without the bytes.
     """
 
     __slots__ = ("cut", "ended", "path", "salvage", "schema", "stream")
@@ -56,9 +62,12 @@ class SegmentReader:
                     with reading(self.path):
                         batch = self._next(walk)
                 except BundleError as error:
-                    if not self.salvage:
+                    with reading(self.path):
+                        is_blank = walk.is_blank()
+                    if not (self.salvage or is_blank):
                         raise
-                    self.cut = Cut(self.path.name, walk.offset, error.seen or error.what)
+                    why = BLANK if is_blank else error.seen or error.what
+                    self.cut = Cut(self.path.name, walk.offset, why)
                     return
                 if batch is None:
                     return
@@ -96,16 +105,18 @@ class _Message:
 class _Walk:
     """Goes through a file message by message, never taking more memory than the file has bytes."""
 
-    __slots__ = ("crc", "ended", "file", "missing", "offset", "size")
+    __slots__ = ("claimed", "crc", "ended", "file", "missing", "offset", "size")
 
     def __init__(self, file: BinaryIO, size: int) -> None:
         self.file, self.size = file, size
         self.offset, self.crc = 0, 0
+        self.claimed = PREFIX  # where the message ends that is being read, as far as it says
         self.ended, self.missing = False, ""
 
     def message(self) -> _Message | None:
         """The next whole message; None at the end, at a cut (`missing` says of what)."""
         rest = self.size - self.offset
+        self.claimed = self.offset + PREFIX
         if rest < PREFIX:
             self.missing = "cut within a message's first bytes" if rest else ""
             return None
@@ -116,17 +127,33 @@ class _Walk:
             self.ended = True
             return None
         head = PREFIX + metadata_size(prefix)
+        self.claimed = self.offset + head
         if rest < head:
             self.missing = f"cut: {head - rest} bytes of a message's metadata are missing"
             return None
         data = prefix + self._read(head - PREFIX)
         kind, body_size = kind_and_body(memoryview(data)[PREFIX:])
+        self.claimed = self.offset + head + body_size
         if rest < head + body_size:
             self.missing = f"cut: {head + body_size - rest} bytes of a message are missing"
             return None
         data += self._read(body_size)
         view = memoryview(data)
         return _Message(data, view[PREFIX:head], view[head:], kind)
+
+    def is_blank(self) -> bool:
+        """Whether from within the message that can't be read the file holds zeros to its end."""
+        end = self.size
+        while end > self.offset:
+            start = max(self.offset, end - BLOCK_BYTES)
+            self.file.seek(start)
+            written = len(self._read(end - start).rstrip(b"\0"))
+            if written:
+                end = start + written
+                break
+            end = start
+        border = -(-end // SECTOR_BYTES) * SECTOR_BYTES
+        return end <= self.claimed and border < self.size
 
     def accept(self, message: _Message, crc: int) -> None:
         """The message counts; the next one begins behind it."""

@@ -57,14 +57,13 @@ class SegmentWriter:
         crc = zlib.crc32(message, crc)
         place = message.index(CRC) + len(CRC)
         message[place : place + len(NO_CRC)] = b"%08x" % crc
-        self._put(message if self.size else bytes(stream[:head]) + message)
-        self._crc = crc
+        self._put(message if self.size else bytes(stream[:head]) + message, crc)
 
     def finish(self) -> None:
         """The file ends with the mark that nothing follows, and is closed."""
         try:
             if self.size:
-                self._put(END)
+                self._put(END, self._crc)
         finally:
             self.close()
 
@@ -74,11 +73,15 @@ class SegmentWriter:
             os.close(self._descriptor)
             self._descriptor = -1
 
-    def _put(self, data: bytes | bytearray) -> None:
+    def _put(self, data: bytes | bytearray, crc: int) -> None:
+        """All of it is in the file, or nothing: also where Ctrl-C comes in the middle."""
+        size = self.size + len(data)
         try:
             write_all(self._descriptor, data)
-        except OSError as error:
+            self.size, self._crc = size, crc
+        except BaseException as error:
             os.ftruncate(self._descriptor, self.size)
             os.lseek(self._descriptor, self.size, os.SEEK_SET)
-            raise system_error(f"writing {self.path.name}", self.path, error) from error
-        self.size += len(data)
+            if isinstance(error, OSError):
+                raise system_error(f"writing {self.path.name}", self.path, error) from error
+            raise

@@ -6,7 +6,8 @@ carries in its metadata a CRC-32 over the messages so far, so that a cut (bytes 
 what a kill or a full disk leaves) can be told from damage (bytes that are there and wrong).
 
 Nothing waits in the process, so no kill of it loses a batch. Segments are not synced: a power cut
-may take what the system had not written yet.
+may take what the system had not written yet (Linux writes it after 30 s at the latest). What it
+leaves is told from damage as well: a file that is shorter, or holds zeros from some sector on.
 """
 
 from __future__ import annotations

@@ -162,9 +162,9 @@ class Store:
         render(manifest)  # an EvidenceError comes before any file is touched
         try:
             self._seal(manifest)
-        except OSError as error:
+        except BaseException as error:  # also Ctrl-C: no draft stays behind
             self.abandon()
-            if isinstance(error, BundleError):
+            if not isinstance(error, OSError) or isinstance(error, BundleError):
                 raise
             raise system_error("sealing", self.path, error) from error
         self._close()

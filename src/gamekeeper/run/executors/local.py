@@ -67,10 +67,10 @@ class LocalExecutor:
             threading.Thread(target=run.work, name=f"gamekeeper-worker-{place}", daemon=True)
             for place in range(self._workers)
         ]
-        for thread in threads:
-            thread.start()
         left = len(threads)
         try:
+            for thread in threads:  # in here: Ctrl-C in between stops those that were started
+                thread.start()
             while left:
                 try:
                     ended = run.ended.get(timeout=_PATIENCE_S)
