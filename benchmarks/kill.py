@@ -1,14 +1,18 @@
-"""What a recording loses when its process is killed: kill -9 at random instants.
+"""What a recording loses when one of its processes is killed: kill -9 at random instants.
 
-A small environment appends every turn that it finished to a log of its own, with fsync and the time
-of the wall clock; a turn takes 1 to 3 ms. Each recording process is killed at a random instant, its
-bundle is read, recovered and replayed, and what the log has beyond the evidence is what was lost:
-how long before the kill the oldest lost turn was finished.
+`--who writer`: a process that records itself. A small environment appends every turn that it
+finished to a log of its own, with fsync and the time of the wall clock; a turn takes 1 to 3 ms. The
+process is killed at a random instant, its bundle is read, recovered and replayed, and what the log
+has beyond the evidence is what was lost: how long before the kill its oldest turn was finished.
 
-Prints a JSON line: {"figure": "kill", "kills", "opened", "recovered", "replayed", "lost_ms_median",
-"lost_ms_max", "late": kills that lost anything older than 100 ms}.
+`--who parent`, `worker`, `merger`: one of the processes of `gamekeeper record --workers 2`; see
+`benchmarks/kill_apart.py`.
 
-    python benchmarks/kill.py [--kills 200] [--seed 0]
+Prints a JSON line; of a writer {"figure": "kill", "who", "kills", "opened", "recovered",
+"replayed", "lost_ms_median", "lost_ms_max", "late": kills that lost anything older than 100 ms}.
+Exits 1 where anything wasn't as it should be.
+
+    python benchmarks/kill.py [--who writer] [--kills 200] [--seed 0]
 """
 
 from __future__ import annotations
@@ -17,20 +21,31 @@ import argparse
 import json
 import os
 import random
+import shutil
+import signal
 import statistics
 import subprocess
 import sys
 import tempfile
 import textwrap
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from gamekeeper.core.divergence import crossings
+from gamekeeper.core.evidence import Evidence
 from gamekeeper.game.open import open_env
 from gamekeeper.record.bundle import load
 from gamekeeper.record.recover import recover
 from gamekeeper.record.replay import replay_evidence
+
+try:
+    from benchmarks import kill_apart
+except ImportError:  # run as a script
+    import kill_apart  # type: ignore[no-redef]
 
 BOUND_MS: Final = 100.0
 EARLIEST_S: Final = 0.05  # after the first turn
@@ -82,16 +97,27 @@ class Logged(ParallelEnv):
             os.fsync(self.log)
         return *out, *flags, {a: {"turn": self.turn} for a in "ab"}
 '''
-RECORDER: Final = """
-import sys
+RECORDERS: Final = """
+import os, sys
 from logged import Logged
 from gamekeeper.record.recording import record
 
-env = record(Logged(sys.argv[1]), sys.argv[2])
-for seed in range(10_000):
-    env.reset(seed=seed)
-    while env.agents:
-        env.step({agent: (seed + env.unwrapped.turn) % 3 for agent in env.agents})
+
+def play(log, run):
+    env = record(Logged(log), run)
+    for seed in range(10_000):
+        env.reset(seed=seed)
+        while env.agents:
+            env.step({agent: (seed + env.unwrapped.turn) % 3 for agent in env.agents})
+
+
+for line in sys.stdin:
+    pid = os.fork()  # what takes longest, importing, was done once for all
+    if not pid:
+        play(*line.rstrip("\\n").split("\\t"))
+        os._exit(0)
+    print(pid, flush=True)
+    print(os.waitpid(pid, 0)[1], flush=True)
 """
 
 
@@ -107,45 +133,62 @@ class Killed:
 
 
 def main() -> int:
-    """Kills as often as asked for; 1 if any bundle wasn't as it should be."""
+    """Kills as often as asked for; 1 if anything wasn't as it should be."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--who", choices=["writer", *kill_apart.WHO], default="writer")
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     rng = random.Random(given.seed)
     with tempfile.TemporaryDirectory(prefix="kill-") as folder:
-        found = [
-            killed(Path(folder, str(number)), after_s=rng.uniform(EARLIEST_S, LATEST_S))
-            for number in range(given.kills)
-        ]
+        if given.who != "writer":
+            figures, is_whole = kill_apart.kill(given.who, Path(folder), kills=given.kills, rng=rng)
+            print(json.dumps(figures))
+            return 0 if is_whole else 1
+        with recorders(Path(folder)) as start:
+            found = [
+                killed(start, Path(folder), number, after_s=rng.uniform(EARLIEST_S, LATEST_S))
+                for number in range(given.kills)
+            ]
     print(json.dumps(figure(found)))
     whole = all(each.is_opened and each.is_recovered and each.is_replayed for each in found)
     return 0 if whole and all(each.lost_ms <= BOUND_MS for each in found) else 1
 
 
-def killed(folder: Path, *, after_s: float) -> Killed:
-    """One recording, killed `after_s` seconds after its first turn."""
-    folder.mkdir(parents=True)
-    log, run = folder / "log", folder / "run"
+@contextmanager
+def recorders(folder: Path) -> Iterator[subprocess.Popen[str]]:
+    """A process that forks a recorder for every line (log, run) that it is given."""
     # pyarrow imports pandas where there is one, which takes longer than all the rest
     (folder / "pandas.py").write_text("raise ImportError", encoding="utf-8")
     (folder / "logged.py").write_text(textwrap.dedent(ENVIRONMENT), encoding="utf-8")
     path = os.pathsep.join([str(folder), *filter(None, sys.path)])
-    process = subprocess.Popen(
-        [sys.executable, "-c", RECORDER, str(log), str(run)],
-        env={**os.environ, "PYTHONPATH": path},
-    )
-    try:
-        while not (log.exists() and log.stat().st_size):
-            if process.poll() is not None:
-                raise SystemExit(f"the recorder ended by itself, with {process.returncode}")
-            time.sleep(0.005)
-        time.sleep(after_s)
-        killed_ns = time.time_ns()
-    finally:
-        process.kill()
-        process.wait()
-    return looked_at(run, log, killed_ns, environment=folder / "logged.py")
+    with subprocess.Popen(
+        [sys.executable, "-c", RECORDERS], env={**os.environ, "PYTHONPATH": path},
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
+        yield process
+
+
+def killed(start: subprocess.Popen[str], folder: Path, number: int, *, after_s: float) -> Killed:
+    """One recording, killed `after_s` seconds after its first turn."""
+    assert start.stdin is not None
+    assert start.stdout is not None
+    log, run = folder / f"{number}.log", folder / f"{number}"
+    start.stdin.write(f"{log}\t{run}\n")
+    start.stdin.flush()
+    pid = int(start.stdout.readline())
+    while not (log.exists() and log.stat().st_size):
+        if start.poll() is not None:
+            raise SystemExit(f"the recorder ended by itself, with {start.returncode}")
+        time.sleep(0.005)
+    time.sleep(after_s)
+    killed_ns = time.time_ns()
+    os.kill(pid, signal.SIGKILL)
+    if int(start.stdout.readline()) != signal.SIGKILL:
+        raise SystemExit("the recorder ended by itself")
+    found = looked_at(run, log, killed_ns, environment=folder / "logged.py")
+    shutil.rmtree(run)
+    return found
 
 
 def looked_at(run: Path, log: Path, killed_ns: int, *, environment: Path) -> Killed:
@@ -175,6 +218,7 @@ def figure(found: list[Killed]) -> dict[str, object]:
     lost = [each.lost_ms for each in found]
     return {
         "figure": "kill",
+        "who": "writer",
         "kills": len(found),
         "opened": sum(each.is_opened for each in found),
         "recovered": sum(each.is_recovered for each in found),
@@ -186,13 +230,15 @@ def figure(found: list[Killed]) -> dict[str, object]:
     }
 
 
-def _crossings(evidence: object, episode: int) -> int:
-    timings = evidence.tables.episode("timings", episode)  # type: ignore[attr-defined]
-    return 0 if timings is None else timings.num_rows
+def _crossings(evidence: Evidence, episode: int) -> int:
+    timings = evidence.tables.episode("timings", episode)
+    if timings is None:  # killed before the first of them came: whole turns may be there already
+        return crossings(evidence.trace(episode))
+    return timings.num_rows
 
 
-def _total(evidence: object) -> int:
-    return sum(evidence.episodes["turns"].to_pylist())  # type: ignore[attr-defined]
+def _total(evidence: Evidence) -> int:
+    return sum(evidence.episodes["turns"].to_pylist())
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import kill
+from benchmarks import kill, kill_apart
 
 
 @pytest.mark.slow
@@ -16,9 +16,19 @@ def test_kill_loses_nothing_that_is_old(tmp_path: Path) -> None:
     """
     rng = random.Random(0)
 
-    found = [kill.killed(tmp_path / str(n), after_s=rng.uniform(0.05, 0.4)) for n in range(5)]
+    with kill.recorders(tmp_path) as start:
+        found = [kill.killed(start, tmp_path, n, after_s=rng.uniform(0.05, 0.4)) for n in range(5)]
 
     assert all(each.is_opened for each in found)
     assert all(each.is_recovered for each in found)
     assert all(each.is_replayed for each in found)
     assert all(each.lost_ms < 10 * kill.BOUND_MS for each in found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("who", kill_apart.WHO)
+def test_killed_recording_by_workers_goes_on(who: str, tmp_path: Path) -> None:
+    """Whichever process dies, the same command ends with the same evidence and nothing else."""
+    figures, is_whole = kill_apart.kill(who, tmp_path, kills=2, rng=random.Random(1))
+
+    assert is_whole, figures
