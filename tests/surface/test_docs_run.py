@@ -2,8 +2,9 @@
 
 On every page the blocks are typed one after another in one folder, in which `make demo` has left
 its evidence: Python in one namespace, `gamekeeper` lines one by one, SQL by DuckDB. A block whose
-first line is a comment with a file's name is saved there. Only the number of episodes is smaller.
-What can't run says why, in an HTML comment above it: `<!-- not run: reason -->`.
+first line is a comment with a file's name is saved there; a diff is made in the file that it
+names. Only the number of episodes is smaller. What can't run says why, in an HTML comment above
+it: `<!-- not run: reason -->`.
 """
 
 import contextlib
@@ -37,7 +38,7 @@ BLOCK = re.compile(
     r"(?:^<!-- not run: (?P<why>.+?) -->\n)?^```(?P<kind>\w*)\n(?P<text>.*?)^```$", re.M | re.S
 )
 FILE = re.compile(r"# ([\w./-]+\.(?:py|toml))\n")
-TYPED = ("python", "sh", "sql", "toml")
+TYPED = ("python", "sh", "sql", "toml", "diff")
 CODE = re.compile(r"exit code (\d)")
 
 
@@ -82,6 +83,19 @@ def run_lines(text: str) -> None:
         assert main([*words[1:], *few]) == (int(told[1]) if told else 0), line
 
 
+def mend(text: str) -> None:
+    """Makes a diff's changes; what each replaces stands once in the file."""
+    head, *hunks = re.split(r"^@@.*\n", text, flags=re.M)
+    path = Path(head.removeprefix("---").strip())
+    told = path.read_text(encoding="utf-8")
+    for hunk in hunks:
+        lines = hunk.splitlines(keepends=True)
+        old = "".join(x[1:] for x in lines if x[0] != "+")
+        assert told.count(old) == 1, f"not once in {path}:\n{old}"
+        told = told.replace(old, "".join(x[1:] for x in lines if x[0] != "-"))
+    path.write_text(told, encoding="utf-8")
+
+
 def run_block(block: Block, known: dict[str, Any]) -> None:
     """Saves, runs or reads a block, as its kind and its first line say."""
     name = FILE.match(block.text)
@@ -93,6 +107,8 @@ def run_block(block: Block, known: dict[str, Any]) -> None:
         run_python(block.text, known)
     elif block.kind == "sh":
         run_lines(block.text)
+    elif block.kind == "diff":
+        mend(block.text)
     elif block.kind == "sql":
         assert duckdb.sql(block.text).fetchall(), block.text
 
