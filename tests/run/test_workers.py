@@ -187,6 +187,12 @@ def test_workers_end_a_task_that_hangs_and_tell_where(name: str) -> None:
     assert "worker_main" not in (outcome.traceback or "")
 
 
+def test_workers_take_waits_of_ours_as_signs_of_life() -> None:
+    """A kernel that compiles for longer than an environment may be silent isn't one that hangs."""
+    outcome = run("wait_and_return", {"seconds": 4.0}, silence_s=2.0)
+    assert outcome.value == "compiled", outcome.error
+
+
 def test_workers_take_reports_as_signs_of_life() -> None:
     """A task that reports isn't silent; only the limit in all ends it."""
     outcome = run("spin_for_ever", silence_s=0.5, limit_s=1.2)

@@ -10,8 +10,11 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 from typing import Any, NoReturn
+
+from gamekeeper.waiting import Wait, signs_to
 
 NOTHING = 7
 
@@ -52,6 +55,15 @@ def wait_for_ever(report: Any) -> None:
 def spin_for_ever(report: Any) -> None:
     while True:
         report()
+
+
+def wait_and_return(report: Any, *, seconds: float) -> str:
+    """Waits as a compiler does, with one sign of life at the start and none of the task's own."""
+    signs_to(report)
+    wait = Wait()
+    time.sleep(seconds)
+    wait.end()
+    return "compiled"
 
 
 def sleep_in_c(report: Any) -> None:

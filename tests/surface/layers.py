@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from tests.surface.sources import imports
 
 LAYERS = {
-    **dict.fromkeys(["core", "errors", "plugins"], 0),
+    **dict.fromkeys(["core", "errors", "plugins", "waiting"], 0),
     "game": 1,
     **dict.fromkeys(["run", "kernels"], 2),
     **dict.fromkeys(["record", "vector"], 3),

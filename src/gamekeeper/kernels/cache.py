@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gamekeeper.kernels.rules import OPTIONS, numba, numba_part
+from gamekeeper.waiting import Wait
 
 BROKEN = (EOFError, pickle.UnpicklingError, AttributeError, ImportError, ValueError, TypeError)
 """What reading a file back can say that is no such code, or of another version."""
@@ -82,6 +83,7 @@ def _store_class() -> Any:
 
         def __init__(self, name: str, title: str, key: str) -> None:
             self.name, self.title, self.key = name, title, key
+            self.waits: list[Wait] = []
 
         def file_of(self, signature: Any, codegen: Any) -> str:
             """A file's name, by all that the code hangs on."""
@@ -102,9 +104,12 @@ def _store_class() -> Any:
                     os.utime(folder / file)
                 return result
             _say(self.name, "compiles {name}, once; it is kept on disk")
+            self.waits.append(Wait())
             return None
 
         def save_overload(self, signature: Any, result: Any) -> None:
+            while self.waits:
+                self.waits.pop().end()
             data = dumps(result._reduce())
             file = self.file_of(signature, result.library.codegen)
             for folder in folders():

@@ -27,6 +27,7 @@ ERROR_CHARS: Final = 10_000
 """Longest text of an error that is handed on, in characters."""
 TRACEBACK_CHARS: Final = 200_000
 """Longest traceback that is handed on, in characters; its middle is cut."""
+OURS: Final = "gamekeeper."
 PR_SET_PDEATHSIG: Final = 1
 """Source: Linux, include/uapi/linux/prctl.h."""
 
@@ -151,7 +152,7 @@ def find(task: str) -> Callable[..., object]:
     module_name, _, path = task.partition(":")
     if not module_name or not path:
         raise LookupError(f"a task is named 'module:function', not {task!r}")
-    if module_name.startswith("gamekeeper."):  # nothing of ours stands beside others' tasks
+    if module_name.startswith(OURS):  # nothing of ours stands beside others' tasks
         from gamekeeper.run.pandas_later import pandas_can_wait
 
         pandas_can_wait()
@@ -172,6 +173,10 @@ def perform(order: Mapping[str, Any], channel: Channel) -> bytes:
     try:
         function = find(order["task"])
         channel.send("alive", None)
+        if order["task"].startswith(OURS):
+            from gamekeeper.waiting import signs_to
+
+            signs_to(channel)  # while a kernel compiles, nothing else would report
         value = function(channel, **order["arguments"])
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # too late to interrupt: the answer is there
         message = _answer(order["task"], value)

@@ -1,0 +1,42 @@
+"""Long waits of our own, such as compiling, that a process' watch must not take for a hang."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from threading import Event, Thread
+from time import monotonic
+from typing import Final
+
+BEAT_S: Final = 0.5
+"""Between two signs of life, in seconds."""
+MOST_S: Final = 600.0
+"""Longest wait that signs are given for, in seconds: what takes longer may be called a hang."""
+
+_signs: list[Callable[[], None]] = []
+
+
+def signs_to(sign: Callable[[], None]) -> None:
+    """From now on waits of this process call `sign`; before, they tell nobody."""
+    _signs[:] = [sign]
+
+
+class Wait:
+    """Gives signs of life from a thread, from construction until `end`."""
+
+    __slots__ = ("_over",)
+
+    def __init__(self) -> None:
+        self._over = Event()
+        if _signs:
+            Thread(
+                target=self._beat, args=(_signs[0],), name="gamekeeper-wait", daemon=True
+            ).start()
+
+    def end(self) -> None:
+        """What was waited for is done."""
+        self._over.set()
+
+    def _beat(self, sign: Callable[[], None]) -> None:
+        until_s = monotonic() + MOST_S
+        while monotonic() < until_s and not self._over.wait(BEAT_S):
+            sign()
