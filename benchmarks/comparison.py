@@ -154,7 +154,8 @@ def table(lines: list[dict[str, Any]]) -> str:
     rows = ["| | what is wrong | PettingZoo's tests | audit |", "|---|---|---|---|"]
     for line in lines:
         theirs = ", ".join(name for name in COLUMNS[:4] if line.get(name))
-        what = line["what"] if line["fault"] else f"nothing: {line['what']}"
+        what = line["what"].removesuffix(".")
+        what = what if line["fault"] else f"nothing. {what.removeprefix('A habit: ')}"
         rows.append(f"| {line['kind']} | {what} | {theirs} | {line['audit'] or ''} |")
     return "\n".join(rows)
 
