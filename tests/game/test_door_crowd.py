@@ -83,6 +83,8 @@ def operations(n: int, turns: int) -> int:
         return trace
 
     before = sys.gettrace()
+    # Python 3.12 turns opcode events on with settrace, and only where some frame asked before.
+    sys._getframe().f_trace_opcodes = True
     sys.settrace(trace)
     try:
         for _ in range(turns):
