@@ -14,8 +14,6 @@ import time
 from pathlib import Path
 from typing import Any, NoReturn
 
-from gamekeeper.waiting import Wait, signs_to
-
 NOTHING = 7
 
 
@@ -59,6 +57,8 @@ def spin_for_ever(report: Any) -> None:
 
 def wait_and_return(report: Any, *, seconds: float) -> str:
     """Waits as a compiler does, with one sign of life at the start and none of the task's own."""
+    from gamekeeper.waiting import Wait, signs_to  # here: other tasks load nothing of ours
+
     signs_to(report)
     wait = Wait()
     time.sleep(seconds)
