@@ -54,7 +54,13 @@ def table(runs: list[dict[str, Any]], results: Results) -> Iterator[str]:
         if "note" in run:
             command += f". {run['note']}"
         quiet = "yes" if run.get("clock") else "no"
-        yield f"| {run['name']} | {command} | {run.get('minutes', 1)} | {quiet} |"
+        yield f"| {run['name']} | {command} | {_minutes(run, results)} | {quiet} |"
+
+
+def _minutes(run: Mapping[str, Any], results: Results) -> str:
+    """How long the short form took; before it ran, how long it is thought to take."""
+    seconds = results.get(run["name"], {}).get("usual", {}).get("seconds")
+    return f"{run.get('minutes', 1):g}" if seconds is None else f"{seconds / 60:.1f}"
 
 
 def row(run: Mapping[str, Any], bar: Mapping[str, Any], results: Results) -> str:
