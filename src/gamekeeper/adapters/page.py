@@ -14,6 +14,7 @@ from gamekeeper.adapters.paging.opening import opened
 from gamekeeper.adapters.paging.packer import LETTERS, Packer
 from gamekeeper.adapters.paging.pictures import Pictures
 from gamekeeper.adapters.paging.twins import twins_of
+from gamekeeper.core.legible import legible
 from gamekeeper.errors import EvidenceError
 from gamekeeper.record.files.folder import replace
 from gamekeeper.report.page.choose import BUDGET_BYTES, Budget, chosen_text, order_of
@@ -108,6 +109,7 @@ def _version() -> str:
     return str(sys.modules["gamekeeper"].__version__)
 
 
+@legible
 def _page(
     runs: Sequence[Shown],
     documents: Documents,

@@ -134,7 +134,7 @@ def json_object(text: str | None, *, option: str) -> dict[str, Any]:
         return {}
     try:
         value = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         value, seen = None, f"{text[:80]!r} ({error})"
     else:
         seen = f"{text[:80]!r}"

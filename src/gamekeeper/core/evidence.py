@@ -15,6 +15,7 @@ import pyarrow.compute as pc
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.digest import run_fingerprint
 from gamekeeper.core.layout import Layout, spaces_json
+from gamekeeper.core.legible import legible
 from gamekeeper.core.press import EPISODES
 from gamekeeper.core.space import Codec, UnknownSpace, space_from_json, space_to_json
 from gamekeeper.core.summary import Summary, summarise
@@ -92,11 +93,13 @@ class Evidence:
         return str(self.manifest.get("fingerprint") or "")
 
     @cached_property
+    @legible
     def contract(self) -> Contract:
         """The contract that the run was recorded under; an empty one where none was."""
         return Contract.from_json(self.manifest.get("contract") or {})
 
     @cached_property
+    @legible
     def spaces(self) -> Mapping[str, Spaces]:
         """The codecs of each agent's spaces, rebuilt from their JSON."""
         named = self.manifest.get("spaces") or {}
@@ -123,6 +126,7 @@ class Evidence:
             raise KeyError(episode)
         return self.trace_of(rows.slice(0, 1).to_pylist()[0])
 
+    @legible
     def trace_of(self, header: Mapping[str, Any]) -> Trace:
         """The trace of the episode that has this row in `episodes`."""
         number = header["episode"]
@@ -138,6 +142,7 @@ class Evidence:
         )
 
     @cached_property
+    @legible
     def summary(self) -> Summary:
         """Returns, lengths, endings, shares and idle parts, by agent."""
         return summarise(self)

@@ -19,6 +19,7 @@ from gamekeeper.core.canon import from_json
 from gamekeeper.core.digest import SIZE, row_digests
 from gamekeeper.core.layout import Column
 from gamekeeper.core.leaf_columns import value_columns
+from gamekeeper.core.legible import legible
 from gamekeeper.core.space import Codec
 from gamekeeper.core.where import Where
 
@@ -105,6 +106,7 @@ class Turn:
         return self._trace._odd(self._rows)
 
     @cached_property
+    @legible
     def digests(self) -> tuple[bytes, ...]:
         """The digest of each row, as stored or computed from the row."""
         digests = self._trace.digests
@@ -152,22 +154,25 @@ class Trace:
         return self.header.get("seed")
 
     @property
+    @legible
     def options(self) -> Any:
         """The options of its reset."""
         text = self.header.get("options")
         return None if text is None else from_json(text)
 
     @property
+    @legible
     def endings(self) -> Mapping[AgentName, str]:
         """Reasons of endings by agent, where the environment's rules name them."""
         text = self.header.get("endings")
-        return {} if text is None else json.loads(text)
+        return {} if text is None else _object(text)
 
     @cached_property
+    @legible
     def action_types(self) -> Mapping[AgentName, str]:
         """Of what type each agent's whole-number actions were: `int`, `numpy.int64`."""
         text = self.header.get("action_types")
-        return {} if text is None else json.loads(text)
+        return {} if text is None else _object(text)
 
     @property
     def is_digest(self) -> bool:
@@ -184,6 +189,7 @@ class Trace:
         return turns[-1] + 1 if turns else 0
 
     @property
+    @legible
     def digests(self) -> Any:
         """The digest of each row, [rows, 16], as stored or computed from the row, once."""
         return self._cached("digests", lambda: digests_of(self.steps))
@@ -204,6 +210,7 @@ class Trace:
             rows = list(group)
             yield self._turn(number, range(rows[0], rows[-1] + 1))
 
+    @legible
     def _turn(self, number: int, rows: range) -> Turn:
         names = self._list("agent")
         order, live = self._list("order"), self._list("live")
@@ -224,6 +231,7 @@ class Trace:
             **flags,
         )
 
+    @legible
     def state(self, turn: int) -> Any:
         """The environment's `state()` at the start of `turn`; None where there is none."""
         if self.states is None:
@@ -254,6 +262,7 @@ class Trace:
             {names[row]: values[row] for row in rows if values[row] is not None}
         )
 
+    @legible
     def _values(self, rows: range, kind: str) -> Mapping[AgentName, Any]:
         cells = self._cached(f"cells {kind}", lambda: _cells(self.steps, kind))
         names, odd = self._list("agent"), self._odd(rows)
@@ -275,6 +284,7 @@ class Trace:
             found[name] = int(value) if is_int else value
         return MappingProxyType(found)
 
+    @legible
     def _infos(self, rows: range) -> Mapping[AgentName, Any]:
         names, infos, masks = self._list("agent"), self._list("info"), self._list("mask")
         received, odd = self._list("received"), self._odd(rows)
@@ -293,6 +303,7 @@ class Trace:
                 found[name] = {}
         return MappingProxyType(found)
 
+    @legible
     def _masks(self, turn: Turn) -> Mapping[AgentName, Any]:
         found: dict[AgentName, Any] = {}
         for name in turn.agents:
@@ -301,6 +312,7 @@ class Trace:
                     found.setdefault(name, place[MASK])
         return MappingProxyType(found)
 
+    @legible
     def _terms(self, rows: range) -> Mapping[AgentName, Mapping[str, float]]:
         terms = [name for name in self.steps.schema.names if name.startswith(TERM)]
         found: dict[str, dict[str, float]] = {}
@@ -309,6 +321,7 @@ class Trace:
                 found.setdefault(agent, {})[name[len(TERM) :]] = value
         return MappingProxyType(found)
 
+    @legible
     def _odd(self, rows: range) -> Mapping[AgentName, Mapping[str, Any]]:
         names, odd = self._list("agent"), self._list("odd")
         return {names[row]: _odd(odd[row]) for row in rows if odd[row] is not None}
@@ -357,16 +370,23 @@ def _mask(text: str, payload: bytes) -> Any:
     return np.frombuffer(payload, dtype).reshape([int(n) for n in shape.split("x") if n]).copy()
 
 
+def _object(text: str) -> dict[str, Any]:
+    found = json.loads(text)
+    if not isinstance(found, dict):
+        raise ValueError(f"{text[:40]!r} is no JSON object")
+    return found
+
+
 def _odd(text: str) -> dict[str, Any]:
     """The odd fields of a row: the name of a type, and the value but for what was missing."""
-    fields = json.loads(text)
+    fields = _object(text)
     for entry in fields.values():
         if "value" in entry:
             value = from_json(json.dumps(entry["value"]))
             scalar = _SCALARS.get(entry.get("type"))
             is_plain = isinstance(value, bool | int | float | str)
             entry["value"] = scalar(value) if scalar is not None and is_plain else value
-    return fields  # type: ignore[no-any-return]  # the door wrote an object of objects
+    return fields
 
 
 def _index(items: list[Any]) -> dict[Any, int]:

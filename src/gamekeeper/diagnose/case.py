@@ -82,9 +82,9 @@ def case_text(diagnosis: Diagnosis, run: str | PathLike[str], *, failed: str | N
     episodes = load(next(iter(diagnosis.bundles.values()))).episodes.num_rows
     seed = load(next(iter(diagnosis.bundles.values()))).manifest["seed"]
     return _TEXT.format(
-        title=f"{' and '.join(found.labels).capitalize()}: a failure that was diagnosed.",
-        fingerprint=diagnosis.fingerprint[:16], why=found.why, seed=seed, episodes=episodes,
-        condition=json.dumps(failed) if failed else "None", scope=found.scope,
+        title=_words(f"{' and '.join(found.labels).capitalize()}: a failure that was diagnosed."),
+        fingerprint=_words(diagnosis.fingerprint[:16]), why=_words(found.why), seed=seed,
+        episodes=episodes, condition=repr(failed) if failed else "None", scope=found.scope,
         arms=_python(arms), failed_as_is=counts[0], least=max(counts[0] // 2, 1),
         most=max((counts[0] - 1) // 2, max(counts[1:])),
     )  # fmt: skip
@@ -105,6 +105,12 @@ def _failing(evidence: Evidence, condition: str | None, scope: str) -> int:
     contract = evidence.contract
     told = [told_failed(outcome_of(trace), conditions, contract) for trace in evidence.traces]
     return sum(each.get(scope, False) for each in told)
+
+
+def _words(text: str) -> str:
+    """Words for a docstring: whatever they are, they don't end it, and stay on their line."""
+    plain = "".join(sign if sign.isprintable() else " " for sign in text)
+    return plain.replace("\\", "\\\\").replace('"', "'")
 
 
 def _python(arms: dict[str, Any]) -> str:

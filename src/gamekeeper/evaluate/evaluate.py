@@ -14,6 +14,7 @@ from typing import Any, Final
 import pyarrow as pa
 
 from gamekeeper.core.finite import finite
+from gamekeeper.errors import EvidenceError
 from gamekeeper.evaluate.claims import claims_of
 from gamekeeper.evaluate.comparisons import comparisons_of
 from gamekeeper.evaluate.course import SILENCE_S, Course
@@ -38,6 +39,7 @@ from gamekeeper.run.executors.storage import Storage
 from gamekeeper.run.executors.task import Executor, Limits
 
 RESULT: Final = "evaluation.json"
+RESULT_BYTES: Final = 1 << 28
 
 
 def evaluate(
@@ -146,7 +148,15 @@ def load_evaluation(folder: str | PathLike[str]) -> Evaluation:
         BundleError: there is none.
         EvidenceError: the document there is another.
     """
-    return Evaluation.from_json(json.loads(Storage.at(folder).get(RESULT)))
+    text = Storage.at(folder).get(RESULT, most_bytes=RESULT_BYTES)
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise EvidenceError(
+            "this is no evaluation", where=str(folder), expected="a JSON object",
+            seen=str(error)[:200],
+        ) from error  # fmt: skip
+    return Evaluation.from_json(document)
 
 
 def _executor(executor: str | Executor, workers: int) -> Executor:

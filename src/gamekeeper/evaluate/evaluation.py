@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields
 from html import escape
 from typing import Any, Final
 
+from gamekeeper.core.legible import legible
 from gamekeeper.errors import EvidenceError
 
 KIND: Final = "evaluation"
@@ -67,9 +68,10 @@ class Evaluation:
         Raises:
             EvidenceError: it is another document.
         """
-        if data.get("kind") != KIND or "name" not in data:
+        kind = data.get("kind") if isinstance(data, Mapping) else data
+        if kind != KIND or "name" not in data:
             raise EvidenceError(
-                "this is no evaluation", expected=f'"kind": "{KIND}"', seen=repr(data.get("kind"))
+                "this is no evaluation", expected=f'"kind": "{KIND}"', seen=repr(kind)[:80]
             )
         known = {each.name for each in fields(cls)}
         given: dict[str, Any] = {
@@ -79,11 +81,13 @@ class Evaluation:
         }
         return cls(**given)
 
+    @legible
     def rows(self) -> list[list[str]]:
         """A heading and a row for each policy and whom its return is of, as texts."""
         head = ["environment", "policy", "of", "return", "interval", "success"]
         return [head, *(_texts(row) for row in self.results if is_headline(row))]
 
+    @legible
     def __str__(self) -> str:
         rows = self.rows()
         widths = [max(len(row[place]) for row in rows) for place in range(len(rows[0]))]
@@ -93,6 +97,7 @@ class Evaluation:
         ]
         return "\n".join([*table, "", *self.claims])
 
+    @legible
     def _repr_html_(self) -> str:
         head, *rows = self.rows()
         heading = "".join(f"<th>{escape(text)}</th>" for text in head)

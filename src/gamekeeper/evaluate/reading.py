@@ -51,7 +51,7 @@ def read_file(path: Path) -> Spec:
             seen=error.strerror or type(error).__name__,
             mend="`gamekeeper list suites` names those that come with Gamekeeper",
         ) from None  # fmt: skip
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # also of numbers with too many digits
         raise SpecError(
             "the specification isn't TOML", where=str(path), expected="TOML 1.0", seen=str(error)
         ) from None

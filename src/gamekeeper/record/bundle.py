@@ -7,6 +7,7 @@ from pathlib import Path
 
 from gamekeeper.core.evidence import Evidence
 from gamekeeper.core.tables import MemoryTables, Tables
+from gamekeeper.record.files.fields import check_fields
 from gamekeeper.record.files.folder import reading
 from gamekeeper.record.files.manifest import MANIFEST, load_manifest, seal_of
 from gamekeeper.record.files.reading import check_sealed, read
@@ -41,6 +42,7 @@ def load(path: str | PathLike[str], *, check: bool = True, salvage: bool = False
             check_sealed(folder, manifest, seal)
         sealed = SealedTables(folder, [name for name in STREAMS if f"{name}.parquet" in seal.files])
         tables, schemas = sealed, sealed.schemas
+    check_fields(manifest, folder / MANIFEST)
     for stream, schema in schemas.items():
         check_columns(schema, stream, where=f"{folder}, {stream}")
     return Evidence(manifest, tables, path=folder)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
+from gamekeeper.core.legible import legible
 from gamekeeper.report.columns import columns_of, wrapped
 from gamekeeper.report.text import table_lines
 
@@ -18,6 +19,7 @@ MOST_RUNS: Final = 20
 Row = Mapping[str, Any]
 
 
+@legible
 def evaluation_text(document: Mapping[str, Any], *, width: int) -> str:
     """Environment by environment: returns, success and endings, agents; then what follows.
 

@@ -27,6 +27,8 @@ from gamekeeper.run.executors.storage import Storage
 
 READERS: Final = 16
 """Receipts that are asked for at a time."""
+MOST_BYTES: Final = 1 << 24
+"""Of a receipt."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,10 +67,13 @@ class Receipt:
         text = self.schemas.get(stream)
         if text is None:
             return None
-        data = base64.b64decode(text)
-        if EXTENSION in data:  # reading its name would run a package's code
-            raise _unreadable(self.key, "a column of an extension type")
-        found = pa.ipc.read_schema(pa.py_buffer(data))
+        try:
+            data = base64.b64decode(text)
+            if EXTENSION in data:  # reading its name would run a package's code
+                raise ValueError("a column of an extension type")
+            found = pa.ipc.read_schema(pa.py_buffer(data))
+        except (ValueError, TypeError, OSError, pa.ArrowException) as error:
+            raise _unreadable(self.key, str(error)[:200]) from error
         check_schema(found, stream, where=self.key)
         return found
 
@@ -96,8 +101,9 @@ def receipt_of(storage: Storage, key: str) -> Receipt | None:
     if not storage.exists(name):
         return None
     try:
-        found = Receipt(**json.loads(storage.get(name)))
-    except (ValueError, TypeError) as error:
+        found = Receipt(**json.loads(storage.get(name, most_bytes=MOST_BYTES)))
+        _check(found)
+    except (ValueError, TypeError, RecursionError) as error:
         raise _unreadable(f"{storage}/{name}", str(error)[:200]) from error
     if found.key != key or not found.folder.startswith(f"{FOLDER}/{key}."):
         raise _unreadable(f"{storage}/{name}", f"{found.key}, {found.folder}"[:200])
@@ -140,6 +146,19 @@ def schemas_of(bundle: Path) -> dict[str, str]:
             schema = plain_schema(pq.read_schema(path))
             found[stream] = base64.b64encode(schema.serialize().to_pybytes()).decode()
     return found
+
+
+def _check(found: Receipt) -> None:
+    """Does nothing where every field is of its type."""
+    texts = (found.key, found.folder)
+    numbers = (found.first, found.episodes, found.turns)
+    objects = (found.schemas, found.error or {})
+    if not (
+        all(isinstance(text, str) for text in texts)
+        and all(type(number) is int and number >= 0 for number in numbers)
+        and all(isinstance(each, dict) for each in objects)
+    ):
+        raise TypeError("a field of another type")
 
 
 def _name(key: str) -> str:

@@ -103,16 +103,23 @@ class Storage:
                         self._files.delete_file(draft)
                     raise
 
-    def get(self, name: str) -> bytes:
+    def get(self, name: str, *, most_bytes: int | None = None) -> bytes:
         """What a file holds.
 
+        Args:
+            most_bytes: what is longer isn't read; None: it may be of any length.
         Raises:
-            BundleError: there is no such file, or the storage refuses.
+            BundleError: there is no such file, it is longer, or the storage refuses.
         """
         path = self._path(name)
         with self._doing("reading", name), self._files.open_input_stream(path) as stream:
-            data: bytes = stream.read()
-            return data
+            data: bytes = stream.read(None if most_bytes is None else most_bytes + 1)
+        if most_bytes is not None and len(data) > most_bytes:
+            raise BundleError(
+                f"{name} is too large to be what it should be",
+                where=str(self), expected=f"at most {most_bytes:,} bytes", seen="more",
+            )  # fmt: skip
+        return data
 
     def exists(self, name: str) -> bool:
         """Whether there is a file, or a folder, of this name.
