@@ -1,0 +1,1 @@
+"""What `benchmarks/fuzz.py` reads: damaged bytes, and those who read them."""
