@@ -56,6 +56,7 @@ class Screen:
         """Writes a part of the result. Lines that aren't indented are headings."""
         if self.is_json:
             return
+        text = visible(text)
         if has_colours(self.out):
             text = _coloured(text)
         self._write(f"{text.rstrip()}\n")
@@ -69,7 +70,7 @@ class Screen:
         """Writes a result whose first line is the verdict: `good`, `bad` or `unsure`."""
         if self.is_json:
             return
-        first, newline, rest = text.rstrip().partition("\n")
+        first, newline, rest = visible(text).rstrip().partition("\n")
         if has_colours(self.out):
             first = _painted(first, STYLES[manner])
         self._write(textwrap.indent(f"{first}{newline}{rest}", indent) + "\n")
@@ -93,7 +94,7 @@ class Screen:
 
     def error(self, text: str) -> None:
         """Says on stderr what went wrong, also when quiet."""
-        sys.stderr.write(f"{text.rstrip()}\n")
+        sys.stderr.write(f"{visible(text).rstrip()}\n")
         sys.stderr.flush()
 
     @contextmanager
@@ -109,6 +110,22 @@ class Screen:
 
         with live_progress(title) as take:
             yield take
+
+
+def visible(text: str) -> str:
+    """The text with its control characters written out, so that no terminal obeys an agent's name.
+
+    Ends of lines and tabs stay; half of a surrogate pair, which no stream takes, goes too.
+    """
+    return "\n".join(map(_visible_line, text.split("\n")))
+
+
+def _visible_line(line: str) -> str:
+    if line.isprintable():
+        return line
+    return "".join(
+        sign if sign.isprintable() or sign == "\t" else f"\\u{ord(sign):04x}" for sign in line
+    )
 
 
 def has_colours(stream: TextIO) -> bool:

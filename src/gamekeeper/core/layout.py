@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from gamekeeper.core.canon import to_json
+from gamekeeper.core.canon.text import clean
 from gamekeeper.core.space import Codec, Leaf, space_to_json
 
 AgentId = Hashable
@@ -58,12 +59,13 @@ class Layout:
     state: Side | None = None
     seats: dict[AgentId, Seat] = field(default_factory=dict)
     order: list[Seat] = field(default_factory=list)
+    _names: set[str] = field(default_factory=set)
     _columns: dict[str, dict[str, Column]] = field(default_factory=dict)
     _shared: dict[tuple[Column, ...], tuple[Column, ...]] = field(default_factory=dict)
 
     def seat(self, agent: AgentId, observation: Codec | None, action: Codec | None) -> Seat:
         """The seat of an agent that has none yet, with new columns where its spaces are new."""
-        name = agent if isinstance(agent, str) else to_json(agent)
+        name = self._free(agent_name(agent))
         seat = Seat(
             len(self.order), agent, name,
             None if observation is None else self._side("obs", name, observation),
@@ -71,6 +73,7 @@ class Layout:
         )  # fmt: skip
         self.seats[agent] = seat
         self.order.append(seat)
+        self._names.add(name)
         return seat
 
     def announce(
@@ -81,7 +84,7 @@ class Layout:
         """Seats all `agents` at once, so that columns are named after who differs from whom."""
         pairs = [(agent, *codecs(agent)) for agent in agents if agent not in self.seats]
         for kind, place in (("obs", 1), ("action", 2)):
-            spaces = [(str(pair[0]), pair[place]) for pair in pairs if pair[place] is not None]
+            spaces = [(clean(str(p[0])), p[place]) for p in pairs if p[place] is not None]
             groups = group_names(spaces)
             for codec, group in groups.items():
                 for leaf in codec.leaves:
@@ -99,6 +102,12 @@ class Layout:
     def columns(self, kind: str) -> tuple[Column, ...]:
         """All columns of `kind` ("obs" or "action"), in the order in which they came."""
         return tuple(self._columns.get(kind, {}).values())
+
+    def _free(self, name: str) -> str:
+        """The name, or where another agent has it (0 and "0" do) the name with a sign behind it."""
+        while name in self._names:
+            name += "'"
+        return name
 
     def _side(self, kind: str, agent: str, codec: Codec) -> Side:
         columns = tuple(self._column(kind, leaf, agent) for leaf in codec.leaves)
@@ -119,6 +128,13 @@ class Layout:
         while known.get(column.name, column) != column:  # an agent that is called like a group
             column = Column(column.name + "'", tag, leaf)
         return known.setdefault(column.name, column)
+
+
+def agent_name(agent: AgentId) -> str:
+    """An agent's name in columns: itself where it is a text that UTF-8 carries, else its JSON."""
+    if isinstance(agent, str) and clean(agent) == agent:
+        return agent
+    return to_json(agent)
 
 
 def group_names(spaces: Sequence[tuple[str, Any]]) -> dict[Codec, str]:

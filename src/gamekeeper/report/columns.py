@@ -6,6 +6,8 @@ import textwrap
 import unicodedata
 from typing import Final
 
+from gamekeeper.core.contract.places import one_line
+
 DOUBLE: Final = frozenset("WF")
 """East Asian widths of signs that take two columns. Source: Unicode Standard Annex 11."""
 COMBINING: Final = frozenset({"Mn", "Me", "Cf"})
@@ -24,6 +26,15 @@ def filled(text: str, columns: int, *, right: bool = False) -> str:
     """The text with spaces after it, or before it if it stands at the right."""
     spaces = " " * max(columns - columns_of(text), 0)
     return spaces + text if right else text + spaces
+
+
+def one_cell(text: str, most: int) -> str:
+    """The text on one line and with no control character, cut where it has more than `most` signs.
+
+    An agent's name may be of any length; the document has all of it.
+    """
+    line = one_line(text)
+    return line if len(line) <= most else f"{line[: max(most - 3, 0)]}..."
 
 
 def wrapped(text: str, columns: int, *, first: str = "", rest: str = "") -> list[str]:

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from gamekeeper.core.contract.places import one_line
-from gamekeeper.report.columns import columns_of, filled
+from gamekeeper.report.columns import columns_of, filled, one_cell
 
 if TYPE_CHECKING:
     from gamekeeper.core.evidence import Evidence
@@ -59,7 +58,7 @@ def returns_text(
         has_blocks: the terminal can show them; otherwise ASCII.
     """
     episodes = max((len(values) for values in returns.values()), default=0)
-    names = [one_line(name) for name in returns]
+    names = [one_cell(name, width // 2) for name in returns]
     ends = [_ends(values) for values in returns.values()]
     before = max((columns_of(name) for name in names), default=0)
     after = max((columns_of(text) for text in ends), default=0)

@@ -12,7 +12,7 @@ import numpy as np
 from gamekeeper.core.canon import from_json, to_json
 from gamekeeper.core.contract.places import one_line
 from gamekeeper.report.card import card_text
-from gamekeeper.report.columns import columns_of, filled, wrapped
+from gamekeeper.report.columns import columns_of, filled, one_cell, wrapped
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -148,11 +148,14 @@ def table_lines(
 ) -> Iterator[str]:
     """Rows in aligned, indented columns; the last one is broken where it doesn't fit.
 
+    What is in a cell stands on one line; what is longer than half a line (a name may be) is cut.
+
     Args:
         rows: equally many cells in each.
         width: columns that no line exceeds, as far as the other columns leave room.
         right: numbers of the columns that stand at the right.
     """
+    rows = [[*(one_cell(cell, width // 2) for cell in row[:-1]), row[-1]] for row in rows]
     widths = [max(map(columns_of, column)) for column in zip(*rows, strict=True)]
     before = sum(widths[:-1]) + len(GAP) * (len(widths) - 1) + len(INDENT)
     room = max(width - before, 16)

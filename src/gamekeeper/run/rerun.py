@@ -10,9 +10,9 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from gamekeeper.core.arrow import TERM
-from gamekeeper.core.canon import to_json
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.divergence import crossings
+from gamekeeper.core.layout import agent_name
 from gamekeeper.core.trace import Trace, Turn
 from gamekeeper.errors import EvidenceError, PolicyError
 from gamekeeper.game.aec import AECGame
@@ -177,8 +177,7 @@ def _agent(game: ParallelGame | AECGame, agents: Mapping[str, Any], name: str) -
     """Who has this name: one of `agents`, or one that joined since; else the name itself."""
     if name in agents:
         return agents[name]
-    joined = (agent for agent in game.env.agents if not isinstance(agent, str))
-    return next((agent for agent in joined if to_json(agent) == name), name)
+    return next((agent for agent in game.env.agents if agent_name(agent) == name), name)
 
 
 def _look_once_more(game: ParallelGame | AECGame, trace: Trace, turn: Turn) -> None:

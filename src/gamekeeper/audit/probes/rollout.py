@@ -10,7 +10,7 @@ from gymnasium.spaces import Space
 
 from gamekeeper.audit.lab import Lab, Saw
 from gamekeeper.audit.probes.state import form_of, space_of
-from gamekeeper.core.canon import to_json
+from gamekeeper.core.layout import agent_name
 from gamekeeper.core.trace import Trace
 from gamekeeper.run.episode import Play
 
@@ -45,10 +45,10 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
 
     def watch(turn: int, env: Any, out: Any) -> None:
         agents = env.agents
-        rosters.append([_name(agent) for agent in agents])
+        rosters.append([agent_name(agent) for agent in agents])
         if lab.api == "aec" and agents:
             chosen = getattr(env, "agent_selection", None)
-            selected.append((None if chosen is None else _name(chosen), chosen in agents))
+            selected.append((None if chosen is None else agent_name(chosen), chosen in agents))
 
     env = lab.env()
     played = lab.play(play, env, watch=watch)
@@ -75,8 +75,3 @@ def _states(lab: Lab, space: Space[Any] | None, trace: Trace) -> Iterator[Saw]:
             forms.setdefault(str(form), {"turn": turn.index, "failed": None, **form})
     if forms:
         yield lab.fact("states", {"answers": list(forms.values())}, field="state")
-
-
-def _name(agent: Any) -> str:
-    """As evidence spells it."""
-    return agent if isinstance(agent, str) else to_json(agent)

@@ -17,6 +17,13 @@ DRAWN_BY_SCRIPT: Final = ("line", "bars")
 ESCAPED: Final = {"<": "\\u003c", ">": "\\u003e", "&": "\\u0026"}
 """What a browser might take for markup, in a JSON text; U+2028 and U+2029 are ASCII already."""
 
+PICTURES: Final = {
+    **{code: chr(0x2400 + code) for code in range(0x20) if chr(code) not in "\t\n\r"},
+    0x7F: "\u2421",
+    **dict.fromkeys([*range(0x80, 0xA0), *range(0xD800, 0xE000)], "\ufffd"),
+}
+"""What stands for a sign that HTML can't hold. Source: Unicode, Control Pictures."""
+
 
 def render(page: Page) -> str:
     """The whole page in one text: nothing in it asks for anything from anywhere.
@@ -76,10 +83,18 @@ def json_text(value: Mapping[str, Any]) -> Markup:
     return Markup(text)
 
 
+def without_controls(value: Any) -> Any:
+    """A text's control characters as pictures of them: in HTML they are errors, NUL first."""
+    if isinstance(value, str) and not isinstance(value, Markup) and not value.isprintable():
+        return value.translate(PICTURES)
+    return value
+
+
 def _environment() -> Environment:
     return Environment(
         loader=PackageLoader("gamekeeper.report.page"),
         autoescape=True,
+        finalize=without_controls,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
