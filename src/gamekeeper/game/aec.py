@@ -88,14 +88,26 @@ class AECGame(Game):
 
     def last(self, observe: bool = True) -> Any:
         """What the environment's own `last` returns, noted as what the agent in turn was given."""
-        out = self.env.last() if observe is True else self.env.last(observe)
+        try:
+            out = self.env.last() if observe is True else self.env.last(observe)
+        except KeyboardInterrupt:
+            raise
+        except BaseException:  # as in reset
+            self.fail_at_last(traceback.format_exc())
+            raise
         if observe and self.sink is not None and self._open:
             self._look(self._books.agent_selection, out[0])
         return out
 
     def observe(self, agent: AgentId) -> Any:
         """What the environment's own `observe` returns; noted where the agent in turn looks."""
-        out = self.env.observe(agent)
+        try:
+            out = self.env.observe(agent)
+        except KeyboardInterrupt:
+            raise
+        except BaseException:  # as in reset
+            self.fail_at_last(traceback.format_exc())
+            raise
         if self.sink is not None and self._open and agent == self._books.agent_selection:
             self._look(agent, out)
         return out

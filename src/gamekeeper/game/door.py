@@ -102,7 +102,9 @@ class Game:
             with warnings.catch_warnings():  # PettingZoo's own method warns of its being called
                 warnings.simplefilter("ignore")
                 space = space_of(agent)
-        except Exception:  # an agent that nobody declared has no space: its values are kept as odd
+        except KeyboardInterrupt:
+            raise
+        except BaseException:  # an agent nobody declared has no space: its values are kept as odd
             return None
         if not isinstance(space, Space):
             return None
@@ -168,6 +170,11 @@ class Game:
         if self._state_entry[0].__class__ is Place:  # its slot went with the turn that raised
             self._state_entry = NO_STATE
         self._failure = error
+
+    def fail_at_last(self, error: str) -> None:
+        """Notes why the episode in progress can't go on, where no step has said it already."""
+        if self.sink is not None and self._open and self._failure is None:
+            self.fail(error)
 
     # -- the turn
 
@@ -247,7 +254,9 @@ class Game:
         assert self.sink is not None
         try:
             state = self._state()
-        except Exception as error:  # foreign code: kept as evidence, not as our failure
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # foreign code: kept as evidence, not as our failure
             return None, f'{{"state":{{"raised":{to_json(type_name(error))}}}}}'
         if self._pack_state is None:
             self.sink.layout.take_state(self._state_codec(state))
@@ -267,7 +276,9 @@ class Game:
     def _take_frame(self) -> None:
         try:
             frame = self.env.render()
-        except Exception:  # it could be rendered once; the turn without a frame says that it can't
+        except KeyboardInterrupt:
+            raise
+        except BaseException:  # once it could be rendered; a turn without a frame says it can't
             return
         if frame is not None:
             self.sink.frame(self.episode, self.turn, frame)  # type: ignore[union-attr]

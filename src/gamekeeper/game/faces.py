@@ -25,7 +25,7 @@ class _Face:
     _on_close: Callable[[], None] | None
 
     def __init__(self, game: Game, *, on_close: Callable[[], None] | None = None) -> None:
-        """A face over `game`; `on_close` is called once, after the environment was closed."""
+        """A face over `game`; `on_close` is called once, before the environment is closed."""
         self._game = game
         self._on_close = on_close
         for name in self._hot:  # called as they are: a layer between costs 0.1 us a call
@@ -101,12 +101,15 @@ class _Face:
 
     def close(self) -> None:
         """Closes the environment, and what is recorded of it; a second call does nothing more."""
+        on_close, self._on_close = self._on_close, None
         try:
-            self._game.close()
+            try:
+                self._game.end_episode()
+            finally:
+                if on_close is not None:  # first: some environments take the process with them
+                    on_close()
         finally:
-            on_close, self._on_close = self._on_close, None
-            if on_close is not None:
-                on_close()
+            self._game.close()
 
     def __str__(self) -> str:
         return str(self._game.env)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
@@ -167,16 +168,27 @@ def _play(
     while_sealing: Callable[[], AbstractContextManager[object]],
     **options: Any,
 ) -> None:
-    """Plays, and closes environment and bundle whatever happens."""
+    """Plays, seals the bundle and closes the environment, whatever happens.
+
+    In this order: an environment whose closing hangs, or ends the process, loses nothing.
+    """
     try:
         try:
             play(game, *players, **options)
+        except (GamekeeperError, KeyboardInterrupt):
+            raise
+        except BaseException:  # also where it was no step that raised: last(), state(), render()
+            game.fail_at_last(traceback.format_exc())
+            raise
+        finally:
+            game.end_episode()
+    finally:
+        try:
+            if isinstance(sink, Recorder):
+                with while_sealing():
+                    sink.close()
         finally:
             game.close()
-    finally:
-        if isinstance(sink, Recorder):
-            with while_sealing():
-                sink.close()
 
 
 def _sink(

@@ -29,7 +29,9 @@ def is_still(env: Any, call: Callable[[], Any]) -> bool:
     before = [(generator, _state(generator)) for generator in generators(env)]
     try:
         call()
-    except Exception:  # not offered (NotImplementedError) or broken: it isn't called again
+    except KeyboardInterrupt:
+        raise
+    except BaseException:  # not offered (NotImplementedError) or broken: it isn't called again
         calm = False
     else:
         calm = True
