@@ -2,6 +2,8 @@
 
 import re
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -43,6 +45,14 @@ def test_exercise_passes_its_tests(package: Path) -> None:
     """A test for each rule, and what holds whatever the rules are."""
     done = pytest_in(package, src=[])
     assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.slow
+def test_exercise_is_made_by_its_id(package: Path) -> None:
+    """Those who use PettingZoo alone make it as they make others."""
+    text = "import sys; sys.path.insert(0, 'src')\n" + block("python", "import pettingzoo")
+    text += "assert env.possible_agents == ['holder_0', 'carrier_0']\n"
+    subprocess.run([sys.executable, "-c", text], cwd=package, check=True)
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ it: `<!-- not run: reason -->`.
 import contextlib
 import re
 import shlex
+import subprocess
 import sys
 import tomllib
 from dataclasses import dataclass
@@ -68,10 +69,16 @@ def run_python(text: str, known: dict[str, Any]) -> None:
 
 
 def run_lines(text: str) -> None:
-    """Runs a block's `gamekeeper` lines; each exits as its comment says, or with 0."""
+    """Runs a block's `gamekeeper` and `pytest` lines; each exits as its comment says, or with 0."""
     for line in text.replace("\\\n", " ").splitlines():
         words = shlex.split(line, comments=True)
         if not words:
+            continue
+        told = CODE.search(line.partition("#")[2])
+        if words[0] == "pytest":
+            plugin = ["-p", "gamekeeper.testing", "-p", "no:cacheprovider"]
+            done = subprocess.run([sys.executable, "-m", "pytest", *plugin, *words[1:]])
+            assert done.returncode == (int(told[1]) if told else 0), line
             continue
         assert words[0] == "gamekeeper", f"nobody runs this line: {line}"
         few = (
@@ -79,7 +86,6 @@ def run_lines(text: str) -> None:
             if words[1] in ("run", "record") and "--episodes" not in words
             else []
         )
-        told = CODE.search(line.partition("#")[2])
         assert main([*words[1:], *few]) == (int(told[1]) if told else 0), line
 
 
