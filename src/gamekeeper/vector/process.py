@@ -21,6 +21,7 @@ from gamekeeper.errors import EnvError, SpecError
 from gamekeeper.game.converting.slim import slim
 from gamekeeper.game.open import open_env
 from gamekeeper.game.opening.construct import foreign_traceback, said_by
+from gamekeeper.run.held_back import HeldBack
 from gamekeeper.run.worker_process import WorkerProcess
 from gamekeeper.vector.arrays import SharedMemory, arrays_in, attached, part, size_of
 from gamekeeper.vector.block import Autoreset, Block, Said
@@ -43,6 +44,8 @@ class _Worker:
     first: int
     last: int
     is_gone: bool = False
+    unanswered: int = 0
+    """What it was told and hasn't answered; after Ctrl-C in the middle, more than nothing."""
 
 
 class ProcessEngine:
@@ -90,7 +93,9 @@ class ProcessEngine:
         }  # fmt: skip
         try:
             for first, last in _shares(num_envs, min(workers, num_envs)):
-                self._workers.append(self._started(first, last, common))
+                with HeldBack():  # a process that nobody knows of would stay
+                    self._workers.append(self._started(first, last, common))
+                    self._workers[-1].unanswered = 1
             self._gather(START_S)
         except BaseException:
             self.close()
@@ -128,17 +133,21 @@ class ProcessEngine:
         self._gather(self._timeout_s)
 
     def _tell(self, message: Mapping[str, Any]) -> None:
-        for worker in self._workers:
-            if not worker.is_gone:
-                worker.process.send(message)
+        """Tells every worker, once all have answered what an interrupt left unanswered."""
+        self._gather(self._timeout_s)
+        with HeldBack():  # all are told, or none
+            for worker in self._workers:
+                if not worker.is_gone:
+                    worker.unanswered += 1
+                    worker.process.send(message)
 
     def _gather(self, timeout_s: float) -> Said:
         """Waits for every worker's answer."""
         said = Said()
         for worker in self._workers:
-            if worker.is_gone:
-                continue
-            answer = self._answer(worker, timeout_s)
+            answer = None
+            while worker.unanswered and not worker.is_gone:
+                answer = self._answer(worker, timeout_s)
             if answer is None:
                 continue
             for e, text in answer.get("infos", {}).items():
@@ -152,18 +161,12 @@ class ProcessEngine:
         last_s = time.monotonic()
         while True:
             has_ended = worker.process.has_ended()
-            for kind, content in worker.process.messages(0.0 if has_ended else TICK_S):
-                last_s = time.monotonic()
-                if kind == "report" and "error" in content:
-                    self._lose(worker, content["error"], content["traceback"])
-                    return None
-                if kind == "report" and "rows" in content:
-                    self._out(from_text(content["rows"]))
-                elif kind == "report":
-                    return dict(content)
-                if kind == "raised":
-                    self._lose(worker, content["error"], content["traceback"])
-                    return None
+            with HeldBack():  # messages that were taken are dealt with, rows above all
+                messages = worker.process.messages(0.0 if has_ended else TICK_S)
+                last_s = time.monotonic() if messages else last_s
+                answer = self._taken(worker, messages)
+            if answer is not None or worker.is_gone:
+                return answer
             if has_ended:
                 code = worker.process.end()
                 how = f"killed by signal {-code}" if code < 0 else f"exit code {code}"
@@ -173,6 +176,20 @@ class ProcessEngine:
                 stacks = worker.process.dump() or ""
                 self._lose(worker, f"it gave no sign of life for {timeout_s:g} s", stacks)
                 return None
+
+    def _taken(self, worker: _Worker, messages: list[tuple[str, Any]]) -> dict[str, Any] | None:
+        """The answer among messages, if it has come; rows go where they are recorded."""
+        answer = None
+        for kind, content in messages:
+            if kind == "raised" or (kind == "report" and "error" in content):
+                self._lose(worker, content["error"], content["traceback"])
+                return None
+            if kind == "report" and "rows" in content:
+                self._out(from_text(content["rows"]))
+            elif kind == "report":
+                worker.unanswered -= 1
+                answer = dict(content)
+        return answer
 
     def _lose(self, worker: _Worker, how: str, traceback: str) -> None:
         """A worker is gone: that ends it all, or its copies alone.
@@ -198,20 +215,23 @@ class ProcessEngine:
             )
 
     def close(self) -> None:
-        """Ends every worker; its copies are closed there first."""
-        for worker in self._workers:
-            if not worker.is_gone:
-                worker.process.send({"do": "close"})
-        for worker in self._workers:
-            if not worker.is_gone:
-                worker.is_gone = True
-                deadline = time.monotonic() + 5.0
+        """Ends every worker; its copies are closed there first, unless Ctrl-C comes meanwhile."""
+        try:
+            for worker in self._workers:
+                if not worker.is_gone:
+                    worker.process.send({"do": "close"})
+            for worker in self._workers:
+                deadline = time.monotonic() + (0.0 if worker.is_gone else 5.0)
                 while not worker.process.has_ended() and time.monotonic() < deadline:
                     worker.process.messages(0.01)
-            with worker.process:
-                pass
-        self._workers = []
-        self._shared.close()
+        finally:
+            with HeldBack():
+                for worker in self._workers:
+                    worker.is_gone = True
+                    with worker.process:
+                        pass
+                self._workers = []
+                self._shared.close()
 
 
 def _nowhere(batches: Batches) -> None:

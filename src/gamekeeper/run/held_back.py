@@ -1,0 +1,42 @@
+"""Ctrl-C held back over a few lines that must not be left half done."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from types import FrameType, TracebackType
+from typing import Self
+
+
+class HeldBack:
+    """Raises KeyboardInterrupt at the end of the block in place of somewhere within.
+
+    For bookkeeping that takes milliseconds, never for waiting or for foreign code. Outside the main
+    thread nobody is interrupted, and where somebody handles Ctrl-C otherwise, that stays so.
+    """
+
+    __slots__ = ("_is_ours", "_was_pressed")
+
+    def __enter__(self) -> Self:
+        self._was_pressed = False
+        self._is_ours = (
+            threading.current_thread() is threading.main_thread()
+            and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+        )
+        if self._is_ours:
+            signal.signal(signal.SIGINT, self._note)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._is_ours:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            if self._was_pressed:
+                raise KeyboardInterrupt
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self._was_pressed = True

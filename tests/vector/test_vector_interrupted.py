@@ -1,0 +1,66 @@
+"""Ctrl-C while a vector environment waits for its workers: what comes after it is in step."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gamekeeper as gk
+from gamekeeper.record.replay import replay
+from gamekeeper.record.verify import verify
+from gamekeeper.run.worker_process import WorkerProcess
+
+
+def interrupt_next_wait(patch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C comes while the first worker's answer is waited for."""
+
+    def messages(self: WorkerProcess, wait_s: float) -> Any:
+        raise KeyboardInterrupt
+
+    patch.setattr(WorkerProcess, "messages", messages)
+
+
+def test_answers_that_an_interrupt_left_are_not_taken_for_others(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A step that was interrupted is a step; the next one sees what comes after it."""
+    with (
+        gk.vector.make("two_robot_line", 4, engine="process", workers=2, seed=1) as venv,
+        gk.vector.make("two_robot_line", 4, engine="serial", seed=1) as alone,
+    ):
+        venv.reset(), alone.reset()
+        actions = venv.action_space.sample() * 0
+        with monkeypatch.context() as patch:
+            interrupt_next_wait(patch)
+            with pytest.raises(KeyboardInterrupt):
+                venv.step(actions)
+        alone.step(actions)
+        for _ in range(3):
+            found, expected = venv.step(actions), alone.step(actions)
+            assert np.array_equal(found[0], expected[0])
+            assert np.array_equal(found[4]["episode"], expected[4]["episode"])
+
+
+def test_recording_goes_on_whole_after_an_interrupt(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rows that were on their way when Ctrl-C came are in the evidence, and it replays."""
+    venv = gk.record(
+        gk.vector.make("two_robot_line", 4, engine="process", workers=2), tmp_path / "run"
+    )
+    venv.reset(seed=0)
+    venv.action_space.seed(0)
+    for _ in range(4):
+        for _ in range(10):
+            venv.step(venv.action_space.sample())
+        actions = venv.action_space.sample()
+        with monkeypatch.context() as patch:
+            interrupt_next_wait(patch)
+            with pytest.raises(KeyboardInterrupt):
+                venv.step(actions)
+    venv.close()
+    assert verify(tmp_path / "run").ok
+    assert replay(tmp_path / "run").verified
