@@ -4,7 +4,8 @@ Each command is begun in a fork of a process that has imported everything, so th
 into its work (`--cold`: in a process of its own, so that they fall into the imports too). After a
 random part of its life it is interrupted. What must be so then:
 
-    ended     within `END_S`, with 130, or with its own code where it was done already
+    ended     within `END_S`, with 130 (or by the signal itself, while the process was ending), or
+              with its own code where it was done already
     quiet     no traceback and no "fault of gamekeeper" was said
     gone      no process that it started is left
     openable  every run's folder can be read, or isn't there
@@ -68,6 +69,7 @@ ENDLESS: Final = {"view": 3.0}
 """Commands that only Ctrl-C ends, with the part of their life that is looked at, in seconds."""
 LEFT: Final = {"record-workers": {"new-parts"}}
 """What may lie about after an interrupt, beside the results."""
+RESULTS: Final = ("new", "evaluation", "report.html", "film", "exported")
 DRAFTS: Final = ("*.tmp", ".*.merging", "*.tmp.*", ".*.tmp*", "*.part")
 FORKS: Final = """
 import importlib, json, os, pkgutil, sys
@@ -242,16 +244,24 @@ def _make_ready(folder: Path) -> None:
         Store.seal = whole  # type: ignore[method-assign]
 
 
-def interrupted(made: Bench, name: str, *, instants: int) -> dict[str, Any]:
-    """The figures of one command."""
+def interrupted(
+    made: Bench, name: str, *, instants: int, life_s: float | None = None
+) -> dict[str, Any]:
+    """The figures of one command.
+
+    Args:
+        life_s: how much of its life is looked at; None: all of it, which is measured first.
+    """
     words, counts, ends = COMMANDS[name], Counter[str](), []
-    life_s, codes = ENDLESS.get(name, 0.0), {130}
+    results, codes = set(RESULTS), {130, -signal.SIGINT}
     if name in ENDLESS:
-        codes = {0}
-    else:
+        life_s, codes = ENDLESS[name], codes | {0}
+    elif life_s is None:
         code, life_s, _ = made.run(words, after_s=None)
         codes.add(code)
-    results = _names(made.base / "work") if name not in ENDLESS else set()
+        results |= _names(made.base / "work")
+    else:
+        codes |= {0, 1}
     for _ in range(instants):
         code, _, end_s = made.run(words, after_s=made.rng.uniform(0.0, life_s))
         ends.append(end_s)
