@@ -56,7 +56,6 @@ def main(pages: list[str]) -> None:
         with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
             typed(page)
             take(Path(report), place, part, Path(__file__).with_name(name))
-        print(Path(__file__).with_name(name))
 
 
 if __name__ == "__main__":
