@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from gamekeeper.errors import GamekeeperError
+from gamekeeper.record.parts.apart import _check_free
 from gamekeeper.run import workers
 from tests.surface.sources import PACKAGE, ROOT, kept_files
 
@@ -49,6 +50,14 @@ def test_worker_processes_say_what_they_need(monkeypatch: pytest.MonkeyPatch) ->
         workers.environment_of()
     monkeypatch.undo()
     assert "WSL" in str(caught.value.mend)
+
+
+def test_a_runs_folder_is_looked_at_without_posix_paths(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`Path.is_mount` raises on Windows before Python 3.12, so nothing asks it."""
+    monkeypatch.delattr(Path, "is_mount")
+    _check_free(tmp_path)
 
 
 def test_kept_files_have_names_for_every_system() -> None:

@@ -7,6 +7,7 @@ it don't count, as they would not have been played. What is whole already isn't 
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -128,7 +129,7 @@ def _check_free(out: Path) -> None:
     """
     try:
         names = sorted(path.name for path in out.iterdir())
-        is_mount = out.is_mount()
+        is_mount = os.path.ismount(out)  # Path's own doesn't know Windows before Python 3.12
     except FileNotFoundError:
         return
     except OSError as error:

@@ -8,6 +8,7 @@ imported on the node, from where the driver's `sys.path` says.
 from __future__ import annotations
 
 import os
+import platform
 import signal
 import sys
 import threading
@@ -97,7 +98,7 @@ def settle(wanted: Mapping[str, Any]) -> None:
     if version() != wanted["version"]:
         raise DependencyError(
             "a node has another Gamekeeper",
-            where=os.uname().nodename, expected=wanted["version"], seen=version(),
+            where=platform.node(), expected=wanted["version"], seen=version(),
             mend="install the same version on every node",
         )  # fmt: skip
     with suppress(OSError):  # not shared: what a task opens by a relative path is looked for here
@@ -121,7 +122,7 @@ def look(place: str, name: str) -> dict[str, Any]:
     from gamekeeper.errors import GamekeeperError
     from gamekeeper.run.executors.storage import Storage
 
-    host = os.uname().nodename
+    host = platform.node()
     try:
         Storage.at(place).put(name, host.encode())
     except GamekeeperError as error:
