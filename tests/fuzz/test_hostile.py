@@ -13,12 +13,15 @@ import pytest
 
 import gamekeeper as gk
 from benchmarks.fuzzing.bundles import reseal as reseal_file
+from gamekeeper.adapters.sql.places import places_of
 from gamekeeper.cli._options import json_object
 from gamekeeper.diagnose import case
+from gamekeeper.diagnose.labels import labels
 from gamekeeper.errors import BundleError, EvidenceError, GamekeeperError, SpecError
 from gamekeeper.evaluate.evaluate import load_evaluation
 from gamekeeper.evaluate.reading import read_file
 from gamekeeper.record.files.manifest import MANIFEST
+from gamekeeper.record.files.notes import annotate
 from gamekeeper.record.parts.receipt import receipt_of
 from gamekeeper.run.executors.storage import Storage
 from tests.record.reseal import reseal
@@ -58,6 +61,21 @@ def test_manifest_of_another_shape_is_refused_by_field(
     with pytest.raises(BundleError) as caught:
         gk.load(line)
     assert field in caught.value.what
+
+
+def test_query_looks_at_manifests_too(line: Path) -> None:
+    """It reads them by itself, without the tables."""
+    change_manifest(line, lambda manifest: manifest.update(agents=5))
+    with pytest.raises(BundleError, match="agents"):
+        places_of([line])
+
+
+@pytest.mark.parametrize("change", [{"agent": ["x"]}, {"episode": "x"}, {"turn": {}}])
+def test_label_of_another_shape_is_refused(line: Path, change: dict[str, Any]) -> None:
+    """Annotations are JSON that anybody may have written."""
+    annotate(line, {"kind": "label", "label": "planning", **change})
+    with pytest.raises(EvidenceError, match=next(iter(change))):
+        labels(line)
 
 
 @pytest.mark.parametrize("name", ["kwargs", "versions", "entry_point", "name", "api"])

@@ -19,7 +19,7 @@ from gamekeeper.core.failure_label import LABELS
 from gamekeeper.diagnose.diagnosis import Diagnosis
 from gamekeeper.errors import EvidenceError
 from gamekeeper.record.bundle import load
-from gamekeeper.record.files.notes import annotate, read_notes
+from gamekeeper.record.files.notes import NOTES, annotate, read_notes
 
 KIND: Final = "label"
 DIAGNOSIS: Final = "diagnosis"
@@ -177,6 +177,13 @@ def _check(evidence: Evidence, found: Labelled) -> None:
 
 def _read(note: dict[str, Any]) -> Labelled:
     text = {name: str(note.get(name) or "") for name in ("label", "why", "by", "at")}
+    for name, kind in (("agent", str), ("episode", int), ("turn", int)):
+        value = note.get(name)
+        if value is not None and type(value) is not kind:
+            raise EvidenceError(
+                f"a label's {name} can't be that", where=NOTES, expected=f"{kind.__name__} or null",
+                seen=repr(value)[:100], mend="restore the annotations from a copy",
+            )  # fmt: skip
     return Labelled(
         text["label"], note.get("agent"), note.get("episode"), note.get("turn"), text["why"],
         text["by"], text["at"], bool(note.get("proposed")),

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gamekeeper.errors import BundleError
+from gamekeeper.record.files.fields import check_fields
 from gamekeeper.record.files.folder import inside, read_bounded, reading
 from gamekeeper.record.files.manifest import MANIFEST, load_manifest, seal_of
 
@@ -85,6 +86,7 @@ def _place(folder: Path, *, check: bool) -> Place:
     with reading(path):
         manifest = load_manifest(path)
         seal = seal_of(manifest, path / MANIFEST)
+        check_fields(manifest, path / MANIFEST)
     if seal is not None and check:
         from gamekeeper.record.files.reading import check_sealed
 
