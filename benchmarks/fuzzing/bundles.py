@@ -92,12 +92,14 @@ class Bundle:
         name = rng.choice(self._names)
         if name == MANIFEST:
             return name, json.dumps(altered(json.loads(self._bytes[name]), rng)).encode()
-        if name.endswith(".parquet"):
-            sink = pa.BufferOutputStream()
-            pq.write_table(_altered(pq.read_table(pa.BufferReader(self._bytes[name])), rng), sink)
-            return name, sink.getvalue().to_pybytes()
-        if name.endswith(".arrows"):
-            return name, _segment(_altered(_rows(self._bytes[name]), rng))
+        with contextlib.suppress(pa.ArrowException):  # what no file of its kind can hold
+            if name.endswith(".parquet"):
+                sink = pa.BufferOutputStream()
+                table = _altered(pq.read_table(pa.BufferReader(self._bytes[name])), rng)
+                pq.write_table(table, sink)
+                return name, sink.getvalue().to_pybytes()
+            if name.endswith(".arrows"):
+                return name, _segment(_altered(_rows(self._bytes[name]), rng))
         return name, damaged(self._bytes[name], list(self._bytes.values()), rng)
 
     def read(
