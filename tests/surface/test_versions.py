@@ -1,4 +1,4 @@
-"""One version, said in four places; Pythons said to be supported are those that the tools aim at."""
+"""One version, said in four places; the Pythons that are promised are those that tools aim at."""
 
 import re
 import tomllib
