@@ -20,8 +20,9 @@ from tests.cli.lines import document, said
 
 NAMES: Final = [
     "../x", "/etc/passwd", "a/b", "C:\\x", "CON", "nul\0l", "new\nline", "\x1b[31mred", "", "  ",
-    "\u202eright to left", "\u200f", "caf\u00e9", "cafe\u0301", "n" * 10_000, "\ud800", "\U0001f600",
-    "agent", "Agent", "obs", "a.b", "a@b", "__all__", "0", "null", "%s{}", "'; drop table steps; --",
+    "\u202eright to left", "\u200f", "caf\u00e9", "cafe\u0301", "n" * 10_000, "\ud800",
+    "\U0001f600", "agent", "Agent", "obs", "a.b", "a@b", "__all__", "0", "null", "%s{}",
+    "'; drop table steps; --",
     "<script>alert(1)</script>",
 ]  # fmt: skip
 """Names of agents that a file system, a terminal, a page, SQL or a format might stumble over."""

@@ -52,8 +52,8 @@ def test_environment_that_raises_is_kept_up_to_there(
     try:
         gk.rollout(env, episodes=2, out=tmp_path / "run", frames=True, seed=1)
         fails = False
-    except EnvError as error:
-        assert "wild" in str(error) or how == "exit"
+    except EnvError:
+        assert at in ("reset", "step", "observe")
     evidence = gk.load(tmp_path / "run")
     ends = evidence.episodes["end"].to_pylist()
     if fails:
@@ -74,9 +74,13 @@ def test_environment_that_fails_to_be_looked_at_fails_its_episode(
 ) -> None:
     """Who steps a recorded environment and gets an exception has it in the evidence."""
     env = gk.record(kind(at="observe", how="raise", turn=0), tmp_path / "run")
+
+    def look() -> None:
+        env.reset(seed=1)
+        env.last()  # a Parallel environment has raised by now
+
     with pytest.raises(RuntimeError, match="wild error"):
-        if env.reset(seed=1) is None:
-            env.last()
+        look()
     env.close()
     row = gk.load(tmp_path / "run").episodes.to_pylist()[0]
     assert (row["end"], row["error"].strip().endswith("wild error")) == ("failed", True)
@@ -134,7 +138,7 @@ def _left_behind(folder: Path) -> list[int]:
     found = []
     for entry in Path("/proc").glob("[0-9]*"):
         try:
-            if Path(os.readlink(entry / "cwd")) == folder:
+            if (entry / "cwd").readlink() == folder:
                 found.append(int(entry.name))
         except OSError:
             continue
