@@ -18,6 +18,8 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphin
 exclude_patterns = ["_build"]
 html_theme = "furo"
 html_title = "Gamekeeper"
+highlight_language = "none"  # a block without a language is output
+smartquotes_action = "qe"  # quotes and ellipses; `--out` isn't a dash
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4
 autodoc_typehints = "description"
@@ -31,7 +33,7 @@ intersphinx_mapping = {
     "python": ("https://docs.python.org/3/", "inventories/python.inv"),
 }
 
-LINK = re.compile(r"\]\(([\w./-]+)\.md[)#]")
+LINK = re.compile(r"\[([^\]]+)\]\(([\w./-]+)\.md[)#]")
 HEADING = re.compile(r"^(##+) (.+)$", re.M)
 HOMES = {"checks/index": "checks/GK", "zoo-other": "findings/"}
 """Pages whose side bar lists a folder of their own: the folder, or how its pages' names begin."""
@@ -54,17 +56,19 @@ def within(app: Sphinx, page: str, text: list[str]) -> None:
 def with_contents(app: Sphinx, page: str, text: list[str]) -> None:
     """Adds what a browser's side bar is made of; pages that are read as files don't need it.
 
-    The first page lists every page that it links to, under the headings it has there.
+    The first page lists every page that it links to, under the headings it has there and by the
+    link's text up to a colon.
     """
     if page == "index":
         listed: set[str] = set()
         for caption, part in _parts(text[0]):
-            pages = [each for each in dict.fromkeys(LINK.findall(part)) if each not in listed]
-            pages = [each for each in pages if each in app.env.found_docs]
-            listed |= set(pages)
-            text[0] += _toctree(pages, caption)
+            pages = {to: told for told, to in reversed(LINK.findall(part)) if to not in listed}
+            pages = {x: pages[x] for x in reversed(pages) if x in app.env.found_docs}
+            listed |= pages.keys()
+            text[0] += _toctree([f"{_short(pages[x])} </{x}>" for x in pages], caption)
     elif page in HOMES:
-        text[0] += _toctree(sorted(x for x in app.env.found_docs if x.startswith(HOMES[page])))
+        pages = sorted(x for x in app.env.found_docs if x.startswith(HOMES[page]))
+        text[0] += _toctree([f"/{x}" for x in pages])
 
 
 def _parts(text: str) -> list[tuple[str, str]]:
@@ -78,12 +82,17 @@ def _parts(text: str) -> list[tuple[str, str]]:
     return parts
 
 
+def _short(title: str) -> str:
+    """A title for the side bar: up to its colon, without marks; a name stays as it is."""
+    title = title.partition(":")[0].replace("`", "")
+    return title[:1].upper() + title[1:] if " " in title and "_" not in title else title
+
+
 def _toctree(pages: list[str], caption: str = "") -> str:
     if not pages:
         return ""
     told = [f":caption: {caption}"] if caption else []
-    places = [each if "/" not in each else f"/{each}" for each in pages]
-    return "\n".join(["", "```{toctree}", ":hidden:", *told, "", *places, "```", ""])
+    return "\n".join(["", "```{toctree}", ":hidden:", *told, "", *pages, "```", ""])
 
 
 def setup(app: Sphinx) -> None:
