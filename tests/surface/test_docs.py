@@ -41,6 +41,15 @@ def test_decision_notes_are_listed() -> None:
     assert len({n.name[:4] for n in NOTES}) == len(NOTES)
 
 
+def test_every_page_is_listed() -> None:
+    """Every page stands on the first page, or in a folder that one of its pages lists."""
+    docs = ROOT / "docs"
+    index = (docs / "index.md").read_text(encoding="utf-8")
+    pages = {str(page.relative_to(docs)) for page in TEXTS if page.is_relative_to(docs)}
+    listed = {x for x in pages if f"]({x})" in index or x.startswith(("checks/", "findings/"))}
+    assert pages - listed == {"index.md"}
+
+
 def test_commands_of_make_exist() -> None:
     """Every `make target` that a page names is a target of the Makefile."""
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")

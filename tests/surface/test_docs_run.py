@@ -33,7 +33,13 @@ PAGES = [
     ROOT / "README.md",
     *(page for x in FOLDERS for page in sorted((ROOT / "docs" / x).glob("*.md"))),
 ]
-ELSEWHERE = {"docs/tutorials/write-a-task.md": "tests/cli/test_exercise.py"}
+ELSEWHERE = {
+    "docs/tutorials/write-a-task.md": "tests/cli/test_exercise.py",
+    **{
+        f"docs/how-to/{x}.md": "tests/cli/test_query.py"
+        for x in ("query", "stale-evidence", "video")
+    },
+}
 """Pages whose blocks a test of their own runs."""
 BLOCK = re.compile(
     r"(?:^<!-- not run: (?P<why>.+?) -->\n)?^```(?P<kind>\w*)\n(?P<text>.*?)^```$", re.M | re.S
@@ -166,4 +172,4 @@ def test_page_hides_no_block_from_the_tests(page: Path) -> None:
 def test_pages_that_are_run_elsewhere_are() -> None:
     """The test that runs a page names it."""
     for page, test in ELSEWHERE.items():
-        assert Path(page).name in (ROOT / test).read_text(encoding="utf-8")
+        assert Path(page).stem in (ROOT / test).read_text(encoding="utf-8")
