@@ -73,17 +73,17 @@ class Turn:
     @cached_property
     def observations(self) -> Mapping[AgentName, Any]:
         """What each agent observed, as its space has it; what didn't conform, as it was."""
-        return self._trace._values(self._rows, "obs")
+        return self._trace._values(self, "obs")
 
     @cached_property
     def actions(self) -> Mapping[AgentName, Any]:
         """What each agent did."""
-        return self._trace._values(self._rows, "action")
+        return self._trace._values(self, "action")
 
     @cached_property
     def infos(self) -> Mapping[AgentName, Any]:
         """The info that each agent was given; an empty dictionary where it was empty."""
-        return self._trace._infos(self._rows)
+        return self._trace._infos(self)
 
     @cached_property
     def masks(self) -> Mapping[AgentName, Any]:
@@ -100,7 +100,7 @@ class Turn:
         """Whether digests stand in place of the observations."""
         return self._trace.is_digest
 
-    @property
+    @cached_property
     def odd(self) -> Mapping[AgentName, Mapping[str, Any]]:
         """What didn't conform, by agent and field: its type's name and the value as it was."""
         return self._trace._odd(self._rows)
@@ -263,11 +263,11 @@ class Trace:
         )
 
     @legible
-    def _values(self, rows: range, kind: str) -> Mapping[AgentName, Any]:
+    def _values(self, turn: Turn, kind: str) -> Mapping[AgentName, Any]:
         cells = self._cached(f"cells {kind}", lambda: _cells(self.steps, kind))
-        names, odd = self._list("agent"), self._odd(rows)
+        names, odd = self._list("agent"), turn.odd
         found = {}
-        for row in rows:
+        for row in turn._rows:
             name = names[row]
             spaces = self.spaces.get(name)
             codec = (
@@ -285,11 +285,11 @@ class Trace:
         return MappingProxyType(found)
 
     @legible
-    def _infos(self, rows: range) -> Mapping[AgentName, Any]:
+    def _infos(self, turn: Turn) -> Mapping[AgentName, Any]:
         names, infos, masks = self._list("agent"), self._list("info"), self._list("mask")
-        received, odd = self._list("received"), self._odd(rows)
+        received, odd = self._list("received"), turn.odd
         found = {}
-        for row in rows:
+        for row in turn._rows:
             name = names[row]
             if infos[row] is not None:
                 info = from_json(infos[row])
