@@ -125,6 +125,14 @@ def test_environment_that_meddles_is_recorded_all_the_same(tmp_path: Path) -> No
     assert not _left_behind(tmp_path)
 
 
+def test_environment_that_closes_descriptors_is_told(tmp_path: Path) -> None:
+    """Ours among them: exit code 1, and what was written opens."""
+    line = ["record", "--episodes", 2, "--out", "run"]
+    done, found = wild(tmp_path, *line, at="step", how="close")
+    assert (done.returncode, found["error"]["kind"]) == (1, "EnvError"), done.stderr
+    assert gk.load(tmp_path / "run").manifest["status"] in ("sealed", "failed")
+
+
 def test_leak_ends_at_the_limit_of_memory(tmp_path: Path) -> None:
     """With --memory a leak is a MemoryError of the environment, and no one else's."""
     line = ["record", "--out", "run", "--memory", 900]
