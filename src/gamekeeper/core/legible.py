@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
-from typing import ParamSpec, TypeVar
+from typing import Final, ParamSpec, TypeVar
 
 from gamekeeper.errors import EvidenceError, GamekeeperError
 
 P = ParamSpec("P")
 R = TypeVar("R")
-MOST_SAID = 300  # characters of what a decoder says that the error repeats
+MOST_SAID: Final = 300  # characters of what a decoder says that the error repeats
 
 
 def legible(read: Callable[P, R]) -> Callable[P, R]:
