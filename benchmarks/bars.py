@@ -152,10 +152,17 @@ def _own_s() -> float:
 
 
 def keep(run: Mapping[str, Any], entry: Mapping[str, Any], *, whole: bool) -> None:
-    """Writes an entry; figures that couldn't be read leave those of before, with a word."""
+    """Writes an entry; a figure that wasn't found leaves the one of before, with its date."""
     path = RESULTS / f"{run['name']}.json"
     kept = json.loads(path.read_text("utf-8")) if path.exists() else {}
-    kept["whole" if whole and "whole" in run else "usual"] = entry
+    kind = "whole" if whole and "whole" in run else "usual"
+    before = kept.get(kind, {"bars": {}})
+    found = {
+        name: {**{key: before[key] for key in ("date", "load")}, **before["bars"][name]}
+        if figure["value"] is None and name in before["bars"] else figure
+        for name, figure in entry["bars"].items()
+    }  # fmt: skip
+    kept[kind] = {**entry, "bars": found}
     path.write_text(json.dumps(kept, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 

@@ -104,7 +104,8 @@ def _entries(
     for kind in ("usual", "whole"):
         found = kept.get(kind, {}).get("bars", {}).get(bar["name"], {})
         if found.get("value") is not None:
-            yield kind, kept[kind], found
+            # A figure that a later run didn't find stands under the date of its own run.
+            yield kind, found if "date" in found else kept[kind], found
 
 
 def _load(entry: Mapping[str, Any]) -> str:

@@ -167,3 +167,17 @@ def test_measured_keeps_what_a_command_prints(
     monkeypatch.setattr(bars, "RESULTS", tmp_path)
     bars.keep(run, entry, whole=False)
     assert bars.results()["told"]["usual"]["bars"] == {"us": {"value": 4.0}}
+
+
+def test_keep_leaves_a_figure_that_was_not_found_again(
+    tmp_path: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A run without a peer doesn't take away what an earlier one measured beside it."""
+    monkeypatch.setattr(bars, "RESULTS", tmp_path)
+    bar = {"name": "peer", "what": "to a peer", "read": {"take": "us"}, "unit": "s"}
+    run = {"name": "r", "command": "python r.py", "bar": [bar]}
+    for date, value in (("2026-01-01", 7.0), ("2026-02-02", None), ("2026-03-03", None)):
+        entry = {"date": date, "load": 1.0, "others": 0.1, "bars": {"peer": {"value": value}}}
+        bars.keep(run, entry, whole=False)
+    row = bars_page.row(run, bar, bars.results())
+    assert row == "| to a peer |  | 7 s | no bar | r | 2026-01-01 | 1.0 |"
