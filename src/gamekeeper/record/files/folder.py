@@ -216,7 +216,8 @@ def sync_files(paths: Sequence[Path]) -> None:
     wait for a commit of the file system's journal (measured: 150 files 0.2 s in place of 1.4).
     """
     flags = os.O_RDWR | getattr(os, "O_BINARY", 0)
-    advise = getattr(os, "posix_fadvise", None)
+    advise = getattr(os, "posix_fadvise", None)  # Linux; macOS and Windows have neither
+    not_needed = getattr(os, "POSIX_FADV_DONTNEED", 0)
     for first in range(0, len(paths), SYNCED_TOGETHER):
         with ExitStack() as opened:
             descriptors = []
@@ -224,7 +225,7 @@ def sync_files(paths: Sequence[Path]) -> None:
                 descriptors.append(os.open(path, flags))
                 opened.callback(os.close, descriptors[-1])
                 if advise is not None:
-                    advise(descriptors[-1], 0, 0, os.POSIX_FADV_DONTNEED)
+                    advise(descriptors[-1], 0, 0, not_needed)
             for descriptor in descriptors:
                 os.fsync(descriptor)
 
