@@ -28,7 +28,7 @@ TAKEN: Final = {
 
 def typed(page: str) -> None:
     """Does in this folder what the page says."""
-    from tests.surface.test_docs_run import TYPED, blocks_of, run_block
+    from tests.surface.typed_pages import TYPED, blocks_of, run_block
 
     known: dict[str, Any] = {"__name__": "docs"}
     for block in blocks_of(ROOT / "docs" / "tutorials" / f"{page}.md"):

@@ -15,7 +15,7 @@ from tests.surface.sources import ROOT
 pytest.importorskip("duckdb")
 
 from gamekeeper.adapters.sql import Session
-from tests.surface.test_docs_run import blocks_of, run_block
+from tests.surface.typed_pages import blocks_of, run_block
 
 MEANS = "select agent, avg(return) as mean from returns group by agent order by agent"
 
