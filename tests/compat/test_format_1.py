@@ -195,7 +195,9 @@ def test_additions_within_a_version_are_passed_over(tmp_path: Path) -> None:
     size, digest = digest_file(run / "steps.parquet")
     seal = load_manifest(run)["seal"]
     seal["files"]["steps.parquet"] = {"size": size, "digest": digest}
-    reseal(run, later={"of": ["a", "newer", "writer"]}, seal=seal)
+    later = {"of": ["a", "newer", "writer"]}
+    environment = {**load_manifest(run)["environment"], "later": later}
+    reseal(run, later=later, environment=environment, seal=seal)
     (run / "notes.txt").write_text("somebody's own\n", encoding="utf-8")
     assert verify(run, fingerprint=MARKET).ok
     assert played_again(load(run)).verified

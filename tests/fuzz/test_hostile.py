@@ -78,7 +78,7 @@ def test_label_of_another_shape_is_refused(line: Path, change: dict[str, Any]) -
         labels(line)
 
 
-@pytest.mark.parametrize("name", ["kwargs", "versions", "entry_point", "name", "api"])
+@pytest.mark.parametrize("name", ["kwargs", "versions", "imported", "entry_point", "name", "api"])
 def test_environment_of_another_shape_is_refused_by_field(line: Path, name: str) -> None:
     """What is printed, compared and opened later is of its type from the start."""
     change_manifest(line, lambda manifest: manifest["environment"].update({name: [1]}))

@@ -14,7 +14,8 @@ SHOWN: Final = 80
 def check_fields(manifest: Mapping[str, Any], path: Path) -> None:
     """Does nothing where every field that readers know is of the shape that they expect.
 
-    A field that isn't there is none's fault: a run may be killed before it is known.
+    A field that isn't there is none's fault: a run may be killed before it is known. One that isn't
+    known is passed over: a newer writer may add it.
 
     Args:
         path: of the manifest, for the error.
@@ -32,12 +33,12 @@ def check_fields(manifest: Mapping[str, Any], path: Path) -> None:
 def _inner(manifest: Mapping[str, Any]) -> Iterator[tuple[str, str, Any]]:
     """What is of another shape within the environment and the spaces."""
     environment = manifest.get("environment") or {}
-    for name, value in environment.items():
-        is_object = name in ("kwargs", "versions")
-        if value is not None and isinstance(value, dict) != is_object:
-            yield f"environment.{name}", "an object" if is_object else "no object", value
-        if name in _TEXTS and not isinstance(value, str | None):
-            yield f"environment.{name}", "a text", value
+    for name in _OBJECTS:
+        if not isinstance(environment.get(name), dict | None):
+            yield f"environment.{name}", "an object", environment[name]
+    for name in _TEXTS:
+        if not isinstance(environment.get(name), str | None):
+            yield f"environment.{name}", "a text", environment[name]
     for agent, pair in (manifest.get("spaces") or {}).items():
         if not isinstance(pair, dict):
             yield f"spaces.{agent}", "an object", pair
@@ -63,6 +64,7 @@ def _is_whole(value: object) -> bool:
     return type(value) is int and abs(value) < 1 << 127
 
 
+_OBJECTS: Final = ("imported", "kwargs", "versions")
 _TEXTS: Final = ("api", "entry_point", "kind", "name", "path", "source_digest")
 _FIELDS: Final[Mapping[str, tuple[Callable[[object], bool], str]]] = {
     "agents": (_is_texts, "a list of names"),
