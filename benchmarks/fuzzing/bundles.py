@@ -6,10 +6,10 @@ import contextlib
 import json
 import random
 import shutil
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
+from unittest.mock import patch
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -21,6 +21,7 @@ from gamekeeper.diagnose.labels import label
 from gamekeeper.record.files.folder import digest_file
 from gamekeeper.record.files.manifest import MANIFEST, manifest_digest, render
 from gamekeeper.record.files.notes import read_notes
+from gamekeeper.record.files.store import Store
 
 KINDS: Final = ("line", "turns", "games", "open")
 
@@ -37,13 +38,12 @@ def make_bundles(place: Path) -> dict[str, Path]:
         gk.rollout(spec, episodes=2, seed=1, out=made[name], most_turns=6, **options)
         label(made[name], LABELS[0], episode=0, why="they wait for each other")
     made["open"] = place / "source-open"
-    opened = gk.record(gk.make("two_robot_line"), place / "recording")
+    opened = gk.record(gk.make("two_robot_line"), made["open"])
     opened.reset(seed=0)
     for _ in range(3):
-        opened.step({agent: opened.action_space(agent).sample() for agent in opened.agents})
-    time.sleep(0.2)  # until the recorder's thread has written
-    shutil.copytree(place / "recording", made["open"])
-    opened.close()
+        opened.step(dict.fromkeys(opened.agents, 0))
+    with patch.object(Store, "seal", lambda self, manifest: self.abandon()):
+        opened.close()  # as a kill just before sealing leaves it
     return made
 
 
