@@ -195,7 +195,7 @@ def test_audit_of_nobody_is_a_finding_and_no_failure(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", [Ticks, Turns])
 def test_crowd_costs_in_proportion(kind: Any, tmp_path: Path) -> None:
-    """Two thousand agents: a row each where they act, verified and summed up."""
+    """A thousand agents: a row each where they act, verified and summed up."""
     crowd = [f"a_{i}" for i in range(1_000)]
     evidence = gk.rollout(kind(crowd, length=1), episodes=1, out=tmp_path / "run")
     assert len(evidence.summary.agents) == len(crowd)
