@@ -1,7 +1,8 @@
-"""Ctrl-C while a vector environment waits for its workers: what comes after it is in step."""
+"""Ctrl-C while a vector environment waits or writes: what comes after it is in step and whole."""
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import gamekeeper as gk
 from gamekeeper.record.replay import replay
 from gamekeeper.record.verify import verify
 from gamekeeper.run.worker_process import WorkerProcess
+from gamekeeper.vector import kernel_scribe, rows
 
 
 def interrupt_next_wait(patch: pytest.MonkeyPatch) -> None:
@@ -64,3 +66,45 @@ def test_recording_goes_on_whole_after_an_interrupt(
     venv.close()
     assert verify(tmp_path / "run").ok
     assert replay(tmp_path / "run").verified
+
+
+@pytest.mark.parametrize("engine", ["serial", "kernel"])
+def test_recording_is_whole_where_rows_were_being_written(
+    engine: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C while this process writes rows comes once they are written."""
+    presses: list[int] = []
+    for kind in (rows.InOrder, rows.AsTheyCome):
+        monkeypatch.setattr(kind, "take", interrupted(kind.take, presses))
+    monkeypatch.setattr(rows, "FLUSH_TURNS", 1)
+    monkeypatch.setattr(kernel_scribe, "FLUSH_S", -1.0)
+    venv = gk.record(gk.vector.make("two_robot_line", 4, engine=engine), tmp_path / "run")
+    venv.reset(seed=0)
+    venv.action_space.seed(0)
+    venv.step(venv.action_space.sample())
+    presses.append(signal.SIGINT)
+    with pytest.raises(KeyboardInterrupt):
+        step_on(venv)
+    venv.close()
+    episodes = gk.load(tmp_path / "run").episodes
+    assert {0, 1, 2, 3} <= set(episodes["episode"].to_pylist())
+    assert "ended" in episodes["end"].to_pylist()
+    assert verify(tmp_path / "run").ok
+    assert replay(tmp_path / "run").verified
+
+
+def step_on(venv: Any) -> None:
+    """Steps until an episode is over for certain."""
+    for _ in range(100):
+        venv.step(venv.action_space.sample())
+
+
+def interrupted(take: Any, presses: list[int]) -> Any:
+    """The same, but Ctrl-C is pressed as it begins to write, as often as `presses` has one."""
+
+    def pressed(self: Any, batches: Any) -> None:
+        if presses and batches:
+            signal.raise_signal(presses.pop())
+        take(self, batches)
+
+    return pressed

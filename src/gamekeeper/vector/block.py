@@ -13,6 +13,7 @@ from typing import Any, Final, Literal, TypeAlias
 from gamekeeper.core.episode_seeds import EpisodeSeeds
 from gamekeeper.game.door import AgentId, Game
 from gamekeeper.game.faces import game_of
+from gamekeeper.run.held_back import HeldBack
 from gamekeeper.vector.arrays import Arrays
 from gamekeeper.vector.form import Form, Group, built
 from gamekeeper.vector.rows import Batches, Recording, Shelf, SlotSink
@@ -98,9 +99,10 @@ class Block:
     def end_recording(self) -> None:
         """Ends the episodes in progress, as *cut*; what is on the shelf goes out."""
         if self._shelf is not None:
-            for door in self.doors:
-                door.end_episode()
-            self._shelf.flush()
+            with HeldBack():
+                for door in self.doors:
+                    door.end_episode()
+                self._shelf.flush()
 
     def step(self) -> Said:
         """One step of every copy, with the actions that stand in the arrays."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import Any, Final
 
 import numpy as np
@@ -17,6 +18,7 @@ from gamekeeper.core.layout import Layout
 from gamekeeper.kernels.batch import Batch
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.parts import HORIZON, UNNAMED
+from gamekeeper.run.held_back import HeldBack
 from gamekeeper.vector.kernel_order import Ordered
 from gamekeeper.vector.kernel_press import KernelPress
 from gamekeeper.vector.kernel_tape import TERMINATED, TRUNCATED, Tape
@@ -57,7 +59,7 @@ class Scribe:
             in_turn_first: of several that end together who would be in turn has its last turn
                 first.
         """
-        self.is_begun = False
+        self.is_begun = self._is_compiled = False
         self._kernel, self._level, self._out = batch.kernel, recording.level, out
         self._tape: Tape = (
             TurnTape(batch, is_next=is_next, in_turn_first=in_turn_first)
@@ -84,6 +86,12 @@ class Scribe:
         Raises:
             ActionError: an action isn't legal; nothing has changed.
         """
+        with HeldBack() if self._is_compiled else nullcontext():  # who compiles can be stopped
+            self._step()
+        self._is_compiled = True
+
+    def _step(self) -> None:
+        """What is played is on the tape, and what left the tape gets to where it is written."""
         tape = self._tape
         tape.step()
         if tape.filled == tape.slots or time.monotonic() - self._flushed_s > FLUSH_S:
@@ -93,8 +101,9 @@ class Scribe:
     def end(self) -> None:
         """The episodes in progress end as *cut*; the rest goes out."""
         if self.is_begun:
-            self._flush(is_last=True)
-            self._out(self._order.rest())
+            with HeldBack():
+                self._flush(is_last=True)
+                self._out(self._order.rest())
 
     def _flush(self, *, is_last: bool) -> None:
         tape, order = self._tape, self._order

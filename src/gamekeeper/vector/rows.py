@@ -16,6 +16,7 @@ from gamekeeper.core.block import most_rows
 from gamekeeper.core.layout import Layout
 from gamekeeper.core.press import Press, Pressed
 from gamekeeper.core.tape import TURN, EpisodeEnd, EpisodeStart, Reel, Tape, take
+from gamekeeper.run.held_back import HeldBack
 
 FLUSH_TURNS: Final = 4096
 """Turns of finished episodes that wait to become columns together."""
@@ -72,14 +73,19 @@ class Shelf:
     def put(self, tape: Tape) -> None:
         """Takes what a copy's tape holds; it is all of one episode."""
         rows = most_rows([*self.layout.columns("obs"), *self.layout.columns("action")])
-        while (reel := take(tape, most=LONG_TURNS, most_rows=rows)) is not None:
-            self._waiting.append((_episode_of(reel), reel))
-            self._turns += len(reel.turns) // TURN
-        if self._turns >= FLUSH_TURNS or time.monotonic() - self._flushed_s > FLUSH_S:
-            self.flush()
+        with HeldBack():  # rows that left the tape get to where they are written
+            while (reel := take(tape, most=LONG_TURNS, most_rows=rows)) is not None:
+                self._waiting.append((_episode_of(reel), reel))
+                self._turns += len(reel.turns) // TURN
+            if self._turns >= FLUSH_TURNS or time.monotonic() - self._flushed_s > FLUSH_S:
+                self._flush()
 
     def flush(self) -> None:
         """All that waits becomes columns."""
+        with HeldBack():
+            self._flush()
+
+    def _flush(self) -> None:
         waiting, self._waiting, self._turns = self._waiting, [], 0
         self._flushed_s = time.monotonic()
         if waiting:
@@ -140,7 +146,8 @@ class InOrder:
 
     def finish(self) -> None:
         """Writes what is held back yet; some slot never came to the episodes before."""
-        self._put(sorted(self._held))
+        with HeldBack():
+            self._put(sorted(self._held))
 
     def _put(self, episodes: list[int]) -> None:
         held = [self._held.pop(episode) for episode in episodes]
