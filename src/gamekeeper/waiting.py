@@ -1,4 +1,4 @@
-"""Long waits of our own, such as compiling, that a process' watch must not take for a hang."""
+"""Long waits of our own (compiling, importing) that a process' watch must not take for a hang."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from threading import Event, Thread
 from time import monotonic
 from typing import Final
 
-BEAT_S: Final = 0.5
+BEAT_S: Final = 0.1
 """Between two signs of life, in seconds."""
 MOST_S: Final = 600.0
 """Longest wait that signs are given for, in seconds: what takes longer may be called a hang."""
@@ -23,18 +23,22 @@ def signs_to(sign: Callable[[], None]) -> None:
 class Wait:
     """Gives signs of life from a thread, from construction until `end`."""
 
-    __slots__ = ("_over",)
+    __slots__ = ("_over", "_thread")
 
     def __init__(self) -> None:
         self._over = Event()
+        self._thread: Thread | None = None
         if _signs:
-            Thread(
+            self._thread = Thread(
                 target=self._beat, args=(_signs[0],), name="gamekeeper-wait", daemon=True
-            ).start()
+            )
+            self._thread.start()
 
     def end(self) -> None:
-        """What was waited for is done."""
+        """What was waited for is done; no thread is left beside what comes next."""
         self._over.set()
+        if self._thread is not None:
+            self._thread.join()
 
     def _beat(self, sign: Callable[[], None]) -> None:
         until_s = monotonic() + MOST_S

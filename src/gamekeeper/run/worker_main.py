@@ -169,14 +169,15 @@ def find(task: str) -> Callable[..., object]:
 def perform(order: Mapping[str, Any], channel: Channel) -> bytes:
     """Runs the task and catches everything; the last message: what it returned or raised."""
     process, memory_bytes = os.getpid(), order["memory_bytes"]
-    lift = limit_memory(memory_bytes)
+    lift = limit_memory(None)
     try:
-        function = find(order["task"])
+        end_wait = _signs_while_importing(order["task"], channel)  # its stack isn't limited yet
+        try:
+            lift = limit_memory(memory_bytes)
+            function = find(order["task"])
+        finally:
+            end_wait()
         channel.send("alive", None)
-        if order["task"].startswith(OURS):
-            from gamekeeper.waiting import signs_to
-
-            signs_to(channel)  # while a kernel compiles, nothing else would report
         value = function(channel, **order["arguments"])
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # too late to interrupt: the answer is there
         message = _answer(order["task"], value)
@@ -187,6 +188,20 @@ def perform(order: Mapping[str, Any], channel: Channel) -> bytes:
     if os.getpid() != process:  # the task forked, and this is the fork: it has no say
         os._exit(0)
     return message
+
+
+def _signs_while_importing(task: str, channel: Channel) -> Callable[[], None]:
+    """Gives signs of life until what is returned is called; others' tasks give none of their own.
+
+    Importing what our tasks need takes seconds on a busy machine, and no environment is silent
+    then. Later waits of ours, such as compiling, give their signs to the same channel.
+    """
+    if not task.startswith(OURS):
+        return lambda: None
+    from gamekeeper.waiting import Wait, signs_to
+
+    signs_to(channel)
+    return Wait().end
 
 
 def _answer(task: str, value: object) -> bytes:
