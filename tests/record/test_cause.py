@@ -18,7 +18,11 @@ HASHES = ("self.rng.normal(size=3)", "np.array([hash(agent) % 97] * 3, float)")
 
 
 def told(
-    monkeypatch: pytest.MonkeyPatch, evidence: Evidence, *plays: Any, changed: Any = None
+    monkeypatch: pytest.MonkeyPatch,
+    evidence: Evidence,
+    *plays: Any,
+    changed: Any = None,
+    env: str | None = None,
 ) -> str | None:
     """The cause that is told when playing an episode again came out as in `plays`, one by one."""
     values = iter(plays)
@@ -28,7 +32,7 @@ def told(
 
     monkeypatch.setattr(cause, "run_task", run_task)
     where = Divergence(1, 2, "a", "obs", 0, 1)
-    return cause.cause_of(evidence, where, env=None, changed=changed or {}, timeout_s=1.0)
+    return cause.cause_of(evidence, where, env=env, changed=changed or {}, timeout_s=1.0)
 
 
 def play(prints: str, *drew: str) -> dict[str, Any]:
@@ -59,6 +63,21 @@ def test_cause_is_told_from_how_plays_differ(
     )
     assert "not as recorded" in say(*same)
     assert say(None, play("x")) == "None"
+
+
+def test_cause_names_another_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where --env names another entry point than was recorded, that is the cause; else it isn't."""
+    evidence = played(tmp_path)
+
+    def say(entry_point: str, env: str | None = "walks.py:Any") -> str:
+        plays = [{**play("x"), "entry_point": entry_point}] * 4
+        return str(told(monkeypatch, evidence, *plays, env=env))
+
+    assert "isn't the recorded one: walks.py:Walk was recorded, walks.py:Other replayed" in say(
+        "walks.py:Other"
+    )
+    assert "not as recorded" in say("walks.py:Walk")
+    assert "not as recorded" in say("walks.py:Other", env=None)
 
 
 @pytest.mark.slow

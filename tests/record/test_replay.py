@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gamekeeper.core.canon import to_json
-from gamekeeper.errors import TrustError
+from gamekeeper.errors import SpecError, TrustError
 from gamekeeper.game.open import open_env
 from gamekeeper.record.bundle import load
 from gamekeeper.record.recording import record, rollout
@@ -305,6 +305,14 @@ def test_replay_cannot_open_an_object_again(tmp_path: Path) -> None:
     assert result.reason == "the environment was an object in memory; name it with --env"
     path = write_env(tmp_path)
     assert replay(tmp_path / "run", env=f"{path}:Walk").verified
+
+
+@pytest.mark.parametrize("env", [Walk(), Walk, Path("walks.py:Walk")])
+def test_replay_wants_a_name_for_another_environment(tmp_path: Path, env: Any) -> None:
+    """An object, a factory or a path in place of its name is refused before anything is read."""
+    with pytest.raises(SpecError, match="opens the environment by its name") as raised:
+        replay(tmp_path / "missing", env=env)
+    assert "gk.diff" in raised.value.mend
 
 
 def test_replay_asks_before_it_runs_a_file(tmp_path: Path) -> None:

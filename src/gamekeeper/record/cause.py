@@ -15,6 +15,7 @@ from gamekeeper.record.stage import Stage, opened_again
 from gamekeeper.run.workers import run_task
 
 TASK: Final = "gamekeeper.record.cause:play_task"
+IN_MEMORY: Final = ("object", "factory")
 GENERATORS: Final = ("random", "numpy.random")
 
 
@@ -64,7 +65,7 @@ def cause_of(
                 f"episode {where.episode} depends on what was played before it: the environment "
                 "keeps something over a seeded reset"
             )
-    return _reproducible(changed)
+    return _reproducible(changed, _elsewhere(evidence, env, one))
 
 
 def _irreproducible(drew: list[str]) -> str:
@@ -78,7 +79,21 @@ def _irreproducible(drew: list[str]) -> str:
     )
 
 
-def _reproducible(changed: Mapping[str, Any]) -> str:
+def _elsewhere(evidence: Evidence, env: str | None, play: Mapping[str, Any]) -> str | None:
+    """Where the environment came from, then and now, where `env` is another than was recorded."""
+    then = evidence.manifest["environment"]
+    if env is None or then.get("kind") in IN_MEMORY:  # what was in memory has no name to compare
+        return None
+    one, two = then.get("entry_point"), play.get("entry_point")
+    return None if one == two else f"{one} was recorded, {two} replayed"
+
+
+def _reproducible(changed: Mapping[str, Any], elsewhere: str | None) -> str:
+    if elsewhere is not None:
+        return (
+            "the environment is reproducible, but the one that was named for the replay isn't the "
+            f"recorded one: {elsewhere}"
+        )
     if changed:
         names = ", ".join("its source" if name == "source" else name for name in changed)
         return f"the environment is reproducible, but it changed since the recording: {names}"
@@ -94,7 +109,8 @@ def play_task(
     """Plays episodes `first` to `last` of a run again.
 
     Returns:
-        `prints`: the fingerprints of the last one; `drew`: the global generators that moved.
+        `prints`: the fingerprints of the last one; `drew`: the global generators that moved;
+        `entry_point`: where the environment came from.
     """
     evidence = load(path)
     opened = opened_again(evidence, env)
@@ -110,6 +126,7 @@ def play_task(
     return {
         "prints": [header.get("fingerprint"), header.get("info_fingerprint")],
         "drew": [name for name, has_moved in zip(GENERATORS, moved, strict=True) if has_moved],
+        "entry_point": opened.identity.get("entry_point"),
     }
 
 

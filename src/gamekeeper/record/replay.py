@@ -21,9 +21,9 @@ from gamekeeper.game.open import distrust
 from gamekeeper.game.opening.opened import Opened
 from gamekeeper.game.policy import distrust_policy
 from gamekeeper.record.bundle import load
-from gamekeeper.record.cause import cause_of
+from gamekeeper.record.cause import IN_MEMORY, cause_of
 from gamekeeper.record.recording import cast_of
-from gamekeeper.record.stage import Stage, compact, opened_again
+from gamekeeper.record.stage import Stage, check_named, compact, opened_again
 from gamekeeper.run.workers import run_task
 
 PRINTS: Final = ("fingerprint", "info_fingerprint")
@@ -112,7 +112,8 @@ def replay(
         tolerance: numbers that differ by no more, absolutely or relative to the larger one, count
             as equal.
         policies: also choose anew: the recorded policies decide in place of the recorded actions.
-        env: open this in place of the environment that the evidence names.
+        env: its name (a text, as a process of its own opens it): opened in place of the
+            environment that the evidence names.
         allow_import: open what the evidence names even where it is a file or a module outside the
             installed packages, and run policies that it names.
         timeout_s: longest time without a turn.
@@ -121,7 +122,9 @@ def replay(
         TrustError: the evidence names code that nobody allowed to run.
         BundleError: there is no bundle, or it is damaged.
         EvidenceError: the evidence is in memory alone.
+        SpecError: `env` is an environment or a factory in place of its name.
     """
+    check_named(env)
     path = _folder_of(path) if isinstance(path, Evidence) else path
     evidence = load(path)
     run, fingerprint = str(path), evidence.fingerprint
@@ -194,7 +197,7 @@ def _identity(evidence: Evidence) -> Mapping[str, Any]:
 def _untellable(evidence: Evidence, *, env: str | None, policies: bool) -> str | None:
     """Why a run can't be replayed at all, known before anything runs."""
     kind = _identity(evidence).get("kind")
-    if env is None and kind in ("object", "factory"):
+    if env is None and kind in IN_MEMORY:
         thing = "an object" if kind == "object" else "a callable"
         return f"the environment was {thing} in memory; name it with --env"
     headers = evidence.episodes.to_pylist()

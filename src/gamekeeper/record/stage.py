@@ -10,7 +10,7 @@ from typing import Any
 from gamekeeper.core.canon import from_json, is_exact
 from gamekeeper.core.evidence import Evidence
 from gamekeeper.core.trace import Trace
-from gamekeeper.errors import EvidenceError
+from gamekeeper.errors import EvidenceError, SpecError
 from gamekeeper.game.faces import game_of
 from gamekeeper.game.open import open_env, reopen
 from gamekeeper.game.opening.opened import Opened
@@ -30,6 +30,25 @@ def opened_again(evidence: Evidence, env: str | None) -> Opened:
         return reopen(identity)
     kwargs: Any = from_json(compact(identity.get("kwargs") or {}))
     return open_env(env, api=identity.get("api"), **kwargs)
+
+
+def check_named(env: object) -> None:
+    """Raises where `env`, which a process of its own has to open, is neither a text nor None.
+
+    Raises:
+        SpecError: it is an object or a callable.
+    """
+    if env is None or isinstance(env, str):
+        return
+    raise SpecError(
+        "a recorded run is played again in a process of its own, which opens the environment by "
+        "its name",
+        where="env",
+        expected="a text: an id, 'module:factory' or 'path/to/file.py:factory'",
+        seen=f"{type(env).__module__}.{type(env).__qualname__}",
+        mend="name where it is made; or record the object a second time with gk.record, and "
+        "compare both runs with gk.diff",
+    )
 
 
 def compact(plain: object) -> str:

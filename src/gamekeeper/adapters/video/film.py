@@ -24,6 +24,7 @@ from gamekeeper.adapters.video.pictures import pictures, pillow, strips_of
 from gamekeeper.core.evidence import Evidence
 from gamekeeper.errors import DependencyError, EvidenceError, GamekeeperError
 from gamekeeper.record.bundle import load
+from gamekeeper.record.stage import check_named
 
 FPS: Final = 10.0
 """Frames a second where nobody names a number."""
@@ -89,16 +90,18 @@ def film(
         fps: frames a second; None: the environment's own where it is rendered, else 10.
         render: play the episode again and render it, whether frames were recorded or not.
         has_strip: actions and rewards stand below each frame.
-        env: render this in place of what the evidence names.
+        env: the name of what is rendered in place of what the evidence names.
         allow_import: render code that the evidence names.
         timeout_s: longest time without a turn while it is rendered.
         on_message: takes reports of progress.
     Raises:
         EvidenceError: there is nothing to show, or no such episode.
+        SpecError: `env` is an environment or a factory in place of its name.
         TrustError: rendering would run code that nobody allowed to run.
         DependencyError: Pillow or imageio-ffmpeg isn't installed.
         BundleError: there is no bundle, a frame is damaged, or a file is there already.
     """
+    check_named(env)
     evidence = load(run)
     kept = {} if render else recorded(evidence)
     number = _episode(evidence, episode, kept, render=render)
