@@ -36,8 +36,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
+from unittest.mock import patch
 
 from gamekeeper.errors import GamekeeperError
+from gamekeeper.game.open import open_env
 from gamekeeper.record.bundle import load
 from gamekeeper.record.files.store import Store
 from gamekeeper.record.recording import record, rollout
@@ -63,13 +65,13 @@ COMMANDS: Final[dict[str, tuple[str, ...]]] = {
     "recover": ("recover", "torn"),
     "diff": ("diff", "line", "other"),
     "verify": ("verify", "line"),
-    "export": ("export", "line", "--to", "minari", "--out", "exported"),
+    "export": ("export", "line", "--to", "numpy", "--out", "exported.npz"),
 }  # fmt: skip
 ENDLESS: Final = {"view": 3.0}
 """Commands that only Ctrl-C ends, with the part of their life that is looked at, in seconds."""
 LEFT: Final = {"record-workers": {"new-parts"}}
 """What may lie about after an interrupt, beside the results."""
-RESULTS: Final = ("new", "evaluation", "report.html", "film", "exported")
+RESULTS: Final = ("new", "evaluation", "report.html", "film", "exported.npz")
 DRAFTS: Final = ("*.tmp", ".*.merging", "*.tmp.*", ".*.tmp*", "*.part")
 FORKS: Final = """
 import importlib, json, os, pkgutil, sys
@@ -208,7 +210,7 @@ def main() -> int:
 @contextmanager
 def bench(*, seed: int, is_cold: bool = False) -> Iterator[Bench]:
     """A bench with runs to work on; everything is gone afterwards."""
-    with tempfile.TemporaryDirectory(prefix="interrupt-") as folder:
+    with tempfile.TemporaryDirectory(prefix="interrupt-") as folder, patch.dict(os.environ):
         base = Path(folder)
         (base / "tmp").mkdir()
         # pyarrow imports pandas where there is one, which takes longer than all the rest
@@ -232,16 +234,11 @@ def _make_ready(folder: Path) -> None:
     rollout(TASK, episodes=20, seed=0, out=folder / "line")
     rollout(TASK, episodes=20, seed=1, out=folder / "other")
     rollout("warehouse", episodes=1, seed=0, out=folder / "warehouse", most_turns=40)
-    whole, Store.seal = Store.seal, lambda self, manifest: self.abandon()  # type: ignore[method-assign]
-    try:
-        from gamekeeper.game.open import open_env
-
+    with patch.object(Store, "seal", lambda self, manifest: self.abandon()):
         env = record(open_env(TASK).env, folder / "torn")
         for seed in range(100):
             env.reset(seed=seed)
         env.close()
-    finally:
-        Store.seal = whole  # type: ignore[method-assign]
 
 
 def interrupted(
