@@ -50,6 +50,7 @@ except ImportError:  # run as a script
 BOUND_MS: Final = 100.0
 EARLIEST_S: Final = 0.05  # after the first turn
 LATEST_S: Final = 0.8
+BEGIN_S: Final = 120.0  # for the first turn; then the recorder has died, or hangs
 ENVIRONMENT: Final = '''
 import os, time
 import numpy as np
@@ -176,10 +177,10 @@ def killed(start: subprocess.Popen[str], folder: Path, number: int, *, after_s: 
     log, run = folder / f"{number}.log", folder / f"{number}"
     start.stdin.write(f"{log}\t{run}\n")
     start.stdin.flush()
-    pid = int(start.stdout.readline())
+    pid, latest_s = int(start.stdout.readline()), time.monotonic() + BEGIN_S
     while not (log.exists() and log.stat().st_size):
-        if start.poll() is not None:
-            raise SystemExit(f"the recorder ended by itself, with {start.returncode}")
+        if start.poll() is not None or time.monotonic() > latest_s:
+            raise SystemExit(f"no turn came within {BEGIN_S:g} s; {start.returncode=}")
         time.sleep(0.005)
     time.sleep(after_s)
     killed_ns = time.time_ns()
