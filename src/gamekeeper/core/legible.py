@@ -18,7 +18,8 @@ def legible(read: Callable[P, R]) -> Callable[P, R]:
 
     A bundle's hashes show accidents, but whoever makes a bundle makes its hashes too. What JSON,
     NumPy, Arrow and a wrong shape raise is no closed list (RecursionError and MemoryError are in
-    it), so everything but our own errors is translated.
+    it), so everything but our own errors is translated. A fault of ours in there is, too: therefore
+    it stands around decoders, the error asks to be reported, and its cause is kept.
     """
 
     @wraps(read)
@@ -34,7 +35,7 @@ def legible(read: Callable[P, R]) -> Callable[P, R]:
                 where=read.__name__.strip("_"),
                 expected="values as Gamekeeper writes them",
                 seen=said[:MOST_SAID],
-                mend="restore it from a copy, or make it again",
+                mend="restore it from a copy, or make it again; if nobody changed it, report this",
             ) from error
 
     return guarded
