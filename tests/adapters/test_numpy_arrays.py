@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 import gamekeeper as gk
@@ -14,6 +15,7 @@ from gamekeeper.adapters import spool
 from gamekeeper.adapters.numpy_arrays import export, prefix_of, texts
 from gamekeeper.errors import BundleError, EvidenceError
 from tests.adapters.data_games import DAY, NIGHT, SPARE, Shift, rows_of
+from tests.record.reseal import reseal_table
 
 TAG = "mpe2.simple_tag_v3:parallel_env"
 
@@ -125,6 +127,36 @@ def test_run_of_digests_says_that_observations_are_lost(tmp_path: Path) -> None:
     assert "picker/obs" not in arrays
     assert not arrays["picker/obs.valid"].any()
     assert arrays["picker/digest"].shape == (len(arrays["picker/turn"]), 16)
+
+
+@pytest.mark.parametrize(
+    ("spec", "level", "column", "values"),
+    [
+        ("two_robot_line", "full", "received", pa.nulls(1)),
+        ("two_robot_line", "full", "info", pa.array([1.5])),
+        ("two_robot_line", "full", "odd", None),
+        ("two_robot_line", "full", "agent", pa.array([7])),
+        ("tictactoe", "full", "mask", pa.array([b"1"])),
+        ("tictactoe", "full", "info", pa.array(['{"action_mask": "[1]"}'])),
+        ("two_robot_line", "digest", "digest", pa.array([b"short"])),
+        ("two_robot_line", "digest", "digest", pa.nulls(1, pa.binary())),
+    ],
+)
+def test_columns_that_say_what_cannot_be_are_refused(
+    spec: str, level: str, column: str, values: Any, tmp_path: Path
+) -> None:
+    """A table that was altered, and its bundle sealed again, is an error that says so."""
+    steps = gk.rollout(spec, episodes=1, level=level, out=tmp_path / "run").steps
+    place = steps.schema.get_field_index(column)
+    if values is None:
+        steps = steps.remove_column(place)
+    else:
+        others = pa.concat_arrays([values] * len(steps))
+        steps = steps.set_column(place, column, others)
+    reseal_table(tmp_path / "run", "steps", steps)
+    with pytest.raises(EvidenceError):
+        export(tmp_path / "run", tmp_path / "out")
+    assert not (tmp_path / "out.npz").exists()
 
 
 def test_frames_are_said_to_be_lost(tmp_path: Path) -> None:

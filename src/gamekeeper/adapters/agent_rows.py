@@ -15,9 +15,14 @@ from gymnasium import spaces
 from gamekeeper.core.arrow import TERM, cells_of
 from gamekeeper.core.block import Text
 from gamekeeper.core.leaf_columns import value_columns
+from gamekeeper.core.legible import legible
 from gamekeeper.core.space import Codec, Leaf
 from gamekeeper.core.trace import Spaces, Trace
 
+TEXTS: Final = (
+    pa.types.is_string, pa.types.is_large_string, pa.types.is_binary, pa.types.is_large_binary,
+    pa.types.is_fixed_size_binary, pa.types.is_null,
+)  # fmt: skip
 NOBODY: Final = Spaces(None, None)
 
 
@@ -63,6 +68,7 @@ class AgentRows:
     def __len__(self) -> int:
         return int(self.table.num_rows)
 
+    @legible
     def numbers(self, name: str) -> tuple[Any, Any]:
         """A column of numbers or flags, zeros where it is null, and which rows aren't null."""
         if name not in self._cache:
@@ -74,12 +80,22 @@ class AgentRows:
         found: tuple[Any, Any] = self._cache[name]
         return found
 
+    @legible
     def texts(self, name: str) -> list[Any]:
         """A column of texts or bytes; None where it is null."""
         if name not in self._cache:
-            self._cache[name] = self.table[name].to_pylist()
+            column = self.table[name]
+            if not any(is_of(column.type) for is_of in TEXTS):
+                raise TypeError(f"{name} holds {column.type} in place of texts")
+            self._cache[name] = column.to_pylist()
         found: list[Any] = self._cache[name]
         return found
+
+    @property
+    @legible
+    def digests(self) -> Any:
+        """[rows, 16] the digest of each, where digests stand in place of the observations."""
+        return np.array([np.frombuffer(row, np.uint8) for row in self.texts("digest")])
 
     @property
     def turns(self) -> Any:
@@ -112,6 +128,7 @@ class AgentRows:
         chose = self.numbers("order")[1] & ~self.ended
         return chose & np.array([kind is None for kind in self.texts("raised")], bool)
 
+    @legible
     def masks(self) -> list[Any]:
         """The mask of each row's info as an array; None where there is none."""
         found: list[Any] = []
@@ -124,11 +141,13 @@ class AgentRows:
             found.append(np.frombuffer(mask, dtype).reshape(sides))
         return found
 
+    @legible
     def odd(self, row: int) -> dict[str, Any]:
         """The fields of a row that weren't as declared: type, and value where it had none."""
         text = self.texts("odd")[row]
         return {} if text is None else json.loads(text)
 
+    @legible
     def values_of(self, kind: str, codec: Codec | None) -> Values:
         """The values of one kind of columns (`obs`, `action`, `state`), leaf by leaf."""
         valid = np.full(len(self), codec is not None)
@@ -152,16 +171,28 @@ class AgentRows:
 
 def agents_of(trace: Trace, only: Collection[str] | None = None) -> Iterator[AgentRows]:
     """The rows of each agent of an episode, in the order in which the agents first come."""
-    steps = trace.steps.combine_chunks()
+    steps, rows_by_agent = _by_agent(trace.steps)
+    for name, rows in rows_by_agent:
+        if only is None or name in only:
+            own = _taken(steps, rows)
+            yield AgentRows(name, trace.episode, own, trace.spaces.get(name, NOBODY))
+
+
+@legible
+def _by_agent(chunked: pa.Table) -> tuple[pa.Table, list[tuple[str, Any]]]:
+    """The rows in one chunk; the names of agents as they first come, with the rows of each."""
+    steps = chunked.combine_chunks()
     names = steps["agent"].combine_chunks().dictionary_encode()
     codes = np.asarray(names.indices)
     order = np.argsort(codes, kind="stable")
     bounds = np.searchsorted(codes[order], np.arange(len(names.dictionary) + 1))
-    for number, name in enumerate(names.dictionary.to_pylist()):
-        if only is None or name in only:
-            rows = order[bounds[number] : bounds[number + 1]]
-            own = steps.take(pa.array(rows)).combine_chunks()
-            yield AgentRows(name, trace.episode, own, trace.spaces.get(name, NOBODY))
+    found = enumerate(names.dictionary.to_pylist())
+    return steps, [(name, order[bounds[k] : bounds[k + 1]]) for k, name in found]
+
+
+@legible
+def _taken(steps: pa.Table, rows: Any) -> pa.Table:
+    return steps.take(pa.array(rows)).combine_chunks()
 
 
 def nested(space: spaces.Space[Any], leaves: Mapping[str, Any], codec: Codec) -> Any:

@@ -165,8 +165,7 @@ class _Writer:
         for name in ("info", "raised", "odd"):
             self._texts(f"{prefix}/{name}", rows.texts(name))
         if "digest" in rows.table.schema.names:
-            digests = b"".join(rows.texts("digest"))
-            put(f"{prefix}/digest", np.frombuffer(digests, np.uint8).reshape(len(rows), -1))
+            put(f"{prefix}/digest", rows.digests)
 
     def _values(self, name: str, values: Values) -> None:
         if not values.described:
