@@ -60,7 +60,7 @@ COMMANDS: Final[dict[str, tuple[str, ...]]] = {
                  "--episodes", "8", "--workers", "2", "--out", "evaluation"),
     "report": ("report", "line", "--out", "report.html"),
     "query": ("query", "line", "select agent, sum(reward) from steps group by agent"),
-    "video": ("video", "warehouse", "--render", "--out", "film"),
+    "video": ("video", "warehouse", "--render", "--out", "film.gif"),
     "view": ("view", "line", "--no-browser"),
     "recover": ("recover", "torn"),
     "diff": ("diff", "line", "other"),
@@ -71,7 +71,7 @@ ENDLESS: Final = {"view": 3.0}
 """Commands that only Ctrl-C ends, with the part of their life that is looked at, in seconds."""
 LEFT: Final = {"record-workers": {"new-parts"}}
 """What may lie about after an interrupt, beside the results."""
-RESULTS: Final = ("new", "evaluation", "report.html", "film", "exported.npz")
+RESULTS: Final = ("new", "evaluation", "report.html", "film.gif", "exported.npz")
 DRAFTS: Final = ("*.tmp", ".*.merging", "*.tmp.*", ".*.tmp*", "*.part")
 FORKS: Final = """
 import importlib, json, os, pkgutil, sys
