@@ -4,7 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamekeeper.report.columns import columns_of, filled, wrapped
+from gamekeeper.core.contract.places import one_line
+from gamekeeper.report.columns import columns_of, filled, one_cell, wrapped
 from gamekeeper.report.text import table_lines
 
 
@@ -29,6 +30,15 @@ def test_wrapped_keeps_to_its_columns_and_loses_nothing(text: str, columns: int)
     lines = wrapped(text, columns, rest="  ")
     assert [line for line in lines if columns_of(line) > columns + 1] == []
     assert "".join(text.split()) == "".join("".join(lines).split())
+
+
+@given(st.text("aä二 ロ\u0308\x1b\n", max_size=60), st.integers(3, 30))
+def test_one_cell_keeps_to_its_columns_and_its_line(text: str, most: int) -> None:
+    """However long or wide a name is, its cell isn't; no terminal obeys it."""
+    cell = one_cell(text, most)
+    assert columns_of(cell) <= most
+    assert cell.isprintable()
+    assert cell == one_line(text) or cell.endswith("...")
 
 
 def test_table_stands_in_columns_whatever_the_script() -> None:

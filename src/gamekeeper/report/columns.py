@@ -12,6 +12,7 @@ DOUBLE: Final = frozenset("WF")
 """East Asian widths of signs that take two columns. Source: Unicode Standard Annex 11."""
 COMBINING: Final = frozenset({"Mn", "Me", "Cf"})
 """Categories of signs that take no column of their own."""
+ELLIPSIS: Final = "..."
 
 _STUFFING: Final = "\ue000"
 """A private sign that no text is expected to hold; it takes the second column of a wide one."""
@@ -29,12 +30,20 @@ def filled(text: str, columns: int, *, right: bool = False) -> str:
 
 
 def one_cell(text: str, most: int) -> str:
-    """The text on one line and with no control character, cut where it has more than `most` signs.
+    """The text on one line and with no control character, cut where it takes more columns.
 
     An agent's name may be of any length; the document has all of it.
+
+    Args:
+        most: columns that it may take, three or more.
     """
     line = one_line(text)
-    return line if len(line) <= most else f"{line[: max(most - 3, 0)]}..."
+    if columns_of(line) <= most:
+        return line
+    line = line[:most]  # what is cut sign by sign from here on is short
+    while columns_of(line) > most - len(ELLIPSIS):
+        line = line[:-1]
+    return line + ELLIPSIS
 
 
 def wrapped(text: str, columns: int, *, first: str = "", rest: str = "") -> list[str]:
