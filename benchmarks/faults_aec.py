@@ -5,6 +5,8 @@ habit that is unusual and legal. The docstring of each class says what is wrong 
 Nothing here knows of any tester: they are told only by which of these they call broken.
 """
 
+# ruff: noqa: N801 - a class is called as its fault is typed
+
 from __future__ import annotations
 
 from typing import Any, Final
@@ -133,7 +135,7 @@ class Auction(AECEnv):  # type: ignore[misc]  # PettingZoo ships no types
         """Nothing to close."""
 
 
-class never_cleared(Auction):  # noqa: N801  # the name of the fault, as it is typed
+class never_cleared(Auction):
     """What the acting agent was told is never cleared: `last()` gives the return so far."""
 
     def step(self, action: Any) -> None:
@@ -146,21 +148,21 @@ class never_cleared(Auction):  # noqa: N801  # the name of the fault, as it is t
             self._cumulative_rewards[agent] += owed
 
 
-class never_gathered(Auction):  # noqa: N801
+class never_gathered(Auction):
     """Rewards are set and never accumulated: `last()` always gives 0."""
 
     def gather(self) -> None:
         """Forgets to."""
 
 
-class rewards_stand(Auction):  # noqa: N801
+class rewards_stand(Auction):
     """Rewards stand until they are overwritten, so each is paid again at every turn."""
 
     def clear(self) -> None:
         """Forgets to."""
 
 
-class last_turn_skipped(Auction):  # noqa: N801
+class last_turn_skipped(Auction):
     """The broke are taken out at once: nobody can read their last reward and their end."""
 
     def end(self) -> None:
@@ -180,7 +182,7 @@ class last_turn_skipped(Auction):  # noqa: N801
         return super().after(agent) if agent in self.agents else self.agent_selection
 
 
-class dead_may_bid(Auction):  # noqa: N801
+class dead_may_bid(Auction):
     """One who has ended may bid: nothing says that only None is left to it."""
 
     def dead_step(self, action: Any) -> None:
@@ -188,7 +190,7 @@ class dead_may_bid(Auction):  # noqa: N801
         self._was_dead_step(None)
 
 
-class selects_removed(Auction):  # noqa: N801
+class selects_removed(Auction):
     """After the last step of one who ended, `agent_selection` names it still."""
 
     def dead_step(self, action: Any) -> None:
@@ -198,7 +200,7 @@ class selects_removed(Auction):  # noqa: N801
         self.agent_selection = agent
 
 
-class mask_of_the_other(Auction):  # noqa: N801
+class mask_of_the_other(Auction):
     """The mask is that of the bidder before: it allows what is refused."""
 
     def observe(self, agent: str) -> Any:
@@ -207,7 +209,7 @@ class mask_of_the_other(Auction):  # noqa: N801
         return {"observation": self.board.copy(), "action_mask": self.mask(other)}
 
 
-class mask_of_bool(Auction):  # noqa: N801
+class mask_of_bool(Auction):
     """The mask is of bool, where the space says int8."""
 
     def mask(self, agent: str) -> Any:
@@ -215,7 +217,7 @@ class mask_of_bool(Auction):  # noqa: N801
         return super().mask(agent).astype(np.bool_)
 
 
-class board_is_shown(Auction):  # noqa: N801
+class board_is_shown(Auction):
     """Observations are the game's own array: those of earlier turns change."""
 
     def observe(self, agent: str) -> Any:
@@ -223,7 +225,7 @@ class board_is_shown(Auction):  # noqa: N801
         return {"observation": self.board, "action_mask": self.mask(agent)}
 
 
-class observe_draws(Auction):  # noqa: N801
+class observe_draws(Auction):
     """`observe()` draws from the game's generator: who looks twice changes the future."""
 
     def observe(self, agent: str) -> Any:
@@ -232,7 +234,7 @@ class observe_draws(Auction):  # noqa: N801
         return super().observe(agent)
 
 
-class order_of_a_set(Auction):  # noqa: N801
+class order_of_a_set(Auction):
     """Who begins hangs on Python's hash seed: every process plays another game."""
 
     def first(self) -> str:
@@ -240,7 +242,7 @@ class order_of_a_set(Auction):  # noqa: N801
         return next(iter(set(self.agents)))
 
 
-class roster_is_one_list(Auction):  # noqa: N801
+class roster_is_one_list(Auction):
     """`agents` is `possible_agents` itself: who ends is gone for good."""
 
     def reset(self, seed: int | None = None, options: Any = None) -> None:
@@ -249,7 +251,7 @@ class roster_is_one_list(Auction):  # noqa: N801
         self.agents = self.possible_agents
 
 
-class infos_of_none(Auction):  # noqa: N801
+class infos_of_none(Auction):
     """The info of one who has ended is None."""
 
     def end(self) -> None:
@@ -259,7 +261,7 @@ class infos_of_none(Auction):  # noqa: N801
             self.infos[agent] = None if self.terminations[agent] else {}
 
 
-class constant_generator(Auction):  # noqa: N801
+class constant_generator(Auction):
     """Each reset begins the same stream, whatever the seed."""
 
     def reset(self, seed: int | None = None, options: Any = None) -> None:
@@ -267,7 +269,7 @@ class constant_generator(Auction):  # noqa: N801
         super().reset(seed=7, options=options)
 
 
-class paid_after_end(Auction):  # noqa: N801
+class paid_after_end(Auction):
     """Dead steps of others pay who is still there once more."""
 
     def dead_step(self, action: Any) -> None:
@@ -277,7 +279,7 @@ class paid_after_end(Auction):  # noqa: N801
             self._cumulative_rewards[agent] += 1.0
 
 
-class rotates_and_says_parallel(Auction):  # noqa: N801
+class rotates_and_says_parallel(Auction):
     """Says that it can be played in parallel, and rotates who begins: conversion can't step it."""
 
     def __init__(self) -> None:
@@ -291,7 +293,7 @@ class rotates_and_says_parallel(Auction):  # noqa: N801
         return self.agents[(self.agents.index(agent) + step) % n]
 
 
-class money_kept_over_reset(Auction):  # noqa: N801
+class money_kept_over_reset(Auction):
     """A reset in the middle of an episode leaves one bidder's money as it was."""
 
     def reset(self, seed: int | None = None, options: Any = None) -> None:
@@ -302,7 +304,7 @@ class money_kept_over_reset(Auction):  # noqa: N801
         self.draw_board()
 
 
-class random_order(Auction):  # noqa: N801
+class random_order(Auction):
     """A habit: who is next is drawn, so some are asked twice in a row."""
 
     def after(self, agent: str) -> str:
@@ -311,7 +313,7 @@ class random_order(Auction):  # noqa: N801
         return there[int(self.rng.integers(len(there)))]
 
 
-class asks_again(Auction):  # noqa: N801
+class asks_again(Auction):
     """A habit: who bids has another turn."""
 
     def after(self, agent: str) -> str:
@@ -319,7 +321,7 @@ class asks_again(Auction):  # noqa: N801
         return agent if self.rewards[agent] and agent in self.living() else super().after(agent)
 
 
-class ends_at_once(Auction):  # noqa: N801
+class ends_at_once(Auction):
     """A habit: where one is broke, all end, some with both flags up."""
 
     def end(self) -> None:

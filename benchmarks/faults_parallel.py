@@ -5,6 +5,8 @@ habit that is unusual and legal. The docstring of each class says what is wrong 
 Nothing here knows of any tester: they are told only by which of these they call broken.
 """
 
+# ruff: noqa: N801 - a class is called as its fault is typed
+
 from __future__ import annotations
 
 from typing import Any, Final
@@ -110,7 +112,7 @@ class Orchard(ParallelEnv):  # type: ignore[misc]  # PettingZoo ships no types
         """Nothing to close."""
 
 
-class outside_the_box(Orchard):  # noqa: N801  # the name of the fault, as it is typed
+class outside_the_box(Orchard):
     """Places aren't scaled: observations leave their space."""
 
     def see(self, agent: str) -> Any:
@@ -118,7 +120,7 @@ class outside_the_box(Orchard):  # noqa: N801  # the name of the fault, as it is
         return super().see(agent) * np.float32(SIDE - 1)
 
 
-class float64_shown(Orchard):  # noqa: N801
+class float64_shown(Orchard):
     """float64 where the space says float32."""
 
     def see(self, agent: str) -> Any:
@@ -126,7 +128,7 @@ class float64_shown(Orchard):  # noqa: N801
         return super().see(agent).astype(np.float64)
 
 
-class nan_reward(Orchard):  # noqa: N801
+class nan_reward(Orchard):
     """A picker whose basket is full is paid NaN."""
 
     def step(self, actions: dict[str, Any]) -> tuple[Any, Any, Any, Any, Any]:
@@ -136,7 +138,7 @@ class nan_reward(Orchard):  # noqa: N801
         return seen, rewards, terminated, truncated, infos
 
 
-class silent_leave(Orchard):  # noqa: N801
+class silent_leave(Orchard):
     """A full picker leaves `agents` with neither flag up."""
 
     def step(self, actions: dict[str, Any]) -> tuple[Any, Any, Any, Any, Any]:
@@ -145,7 +147,7 @@ class silent_leave(Orchard):  # noqa: N801
         return seen, rewards, dict.fromkeys(terminated, False), truncated, infos
 
 
-class ended_stay(Orchard):  # noqa: N801
+class ended_stay(Orchard):
     """Who ended stays in `agents`."""
 
     def step(self, actions: dict[str, Any]) -> tuple[Any, Any, Any, Any, Any]:
@@ -156,7 +158,7 @@ class ended_stay(Orchard):  # noqa: N801
         return given
 
 
-class last_reward_missing(Orchard):  # noqa: N801
+class last_reward_missing(Orchard):
     """Who ends has no reward in its last step."""
 
     def step(self, actions: dict[str, Any]) -> tuple[Any, Any, Any, Any, Any]:
@@ -165,7 +167,7 @@ class last_reward_missing(Orchard):  # noqa: N801
         return seen, {a: rewards[a] for a in self.agents}, terminated, truncated, infos
 
 
-class global_generator(Orchard):  # noqa: N801
+class global_generator(Orchard):
     """Later apples come from NumPy's global generator, which no reset seeds."""
 
     def place(self) -> Any:
@@ -173,7 +175,7 @@ class global_generator(Orchard):  # noqa: N801
         return tuple(np.random.randint(SIDE, size=2).tolist()) if self.tick else super().place()
 
 
-class first_seed_only(Orchard):  # noqa: N801
+class first_seed_only(Orchard):
     """Only the first seed counts."""
 
     def seeded(self, seed: int | None) -> None:
@@ -182,7 +184,7 @@ class first_seed_only(Orchard):  # noqa: N801
             self.rng = np.random.default_rng(seed)
 
 
-class seed_zero(Orchard):  # noqa: N801
+class seed_zero(Orchard):
     """Seed 0 is taken for none."""
 
     def seeded(self, seed: int | None) -> None:
@@ -190,7 +192,7 @@ class seed_zero(Orchard):  # noqa: N801
         super().seeded(seed or None)
 
 
-class kept_over_reset(Orchard):  # noqa: N801
+class kept_over_reset(Orchard):
     """A seeded reset doesn't put the apple back: the episode hangs on the one before it."""
 
     def reset(self, seed: int | None = None, options: Any = None) -> tuple[Any, Any]:
@@ -202,7 +204,7 @@ class kept_over_reset(Orchard):  # noqa: N801
         return {a: self.see(a) for a in self.agents}, {a: {} for a in self.agents}
 
 
-class one_buffer(Orchard):  # noqa: N801
+class one_buffer(Orchard):
     """Each picker's observation is one array for all time: those kept by a buffer change."""
 
     def see(self, agent: str) -> Any:
@@ -213,7 +215,7 @@ class one_buffer(Orchard):  # noqa: N801
         return array
 
 
-class state_is_the_game(Orchard):  # noqa: N801
+class state_is_the_game(Orchard):
     """`state()` hands out the game's own array: states that were kept change."""
 
     def state(self) -> Any:
@@ -221,7 +223,7 @@ class state_is_the_game(Orchard):  # noqa: N801
         return self.world
 
 
-class state_draws(Orchard):  # noqa: N801
+class state_draws(Orchard):
     """`state()` draws from the game's generator: who asks changes the future."""
 
     def state(self) -> Any:
@@ -230,7 +232,7 @@ class state_draws(Orchard):  # noqa: N801
         return super().state()
 
 
-class actions_taken_out(Orchard):  # noqa: N801
+class actions_taken_out(Orchard):
     """`step` empties the caller's dictionary of actions."""
 
     def step(self, actions: dict[str, Any]) -> tuple[Any, Any, Any, Any, Any]:
@@ -238,7 +240,7 @@ class actions_taken_out(Orchard):  # noqa: N801
         return super().step({a: actions.pop(a) for a in list(self.agents)})
 
 
-class order_of_the_dictionary(Orchard):  # noqa: N801
+class order_of_the_dictionary(Orchard):
     """Of several at the apple, whoever stands first in the caller's dictionary has it."""
 
     def at_the_apple(self, here: list[str], actions: dict[str, Any]) -> list[str]:
@@ -246,7 +248,7 @@ class order_of_the_dictionary(Orchard):  # noqa: N801
         return [a for a in actions if a in here and self.xy[a] == self.apple]
 
 
-class limit_terminates(Orchard):  # noqa: N801
+class limit_terminates(Orchard):
     """The limit of 40 ticks is told as a termination: learners don't bootstrap."""
 
     def step(self, actions: dict[str, Any]) -> tuple[Any, Any, Any, Any, Any]:
@@ -256,7 +258,7 @@ class limit_terminates(Orchard):  # noqa: N801
         return seen, rewards, both, dict.fromkeys(both, False), infos
 
 
-class copy_shares_the_dice(Orchard):  # noqa: N801
+class copy_shares_the_dice(Orchard):
     """A deepcopy draws from the same generator: a search in the copy changes the game."""
 
     def __deepcopy__(self, memo: Any) -> Any:
@@ -271,7 +273,7 @@ class copy_shares_the_dice(Orchard):  # noqa: N801
         return twin
 
 
-class joins_late(Orchard):  # noqa: N801
+class joins_late(Orchard):
     """A habit: the third picker joins at the third tick."""
 
     def reset(self, seed: int | None = None, options: Any = None) -> tuple[Any, Any]:
@@ -291,7 +293,7 @@ class joins_late(Orchard):  # noqa: N801
         return seen, rewards, terminated, truncated, infos
 
 
-class draws_nothing(Orchard):  # noqa: N801
+class draws_nothing(Orchard):
     """A habit: no chance at all, so no seed has an effect."""
 
     def place(self) -> Any:
@@ -300,7 +302,7 @@ class draws_nothing(Orchard):  # noqa: N801
         return divmod(self.count % (SIDE * SIDE), SIDE)
 
 
-class both_flags(Orchard):  # noqa: N801
+class both_flags(Orchard):
     """A habit: who fills its basket in the last tick has both flags up, and infos vary."""
 
     def step(self, actions: dict[str, Any]) -> tuple[Any, Any, Any, Any, Any]:

@@ -75,7 +75,7 @@ def main() -> None:
     try:
         gk.rollout(MARKET, episodes=2, seed=6, out="failed", env_kwargs={"fails": True})
     except EnvError as error:
-        print(error)  # noqa: T201
+        print(error)  # noqa: T201  # what the failed bundle holds is told to who makes it
     subprocess.run([sys.executable, __file__, ".", "killed"], check=False)
     label = ["-m", "gamekeeper", "label", "aec", "control", "--episode", "1", "--agent", "runner_1"]
     subprocess.run([sys.executable, *label, "--why", "waits", "--by", "author"], check=True)
