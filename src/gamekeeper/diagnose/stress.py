@@ -75,12 +75,12 @@ def _of_label(
 ) -> Iterator[list[Stressor]]:
     if label == PLANNING:
         for way in WORSE:
-            if way in (*seen.ways, "noop", "random"):
-                yield [
-                    _replaced(setup, agent, way)
-                    for agent in agents
-                    if setup.policy_of(agent, contract) not in (way, None)
-                ]
+            yield [
+                _replaced(setup, agent, way)
+                for agent in agents
+                if setup.policy_of(agent, contract) not in (way, None)
+                and _is_known(way, agent, contract, seen)
+            ]
     yield list(_for_all(label, setup, contract))
     for name, kind in kinds.items():
         if kind.label == label:
@@ -91,6 +91,13 @@ def _of_label(
                 for agent in agents
                 if (name, agent) not in seen.unfit
             ]
+
+
+def _is_known(way: str, agent: str, contract: Contract, seen: Seen) -> bool:
+    """Whether the agent can be played so: the environment's own way, by chance, a declared noop."""
+    if way == "noop" and way not in seen.ways:
+        return contract.noop_of(agent) is not None
+    return way == "random" or way in seen.ways
 
 
 def _for_all(label: str, setup: Setup, contract: Contract) -> Iterator[Stressor]:
