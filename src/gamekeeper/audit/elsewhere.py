@@ -15,6 +15,7 @@ import pyarrow as pa
 from gamekeeper.audit.lab import Lab
 from gamekeeper.core.canon import from_json, to_json
 from gamekeeper.core.contract import Contract
+from gamekeeper.core.layout import agent_name
 from gamekeeper.core.trace import Trace
 from gamekeeper.game.open import open_env
 from gamekeeper.run.episode import Play, Played, perform
@@ -84,7 +85,7 @@ def play_task(
     """Plays in this process, which was started for it; rows go into `folder`."""
     with held():
         env = open_env(spec, **kwargs).env
-        agents = {str(agent): agent for agent in getattr(env, "possible_agents", ())}
+        agents = {agent_name(agent): agent for agent in getattr(env, "possible_agents", ())}
         again = _from_paper(play, agents)
         played = perform(
             again, env, contract=Contract.from_json(contract), number=play["number"],
@@ -99,7 +100,7 @@ def play_task(
 
 def _on_paper(play: Play) -> dict[str, Any]:
     turns = [
-        [[str(agent), *_text(action)] for agent, action in actions.items()]
+        [[agent_name(agent), *_text(action)] for agent, action in actions.items()]
         for actions in play.actions or ()
     ]
     return {

@@ -27,6 +27,7 @@ from gamekeeper.core.contract import Contract
 from gamekeeper.core.contract.agent_spec import AgentSpec
 from gamekeeper.core.fact import Fact
 from gamekeeper.core.gathered import Twin
+from gamekeeper.core.layout import agent_name
 from gamekeeper.core.trace import Trace
 from gamekeeper.core.where import Where
 from gamekeeper.game.capture.oddity import type_name_of
@@ -223,7 +224,9 @@ class Lab:
 
     def at(self, turn: int | None = None, agent: Any = None, field: str = "") -> Where:
         """A place in the play in hand."""
-        return Where(self.probe, self.number, turn, None if agent is None else str(agent), field)
+        return Where(
+            self.probe, self.number, turn, None if agent is None else agent_name(agent), field
+        )
 
     def fact(
         self,

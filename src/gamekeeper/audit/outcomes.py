@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from gamekeeper.core.layout import agent_name
 from gamekeeper.core.stats import FloatArray
 
 PARTS: Final = ("observations", "rewards", "terminations", "truncations", "infos")
@@ -50,7 +51,7 @@ def entries(out: Any, volatile: Collection[str] = ()) -> dict[Key, Any]:
             for agent, value in part.items():
                 if name == "infos" and volatile and isinstance(value, Mapping):
                     value = {key: each for key, each in value.items() if key not in volatile}
-                found[name, str(agent)] = value
+                found[name, agent_name(agent)] = value
     return found
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.evidence import Evidence
 from gamekeeper.core.failure_label import LABELS
+from gamekeeper.core.layout import agent_name
 from gamekeeper.core.outcome import TEAM, failed, failures, outcome_of
 from gamekeeper.core.paired import FEWEST
 from gamekeeper.diagnose.arms import SILENCE_S, Lab, Order
@@ -176,7 +177,7 @@ def _present(evidence: Evidence, experiment: Experiment, seen: Seen) -> list[str
         for outcome in experiment.lab.of(SHAM, experiment.confirm_seed, range(experiment.confirm))
         for agent in outcome.returns
     }
-    named = [str(agent) for agent in evidence.manifest.get("agents") or seen.agents]
+    named = [agent_name(agent) for agent in evidence.manifest.get("agents") or seen.agents]
     return [agent for agent in dict.fromkeys([*seen.agents, *named]) if agent in there or not there]
 
 

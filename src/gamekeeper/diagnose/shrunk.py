@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.evidence import Evidence
+from gamekeeper.core.layout import agent_name
 from gamekeeper.core.outcome import TEAM, Outcome, failed, failures
 from gamekeeper.errors import EvidenceError, TrustError
 from gamekeeper.game.faces import game_of
@@ -149,7 +150,7 @@ class _Search:
                 mend="`gamekeeper replay` says whether the run replays at all",
             )  # fmt: skip
         self.scope, self.whole = scope or failing[0], whole
-        names = [str(agent) for agent in getattr(env, "possible_agents", ())]
+        names = [agent_name(agent) for agent in getattr(env, "possible_agents", ())]
         self.noops = {
             agent: noop
             for agent, name in zip(getattr(env, "possible_agents", ()), names, strict=True)

@@ -9,6 +9,7 @@ from typing import Any
 
 from gamekeeper.core.canon import to_json
 from gamekeeper.core.contract import Contract
+from gamekeeper.core.layout import agent_name
 from gamekeeper.core.outcome import Outcome
 from gamekeeper.core.seeds import episode_seed
 from gamekeeper.diagnose.setup import REFERENCE, Setup
@@ -140,7 +141,7 @@ class Seen:
 def seen_of(stage: Stage, stressors: Mapping[str, type[Change]]) -> Seen:
     """What an opened set-up shows."""
     env, knobs = stage.env, stage.contract.knobs
-    agents = [str(agent) for agent in getattr(env, "possible_agents", ())]
+    agents = [agent_name(agent) for agent in getattr(env, "possible_agents", ())]
     names = [name for name, knob in knobs.items() if knob.of == "policy"]
     policies = {agent: stage.cast.chosen_for(agent).policy for agent in agents}
     settings = {
@@ -189,6 +190,6 @@ class _Forgetful:
         self._cast.begin(run_seed, episode)
 
     def act(self, agent: Any, observation: Any, info: Any) -> Any:
-        if str(agent) in self._agents:
+        if agent_name(agent) in self._agents:
             self._cast.chosen_for(agent).policy.reset(seed=self._seed)
         return self._cast.act(agent, observation, info)

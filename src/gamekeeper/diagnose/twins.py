@@ -10,6 +10,7 @@ from gamekeeper.core.contract import Contract
 from gamekeeper.core.contract.failure import Failure
 from gamekeeper.core.divergence import compare
 from gamekeeper.core.evidence import Evidence
+from gamekeeper.core.layout import agent_name
 from gamekeeper.core.outcome import failed, outcome_of
 from gamekeeper.core.seeds import episode_seed
 from gamekeeper.diagnose.diagnosis import Parting
@@ -76,7 +77,9 @@ def partings(
 
 def _others_as(played: Played, remedy: Remedy) -> Reenacted:
     """Only those whom the remedy concerns choose; the others do what they did."""
-    paper = tuple({str(a): act for a, act in turn.items()} for turn in played.play.actions or ())
+    paper = tuple(
+        {agent_name(a): act for a, act in turn.items()} for turn in played.play.actions or ()
+    )
     return Reenacted(free=remedy.agents, paper=paper)
 
 

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from gamekeeper.core.canon import from_json, is_exact, to_json
 from gamekeeper.core.contract import Contract
+from gamekeeper.core.layout import agent_name
 from gamekeeper.core.layout import role as role_in_name
 from gamekeeper.errors import EvidenceError, GamekeeperError
 from gamekeeper.evaluate.digests import environment_digest, environment_version, policy_digest
@@ -169,7 +170,7 @@ def look_at(
     opened, contract = opened_with(opening)
     env: Any = opened.env
     try:
-        agents = [str(agent) for agent in getattr(env, "possible_agents", ())]
+        agents = [agent_name(agent) for agent in getattr(env, "possible_agents", ())]
         declared = contract or Contract()
         digests: dict[str, tuple[str, ...]] = {}
         for name, runs in policies.items():

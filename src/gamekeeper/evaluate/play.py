@@ -12,6 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from gamekeeper.core.contract import Contract
+from gamekeeper.core.layout import agent_name
 from gamekeeper.core.seeds import episode_seed
 from gamekeeper.errors import GamekeeperError
 from gamekeeper.evaluate.look import given, opened_with
@@ -97,7 +98,7 @@ def play_part(
         contract = declared or Contract()
         cast = _Counting(cast_of(dict(choices), env, contract))
         judge = Success(contract, success)
-        roster = [str(agent) for agent in getattr(env, "possible_agents", ())]
+        roster = [agent_name(agent) for agent in getattr(env, "possible_agents", ())]
         rows: list[dict[str, Any]] = []
         turns = 0
         for episode in range(first, last):
@@ -136,7 +137,7 @@ class _Counting:
         self._cast.begin(run_seed, episode)
 
     def act(self, agent: Any, observation: Any, info: Any) -> Any:
-        name = str(agent)
+        name = agent_name(agent)
         self.counts[name] = self.counts.get(name, 0) + 1
         return self._cast.act(agent, observation, info)
 

@@ -11,6 +11,7 @@ from gamekeeper.core.contract import Contract
 from gamekeeper.core.contract.failure import Failure
 from gamekeeper.core.contract.places import nearest, path_text
 from gamekeeper.core.evaluation.refusals import AGENTS_OF_ONE_EPISODE
+from gamekeeper.core.layout import agent_name
 from gamekeeper.errors import ContractError, EvidenceError, SpecError
 from gamekeeper.evaluate import values
 from gamekeeper.evaluate.spec import (
@@ -263,7 +264,7 @@ def _choices(value: object, at: Place) -> Mapping[str, Any]:
     table = value if isinstance(value, Mapping) else {EVERYONE: value}
     if not table or any(choice is None or choice == "" for choice in table.values()):
         raise at.wrong(value, "a policy, or policies by role")
-    return {str(whom): choice for whom, choice in table.items()}
+    return {agent_name(whom): choice for whom, choice in table.items()}
 
 
 def _seeds(value: object, at: Place) -> dict[str, Any]:

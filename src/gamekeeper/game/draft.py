@@ -15,6 +15,7 @@ from gamekeeper.core.contract.parts import RESERVED
 from gamekeeper.core.contract.pattern import exact, matches
 from gamekeeper.core.contract.questions import open_questions
 from gamekeeper.core.contract.values import can_be_told
+from gamekeeper.core.layout import agent_name
 from gamekeeper.errors import ContractError
 
 __all__ = ["agent_specs", "draft_contract", "draft_questions", "open_questions"]
@@ -48,7 +49,7 @@ def draft_contract(env: Env) -> Contract:
     return Contract(
         name=name if isinstance(name, str) and can_be_told(name) else None,
         api=_api(env),
-        roles=_roles({str(agent): _kind(env, agent) for agent in _roster(env)}),
+        roles=_roles({agent_name(agent): _kind(env, agent) for agent in _roster(env)}),
     )
 
 

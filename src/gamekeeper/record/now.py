@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from gamekeeper.core.canon import from_json
 from gamekeeper.core.contract import Contract
+from gamekeeper.core.layout import agent_name
 from gamekeeper.core.space.plain import space_to_json
 from gamekeeper.errors import GamekeeperError, SpecError
 from gamekeeper.game.declared import declared_contract
@@ -86,7 +87,7 @@ def _version(name: str, env: Any, contract: Any) -> dict[str, str | None]:
     try:
         cast = cast_of(name, env, contract)
         agent = next(iter(getattr(env, "possible_agents", None) or ["*"]))
-        return {"version": cast.described([agent])[str(agent)]["version"]}
+        return {"version": cast.described([agent])[agent_name(agent)]["version"]}
     except GamekeeperError as error:
         return {"error": error.what}
 

@@ -13,7 +13,7 @@ from typing import Any, Final
 from gamekeeper.core.canon import to_json
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.evidence import Evidence
-from gamekeeper.core.layout import role
+from gamekeeper.core.layout import agent_name, role
 from gamekeeper.errors import EnvError, EvidenceError, GamekeeperError
 from gamekeeper.game.casting.cast import Cast, Choices, assign
 from gamekeeper.game.contract_file import load_contract
@@ -219,7 +219,7 @@ def cast_of(policies: Choices, env: Any, contract: Contract | None) -> Cast:
     return assign(
         _with_own(policies, env),
         possible_agents=list(getattr(env, "possible_agents", ())),
-        roles=lambda agent: declared.role_of(agent) or role(str(agent)),
+        roles=lambda agent: declared.role_of(agent) or role(agent_name(agent)),
         role_names=tuple(declared.roles),
         action_space=env.action_space,
         noop=declared.noop_of,

@@ -79,7 +79,7 @@ def play_of(trace: Trace, env: Any, types: Mapping[str, str] | None = None) -> P
     Args:
         types: of whole-number actions by agent, for a trace that doesn't name them.
     """
-    known = {str(agent): agent for agent in getattr(env, "possible_agents", ())}
+    known = {agent_name(agent): agent for agent in getattr(env, "possible_agents", ())}
     types, played = trace.action_types or types or {}, crossings(trace)
     actions = tuple(
         {known.get(name, name): _action(turn, name, types) for name in turn.order}

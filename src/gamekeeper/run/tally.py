@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from gamekeeper.core.contract import Contract
+from gamekeeper.core.layout import agent_name
 from gamekeeper.core.outcome import Outcome, plain_numbers
 from gamekeeper.game.faces import game_of
 from gamekeeper.game.parallel import ParallelGame
@@ -88,11 +89,11 @@ class _Count:
         return Outcome(
             seed=seed,
             turns=turns,
-            returns={str(agent): float(value) for agent, value in self.returns.items()},
-            terms={str(agent): dict(terms) for agent, terms in self.terms.items()},
-            endings={str(agent): end for agent, end in ends.items()},
-            infos={str(agent): numbers for agent, numbers in infos.items()},
-            seen={str(agent): self.seen[agent] for agent in infos},
+            returns={agent_name(agent): float(value) for agent, value in self.returns.items()},
+            terms={agent_name(agent): dict(terms) for agent, terms in self.terms.items()},
+            endings={agent_name(agent): end for agent, end in ends.items()},
+            infos={agent_name(agent): numbers for agent, numbers in infos.items()},
+            seen={agent_name(agent): self.seen[agent] for agent in infos},
             flags={str(agent): self.ended.get(agent, "cut") for agent in self.returns},
             is_over=is_over,
             error=error,

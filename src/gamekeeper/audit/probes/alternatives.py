@@ -14,6 +14,7 @@ from gymnasium.spaces import Discrete
 
 from gamekeeper.audit.lab import Lab, Saw
 from gamekeeper.core.contract import Contract
+from gamekeeper.core.layout import agent_name
 from gamekeeper.core.trace import Trace, Turn
 from gamekeeper.run.changes.replaced_action import ReplacedAction
 from gamekeeper.run.episode import Play, Played
@@ -128,4 +129,4 @@ def _others(lab: Lab, agent: str, turn: Turn) -> list[Any]:
 def _own(base: Played, name: str) -> Any:
     """The agent as the environment calls it."""
     known = (agent for each in base.play.actions or () for agent in each)
-    return next((agent for agent in known if str(agent) == name), name)
+    return next((agent for agent in known if agent_name(agent) == name), name)

@@ -9,6 +9,7 @@ from gamekeeper.audit.lab import RESET_STEPS, Lab, Saw
 from gamekeeper.audit.probes._moves import affordable
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.gathered import Twin
+from gamekeeper.core.layout import agent_name
 from gamekeeper.core.trace import Trace
 from gamekeeper.game.faces import game_of
 from gamekeeper.run.episode import Play
@@ -47,7 +48,7 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
     if base.failed is not None or len({text for text, _ in names.values()}) < len(names):
         return
     sham = lab.play(base.play)
-    again = _replayed(lab, base.trace, lab.env(), {str(agent): agent for agent in names})
+    again = _replayed(lab, base.trace, lab.env(), {agent_name(agent): agent for agent in names})
     if isinstance(again, Trace):
         volatile = tuple(lab.contract.volatile_infos())
         yield Twin(base.trace, sham.trace, again, {"change": "Replayed"}, volatile)

@@ -14,6 +14,7 @@ from gymnasium import spaces
 
 from gamekeeper.audit.lab import Called, Lab, Saw
 from gamekeeper.core.divergence import compare
+from gamekeeper.core.layout import agent_name
 from gamekeeper.core.trace import Turn
 from gamekeeper.game.casting.mask import reader
 from gamekeeper.run.episode import Play, Played
@@ -92,8 +93,8 @@ def _cases(lab: Lab, played: Played, turns: list[Turn]) -> Iterator[_Case]:
         return
     place, agent = moves[-1]
     paper = actions[place]
-    paid = turns[place].rewards.get(str(agent))
-    spec = lab.agents.get(str(agent))
+    paid = turns[place].rewards.get(agent_name(agent))
+    spec = lab.agents.get(agent_name(agent))
     space = None if spec is None else spec.action_space
     strange: list[tuple[str, Any]] = [("none", None)]
     strange += [] if space is None else _outside(space)
@@ -114,17 +115,17 @@ def _masked(lab: Lab, played: Played, turns: list[Turn]) -> Iterator[_Case]:
     for place in reversed(range(len(actions))):
         turn = turns[place]
         for agent in actions[place]:
-            spec = lab.agents.get(str(agent))
+            spec = lab.agents.get(agent_name(agent))
             space = None if spec is None else spec.action_space
-            mask: Any = reader(lab.contract.mask_of(str(agent)))(
-                turn.observations.get(str(agent)), turn.infos.get(str(agent))
+            mask: Any = reader(lab.contract.mask_of(agent_name(agent)))(
+                turn.observations.get(agent_name(agent)), turn.infos.get(agent_name(agent))
             )
             if not isinstance(space, spaces.Discrete) or np.shape(mask) != (int(space.n),):
                 continue
             closed = np.flatnonzero(~np.asarray(mask).astype(bool))
-            if closed.size and str(agent) not in turn.ended:
+            if closed.size and agent_name(agent) not in turn.ended:
                 action = int(space.start) + int(closed[0])
-                paid = turn.rewards.get(str(agent))
+                paid = turn.rewards.get(agent_name(agent))
                 yield _Case("masked", place, agent, {**actions[place], agent: action}, paid)
                 return
 

@@ -15,6 +15,7 @@ import numpy as np
 from gymnasium.spaces import Discrete
 
 from gamekeeper.audit.lab import Lab, Saw
+from gamekeeper.core.layout import agent_name
 from gamekeeper.core.trace import Turn
 from gamekeeper.run.changes.replaced_action import ReplacedAction
 from gamekeeper.run.episode import Play
@@ -77,7 +78,7 @@ def _movers(turn: Turn) -> list[str]:
 def _own(base: Any, name: str) -> Any:
     """The agent as the environment calls it."""
     known = (agent for each in base.play.actions or () for agent in each)
-    return next((agent for agent in known if str(agent) == name), name)
+    return next((agent for agent in known if agent_name(agent) == name), name)
 
 
 def _other(lab: Lab, agent: str, action: Any, mask: Any, turn: int) -> tuple[bool, Any]:

@@ -9,6 +9,7 @@ from typing import Any, Final
 from gamekeeper.audit.lab import Called, Lab, Saw
 from gamekeeper.audit.probes import _after
 from gamekeeper.audit.probes._sight import Sight, is_dead
+from gamekeeper.core.layout import agent_name
 from gamekeeper.run.episode import Failed, Play, Played
 
 SHARE: Final = 2.0
@@ -148,8 +149,8 @@ def _iterated(lab: Lab, env: Any, base: Played) -> Iterator[Saw]:
 
     def iterate() -> None:
         for agent in env.agent_iter(len(actions)):
-            selected.append(str(env.agent_selection))
-            named.append(str(agent))
+            selected.append(agent_name(env.agent_selection))
+            named.append(agent_name(agent))
             if len(named) > len(actions):
                 return
             env.last()

@@ -15,6 +15,7 @@ from gamekeeper.audit.lab import Called, Lab, Saw
 from gamekeeper.audit.probes._moves import affordable, equal, moves
 from gamekeeper.core.canon import to_json
 from gamekeeper.core.divergence import compare
+from gamekeeper.core.layout import agent_name
 from gamekeeper.core.trace import Trace
 from gamekeeper.game.capture.oddity import type_name_of
 from gamekeeper.run.episode import Play, Played
@@ -188,7 +189,7 @@ def _others(
             continue
         space = copy.deepcopy(env.action_space(agent))
         space.seed(seed + turn)
-        mask = masks.get(str(agent))
+        mask = masks.get(agent_name(agent))
         for _ in range(8):
             drawn = space.sample() if mask is None else space.sample(np.asarray(mask, np.int8))
             if to_json(drawn) != to_json(action):

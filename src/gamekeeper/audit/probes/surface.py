@@ -10,6 +10,7 @@ from typing import Any, Final
 
 from gamekeeper.audit.lab import RESET_STEPS, Lab, Saw
 from gamekeeper.core.canon import type_name
+from gamekeeper.core.layout import agent_name
 from gamekeeper.run.episode import Play, Played
 
 SHARE: Final = 1.5
@@ -163,7 +164,7 @@ def _midway(lab: Lab, env: Any, played: Played, rosters: Sequence[Any]) -> list[
 def _names(lab: Lab, env: Any, attribute: str) -> list[str] | None:
     """The names in a roster, however it is kept; None where there is none."""
     called = lab.call(attribute, lambda: list(getattr(env, attribute)))
-    return None if called.failed is not None else [str(agent) for agent in called.value]
+    return None if called.failed is not None else [agent_name(agent) for agent in called.value]
 
 
 def _count(env: Any, name: str) -> Any:
@@ -213,12 +214,12 @@ def _books(env: Any) -> dict[str, Any]:
     for name in BOOKS:
         book = getattr(env, name, None)
         if not isinstance(book, Mapping):
-            missing[name] = [str(agent) for agent in agents]
+            missing[name] = [agent_name(agent) for agent in agents]
             continue
         if book.keys() == set(agents):
             continue
-        missing[name] = [str(agent) for agent in agents if agent not in book]
-        strangers[name] = [str(agent) for agent in book if agent not in agents]
+        missing[name] = [agent_name(agent) for agent in agents if agent not in book]
+        strangers[name] = [agent_name(agent) for agent in book if agent not in agents]
     return {
         "missing": {name: names for name, names in missing.items() if names},
         "strangers": {name: names for name, names in strangers.items() if names},
@@ -245,7 +246,7 @@ def _flagged(env: Any) -> list[str]:
     for name in FLAGS:
         book = getattr(env, name, None)
         if isinstance(book, Mapping):
-            found.update((str(agent), None) for agent, flag in book.items() if _is_up(flag))
+            found.update((agent_name(agent), None) for agent, flag in book.items() if _is_up(flag))
     return list(found)
 
 

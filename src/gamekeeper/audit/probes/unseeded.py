@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from gamekeeper.audit.lab import Lab, Saw
 from gamekeeper.core.canon import to_json
+from gamekeeper.core.layout import agent_name
 from gamekeeper.core.trace import digests_of
 from gamekeeper.run.episode import Play, Played
 
@@ -86,4 +87,6 @@ def _openings(lab: Lab, env: Any) -> list[str]:
 
 
 def _observed(lab: Lab, env: Any) -> dict[str, Any]:
-    return {str(agent): lab.call("observe", env.observe, agent).value for agent in env.agents}
+    return {
+        agent_name(agent): lab.call("observe", env.observe, agent).value for agent in env.agents
+    }

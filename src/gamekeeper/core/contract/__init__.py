@@ -164,8 +164,8 @@ class Contract:
         return self.places.at(path)
 
     def role_of(self, agent: object) -> str | None:
-        """The role that holds the agent; None where none does."""
-        name = str(agent)
+        """The role that holds the agent, by its name in columns; None where none does."""
+        name = agent if isinstance(agent, str) and agent.isascii() else _column_name(agent)
         return next((role for role, spec in self.roles.items() if covers(role, spec, name)), None)
 
     def noop_of(self, agent: object) -> Plain | None:
@@ -185,3 +185,9 @@ class Contract:
     def volatile_infos(self) -> frozenset[str]:
         """The fields of infos that differ between equal runs."""
         return frozenset(name for name, info in self.infos.items() if info.volatile)
+
+
+def _column_name(agent: object) -> str:
+    from gamekeeper.core.layout import agent_name  # here: reading a contract loads no NumPy
+
+    return agent_name(agent)

@@ -12,6 +12,7 @@ from gymnasium import spaces
 from gamekeeper.core.contract import Contract, Role
 from gamekeeper.core.contract.parts import NONE, Plain, plain
 from gamekeeper.core.contract.places import nearest, shown
+from gamekeeper.core.layout import agent_name
 from gamekeeper.errors import ContractError
 
 Space = spaces.Space[Any]
@@ -72,7 +73,7 @@ def agent_spec(
     name = contract.role_of(agent)
     role = Role() if name is None else contract.roles[name]
     spec = AgentSpec(
-        name=str(agent),
+        name=agent_name(agent),
         role=name,
         observation_space=observation_space,
         action_space=action_space,

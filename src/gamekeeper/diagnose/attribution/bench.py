@@ -8,6 +8,7 @@ from typing import Any, Literal, TypeAlias, TypeVar
 
 from gamekeeper.core.canon import from_json, to_json
 from gamekeeper.core.contract import Contract
+from gamekeeper.core.layout import agent_name
 from gamekeeper.core.layout import role as role_in_name
 from gamekeeper.core.seeds import episode_seed
 from gamekeeper.core.trace import Trace
@@ -103,7 +104,7 @@ class Bench:
 
     def role_of(self, agent: AgentId) -> str | None:
         """An agent's role, declared or by its name."""
-        return self.contract.role_of(agent) or role_in_name(str(agent))
+        return self.contract.role_of(agent) or role_in_name(agent_name(agent))
 
     # -- plays
 
@@ -166,7 +167,7 @@ class Bench:
         for turn in play.actions or ():
             for agent, action in turn.items():
                 if action is not None:
-                    actions.setdefault(str(agent), []).append(action)
+                    actions.setdefault(agent_name(agent), []).append(action)
         return Paper(play.seed, play.options, len(play.actions or ()), actions, trace.episode)
 
     def _filmed(self, film: SomeFilm, play: Play) -> SomeFilm:
@@ -199,8 +200,8 @@ class Bench:
         for agent in getattr(self.env, "possible_agents", ()):
             role = self.role_of(agent)
             peers = [name for name in self.task.players if self.role_of(name) == role]
-            if str(agent) not in found:
-                found[str(agent)] = found[peers[0]] if peers else "random"
+            if agent_name(agent) not in found:
+                found[agent_name(agent)] = found[peers[0]] if peers else "random"
         return found
 
 

@@ -17,6 +17,7 @@ from gymnasium.spaces import Discrete
 from numpy.random import Generator
 
 from gamekeeper.core.contract import Contract
+from gamekeeper.core.layout import agent_name
 from gamekeeper.game.casting.mask import legal_flags, reader
 from gamekeeper.game.casting.seat import Seat
 from gamekeeper.game.door import AgentId
@@ -111,7 +112,7 @@ class Film:
         """What an agent does: as on paper, as its policy chooses, or otherwise."""
         if self.counts and self.cast is not None:
             return self.cast.act(agent, observation, info)
-        name = str(agent)
+        name = agent_name(agent)
         mine = self.actions.setdefault(name, [])
         if self.sees:
             self.given[self.turn, name] = fingerprint(observation)
@@ -130,7 +131,7 @@ class Film:
         if self.paper is None:
             assert self.cast is not None, "a film needs a cast or a paper"
             return self.cast.act(agent, seen, info)
-        written = self.paper.actions.get(str(agent), ())
+        written = self.paper.actions.get(agent_name(agent), ())
         if count < len(written) and chooser.is_legal(written[count], seen, info):
             return own(written[count])  # whoever overwrites it spoils no later film
         self.left_paper += 1
@@ -154,12 +155,12 @@ class Film:
             if out is None
             else (out[1], (out[2], out[3]))
         )
-        self.rewards.append({str(a): float(value) for a, value in rewards.items()})
-        self._gone |= {str(a) for flags in over for a, flag in flags.items() if flag}
+        self.rewards.append({agent_name(a): float(value) for a, value in rewards.items()})
+        self._gone |= {agent_name(a) for flags in over for a, flag in flags.items() if flag}
         self.ended.append(self._gone)
         paid = getattr(env, "terms", None)
         if isinstance(paid, dict):
-            self.terms.append({str(a): dict(terms) for a, terms in paid.items()})
+            self.terms.append({agent_name(a): dict(terms) for a, terms in paid.items()})
 
     def team_return(self) -> float:
         """The sum of all rewards."""

@@ -15,6 +15,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from gamekeeper.core.contract import Contract
+from gamekeeper.core.layout import agent_name
 from gamekeeper.core.message_field import MessageField, message_field, path_in
 from gamekeeper.diagnose.attribution.bench import Bench
 from gamekeeper.diagnose.attribution.film import Film, Paper, fingerprint
@@ -42,8 +43,8 @@ class Hearing(Film):
 
     def act(self, agent: Any, observation: Any, info: Any) -> Any:
         """What an agent does, given another message where that is to be."""
-        self.seen[self.turn, str(agent)] = copy.deepcopy(observation)
-        if self.told is not None and self.told[:2] == (self.turn, str(agent)):
+        self.seen[self.turn, agent_name(agent)] = copy.deepcopy(observation)
+        if self.told is not None and self.told[:2] == (self.turn, agent_name(agent)):
             observation = with_message(observation, self.told[3], self.told[2])
         return Film.act(self, agent, observation, info)
 
@@ -89,7 +90,7 @@ def said(bench: Bench, paper: Paper) -> Iterator[dict[str, Any]]:
     speakers = [
         agent
         for agent in getattr(bench.env, "possible_agents", ())
-        if str(agent) in paper.actions and spoken_fields(bench.contract, bench.env, agent)
+        if agent_name(agent) in paper.actions and spoken_fields(bench.contract, bench.env, agent)
     ]
     if not speakers:
         return
@@ -103,7 +104,7 @@ def said(bench: Bench, paper: Paper) -> Iterator[dict[str, Any]]:
         counts[name] = place + 1
         deeds.setdefault(name, []).append((turn, word(film.actions[name][place])))
     for agent in speakers:
-        name, fields = str(agent), spoken_fields(bench.contract, bench.env, agent)
+        name, fields = agent_name(agent), spoken_fields(bench.contract, bench.env, agent)
         turns = [turn for turn, _ in deeds.get(name, ())]
         yield {
             "from": name,
@@ -172,9 +173,10 @@ def listened(bench: Bench, paper: Paper, *, seed: int) -> Iterator[dict[str, Any
     otherwise though it is shown the same.
     """
     listeners = [
-        (str(agent), parts)
+        (agent_name(agent), parts)
         for agent in getattr(bench.env, "possible_agents", ())
-        if str(agent) in paper.actions and (parts := heard_parts(bench.contract, bench.env, agent))
+        if agent_name(agent) in paper.actions
+        and (parts := heard_parts(bench.contract, bench.env, agent))
     ]
     if not listeners or bench.own is None:
         return

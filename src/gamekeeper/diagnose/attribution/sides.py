@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from typing import Any
 
+from gamekeeper.core.layout import agent_name
 from gamekeeper.game.door import AgentId
 from gamekeeper.run.play import Cast
 
@@ -44,7 +45,7 @@ class Sides:
 
     def act(self, agent: AgentId, observation: Any, info: Any) -> Any:
         """What an agent does on its side."""
-        name = str(agent)
+        name = agent_name(agent)
         side = self._side.get(name)
         if side is None:
             side = self._side[name] = self._joined(agent)
@@ -53,7 +54,7 @@ class Sides:
         return (self._own if side else self._baseline).act(agent, observation, info)
 
     def _joined(self, agent: AgentId) -> bool:
-        role, live = self._role_of(agent), {str(each) for each in self._env.agents}
+        role, live = self._role_of(agent), {agent_name(each) for each in self._env.agents}
         peers = [name for name in self._side if self._role_of(name) == role]
         gone = [name for name in peers if name not in live and name in self._last]
         if gone:

@@ -7,6 +7,7 @@ from typing import Any, Final, TypeAlias
 
 from gymnasium.spaces import Space
 
+from gamekeeper.core.layout import agent_name
 from gamekeeper.core.seeds import policy_rng
 from gamekeeper.errors import PolicyError
 from gamekeeper.game.casting.guarded import guarded_seat, raised
@@ -56,7 +57,9 @@ def assign(
     noop_of = noop or (lambda agent: None)
     agents = list(possible_agents)
     if agents:
-        known = {str(agent) for agent in agents} | {role for a in agents if (role := role_of(a))}
+        known = {agent_name(agent) for agent in agents} | {
+            role for a in agents if (role := role_of(a))
+        }
         _check_known(chosen, known | set(role_names))
     cast = Cast(
         chosen,
@@ -75,7 +78,9 @@ def assign(
 def _resolved(policies: Choices, schemes: Mapping[str, Scheme] | None) -> dict[str, Chosen]:
     if not isinstance(policies, Mapping):
         policies = {EVERYONE: DEFAULT if policies is None else policies}
-    chosen = {str(whom): resolve(choice, schemes=schemes) for whom, choice in policies.items()}
+    chosen = {
+        agent_name(whom): resolve(choice, schemes=schemes) for whom, choice in policies.items()
+    }
     if EVERYONE not in chosen:
         chosen[EVERYONE] = resolve(DEFAULT)
     return chosen
@@ -168,14 +173,14 @@ class Cast:
 
     def chosen_for(self, agent: Any) -> Chosen:
         """The policy that plays an agent."""
-        for whom in (str(agent), self._roles(agent)):
+        for whom in (agent_name(agent), self._roles(agent)):
             if whom is not None and whom in self._chosen:
                 return self._chosen[whom]
         return self._chosen[EVERYONE]
 
     def described(self, agents: Iterable[Any]) -> dict[str, dict[str, str | None]]:
         """Names and versions of the policies by agent, as evidence keeps them."""
-        found = {str(agent): self.chosen_for(agent) for agent in agents}
+        found = {agent_name(agent): self.chosen_for(agent) for agent in agents}
         return {a: {"policy": c.name, "version": c.version} for a, c in found.items()}
 
     def _enter(self, agent: Any) -> Player:

@@ -10,6 +10,7 @@ from typing import Any
 from numpy.random import Generator
 
 from gamekeeper.core.contract import Contract
+from gamekeeper.core.layout import agent_name
 from gamekeeper.game.door import AgentId
 from gamekeeper.run.change import Change, Hooks
 from gamekeeper.run.stress.offer import Offer, offer_of
@@ -51,7 +52,7 @@ class _OnPaper(Hooks):
 
     def given(self, turn: int, agent: AgentId, observation: Any, info: Any) -> None:
         """Notes the mask."""
-        if str(agent) in self._free:
+        if agent_name(agent) in self._free:
             return
         if agent not in self._offers:
             self._offers[agent] = offer_of(self._contract, self._env, agent)
@@ -70,7 +71,7 @@ class _OnPaper(Hooks):
         }
 
     def _done(self, paper: Mapping[str, Any], agent: AgentId, chosen: Any) -> Any:
-        name = str(agent)
+        name = agent_name(agent)
         written = None if name in self._free else paper.get(name)
         if written is None:
             return chosen

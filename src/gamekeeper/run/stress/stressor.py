@@ -10,6 +10,7 @@ from gymnasium.spaces import Space
 from numpy.random import Generator
 
 from gamekeeper.core.contract import Contract
+from gamekeeper.core.layout import agent_name
 from gamekeeper.core.seeds import policy_rng
 from gamekeeper.errors import SpecError
 from gamekeeper.game.door import AgentId
@@ -93,7 +94,7 @@ class Stress(Hooks):
 
     def is_meant(self, agent: AgentId) -> bool:
         """Whether it befalls an agent."""
-        return self._agents is None or str(agent) in self._agents
+        return self._agents is None or agent_name(agent) in self._agents
 
     def stream(self, agent: AgentId) -> Generator:
         """A stream of the agent's own, at its beginning."""
