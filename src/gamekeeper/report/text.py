@@ -122,7 +122,8 @@ def divergence_text(
         place += f", agent {divergence.agent}"
     lines = [one_line(f"{place}: {divergence.field}")]
     rows = list(zip(sides, _values(divergence), strict=True))
-    return "\n".join([*lines, *table_lines(rows, width=width)])
+    whole = max(map(columns_of, sides))  # two runs are told apart by the ends of their paths
+    return "\n".join([*lines, *table_lines(rows, width=width, most=whole)])
 
 
 def cause_text(cause: str | None, *, width: int) -> str:
@@ -144,18 +145,22 @@ def versions_text(versions: Mapping[str, Sequence[str | None]], *, width: int) -
 
 
 def table_lines(
-    rows: Sequence[Sequence[str]], *, width: int, right: Sequence[int] = ()
+    rows: Sequence[Sequence[str]],
+    *,
+    width: int,
+    right: Sequence[int] = (),
+    most: int | None = None,
 ) -> Iterator[str]:
     """Rows in aligned, indented columns; the last one is broken where it doesn't fit.
-
-    What is in a cell stands on one line; what is longer than half a line (a name may be) is cut.
 
     Args:
         rows: equally many cells in each.
         width: columns that no line exceeds, as far as the other columns leave room.
         right: numbers of the columns that stand at the right.
+        most: columns that a cell takes but for the last, where it is cut; None: half a line.
     """
-    rows = [[*(one_cell(cell, width // 2) for cell in row[:-1]), row[-1]] for row in rows]
+    most = width // 2 if most is None else most
+    rows = [[*(one_cell(cell, most) for cell in row[:-1]), row[-1]] for row in rows]
     widths = [max(map(columns_of, column)) for column in zip(*rows, strict=True)]
     before = sum(widths[:-1]) + len(GAP) * (len(widths) - 1) + len(INDENT)
     room = max(width - before, 16)
