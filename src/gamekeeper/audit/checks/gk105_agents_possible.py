@@ -57,7 +57,7 @@ def _strangers_in_dictionaries(evidence: Gathered, possible: set[str]) -> Iterat
         for each in given(trace):
             if not each.turn.index:
                 continue
-            strangers = [a for a in each.turn.agents if a not in possible and not _is_spelt(a)]
+            strangers = [a for a in each.turn.agents if not _is_known(a, possible)]
             for agent in strangers:
                 for part in sorted(each.has(agent) - FREE):
                     yield Occasion(
@@ -68,9 +68,9 @@ def _strangers_in_dictionaries(evidence: Gathered, possible: set[str]) -> Iterat
                 yield Occasion(trace.at(each.turn, None, "agents"), True)
 
 
-def _is_spelt(agent: str) -> bool:
-    """The name is no text, and spelt in another way where the agents were asked for."""
-    return agent.startswith(("{", "["))
+def _is_known(agent: str, possible: set[str]) -> bool:
+    """Possible, or no text: spelt in another way where agents were asked for, or told apart."""
+    return agent in possible or agent.startswith(("{", "[")) or agent.rstrip("'") in possible
 
 
 def _proof(part: str) -> str:
