@@ -62,7 +62,8 @@ def damaged_line(rng: random.Random) -> list[str]:
             other = rng.choice(LINES).split(" ")
             line.insert(place, rng.choice(other[2:] or ["--json"]))
         elif place < len(line):
-            line[place] = _argument(damaged(line[place].encode(), [b"--json", b"{}"], rng))
+            data = line[place].encode(errors="surrogatepass")
+            line[place] = _argument(damaged(data, [b"--json", b"{}"], rng))
     return line
 
 

@@ -17,6 +17,7 @@ from gamekeeper.core.block import Raw
 from gamekeeper.core.canon import drop, from_json, to_json
 from gamekeeper.core.difference import difference, shown_pair
 from gamekeeper.core.leaf_columns import value_columns
+from gamekeeper.core.legible import legible
 from gamekeeper.core.trace import Trace, Turn
 
 # of an episode whose recorder was killed nothing is known after its last whole turn
@@ -162,6 +163,7 @@ def _different_turns(left: Trace, right: Trace, volatile: Collection[str]) -> It
             yield turn
 
 
+@legible
 def _by_turn(trace: Trace, volatile: Collection[str]) -> dict[int, list[Any]]:
     """For each turn, what has to be equal: digests of rows, infos, state."""
     found: dict[int, list[Any]] = {}

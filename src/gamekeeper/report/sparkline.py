@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from gamekeeper.core.legible import legible
 from gamekeeper.report.columns import columns_of, filled, one_cell
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ NARROWEST: Final = 8
 """Signs of a picture at least; below, long names push it over the edge of the terminal."""
 
 
+@legible
 def returns_by_episode(evidence: Evidence) -> dict[str, list[float | None]]:
     """The return of each agent in each episode, in their order; None where it had no row."""
     import pyarrow.compute as pc

@@ -11,6 +11,7 @@ import numpy as np
 
 from gamekeeper.core.canon import from_json, to_json
 from gamekeeper.core.contract.places import one_line
+from gamekeeper.core.legible import legible
 from gamekeeper.report.card import card_text
 from gamekeeper.report.columns import columns_of, filled, one_cell, wrapped
 
@@ -245,6 +246,7 @@ def _ends(evidence: Evidence) -> str:
     return ", ".join(f"{ends.count(end)} {end}" for end in sorted(set(ends))) or "none"
 
 
+@legible
 def _policies(evidence: Evidence) -> str:
     """Who was played by what; agents with the same policy are named together."""
     texts = [text for text in evidence.episodes["policies"].to_pylist() if text]

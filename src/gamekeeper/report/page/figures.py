@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gamekeeper.core.arrow import TERM
 from gamekeeper.core.evidence import Evidence
+from gamekeeper.core.legible import legible
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -56,6 +57,7 @@ class Figures:
         return self._places[episode]
 
 
+@legible
 def figures_of(evidence: Evidence) -> Figures:
     """The figures of a whole run, from one reading of its rows."""
     headers = tuple(evidence.episodes.to_pylist())
