@@ -216,11 +216,8 @@ def _kill_merger(found: Field, ready: Path) -> None:
     if not parts.exists():
         shutil.copytree(ready, parts)
     pid = found.begin()
-    while not (workers := _workers_of(pid)) and _is_there(pid):
-        time.sleep(0.002)
-    found.begun_s = time.monotonic()  # of the merger's life, not of the command's
     found.sleep()
-    killed = [worker for worker in workers if _killed(worker)]
+    killed = [worker for worker in _workers_of(pid) if _killed(worker)]
     code = found.code()
     if code == 0:
         found.ended(code)

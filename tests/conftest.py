@@ -1,8 +1,11 @@
 """What holds for every test: no window, no network, laws that try the same examples each time."""
 
 import os
+import signal
 import sys
+from collections.abc import Iterator
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 # pygame reads these when it is first imported, so they stand before any environment can be.
@@ -28,3 +31,11 @@ def refuse_network(event: str, arguments: tuple[object, ...]) -> None:
 
 
 sys.addaudithook(refuse_network)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def interrupts_are_heard() -> Iterator[None]:
+    """Ctrl-C comes through, also where a shell started this in the background, ignoring it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)

@@ -26,7 +26,7 @@ def test_kill_loses_nothing_that_is_old(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("who", kill_apart.WHO)
+@pytest.mark.parametrize("who", ["parent", "worker"])  # what merges: parts/test_apart.py
 def test_killed_recording_by_workers_goes_on(who: str, tmp_path: Path) -> None:
     """Whichever process dies, the same command ends with the same evidence and nothing else."""
     figures, is_whole = kill_apart.kill(who, tmp_path, kills=1, rng=random.Random(1))

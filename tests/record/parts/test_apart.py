@@ -7,12 +7,14 @@ import gamekeeper as gk
 from gamekeeper.core.evidence import Evidence
 from gamekeeper.core.seeds import episode_seed
 from gamekeeper.errors import BundleError, EnvError, EvidenceError, SpecError
+from gamekeeper.record.parts import apart
 from gamekeeper.record.parts.plan import FOLDER, key_of, parts_folder
 from gamekeeper.record.parts.play import part_task
 from gamekeeper.record.parts.receipt import receipt_of
 from gamekeeper.record.verify import verify
 from gamekeeper.run.executors.storage import Storage
-from tests.record.parts.here import CROWD, Here, apart_into, plan, tasks_run_here
+from gamekeeper.run.workers import run_task
+from tests.record.parts.here import CROWD, Here, apart_into, die, plan, tasks_run_here
 from tests.record.walks import TURNS
 
 __all__ = ["tasks_run_here"]
@@ -124,6 +126,24 @@ def test_stopped_recording_goes_on_where_it_was(tmp_path: Path) -> None:
     executor = Here()
     done = apart_into(tmp_path / "many", plan(), executor)
     assert (done.found, len(executor.played)) == (4, 2)
+    assert_same(plain(tmp_path / "one"), tmp_path / "many")
+
+
+def test_death_of_what_merges_is_told_and_the_same_command_merges(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Parts stay whole, nothing lies where the run should, and none is played again."""
+    with monkeypatch.context() as killed:
+        killed.setattr(apart, "run_task", run_task)
+        killed.setattr(apart, "MERGE", f"{die.__module__}:{die.__name__}")
+        with pytest.raises(BundleError, match="merges the parts ended") as told:
+            apart_into(tmp_path / "many", plan())
+    assert "killed by SIGKILL" in told.value.seen
+    assert "the same command merges them" in told.value.mend
+    assert not (tmp_path / "many").exists()
+    executor = Here()
+    apart_into(tmp_path / "many", plan(), executor)
+    assert executor.played == []
     assert_same(plain(tmp_path / "one"), tmp_path / "many")
 
 
