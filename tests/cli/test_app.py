@@ -163,3 +163,14 @@ def test_number_that_json_lacks_is_null(
     with_command(monkeypatch, command)
     out = said(capfd, "probe", "--json")[1]
     assert json.loads(out) == {"mean": None, "all": [1.0, None], "agent": {"x": -0.5}}
+
+
+@pytest.mark.parametrize("line", [("show",), ("query", "--sql", "select 1"), ("verify",)])
+def test_name_that_is_too_long_is_told(
+    line: tuple[str, ...], capfd: pytest.CaptureFixture[str]
+) -> None:
+    """It is what was typed, and no fault of ours."""
+    code, out, err = said(capfd, line[0], "a" * 5_000, *line[1:])
+    assert code == 2
+    assert "fault of gamekeeper" not in out + err
+    assert len(err) < 2_000

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import errno
 import importlib
 import inspect
 import pkgutil
@@ -34,6 +35,8 @@ NAME: Final = "gamekeeper"
 FAILED: Final = 1
 UNSURE: Final = 2
 INTERRUPTED: Final = 130
+NAME_CHARS: Final = 200
+"""Of a file's name that the system refuses, as shown."""
 LAST: Final = 1_000
 """Place in the list of commands of one that names none (`ORDER`)."""
 
@@ -155,6 +158,11 @@ def _performed(command: Callable[..., Answer], screen: Screen, options: dict[str
     except Exception as error:
         if _is_interrupt(error):
             return _interrupted(screen)
+        if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
+            what = f"a name is too long for the system: {str(error.filename)[:NAME_CHARS]}..."
+            screen.error(what)
+            screen.document({"error": {"kind": "OSError", "what": what}})
+            return UNSURE
         screen.error(traceback.format_exc())
         screen.error("This is a fault of gamekeeper, not of your environment: please report it.")
         said = traceback.format_exception_only(error)[-1].strip()

@@ -128,7 +128,7 @@ def command(
     from gamekeeper.game.policy import parse_choices
     from gamekeeper.report.diagnosis_text import diagnosis_text
 
-    folder = run.with_name(f"{run.name}-diagnosis") if out is None else out
+    folder = _beside(run) if out is None else out
     if shrink is not None:
         return _shrunk(
             screen, run, shrink, failed=failed, env=env, contract=contract,
@@ -155,6 +155,11 @@ def command(
     if save_case is not None:
         _save(screen, found, run, save_case, failed)
     return Answer(document, diagnosis_code(found))
+
+
+def _beside(run: Path) -> Path:
+    named = run if run.name else run.absolute()  # `.` has none
+    return named.with_name(f"{named.name}-diagnosis")
 
 
 def diagnosis_code(found: Diagnosis) -> int:

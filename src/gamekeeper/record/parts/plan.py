@@ -80,7 +80,8 @@ class Plan:
 
 def parts_folder(out: Path) -> Path:
     """Where the parts of a run lie that nobody named a place for: `OUT-parts`."""
-    return out.absolute().with_name(f"{out.name}-parts")
+    whole = out.absolute()  # `.` has a name there
+    return whole.with_name(f"{whole.name}-parts")
 
 
 def key_of(episodes: range) -> str:
