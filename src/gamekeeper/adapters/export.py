@@ -107,7 +107,7 @@ def free_path(out: str | PathLike[str] | None, *, suffix: str = "") -> Path:
     if out is None:
         raise EvidenceError("no file is named", where="--out", mend=f"--out demo{suffix}")
     path = Path(fspath(out))
-    if suffix and path.suffix != suffix:
+    if suffix and path.name and path.suffix != suffix:  # `.` has no name, and lies there
         path = path.with_name(path.name + suffix)
     if path.exists() or path.is_symlink():
         raise BundleError(
