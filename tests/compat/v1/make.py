@@ -25,14 +25,14 @@ OFFERS = ({"ask": np.array([1.5, 9.0])}, 0, np.array([2, 1]))
 
 def market(env: object, seed: int, turns: int, **options: object) -> None:
     """Plays the market by a fixed rule; the buyer acts against its mask at times."""
-    env.reset(seed=seed, options=options or None)  # type: ignore[attr-defined]
+    env.reset(seed=seed, options=options or None)  # type: ignore[attr-defined]  # PettingZoo's
     for turn in range(turns):
-        if not env.agents:  # type: ignore[attr-defined]
+        if not env.agents:  # type: ignore[attr-defined]  # PettingZoo's
             return
-        offers = dict(zip(env.possible_agents, OFFERS, strict=True))  # type: ignore[attr-defined]
-        actions = {agent: offers[agent] for agent in reversed(env.agents)}  # type: ignore[attr-defined]
+        offers = dict(zip(env.possible_agents, OFFERS, strict=True))  # type: ignore[attr-defined]  # PettingZoo's
+        actions = {agent: offers[agent] for agent in reversed(env.agents)}  # type: ignore[attr-defined]  # PettingZoo's
         actions["buyer_0"] = 7 if turn == 3 else turn % 3  # outside its space
-        env.step(actions)  # type: ignore[attr-defined]
+        env.step(actions)  # type: ignore[attr-defined]  # PettingZoo's
 
 
 def record_market(name: str, *, level: str = "full", frames: bool = False) -> None:
