@@ -47,7 +47,7 @@ def test_single_agent_passes_gymnasiums_check(spec: str, agent: str) -> None:
 
 
 def _check(env: Any) -> None:
-    """All of `check_env`; it samples without looking at masks, with this seed only what is legal."""
+    """All of `check_env`: it samples without looking at masks; by this seed, what is legal."""
     env.action_space.seed(0)
     with warnings.catch_warnings():
         # what it thinks of a Box's bounds or of its own taste isn't about this face
