@@ -1,11 +1,14 @@
-"""What holds for every test: no window, no network, laws that try the same examples each time."""
+"""What holds for every test: no window, no network, and the same draws in every run."""
 
+import itertools
 import os
 import signal
 import sys
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
+from gymnasium.spaces import Space
 from hypothesis import HealthCheck, settings
 
 # pygame reads these when it is first imported, so they stand before any environment can be.
@@ -39,3 +42,27 @@ def interrupts_are_heard() -> Iterator[None]:
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
+
+
+SPACES_SEEDED = itertools.count()
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Each test begins with the same seed for spaces, whatever ran before it."""
+    global SPACES_SEEDED
+    SPACES_SEEDED = itertools.count()
+
+
+@pytest.fixture(autouse=True, scope="session")
+def unseeded_spaces_draw_the_same() -> Iterator[None]:
+    """A space that nobody seeded takes the next of a test's seeds instead of the system's noise."""
+    shipped = Space.np_random
+
+    def np_random(space: Space) -> np.random.Generator:
+        if space._np_random is None:
+            Space.seed(space, next(SPACES_SEEDED))
+        return shipped.fget(space)
+
+    Space.np_random = property(np_random)
+    yield
+    Space.np_random = shipped
