@@ -1,11 +1,13 @@
 """Extremes that no test has the time for: one very long episode, one very large observation.
 
-    python benchmarks/extremes.py --turns 10000000        # one AEC episode, recorded and verified
+    python benchmarks/extremes.py --turns 10000000        # one AEC episode, with every command
     python benchmarks/extremes.py --observation-mb 100    # both levels
-    python benchmarks/extremes.py --agents 10000          # recorded, replayed, shown, reported
+    python benchmarks/extremes.py --agents 10000
+    python benchmarks/extremes.py --turns 300000 --parts record,replay
 
 Prints a JSON line a figure. Memory is the peak of the process's resident set (ru_maxrss), so each
-figure is measured in a process of its own; time is processor time.
+figure is measured in a process of its own; time is processor time, of the process and of those that
+it started. `before_mb` is what the process had before its work began.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from gymnasium.spaces import Box, Discrete
@@ -30,15 +32,17 @@ from gamekeeper.game.open import open_env
 from gamekeeper.record.replay import replay_evidence
 from gamekeeper.record.verify import verify
 
+Part: TypeAlias = "Callable[[Turns, Path, argparse.Namespace], dict[str, Any]]"
+
 
 class Turns(gk.TurnEnv):
-    """Agents take turns; the one in turn is paid; after `turns` turns all have ended."""
+    """Agents take turns; who acts is paid, at the very end `last`; after `turns` turns all end."""
 
     metadata = {"name": "extreme_turns_v0"}  # noqa: RUF012  # as PettingZoo declares it
 
-    def __init__(self, agents: int = 2, turns: int = 100, size: int = 4) -> None:
+    def __init__(self, agents: int = 2, turns: int = 100, size: int = 4, last: float = 1.0) -> None:
         super().__init__()
-        self.most, self.taken = turns, 0
+        self.most, self.taken, self.last = turns, 0, last
         self.possible_agents = [f"agent_{i}" for i in range(agents)]
         space = Box(0, 1, (size,), np.float32)
         self.observation_spaces = dict.fromkeys(self.possible_agents, space)
@@ -52,7 +56,7 @@ class Turns(gk.TurnEnv):
     def act(self, agent: Any, action: Any) -> None:
         """Pays the agent in turn."""
         self.taken += 1
-        self.pay(agent, 1.0)
+        self.pay(agent, self.last if self.taken >= self.most else 1.0)
         if self.taken >= self.most:
             for each in list(self.agents):
                 self.terminate(each, "over")
@@ -69,6 +73,7 @@ def main() -> None:
     parser.add_argument("--observation-mb", type=int)
     parser.add_argument("--agents", type=int)
     parser.add_argument("--level", default="full")
+    parser.add_argument("--parts", help=f"of {','.join(PARTS)}; all unless told")
     parser.add_argument("--part", help=argparse.SUPPRESS)
     parser.add_argument("--run", type=Path, help=argparse.SUPPRESS)
     given = parser.parse_args()
@@ -78,35 +83,42 @@ def main() -> None:
     levels = ["full", "digest"] if given.observation_mb else [given.level]
     for level in levels:
         with tempfile.TemporaryDirectory() as folder:
-            for part in PARTS:
+            for part in given.parts.split(",") if given.parts else PARTS:
                 words = [*sys.argv[1:], "--level", level, "--part", part, "--run", f"{folder}/run"]
                 subprocess.run([sys.executable, __file__, *words], check=False)
 
 
-def game_of(given: argparse.Namespace) -> Turns:
+def game_of(given: argparse.Namespace, *, last: float = 1.0) -> Turns:
     """The environment that the command line describes."""
     if given.turns:
-        return Turns(turns=given.turns)
+        return Turns(turns=given.turns, last=last)
     if given.observation_mb:
-        return Turns(agents=1, turns=2, size=given.observation_mb * 250_000)
-    return Turns(agents=given.agents, turns=2 * given.agents)
+        return Turns(agents=1, turns=2, size=given.observation_mb * 250_000, last=last)
+    return Turns(agents=given.agents, turns=2 * given.agents, last=last)
 
 
 def measured(given: argparse.Namespace) -> dict[str, Any]:
     """One part: how long it took the processor, and the most memory that it had."""
     game, run = game_of(given), given.run
-    before_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    begun_s, cpu_s = time.monotonic(), time.process_time()
+    before_mb, _ = used()
+    begun_s, cpu_s = time.monotonic(), used()[1]
     told = PARTS[given.part](game, run, given)
+    peak_mb, after_s = used()
     return {
         "part": given.part, "level": given.level, "turns": given.turns, "agents": given.agents,
         "observation_mb": given.observation_mb, **told,
-        "cpu_s": round(time.process_time() - cpu_s, 2),
+        "cpu_s": round(after_s - cpu_s, 2),
         "wall_s": round(time.monotonic() - begun_s, 2), "before_mb": round(before_mb),
-        "peak_mb": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024),
-        "disk_mb": round(sum(map(size_of, files_in(run))) / 1e6, 1),
+        "peak_mb": round(peak_mb), "disk_mb": round(sum(map(size_of, files_in(run))) / 1e6, 1),
         "load": round(os.getloadavg()[0], 1),
     }  # fmt: skip
+
+
+def used() -> tuple[float, float]:
+    """Peak of the resident set in MB, and processor time: of this process and its children."""
+    every = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    cpu_s = sum(each.ru_utime + each.ru_stime for each in every)
+    return max(each.ru_maxrss for each in every) / 1024, cpu_s
 
 
 def files_in(run: Path) -> Iterator[Path]:
@@ -121,6 +133,13 @@ def size_of(path: Path) -> int:
 
 def recorded(game: Turns, run: Path, given: argparse.Namespace) -> dict[str, Any]:
     """One episode, whole."""
+    play(game, run, given)
+    evidence = gk.load(run)
+    return {"status": evidence.manifest["status"], "played": evidence.episodes["turns"].to_pylist()}
+
+
+def play(game: Turns, run: Path, given: argparse.Namespace) -> None:
+    """Plays and records one episode."""
     env = gk.record(game, run, level=given.level)
     env.reset(seed=1)
     step, agents = env.step, env.unwrapped
@@ -132,8 +151,6 @@ def recorded(game: Turns, run: Path, given: argparse.Namespace) -> dict[str, Any
         while agents.agents:
             step(None if agents.terminations[agents.agent_selection] else 0)
     env.close()
-    evidence = gk.load(run)
-    return {"status": evidence.manifest["status"], "played": evidence.episodes["turns"].to_pylist()}
 
 
 def opened(game: Turns, run: Path, given: argparse.Namespace) -> dict[str, Any]:
@@ -152,8 +169,45 @@ def replayed(game: Turns, run: Path, given: argparse.Namespace) -> dict[str, Any
     return {"verified": replay_evidence(gk.load(run), open_env(game)).verified}
 
 
-PARTS: dict[str, Callable[[Turns, Path, argparse.Namespace], dict[str, Any]]] = {
+def recorded_again(game: Turns, run: Path, given: argparse.Namespace) -> dict[str, Any]:
+    """A second run, which differs from the first in its last turn."""
+    play(game_of(given, last=2.0), run.parent / "other", given)
+    return {}
+
+
+def viewed(game: Turns, run: Path, given: argparse.Namespace) -> dict[str, Any]:
+    """What a browser asks for when it opens `gamekeeper view`: the page, its list, the episode."""
+    from gamekeeper.adapters.view.shelf import Shelf
+
+    shelf = Shelf([run])
+    sizes = [len(shelf.page("/").body), len(json.dumps(shelf.index("")))]
+    episode = shelf.episode("a", 0)
+    return {"bytes": [*sizes, 0 if episode is None else len(episode.body)]}
+
+
+def commanded(command: str, *words: object) -> dict[str, Any]:
+    """A command line in a process of its own, what it prints thrown away."""
+    line = [sys.executable, "-m", "gamekeeper", command, *map(str, words)]
+    done = subprocess.run(line, stdout=subprocess.DEVNULL, check=False)
+    return {"exit": done.returncode}
+
+
+def of_command(command: str, *words: object) -> Part:
+    """A part that is one command about the run; RUN's folder is where `{}` may write."""
+
+    def part(game: Turns, run: Path, given: argparse.Namespace) -> dict[str, Any]:
+        return commanded(command, run, *(str(word).format(run.parent) for word in words))
+
+    return part
+
+
+SUM: Final = "SELECT agent, sum(reward) FROM steps GROUP BY agent"
+PARTS: dict[str, Part] = {
     "record": recorded, "open": opened, "verify": verified, "replay": replayed,
+    "show": of_command("show"), "query": of_command("query", SUM), "second": recorded_again,
+    "diff": of_command("diff", "{}/other"),
+    "report": of_command("report", "--out", "{}/report.html"), "view": viewed,
+    "export": of_command("export", "--to", "numpy", "--out", "{}/run.npz"),
 }  # fmt: skip
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -16,12 +16,10 @@ from gamekeeper.core.arrow import cells_of
 from gamekeeper.core.block import Raw
 from gamekeeper.core.canon import drop, from_json, to_json
 from gamekeeper.core.difference import difference, shown_pair
+from gamekeeper.core.extent import clipped, extent_of, is_open
 from gamekeeper.core.leaf_columns import value_columns
 from gamekeeper.core.legible import legible
 from gamekeeper.core.trace import Trace, Turn
-
-# of an episode whose recorder was killed nothing is known after its last whole turn
-ENDS_OPEN: Final = ("torn", "failed")
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +94,18 @@ def compare(
             as equal; None: bit for bit.
         volatile: info fields that are left out.
     """
-    replayed = _as_far_as(recorded, replayed)
+    known = clipped(replayed, extent_of(recorded))
+    found = compare_rows(recorded, known, tolerance=tolerance, volatile=volatile)
+    if found.divergence is not None:
+        return found
+    apart = compare_ends(recorded, replayed)
+    return found if apart is None else Comparison(apart, is_exact=False, largest=found.largest)
+
+
+def compare_rows(
+    recorded: Trace, replayed: Trace, *, tolerance: float | None, volatile: Collection[str]
+) -> Comparison:
+    """Compares the turns of two traces, or of two stretches of the same turns; see `compare`."""
     largest, is_exact = 0.0, True
     walks = _Walk(recorded), _Walk(replayed)
     for number in _different_turns(recorded, replayed, volatile):
@@ -106,11 +115,15 @@ def compare(
         largest = max(largest, size)
         if found is not None:
             return Comparison(found, is_exact=False, largest=largest)
-    if not _is_open(recorded) and recorded.endings != replayed.endings:
-        values = dict(recorded.endings), dict(replayed.endings)
-        found = Divergence(recorded.episode, None, None, "endings", *values)
-        return Comparison(found, is_exact=False, largest=largest)
     return Comparison(None, is_exact=is_exact, largest=largest)
+
+
+def compare_ends(recorded: Trace, replayed: Trace) -> Divergence | None:
+    """What the rules say of the ends of agents, where that differs."""
+    if is_open(recorded.header) or recorded.endings == replayed.endings:
+        return None
+    values = dict(recorded.endings), dict(replayed.endings)
+    return Divergence(recorded.episode, None, None, "endings", *values)
 
 
 class _Walk:
@@ -127,40 +140,33 @@ class _Walk:
         return self._next if self._next is not None and self._next.index == number else None
 
 
-def _is_open(trace: Trace) -> bool:
-    return trace.header.get("end") in (None, *ENDS_OPEN)
-
-
-def _as_far_as(recorded: Trace, replayed: Trace) -> Trace:
-    """`replayed` without what came after the end of a recording that was torn off."""
-    turns = crossings(recorded)
-    last = recorded.steps["turn"][-1].as_py() if recorded.steps.num_rows else -1
-    failed_at_reset = recorded.header.get("end") == "failed" and last < 0
-    if not _is_open(recorded) or last >= turns or failed_at_reset:
-        return replayed
-    steps = replayed.steps.filter(pc.less(replayed.steps["turn"], turns))
-    states = replayed.states
-    if states is not None and recorded.states is not None:
-        kept = recorded.states["turn"][-1].as_py() if recorded.states.num_rows else -1
-        states = states.filter(pc.less_equal(states["turn"], kept))
-    return replace(replayed, steps=steps, states=states, _cache={})
-
-
-def crossings(trace: Trace) -> int:
-    """How many turns were played; in an episode that nobody ended, those in which someone acted."""
-    turns = trace.header.get("turns")
-    if turns is not None:
-        return int(turns)
-    acted = trace.steps["turn"].filter(pc.is_valid(trace.steps["order"]))
-    return int(acted[-1].as_py()) + 1 if len(acted) else 0
-
-
 def _different_turns(left: Trace, right: Trace, volatile: Collection[str]) -> Iterator[int]:
     """The turns at which rows, infos or states differ, in their order."""
+    if _are_equal(left, right):
+        return
     sides = [_by_turn(trace, volatile) for trace in (left, right)]
     for turn in sorted(sides[0].keys() | sides[1].keys()):
         if sides[0].get(turn) != sides[1].get(turn):
             yield turn
+
+
+@legible
+def _are_equal(left: Trace, right: Trace) -> bool:
+    """Whether all rows are the same, one by one: no look at each turn is needed then."""
+    if left.steps.num_rows != right.steps.num_rows or (left.states is None) != (
+        right.states is None
+    ):
+        return False
+    for name in ("turn", "info"):
+        if not left.steps[name].equals(right.steps[name]):
+            return False
+    if not np.array_equal(left.digests, right.digests):
+        return False
+    if left.states is None or right.states is None:
+        return True
+    return bool(left.states["turn"].equals(right.states["turn"])) and _states(
+        left.states
+    ) == _states(right.states)
 
 
 @legible

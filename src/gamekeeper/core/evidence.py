@@ -14,10 +14,12 @@ import pyarrow.compute as pc
 
 from gamekeeper.core.contract import Contract
 from gamekeeper.core.digest import run_fingerprint
+from gamekeeper.core.extent import WHOLE, Extent, extent, is_open
 from gamekeeper.core.layout import Layout, spaces_json
 from gamekeeper.core.legible import legible
 from gamekeeper.core.press import EPISODES
 from gamekeeper.core.space import Codec, UnknownSpace, space_from_json, space_to_json
+from gamekeeper.core.strip import Front, Strip
 from gamekeeper.core.summary import Summary, summarise
 from gamekeeper.core.tables import Tables, episode_rows
 from gamekeeper.core.trace import Spaces, Trace
@@ -108,12 +110,22 @@ class Evidence:
             for agent, pair in named.items()
         }
 
+    @cached_property
+    @legible
+    def state_codec(self) -> Codec | None:
+        """The codec of `state()`, where it was recorded."""
+        return _codec(self.manifest.get("state_space"))
+
     @property
     def traces(self) -> Iterator[Trace]:
         """The episodes as traces, in their order."""
+        return map(self.trace_of, self.headers)
+
+    @property
+    def headers(self) -> Iterator[Mapping[str, Any]]:
+        """The rows of `episodes`, in their order."""
         for batch in self.episodes.to_batches(max_chunksize=HEADERS):
-            for header in batch.to_pylist():
-                yield self.trace_of(header)
+            yield from batch.to_pylist()
 
     def trace(self, episode: int) -> Trace:
         """The trace of one episode.
@@ -121,10 +133,19 @@ class Evidence:
         Raises:
             KeyError: there is no such episode.
         """
+        return self.trace_of(self.header(episode))
+
+    def header(self, episode: int) -> Mapping[str, Any]:
+        """The row of one episode in `episodes`.
+
+        Raises:
+            KeyError: there is no such episode.
+        """
         rows = episode_rows(self.episodes, episode) if 0 <= episode < MOST_EPISODES else None
         if rows is None or not rows.num_rows:
             raise KeyError(episode)
-        return self.trace_of(rows.slice(0, 1).to_pylist()[0])
+        found: Mapping[str, Any] = rows.slice(0, 1).to_pylist()[0]
+        return found
 
     @legible
     def trace_of(self, header: Mapping[str, Any]) -> Trace:
@@ -138,8 +159,47 @@ class Evidence:
             steps=steps if steps is not None and steps.num_rows else NO_STEPS.empty_table(),
             states=self.tables.episode("states", number),
             spaces=self.spaces,
-            state_codec=_codec(self.manifest.get("state_space")),
+            state_codec=self.state_codec,
         )
+
+    @legible
+    def strip(self, header: Mapping[str, Any]) -> Strip:
+        """The episode that has this row in `episodes`, to be read from its front."""
+        number = header["episode"]
+        if header.get("turns") is None:
+            header = {**header, "turns": self._reach(number)[0]}
+        steps = self.tables.parts("steps", number)
+        states = self.tables.parts("states", number)
+        return Strip(
+            episode=number,
+            header=header,
+            spaces=self.spaces,
+            state_codec=self.state_codec,
+            steps=Front(steps or ()),
+            states=None if states is None else Front(states),
+            empty=NO_STEPS,
+        )
+
+    @legible
+    def extent(self, header: Mapping[str, Any]) -> Extent:
+        """How far the episode that has this row in `episodes` is known."""
+        if not is_open(header):
+            return WHOLE
+        number, state = header["episode"], None
+        acted, last = self._reach(number)
+        for part in self.tables.parts("states", number, columns=("turn",)) or ():
+            state = part["turn"][-1].as_py() if part.num_rows else -1 if state is None else state
+        turns = header.get("turns")
+        return extent(header, turns=acted if turns is None else turns, last=last, state=state)
+
+    def _reach(self, episode: int) -> tuple[int, int]:
+        """The turns of an episode in which someone acted, and the last one that has a row."""
+        acted, last = 0, -1
+        for part in self.tables.parts("steps", episode, columns=("turn", "order")) or ():
+            turns = part["turn"].filter(pc.is_valid(part["order"]))
+            acted = int(turns[-1].as_py()) + 1 if len(turns) else acted
+            last = int(part["turn"][-1].as_py()) if part.num_rows else last
+        return acted, last
 
     @cached_property
     @legible

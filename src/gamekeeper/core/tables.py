@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Final, Protocol
 
 import numpy as np
 import pyarrow as pa
+
+PART_ROWS: Final = 1 << 17
+"""Of an episode that is read in parts; as many as a row group of a bundle has."""
 
 
 class Tables(Protocol):
@@ -22,6 +25,17 @@ class Tables(Protocol):
 
     def episode(self, stream: str, episode: int) -> pa.Table | None:
         """The rows of one episode of a stream."""
+
+    def parts(
+        self, stream: str, episode: int, *, columns: Collection[str] | None = None
+    ) -> Iterator[pa.Table] | None:
+        """The rows of one episode, some columns of them, part by part; None as with `table`.
+
+        At least one part comes, which may be empty.
+        """
+
+    def has(self, stream: str) -> bool:
+        """Whether the stream was recorded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +55,22 @@ class MemoryTables:
         """The rows of one episode of a stream."""
         table = self.tables.get(stream)
         return None if table is None else episode_rows(table, episode)
+
+    def parts(
+        self, stream: str, episode: int, *, columns: Collection[str] | None = None
+    ) -> Iterator[pa.Table] | None:
+        """The rows of one episode, some columns of them, part by part."""
+        rows = self.episode(stream, episode)
+        if rows is None:
+            return None
+        if columns is not None:
+            rows = rows.select([name for name in rows.schema.names if name in columns])
+        starts = range(0, max(rows.num_rows, 1), PART_ROWS)
+        return (rows.slice(start, PART_ROWS) for start in starts)
+
+    def has(self, stream: str) -> bool:
+        """Whether the stream was recorded."""
+        return stream in self.tables
 
 
 def episode_rows(table: pa.Table, episode: int) -> pa.Table:

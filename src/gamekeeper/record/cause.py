@@ -39,7 +39,7 @@ def cause_of(
         changed: versions and sources that aren't those of the recording.
         timeout_s: longest time without a turn.
     """
-    header = evidence.trace(where.episode).header
+    header = evidence.header(where.episode)
     since = min(header["since"], where.episode)
 
     def played(*, first: int, hash_seed: int) -> dict[str, Any] | None:
@@ -119,7 +119,7 @@ def play_task(
     header: Mapping[str, Any] = {}
     try:
         for episode in range(first, last + 1):
-            header = stage.play(evidence.trace(episode)).header
+            header = stage.play(evidence.header(episode))
     finally:
         stage.close()
     moved = [a != b for a, b in zip(before, _global_states(), strict=True)]

@@ -5,8 +5,9 @@ from __future__ import annotations
 from os import PathLike
 from typing import Final
 
-from gamekeeper.core.divergence import Divergence, compare
+from gamekeeper.core.divergence import Divergence
 from gamekeeper.core.evidence import IDENTITY, Evidence
+from gamekeeper.core.side_by_side import compare_strips
 from gamekeeper.record.bundle import load
 
 PRINTS: Final = ("fingerprint", "info_fingerprint")
@@ -45,8 +46,10 @@ def diff(
             values = [side[episode][field] for side in (one, two)]
             if values[0] != values[1]:
                 return Divergence(episode, None, None, field, *values)
-        traces = left.trace_of(one[episode]), right.trace_of(two[episode])
-        found = compare(*traces, tolerance=tolerance, volatile=volatile)
+        found = compare_strips(
+            left.strip(one[episode]), right.strip(two[episode]),
+            known=left.extent(one[episode]), tolerance=tolerance, volatile=volatile,
+        )  # fmt: skip
         if found.divergence is not None:
             return found.divergence
     return _header_difference(left, right)

@@ -8,8 +8,8 @@ from typing import Any
 
 import pyarrow as pa
 
-from gamekeeper.core.divergence import crossings
 from gamekeeper.core.evidence import Evidence, fingerprints
+from gamekeeper.core.extent import crossings
 from gamekeeper.core.press import EPISODES
 from gamekeeper.record.bundle import load
 from gamekeeper.record.files.recovered import seal_recovered

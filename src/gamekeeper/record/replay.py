@@ -13,9 +13,10 @@ from typing import Any, Final
 import pyarrow as pa
 
 from gamekeeper.core.canon import from_json
-from gamekeeper.core.divergence import ENDS_OPEN, Comparison, Divergence, compare
+from gamekeeper.core.divergence import Divergence
 from gamekeeper.core.evidence import IDENTITY, Evidence, fingerprints
-from gamekeeper.core.trace import Trace
+from gamekeeper.core.extent import ENDS_OPEN
+from gamekeeper.core.side_by_side import SideBySide
 from gamekeeper.errors import EvidenceError, PolicyError, SpecError, TrustError
 from gamekeeper.game.open import distrust
 from gamekeeper.game.opening.opened import Opened
@@ -278,21 +279,23 @@ def replay_evidence(
     """
     volatile = evidence.contract.volatile_infos()
     stage = Stage(evidence, opened, after_turn=report)
-    results: list[Comparison] = []
+    exact, divergence = True, None
     prints: list[str | None] = []
     total = evidence.episodes.num_rows
     try:
-        for trace in evidence.traces:
-            again = stage.play(trace, _cast(trace, opened, evidence) if policies else None)
-            results.append(compare(trace, again, tolerance=tolerance, volatile=volatile))
-            prints.append(again.header["fingerprint"])
-            report(episode=trace.episode + 1, episodes=total)
-            if results[-1].divergence is not None:
+        for header in evidence.headers:
+            both = SideBySide(evidence.extent(header), tolerance=tolerance, volatile=volatile)
+            cast = _cast(header, opened, evidence) if policies else None
+            again = stage.play(header, cast=cast, look=both.look)
+            both.ends()
+            prints.append(again["fingerprint"])
+            report(episode=header["episode"] + 1, episodes=total)
+            exact, divergence = exact and both.is_exact, both.divergence
+            if divergence is not None:
                 break
     finally:
         stage.close()
-    divergence = results[-1].divergence if results else None
-    exact = divergence is None and all(result.is_exact for result in results)
+    exact = exact and divergence is None
     if exact:
         divergence = _header(evidence, opened, stage.manifest(), prints)
     versions = _differing_versions(_identity(evidence), opened.identity)
@@ -303,12 +306,12 @@ def replay_evidence(
         fingerprint=evidence.fingerprint,
         divergence=divergence,
         versions={} if exact and divergence is None else versions,
-        episodes=len(results),
+        episodes=len(prints),
     )
 
 
-def _cast(trace: Trace, opened: Opened, evidence: Evidence) -> Any:
-    return cast_of(_policies(trace.header.get("policies")), opened.env, evidence.contract)
+def _cast(header: Mapping[str, Any], opened: Opened, evidence: Evidence) -> Any:
+    return cast_of(_policies(header.get("policies")), opened.env, evidence.contract)
 
 
 def _header(

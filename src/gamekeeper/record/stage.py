@@ -7,13 +7,16 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+import pyarrow.compute as pc
+
 from gamekeeper.core.canon import from_json, is_exact
 from gamekeeper.core.evidence import Evidence
-from gamekeeper.core.trace import Trace
+from gamekeeper.core.where import Where
 from gamekeeper.errors import EvidenceError, SpecError
 from gamekeeper.game.faces import game_of
 from gamekeeper.game.open import open_env, reopen
 from gamekeeper.game.opening.opened import Opened
+from gamekeeper.record.course import Course, Look
 from gamekeeper.run.memory import MemorySink
 from gamekeeper.run.play import Cast
 from gamekeeper.run.rerun import replay_trace
@@ -81,28 +84,42 @@ class Stage:
             opened.env,
             sink=self._sink,
             frames=_was_rendered(evidence),
-            state=evidence.tables.table("states") is not None,
+            state=evidence.tables.has("states"),
         )
 
-    def play(self, trace: Trace, cast: Cast | None = None) -> Trace:
-        """What became of an episode, played again: its actions, or those that `cast` chooses.
+    def play(
+        self,
+        header: Mapping[str, Any],
+        *,
+        cast: Cast | None = None,
+        look: Look | None = None,
+    ) -> Mapping[str, Any]:
+        """The header of an episode, played again: its actions, or those that `cast` chooses.
 
+        Args:
+            header: of the recorded episode.
+            look: is handed stretches of whole turns, recorded and played, as they come; it says
+                whether to play on.
         Raises:
             EvidenceError: an action was an object that no text can build again.
         """
         if cast is None:
-            _check_actions(trace)
-        self._game.episode = trace.episode - 1
+            _check_actions(self._evidence, header)
+        course = Course(self._evidence.strip(header), self._game, self._sink, look)
+        self._game.episode = course.head.episode - 1
         replay_trace(
-            trace,
+            course.head,
             self._game,
             agents={seat.name: agent for agent, seat in self._sink.layout.seats.items()},
             types=self._evidence.manifest.get("action_types"),
             cast=cast,
             run_seed=self._evidence.manifest.get("seed"),
             after_turn=self._after_turn,
+            turns=course.turns(),
         )
-        return next(self._kept().traces)
+        again = self._kept()
+        course.finish(again)
+        return next(again.headers)
 
     def manifest(self) -> Mapping[str, Any]:
         """The manifest of what was played."""
@@ -113,6 +130,7 @@ class Stage:
         self._game.close()
 
     def _kept(self) -> Evidence:
+        """What was played since the last call, but for rows that were taken off by then."""
         return self._sink.evidence(self._opened.identity, contract=self._evidence.contract)
 
 
@@ -124,16 +142,16 @@ def _was_rendered(evidence: Evidence) -> bool:
     return evidence.path is not None and (Path(evidence.path) / "frames").is_dir()
 
 
-def _check_actions(trace: Trace) -> None:
+def _check_actions(evidence: Evidence, header: Mapping[str, Any]) -> None:
     """Raises where an action can't be handed over again."""
-    for turn, agent, odd in zip(
-        *(trace.steps[name].to_pylist() for name in ("turn", "agent", "odd")), strict=True
-    ):
-        action = {} if odd is None else json.loads(odd).get("action", {})
-        if "value" in action and not is_exact(compact(action["value"])):
-            raise EvidenceError(
-                "an action was an object that no text can build again",
-                where=str(trace.at(turn, agent, "action")),
-                seen=compact(action["value"])[:200],
-                mend="act with values of the action space",
-            )
+    columns = ("turn", "agent", "odd")
+    for part in evidence.tables.parts("steps", header["episode"], columns=columns) or ():
+        for row in part.filter(pc.is_valid(part["odd"])).to_pylist():
+            action = json.loads(row["odd"]).get("action", {})
+            if "value" in action and not is_exact(compact(action["value"])):
+                raise EvidenceError(
+                    "an action was an object that no text can build again",
+                    where=str(Where("", header["episode"], row["turn"], row["agent"], "action")),
+                    seen=compact(action["value"])[:200],
+                    mend="act with values of the action space",
+                )

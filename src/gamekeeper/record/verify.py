@@ -148,12 +148,11 @@ def digest_again(evidence: Evidence, *, volatile: Collection[str] | None = None)
     for header in headers:
         number = header["episode"]
         digest = EpisodeDigest(episode_header(seed=header["seed"], options=header["options"]))
-        steps = evidence.trace_of(header).steps
-        digest.add_rows(digests_of(steps))
-        states = evidence.tables.episode("states", number)
-        if states is not None:
+        for steps in evidence.tables.parts("steps", number) or ():
+            digest.add_rows(digests_of(steps))
+            _add_infos(digest, steps, number, leave_out)
+        for states in evidence.tables.parts("states", number) or ():
             digest.add_states(_state_digests(states))
-        _add_infos(digest, steps, number, leave_out)
         found[number] = digest.fingerprint, digest.info_fingerprint
         if header["fingerprint"] is not None and found[number] != (
             header["fingerprint"],

@@ -76,6 +76,12 @@ class MemorySink:
             ),
         )
 
+    def taken(self) -> Mapping[str, pa.Table]:
+        """The rows of all whole turns since the last call, by stream; they are handed over."""
+        self._drain()
+        streams = [name for name in self._batches if name != "episodes"]
+        return {name: table_of(self._batches.pop(name)) for name in streams}
+
     def _drain(self) -> None:
         rows = most_rows([*self.layout.columns("obs"), *self.layout.columns("action")])
         while (reel := take(self.tape, most=MOST_TURNS, most_rows=rows)) is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from typing import Any, Final, Literal
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from gamekeeper.core.arrow import TERM
 from gamekeeper.core.contract import Contract
-from gamekeeper.core.divergence import crossings
+from gamekeeper.core.extent import crossings
 from gamekeeper.core.layout import agent_name
 from gamekeeper.core.trace import Trace, Turn
 from gamekeeper.errors import EvidenceError, PolicyError
@@ -103,6 +103,7 @@ def replay_trace(
     cast: Cast | None = None,
     run_seed: int | None = None,
     after_turn: Callable[[], None] | None = None,
+    turns: Iterable[Turn] | None = None,
 ) -> None:
     """Plays `trace` again in `game`: its reset, its actions in their order.
 
@@ -116,6 +117,7 @@ def replay_trace(
         cast: policies that choose in place of the recorded actions (the loop is closed); open if
             None.
         run_seed: seeds the policies of a closed loop.
+        turns: of the episode, where `trace` holds only the first of them; it names their number.
     """
     if cast is not None and run_seed is not None:
         cast.begin(run_seed, trace.episode)
@@ -126,7 +128,7 @@ def replay_trace(
         raise
     except BaseException:  # it ended there as failed, and perhaps it did so before
         return
-    for turn in trace.turns:
+    for turn in trace.turns if turns is None else turns:
         if turn.index >= played or not game.env.agents:
             _look_once_more(game, trace, turn)
             break

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -56,10 +56,43 @@ class SealedTables:
         reader = self._readers.get(stream)
         if reader is None:
             return None
-        first, last = self._group_bounds(stream, reader)
-        groups = np.flatnonzero((first <= episode) & (episode <= last)).tolist()
+        groups = self._groups_of(stream, reader, episode)
         tables = [self._group(stream, reader, number) for number in groups]
         return episode_rows(pa.concat_tables(tables or [reader.schema.empty_table()]), episode)
+
+    def parts(
+        self, stream: str, episode: int, *, columns: Collection[str] | None = None
+    ) -> Iterator[pa.Table] | None:
+        """The rows of one episode, some columns of them, a row group at a time.
+
+        Raises:
+            BundleError: the file is damaged.
+        """
+        reader = self._readers.get(stream)
+        return None if reader is None else self._parts(stream, reader, episode, columns)
+
+    def has(self, stream: str) -> bool:
+        """Whether the stream was recorded."""
+        return stream in self._readers
+
+    def _parts(
+        self, stream: str, reader: TableReader, episode: int, columns: Collection[str] | None
+    ) -> Iterator[pa.Table]:
+        groups = self._groups_of(stream, reader, episode)
+        some = None if columns is None else {"episode", *columns} & set(reader.schema.names)
+        if not groups:
+            yield reader.schema.empty_table()
+        for number in groups:
+            if some is None:
+                yield episode_rows(self._group(stream, reader, number), episode)
+            else:
+                yield episode_rows(reader.read(columns=some, groups=[number]), episode)
+
+    def _groups_of(self, stream: str, reader: TableReader, episode: int) -> list[int]:
+        """The row groups that hold rows of an episode."""
+        first, last = self._group_bounds(stream, reader)
+        groups: list[int] = np.flatnonzero((first <= episode) & (episode <= last)).tolist()
+        return groups
 
     def _group_bounds(self, stream: str, reader: TableReader) -> Any:
         """The first and the last episode of each row group, [2, groups]."""
