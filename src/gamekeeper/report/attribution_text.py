@@ -10,6 +10,8 @@ from gamekeeper.report.columns import columns_of, filled, wrapped
 INDENT: Final = "  "
 MOST_ROWS: Final = 8
 """Pairs that are shown; the JSON document has all of them."""
+SEEN: Final = 4
+"""Columns of agents' rows that stand in the recorded run; the others come from replaying it."""
 SURE: Final = 0.05
 """The share beyond which an influence is worth a line."""
 
@@ -22,7 +24,8 @@ def attribution_text(document: Mapping[str, Any], *, width: int) -> str:
         width: columns that no line exceeds, as far as names allow.
     """
     blocks = [
-        _team(document, width), _agents(document), _lazy(document, width), _influence(document),
+        _team(document, width), _agents(document, width), _lazy(document, width),
+        _influence(document),
         _messages(document, width), _penalties(document, width), _not_tested(document, width),
     ]  # fmt: skip
     return "\n\n".join(block for block in blocks if block)
@@ -42,12 +45,23 @@ def _team(document: Mapping[str, Any], width: int) -> str:
     else:
         told = (
             f"In {fresh} fresh episodes the team's return is {_number(team['all'])}; with the "
-            f"baseline ({document['baseline']}) for everybody it is {_number(team['none'])}."
+            f"baseline ({_baseline(document)}) for everybody it is {_number(team['none'])}."
         )
     return "\n".join(wrapped(told, width))
 
 
-def _agents(document: Mapping[str, Any]) -> str:
+def _baseline(document: Mapping[str, Any]) -> str:
+    """What took agents' places: another than was asked for where none has a declared noop."""
+    parts = [part["difference"] for part in document["agents"].values() if part["difference"]]
+    played = sorted({part["baseline"] for part in parts})
+    asked = str(document["baseline"])
+    if not played or played == [asked]:
+        return asked
+    which = "no" if asked not in played else "not for every agent a"
+    return f"{' or '.join(played)}: {which} {asked} is declared"
+
+
+def _agents(document: Mapping[str, Any], width: int) -> str:
     head = ["agent", "own", "share", "idle", "lost without it", "Shapley", "still, others frozen"]
     rows = [head]
     for name, part in document["agents"].items():
@@ -56,7 +70,24 @@ def _agents(document: Mapping[str, Any]) -> str:
             _measured(part["difference"]), _measured(part["shapley"]),
             _measured(part["turn"]["all"]),
         ])  # fmt: skip
-    return "Agents\n" + _table(rows)
+    table = _table(rows)
+    if max(map(columns_of, table.splitlines())) > width:  # what was seen, then what was tried
+        first = _table([row[:SEEN] for row in rows])
+        table = f"{first}\n\n{_table([[row[0], *row[SEEN:]] for row in rows])}"
+    return "\n".join(["Agents", table, *_stand_ins(document, width)])
+
+
+def _stand_ins(document: Mapping[str, Any], width: int) -> list[str]:
+    """Whose `still` is its first legal action, for want of a declared noop."""
+    names = [
+        name
+        for name, part in document["agents"].items()
+        if (part["turn"]["all"] or {}).get("baseline") == "first-legal"
+    ]
+    if not names:
+        return []
+    told = f"still: no noop is declared for {', '.join(names)}; its first legal action stands in"
+    return wrapped(told, width, first=INDENT, rest=INDENT * 2)
 
 
 def _lazy(document: Mapping[str, Any], width: int) -> str:

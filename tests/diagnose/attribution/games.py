@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from gymnasium.spaces import Box, Discrete
+from gymnasium.spaces import Box, Dict, Discrete
 
 import gamekeeper as gk
 
@@ -173,6 +173,39 @@ class Talking(gk.TickEnv):
         if agent == "speaker_0":
             return np.array([self.goal, 0])
         return np.array([self.clock, self.word])
+
+
+class Thrust(gk.TickEnv):
+    """Two drones, each paid for its own thrust, a number in a dictionary of arrays."""
+
+    metadata = {"name": "thrust_v0", "is_parallelizable": True}  # noqa: RUF012
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.possible_agents = ["drone_0", "drone_1"]
+        thrust = Box(-1, 1, (2,), np.float64)
+        self.observation_spaces = {a: Box(-99, 99, (2,), np.float64) for a in self.possible_agents}
+        self.action_spaces = {"drone_0": thrust, "drone_1": Dict({"thrust": thrust})}
+
+    def start(self, rng: Any, options: Any) -> None:
+        """Nothing was done."""
+        self.places = {agent: np.zeros(2) for agent in self.possible_agents}
+        self.clock = 0
+
+    def tick(self, actions: Any) -> None:
+        """Each moves by itself."""
+        for agent, action in actions.items():
+            thrust = action if agent == "drone_0" else action["thrust"]
+            self.places[agent] = self.places[agent] + thrust
+            self.pay(agent, float(thrust[0]))
+        self.clock += 1
+        if self.clock == 6:
+            for agent in list(self.agents):
+                self.truncate(agent, "horizon")
+
+    def observe(self, agent: str) -> Any:
+        """Where it is."""
+        return self.places[agent].copy()
 
 
 def says_goal(observation: Any, agent: Any, info: Any, rng: Any) -> int:

@@ -10,6 +10,7 @@ import pytest
 import gamekeeper as gk
 from gamekeeper.diagnose.attribution.attribute import attribute
 from gamekeeper.errors import PolicyError, TrustError
+from gamekeeper.report.attribution_text import attribution_text
 from tests.diagnose.attribution import games
 from tests.record.parts.here import Here
 
@@ -154,6 +155,25 @@ def test_agent_without_a_noop_is_measured_against_random() -> None:
     assert part.difference is not None
     assert part.difference.baseline == "random"
     assert part.laziness.is_lazy is None
+
+
+def test_attribution_takes_actions_that_are_arrays() -> None:
+    """Boxes of several numbers, within dictionaries too, are replaced and compared as any."""
+    evidence = gk.rollout(games.Thrust, episodes=2, seed=3)
+    found = attribute(evidence, env=games.Thrust, episodes=2, papers=2)
+    assert {"drone_0", "drone_1"} == set(found.agents)
+    reached = {(r["from"], r["to"]) for r in found.influence if r["p"] > 0}
+    assert reached == {("drone_0", "drone_0"), ("drone_1", "drone_1")}
+
+
+def test_text_tells_which_baseline_played_and_keeps_to_the_terminal() -> None:
+    """Without a noop chance plays, and the first legal action stands still; nothing is wider."""
+    evidence = gk.rollout(games.Thrust, episodes=2, seed=3)
+    found = attribute(evidence, env=games.Thrust, episodes=2, papers=2)
+    text = attribution_text(found.to_json(), width=80)
+    assert "(random: no noop is declared)" in " ".join(text.split())
+    assert "no noop is declared for drone_0, drone_1" in " ".join(text.split())
+    assert max(map(len, text.splitlines())) <= 80
 
 
 def _by_hand(episodes: int):

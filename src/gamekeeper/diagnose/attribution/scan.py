@@ -11,7 +11,7 @@ from numpy.random import Generator
 
 from gamekeeper.core.contract import Contract
 from gamekeeper.diagnose.attribution.bench import Bench
-from gamekeeper.diagnose.attribution.film import Film, Paper, Swap
+from gamekeeper.diagnose.attribution.film import Film, Paper, Swap, fingerprint
 
 ONE: Final = 2
 """Actions of each agent and episode that are replaced by doing nothing, one at a time."""
@@ -91,7 +91,8 @@ def _influence(
             film = bench.from_paper(
                 paper, Swap(agent, turn, "other"), turns=turn + LATER + 2, rng=rng, sees=True
             )
-            if film.actions[agent] == base.actions[agent][: len(film.actions[agent])]:
+            done = film.actions[agent]
+            if fingerprint(done) == fingerprint(base.actions[agent][: len(done)]):
                 continue  # there was no other action
             for key, is_changed in changes(base, film, agent, turn, noise):
                 looks[key] += 1
