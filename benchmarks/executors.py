@@ -135,10 +135,11 @@ def recorded(out: Path, episodes: int, seed: int, workers: int) -> tuple[str, di
             spec=SPREAD, env_kwargs={}, policies={}, episodes=episodes, seed=seed, options=None,
             level="full", frames=False, most_turns=None, contract=None,
         )  # fmt: skip
-        done = record_apart(
-            plan, out, executor=LocalExecutor(workers), on_message=take,
-            storage=Storage.at(parts_folder(out)),
-        )  # fmt: skip
+        with LocalExecutor(workers) as executor:
+            done = record_apart(
+                plan, out, executor=executor, on_message=take,
+                storage=Storage.at(parts_folder(out)),
+            )  # fmt: skip
         deaths = done.deaths
     else:
         gk.rollout(SPREAD, episodes=episodes, seed=seed, out=out,

@@ -13,10 +13,15 @@ import pytest
 import gamekeeper as gk
 from gamekeeper.record.files.segments import SEGMENT
 from gamekeeper.record.files.store import Bundle, Store, read, seal_recovered
+from gamekeeper.record.parts.merge import merge_task
+from gamekeeper.record.parts.plan import claim
+from gamekeeper.record.parts.play import part_task
 from gamekeeper.record.recover import recover
 from gamekeeper.record.replay import replay
 from gamekeeper.record.verify import verify
+from gamekeeper.run.executors.storage import Storage
 from tests.record import bundles
+from tests.record.parts.here import plan
 
 SECTOR = 512
 STREAMS = ("episodes", "steps", "states", "timings")
@@ -115,6 +120,25 @@ def test_recording_syncs_no_rows(tmp_path: Path, log: Log) -> None:
     store.abandon()
 
     assert "sync" not in {what for what, _ in log}
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="workers are for POSIX systems")
+def test_parts_are_not_synced_and_what_they_become_is(tmp_path: Path, log: Log) -> None:
+    """A part that a power cut tears is played again: only the plan of the parts is synced."""
+    wanted, storage = plan(), Storage.at(tmp_path / "parts")
+    claim(storage, wanted)
+    del log[:]
+    given = {"storage": storage.place, "plan": wanted.to_json()}
+    for number in range(wanted.episodes):
+        said = part_task(lambda **fields: None, **given, first=number, stop=number + 1)
+        assert said["error"] is None
+    assert "sync" not in {what for what, _ in log}
+
+    out = tmp_path / "run"
+    merge_task(lambda **f: None, **given, out=str(out), parts=wanted.episodes, error=None)
+    synced = {number for what, number in log if what == "sync"}
+    names = (f"{MANIFEST}", *(f"{stream}.parquet" for stream in STREAMS if stream != "states"))
+    assert {str((out / name).stat().st_ino) for name in names} <= synced
 
 
 @pytest.mark.parametrize("stream", STREAMS)

@@ -116,6 +116,9 @@ def _say(screen: Screen, played: Apart) -> None:
     """Says what of the parts isn't in the evidence: those found, and deaths on the way."""
     if played.found:
         screen.note(f"{played.found} of {played.parts} parts were there already")
+    if played.torn:
+        many = "a part was" if played.torn == 1 else f"{played.torn} parts were"
+        screen.note(f"{many} damaged, as a power cut leaves them, and played again")
     if played.deaths:
         times = "once" if played.deaths == 1 else f"{played.deaths} times"
         screen.note(f"a worker process died {times}; what it played was played again")

@@ -56,9 +56,12 @@ class Recorder:
         run_seed: int | None = None,
         terms: tuple[str, ...] = (),
         volatile: Collection[str] = (),
+        durable: bool = True,
     ) -> None:
         """Makes the bundle and starts the thread.
 
+        Args:
+            durable: what is sealed survives a power cut; False where it is played again then.
         Raises:
             BundleError: the folder can't be made, or something is in it.
             EvidenceError: there is no such level.
@@ -79,7 +82,8 @@ class Recorder:
         pa.array([0])
         # absolute: whoever steps may change the working directory before the bundle is sealed
         manifest = manifest_of(layout=self.layout, **self._facts)
-        self._store = Store.create(Path(path).absolute(), manifest)
+        self._store = Store.create(Path(path).absolute(), manifest, durable=durable)
+        self._durable = durable
         self._press = Press(self.layout, self.rings.open, level=level, volatile=volatile)
         self._episodes: list[pa.RecordBatch] = []
         self._frames: deque[tuple[int, int, Any]] = deque()
@@ -182,7 +186,8 @@ class Recorder:
             self._described = known
             manifest = manifest_of(layout=self.layout, **self._facts)
             entries = {"format_version": FORMAT_VERSION, "status": "open", "action_types": types}
-            replace(self.path / MANIFEST, render({**manifest, **entries}))
+            data = render({**manifest, **entries})
+            replace(self.path / MANIFEST, data, durable=self._durable)
 
     def _let_go(self) -> None:
         """After a failure: a step that waits for a slot of a ring gets one, and then the error."""

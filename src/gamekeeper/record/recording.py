@@ -133,12 +133,49 @@ def rollout(
             seed=seed, level=level, contract=contract, options=options, most_turns=most_turns,
             frames=frames, env_kwargs=env_kwargs, after_episode=after_episode,
         )  # fmt: skip
+    return played(
+        spec, policies=policies, episodes=episodes, first=first, seed=seed, out=out, level=level,
+        contract=contract, options=options, most_turns=most_turns, frames=frames,
+        env_kwargs=env_kwargs, after_turn=after_turn, after_episode=after_episode,
+        while_sealing=while_sealing,
+    )  # fmt: skip
+
+
+def played(
+    spec: object,
+    *,
+    policies: Choices,
+    episodes: int,
+    first: int,
+    seed: int,
+    out: str | PathLike[str] | None,
+    level: str,
+    contract: Contract | str | PathLike[str] | None,
+    options: Mapping[str, Any] | None,
+    most_turns: int | None,
+    frames: bool,
+    env_kwargs: Mapping[str, Any] | None,
+    after_turn: Callable[[], None] | None,
+    after_episode: Callable[[int], None] | None,
+    while_sealing: Callable[[], AbstractContextManager[object]],
+    durable: bool = True,
+) -> Evidence:
+    """Plays episodes in this process; see `rollout`.
+
+    Args:
+        durable: a bundle survives a power cut once it is sealed; False where it is played again
+            then, as a part of a run is.
+    Raises:
+        GamekeeperError: as `rollout`.
+    """
     given = dict(env_kwargs or {})
     opened = open_rendered(spec, given) if frames else open_env(spec, **given)
     try:
         declared = declared_contract(contract, opened)
         cast = cast_of(policies, opened.env, declared)  # may refuse: no folder yet
-        sink = _sink(opened, out, level=level, contract=declared, run_seed=seed)
+        sink = _sink(
+            opened, out, level=level, contract=declared, run_seed=seed, durable=durable
+        )  # fmt: skip
     except BaseException:
         opened.env.close()
         raise
@@ -198,12 +235,13 @@ def _sink(
     level: str,
     contract: Contract | None,
     run_seed: int,
+    durable: bool,
 ) -> Recorder | MemorySink:
     if out is None:
         return MemorySink(**_declared(contract))
     return Recorder(
         out, environment=opened.identity, contract=contract, level=level, run_seed=run_seed,
-        **_declared(contract),
+        durable=durable, **_declared(contract),
     )  # fmt: skip
 
 

@@ -1,3 +1,4 @@
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from gamekeeper.record.parts.play import part_task
 from gamekeeper.record.parts.receipt import receipt_of
 from gamekeeper.record.verify import verify
 from gamekeeper.run.executors.storage import Storage
+from gamekeeper.run.executors.task import Done
 from gamekeeper.run.workers import run_task
 from tests.record.parts.here import CROWD, Here, apart_into, die, plan, tasks_run_here
 from tests.record.walks import TURNS
@@ -181,27 +183,100 @@ def test_two_attempts_at_a_part_never_mix(tmp_path: Path) -> None:
     assert_same(plain(tmp_path / "one"), tmp_path / "many")
 
 
-def test_damaged_part_is_told_and_played_again(tmp_path: Path) -> None:
-    """Every byte of a part is compared with its seal; the mend is to take that one part away."""
-    storage = Storage.at(parts_folder(tmp_path / "many"))
-    with pytest.raises(KeyboardInterrupt):
-        apart_into(tmp_path / "many", plan(), Here(stop=5))
-    receipt = receipt_of(storage, key_of(range(2, 3)))
-    assert receipt is not None
-    path = storage.path_of(f"{receipt.folder}/steps.parquet")
-    assert path is not None
+def lost(path: Path) -> None:
+    path.unlink()
+
+
+def emptied(path: Path) -> None:
+    path.write_bytes(b"")
+
+
+def halved(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def zeroed(path: Path) -> None:
+    """Its length was on the disk, its last bytes weren't."""
+    size = path.stat().st_size
+    path.write_bytes(path.read_bytes()[: size // 2] + bytes(size - size // 2))
+
+
+def changed(path: Path) -> None:
     data = bytearray(path.read_bytes())
     data[len(data) // 2] ^= 1
     path.write_bytes(data)
-    with pytest.raises(BundleError, match="a part was changed") as caught:
-        apart_into(tmp_path / "many", plan())
-    assert receipt.key in caught.value.where
-    assert not (tmp_path / "many").exists()
-    storage.delete(f"{FOLDER}/{receipt.key}.json")
+
+
+@pytest.mark.parametrize("harm", [lost, emptied, halved, zeroed, changed])
+@pytest.mark.parametrize("name", ["manifest.json", "steps.parquet", "episodes.parquet"])
+def test_damaged_part_is_played_again(
+    name: str, harm: Callable[[Path], None], tmp_path: Path
+) -> None:
+    """Parts aren't synced: what a power cut left of one is compared with its seal."""
+    storage = Storage.at(parts_folder(tmp_path / "many"))
+    with pytest.raises(KeyboardInterrupt):
+        apart_into(tmp_path / "many", plan(), Here(stop=5))
+    harm(_file(storage, range(2, 3), name))
     executor = Here()
-    assert apart_into(tmp_path / "many", plan(), executor).found == 5
-    assert executor.played == [receipt.key]
+    done = apart_into(tmp_path / "many", plan(), executor)
+    assert (done.found, done.torn) == (4, 1)
+    assert executor.played == [key_of(range(5, 6)), key_of(range(2, 3))]
     assert_same(plain(tmp_path / "one"), tmp_path / "many")
+    assert not parts_folder(tmp_path / "many").exists()
+
+
+@pytest.mark.parametrize("harm", [lost, emptied, halved, zeroed])
+def test_torn_receipt_is_none(harm: Callable[[Path], None], tmp_path: Path) -> None:
+    """Nor are receipts synced: the part of one that a power cut tore is played again."""
+    with pytest.raises(KeyboardInterrupt):
+        apart_into(tmp_path / "many", plan(), Here(stop=5))
+    key = key_of(range(2, 3))
+    harm(parts_folder(tmp_path / "many") / FOLDER / f"{key}.json")
+    executor = Here()
+    assert apart_into(tmp_path / "many", plan(), executor).found == 4
+    assert executor.played == [key, key_of(range(5, 6))]
+    assert_same(plain(tmp_path / "one"), tmp_path / "many")
+
+
+def test_torn_failure_ends_the_run_all_the_same(tmp_path: Path) -> None:
+    """A part that failed, and was damaged then, fails again; nothing behind it is played."""
+    changed_ = {"env_kwargs": {"fails": [episode_seed(3, 1)]}}
+    storage = Storage.at(parts_folder(tmp_path / "many"))
+    with pytest.raises(KeyboardInterrupt):
+        apart_into(tmp_path / "many", plan(**changed_), Here(None, stop=2, most=2))
+    zeroed(_file(storage, range(1, 2), "episodes.parquet"))
+    done = apart_into(tmp_path / "many", plan(**changed_))
+    assert isinstance(done.error, EnvError)
+    assert (done.parts, done.torn) == (2, 1)
+    assert_same(plain(tmp_path / "one", **changed_), tmp_path / "many")
+
+
+def test_part_that_is_damaged_again_is_told(tmp_path: Path) -> None:
+    """Whatever damages it, it is no power cut: nothing is played without end."""
+    storage = Storage.at(parts_folder(tmp_path / "many"))
+
+    class Harmed(Here):
+        def map(self, *given: Any, **options: Any) -> Iterator[Done]:
+            yield from super().map(*given, **options)
+            changed(_file(storage, range(2, 3), "steps.parquet"))
+
+    executor = Harmed()
+    with pytest.raises(BundleError, match="a part was changed") as caught:
+        apart_into(tmp_path / "many", plan(), executor)
+    assert key_of(range(2, 3)) in caught.value.where
+    assert executor.played.count(key_of(range(2, 3))) == 2
+    assert len(executor.played) == 7
+    assert not (tmp_path / "many").exists()
+    assert apart_into(tmp_path / "many", plan()).torn == 1
+
+
+def _file(storage: Storage, episodes: range, name: str) -> Path:
+    """A file of a part that is whole."""
+    receipt = receipt_of(storage, key_of(episodes))
+    assert receipt is not None
+    path = storage.path_of(f"{receipt.folder}/{name}")
+    assert path is not None
+    return path
 
 
 def test_parts_go_by_url_and_come_back(tmp_path: Path) -> None:

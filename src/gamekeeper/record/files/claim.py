@@ -21,9 +21,13 @@ from gamekeeper.record.files.manifest import MANIFEST
 DRAFT: Final = MANIFEST + ".tmp"
 
 
-def claim(folder: Path, manifest: bytes) -> int:
+def claim(folder: Path, manifest: bytes, *, durable: bool = True) -> int:
     """The folder exists, holds this manifest and nothing else, and is locked for this process.
 
+    Args:
+        folder: doesn't exist yet, or is empty.
+        manifest: its bytes.
+        durable: it survives a power cut from now on.
     Returns:
         The descriptor that holds the lock; -1 where the system has none for folders.
     Raises:
@@ -32,10 +36,10 @@ def claim(folder: Path, manifest: bytes) -> int:
     made = not os.path.lexists(folder)
     lock = -1
     try:
-        _make(folder)
+        _make(folder, durable=durable)
         _refuse_taken(folder, but=())
         lock = lock_folder(folder)
-        _publish(folder, manifest)
+        _publish(folder, manifest, durable=durable)
     except BaseException as error:  # also Ctrl-C
         if lock >= 0:
             os.close(lock)
@@ -69,15 +73,15 @@ def lock_folder(folder: Path) -> int:
     )
 
 
-def _make(folder: Path) -> None:
-    """The folder and its parents are there; the names of those made now survive a power cut."""
-    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+def _make(folder: Path, *, durable: bool) -> None:
+    """The folder and its parents are there, `durable`: also after a power cut."""
+    missing = [path for path in (folder, *folder.parents) if durable and not path.exists()]
     folder.mkdir(parents=True, exist_ok=True)
     for path in missing:
         sync_folder(path.parent)
 
 
-def _publish(folder: Path, manifest: bytes) -> None:
+def _publish(folder: Path, manifest: bytes, *, durable: bool) -> None:
     # The draft is made only where none is, which decides between two that came this far at once;
     # the name manifest.json never shows half a manifest.
     draft = folder / DRAFT
@@ -85,12 +89,14 @@ def _publish(folder: Path, manifest: bytes) -> None:
     try:
         try:
             write_all(descriptor, manifest)
-            os.fsync(descriptor)
+            if durable:
+                os.fsync(descriptor)
         finally:
             os.close(descriptor)
         _refuse_taken(folder, but=(DRAFT,))
         draft.replace(folder / MANIFEST)
-        sync_folder(folder)
+        if durable:
+            sync_folder(folder)
     except BaseException:
         draft.unlink(missing_ok=True)
         raise

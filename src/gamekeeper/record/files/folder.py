@@ -200,15 +200,6 @@ def replace(path: Path, data: bytes, *, durable: bool = True) -> None:
         raise
 
 
-def sync_file(path: Path) -> None:
-    """What the file holds survives a power cut."""
-    descriptor = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
 def sync_files(paths: Sequence[Path]) -> None:
     """What many files hold survives a power cut.
 

@@ -52,7 +52,13 @@ class Damage:
     detail: str = ""
 
 
-def commit(folder: Path, manifest: dict[str, Any], files: dict[str, tuple[Path, int, str]]) -> None:
+def commit(
+    folder: Path,
+    manifest: dict[str, Any],
+    files: dict[str, tuple[Path, int, str]],
+    *,
+    durable: bool = True,
+) -> None:
     """Drafts become the bundle's Parquet files, the manifest seals them, the segments go.
 
     Killed anywhere in between, the bundle can be read: a Parquet file holds what its segments hold,
@@ -63,7 +69,8 @@ def commit(folder: Path, manifest: dict[str, Any], files: dict[str, tuple[Path, 
     Args:
         folder: the bundle.
         manifest: what the manifest says besides the seal.
-        files: by stream, the draft, its size and its digest; synced.
+        files: by stream, the draft, its size and its digest.
+        durable: False leaves out what is for power cuts: nothing is synced.
     Raises:
         BundleError: the disk refuses.
     """
@@ -73,12 +80,14 @@ def commit(folder: Path, manifest: dict[str, Any], files: dict[str, tuple[Path, 
     rest = {key: value for key, value in manifest.items() if key != "seal"}
     seal = Seal(manifest_digest(rest), sealed)
     data = render({**rest, "seal": seal.to_json()})
+    if durable:
+        sync_files([*(draft for draft, _, _ in files.values()), *frames.values()])
     for stream, (draft, _, _) in files.items():
         draft.replace(folder / f"{stream}.parquet")
-    sync_files(list(frames.values()))
-    for inner in (*sorted({path.parent for path in frames.values()}), folder):
-        sync_folder(inner)
-    replace(folder / MANIFEST, data)
+    if durable:
+        for inner in (*sorted({path.parent for path in frames.values()}), folder):
+            sync_folder(inner)
+    replace(folder / MANIFEST, data, durable=durable)
     for path in list(folder.iterdir()):
         if SEGMENT.fullmatch(path.name):
             path.unlink(missing_ok=True)

@@ -50,11 +50,13 @@ class Store:
     For one thread: it keeps a second one for rolling, which only ever reads finished segments.
     """
 
-    def __init__(self, folder: Path, lock: int, segment_bytes: int) -> None:
+    def __init__(
+        self, folder: Path, lock: int, segment_bytes: int, *, durable: bool = True
+    ) -> None:
         """Takes over a folder; use `create`."""
         self.path = folder
         self._lock = lock
-        self._segment_bytes = segment_bytes
+        self._segment_bytes, self._durable = segment_bytes, durable
         self._writers: dict[str, SegmentWriter] = {}
         self._counts = dict.fromkeys(STREAMS, 0)
         self._schemas: dict[str, pa.Schema] = {}
@@ -71,6 +73,7 @@ class Store:
         manifest: dict[str, Any],
         *,
         segment_bytes: int = SEGMENT_BYTES,
+        durable: bool = True,
     ) -> Store:
         """Makes the folder (with its parents) and its manifest, with status "open".
 
@@ -78,13 +81,15 @@ class Store:
             path: a folder that doesn't exist yet, or is empty.
             manifest: plain JSON; `format_version` and `status` are set here.
             segment_bytes: a segment that has grown to this is finished and rolled.
+            durable: sealed, it survives a power cut; False where it is played again then.
         Raises:
             BundleError: something lies there already, or the disk refuses.
             EvidenceError: the manifest isn't plain JSON.
         """
         data = render({**manifest, "format_version": FORMAT_VERSION, "status": "open"})
         folder = Path(path)
-        return cls(folder, claim(folder, data), segment_bytes)
+        lock = claim(folder, data, durable=durable)
+        return cls(folder, lock, segment_bytes, durable=durable)
 
     def append(self, stream: str, batch: pa.RecordBatch) -> None:
         """The batch is with the operating system: killing this process doesn't lose it.
@@ -189,7 +194,7 @@ class Store:
             files["episodes"] = write_table(
                 self.path, "episodes", table.schema, merge(table).to_batches()
             )
-        commit(self.path, manifest, files)
+        commit(self.path, manifest, files, durable=self._durable)
 
     def _checked(self, stream: str, schema: pa.Schema) -> pa.Schema:
         """The plain form of a schema; looking at every column is for schemas not seen just now."""

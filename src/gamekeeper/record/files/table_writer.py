@@ -11,7 +11,7 @@ from typing import Any, Final
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from gamekeeper.record.files.folder import open_plain, sync_file, system_error
+from gamekeeper.record.files.folder import open_plain, system_error
 from gamekeeper.record.files.schema import plain_batch
 
 GROUP_ROWS: Final = 1 << 17
@@ -61,7 +61,7 @@ class TableWriter:
                 self._flush()
 
     def finish(self) -> tuple[int, str]:
-        """The file is whole and on the disk; its size in bytes and its digest.
+        """The file is whole, and not synced yet; its size in bytes and its digest.
 
         Raises:
             BundleError: the disk refuses.
@@ -70,7 +70,6 @@ class TableWriter:
         try:
             self._writer.close()
             self._hash()
-            sync_file(self.path)
         except OSError as error:
             raise system_error(f"writing {self.path.name}", self.path, error) from error
         return self._hashed, self._digest.hexdigest()

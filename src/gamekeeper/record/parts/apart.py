@@ -2,7 +2,8 @@
 
 The bundle is the one that a single process would have recorded, as far as the environment begins
 every episode afresh: each part has an environment of its own. Where an episode fails, those after
-it don't count, as they would not have been played. What is whole already isn't played again.
+it don't count, as they would not have been played. What is whole already isn't played again; what
+turns out to be damaged when it is merged, as after a power cut, is.
 """
 
 from __future__ import annotations
@@ -17,8 +18,10 @@ from gamekeeper.errors import BundleError, GamekeeperError
 from gamekeeper.record.parts.plan import Plan, claim, release
 from gamekeeper.record.parts.playing import Playing
 from gamekeeper.record.told import error_in
+from gamekeeper.run.executors.local import LocalExecutor
 from gamekeeper.run.executors.storage import Storage
-from gamekeeper.run.executors.task import USUAL, Executor, Limits, stopped_after
+from gamekeeper.run.executors.task import USUAL, Executor, Limits, Task, stopped_after
+from gamekeeper.run.watch import Outcome
 from gamekeeper.run.workers import run_task
 
 MERGE: Final = "gamekeeper.record.parts.merge:merge_task"
@@ -35,12 +38,14 @@ class Apart:
         parts: how many there are in the bundle.
         found: how many of them were there before.
         deaths: how often a worker process died, and its task was played again.
+        torn: how many parts were damaged, and were played again.
     """
 
     error: GamekeeperError | None
     parts: int
     found: int
     deaths: int
+    torn: int
 
 
 def record_apart(
@@ -59,7 +64,8 @@ def record_apart(
 
     Args:
         out: a folder that doesn't exist yet, or is empty, on this machine.
-        executor: plays the parts; a process of this machine merges them.
+        executor: plays the parts; a process of this machine merges them, one of the executor's
+            where it is local.
         limits: of each task.
         on_message: called with `episode`, `episodes`, `turns` of all parts together, and with
             `merged` and `parts` once all are played.
@@ -75,42 +81,67 @@ def record_apart(
     playing = Playing(plan, storage, on_message)
     if claim(storage, plan):
         playing.look()
-    found = len(playing.whole)
+    found, torn = len(playing.whole), 0
     try:
-        answers = executor.map(playing.tasks(), limits=limits, on_report=playing.take)
-        with stopped_after(answers) as ends:
-            for done in ends:
-                playing.end(done)
-        told = playing.ended_by()
-        parts = playing.kept()
-        _merge(plan, storage, out, parts, told, on_message)
+        while True:
+            answers = executor.map(playing.tasks(), limits=limits, on_report=playing.take)
+            with stopped_after(answers) as ends:
+                for done in ends:
+                    playing.end(done)
+            damaged, error = _merge(playing, executor, out)
+            if error is None:
+                break
+            if torn or not damaged:  # damaged again: it is no power cut that does this
+                raise error
+            torn = len(damaged)
+            playing.forget(damaged)
     except GamekeeperError:
         if not playing.whole:  # nothing to go on from: the mended command mustn't be refused
             release(storage)
         raise
     release(storage)
-    return Apart(playing.first_error(), parts, min(found, parts), playing.deaths)
+    parts = playing.kept()
+    return Apart(
+        playing.first_error(), parts, max(min(found, parts) - torn, 0), playing.deaths, torn
+    )
 
 
 def _merge(
-    plan: Plan, storage: Storage, out: Path, parts: int, told: str | None, on_message: OnMessage
-) -> None:
-    """The parts become the bundle, in a process of its own: no evidence comes through this one."""
+    playing: Playing, executor: Executor, out: Path
+) -> tuple[list[str], GamekeeperError | None]:
+    """The parts become the bundle, in another process: no evidence comes through this one.
+
+    Returns:
+        What was in the way, and the keys of the parts that are damaged, if it was they.
+    """
+    told, parts = playing.ended_by(), playing.kept()
 
     def take(fields: dict[str, Any]) -> None:
-        on_message({"merged": fields["merged"], "parts": parts})
+        playing.on_message({"merged": fields["merged"], "parts": parts})
 
-    outcome = run_task(
-        MERGE,
-        {"storage": storage.place, "plan": plan.to_json(), "out": str(out.absolute()),
-         "parts": parts, "error": told},
-        silence_s=None, on_message=take,
-    )  # fmt: skip
+    arguments = {
+        "storage": playing.storage.place, "plan": playing.plan.to_json(),
+        "out": str(out.absolute()), "parts": parts, "error": told,
+    }  # fmt: skip
+    outcome = _merged(executor, arguments, take)
     if outcome.status == "interrupted":
         raise KeyboardInterrupt
-    error = error_in(outcome) if outcome.status in ("done", "raised") else _unmerged(outcome.error)
-    if error is not None:
-        raise error
+    if outcome.status not in ("done", "raised"):
+        return [], _unmerged(outcome.error)
+    error, value = error_in(outcome), outcome.value
+    return (value["torn"] if isinstance(value, dict) else []), error
+
+
+def _merged(executor: Executor, arguments: dict[str, Any], take: OnMessage) -> Outcome:
+    """How merging ended, by a process of this machine; one that played has imported it all."""
+    if not isinstance(executor, LocalExecutor):
+        return run_task(MERGE, arguments, silence_s=None, on_message=take)
+    limits = Limits(silence_s=None, attempts=1)
+    task = Task("merge", MERGE, arguments)
+    answers = executor.map([task], limits=limits, on_report=lambda key, fields: take(fields))
+    with stopped_after(answers) as ends:
+        (done,) = ends
+    return done.outcome
 
 
 def _unmerged(seen: str | None) -> BundleError:

@@ -23,7 +23,7 @@ from gamekeeper.record.files.folder import sync_folder, system_error
 from gamekeeper.record.parts.joined import Joined
 from gamekeeper.record.parts.plan import Plan, key_of
 from gamekeeper.record.parts.playing import lost
-from gamekeeper.record.parts.receipt import Receipt, receipts_of
+from gamekeeper.record.parts.receipt import Receipt, is_torn, receipts_of
 from gamekeeper.record.tasks import error_fields, signs_of_life
 from gamekeeper.run.executors.storage import Storage
 
@@ -44,17 +44,20 @@ def merge_task(
         error: why the run ended where no part says so; the bundle counts as failed then.
 
     Returns:
-        `error`: None, or its fields.
+        `error`: None, or its fields; `torn`: keys of the parts that are damaged, if that was it.
     """
+    found: list[Receipt] = []
+    place = Storage.at(storage)
     try:
         with signs_of_life(report):
-            place, wanted = Storage.at(storage), Plan.from_json(plan)
-            keys = [key_of(each) for each in islice(wanted.ranges(), parts)]
+            keys = [key_of(each) for each in islice(Plan.from_json(plan).ranges(), parts)]
             after = partial(_merged, report)
-            merge(place, _found(place, keys), Path(out), error=error, after_part=after)
+            found = _found(place, keys)
+            merge(place, found, Path(out), error=error, after_part=after)
     except GamekeeperError as raised:
-        return {"error": error_fields(raised)}
-    return {"error": None}
+        with signs_of_life(report):
+            return {"error": error_fields(raised), "torn": _torn(place, found)}
+    return {"error": None, "torn": []}
 
 
 def _found(storage: Storage, keys: list[str]) -> list[Receipt]:
@@ -69,6 +72,16 @@ def _found(storage: Storage, keys: list[str]) -> list[Receipt]:
             raise lost(storage, key)
         found.append(receipt)
     return found
+
+
+def _torn(storage: Storage, parts: list[Receipt]) -> list[str]:
+    """The keys of the parts that aren't as they were sealed: nobody syncs parts."""
+    keys = []
+    for receipt in parts:
+        with _fetched(storage, receipt) as part:
+            if is_torn(part):
+                keys.append(receipt.key)
+    return keys
 
 
 def _merged(report: Callable[..., None], done: int) -> None:

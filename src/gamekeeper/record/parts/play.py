@@ -19,11 +19,10 @@ from gamekeeper.core.evidence import Evidence
 from gamekeeper.errors import BundleError, EnvError, GamekeeperError
 from gamekeeper.game.opening.construct import foreign_traceback
 from gamekeeper.record.bundle import load
-from gamekeeper.record.files.folder import sync_folder
 from gamekeeper.record.files.manifest import MANIFEST
 from gamekeeper.record.parts.plan import FOLDER, Plan, key_of
 from gamekeeper.record.parts.receipt import Receipt, attempt_folder, receipt_of, schemas_of
-from gamekeeper.record.recording import rollout
+from gamekeeper.record.recording import played
 from gamekeeper.record.recover import recover
 from gamekeeper.record.tasks import counter, error_fields, signs_of_life
 from gamekeeper.run.executors.storage import Storage
@@ -93,14 +92,14 @@ def _played(report: Callable[..., None], storage: Storage, plan: Plan, episodes:
     failed: Mapping[str, str] | None = None
     with _folder(storage, name) as bundle:
         try:
-            evidence = rollout(
+            evidence = played(
                 plan.spec, policies=dict(plan.policies) or "random", episodes=len(episodes),
                 first=episodes.start, seed=plan.seed, out=bundle, level=plan.level,
                 contract=plan.contract, options=plan.options, most_turns=plan.most_turns,
                 frames=plan.frames, env_kwargs=plan.env_kwargs,
                 after_turn=counter(report, len(episodes)),
                 after_episode=lambda done: report(episode=done),
-                while_sealing=lambda: signs_of_life(report),
+                while_sealing=lambda: signs_of_life(report), durable=False,
             )  # fmt: skip
         except EnvError as error:
             if error.__cause__ is not None:
@@ -113,8 +112,6 @@ def _played(report: Callable[..., None], storage: Storage, plan: Plan, episodes:
             receipt = _receipt(key, name, bundle, evidence, episodes.start, failed)
             if storage.folder is None:
                 storage.put_folder(name, bundle)
-            else:
-                sync_folder(bundle.parent)
             return receipt
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from threading import Lock
 from typing import TYPE_CHECKING, Any, Final
@@ -27,7 +27,7 @@ class Playing:
     """The bookkeeping of one recording by workers.
 
     Attributes:
-        whole: keys of the parts that have a receipt.
+        whole: by the keys of the parts that have a receipt, what it says.
         stop: the first episode of the first part that failed; those after it aren't begun.
         errors: what parts ended with, by their first episode.
         deaths: how often a worker process died, and its task was played again.
@@ -36,7 +36,7 @@ class Playing:
     plan: Plan
     storage: Storage
     on_message: Callable[[dict[str, Any]], None]
-    whole: set[str] = field(default_factory=set)
+    whole: dict[str, Mapping[str, Any]] = field(default_factory=dict)
     stop: int = NEVER
     errors: dict[int, GamekeeperError] = field(default_factory=dict)
     deaths: int = 0
@@ -107,6 +107,24 @@ class Playing:
             if done.outcome.status != "done":
                 self._killed[episodes.start] = episodes, done.outcome.traceback
             self._fail(episodes.start, error)
+        self._say()
+
+    def forget(self, keys: Collection[str]) -> None:
+        """These parts are damaged: they are to be played again.
+
+        Raises:
+            BundleError: the storage refuses.
+        """
+        from gamekeeper.record.parts.receipt import forget
+
+        for episodes in self.plan.ranges():
+            if key_of(episodes) in keys:
+                forget(self.storage, key_of(episodes))
+                said = self.whole.pop(key_of(episodes))
+                self._episodes -= said["episodes"]
+                self._turns -= said["turns"]
+                self.errors.pop(episodes.start, None)
+        self.stop = min(self.errors, default=NEVER)
         self._say()
 
     def first_error(self) -> GamekeeperError | None:
@@ -185,7 +203,7 @@ class Playing:
             self._fail(episodes.start, error_of(receipt.error))
 
     def _count(self, episodes: range, said: Mapping[str, Any]) -> None:
-        self.whole.add(key_of(episodes))
+        self.whole[key_of(episodes)] = said
         self._episodes += said["episodes"]
         self._turns += said["turns"]
 

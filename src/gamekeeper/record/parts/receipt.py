@@ -3,6 +3,10 @@
 Every attempt at a part has a folder of its own, so that two of them never mix; the receipt, written
 last, names the one that counts. Whoever merges reads receipts: nothing is there twice, and a folder
 without one is rubbish.
+
+Neither parts nor receipts are synced, as a part that a power cut tore is played again. A receipt
+that is no JSON is torn, and counts as none; what a receipt names is compared with its seal when it
+is merged.
 """
 
 from __future__ import annotations
@@ -22,6 +26,7 @@ import pyarrow.parquet as pq
 
 from gamekeeper.errors import BundleError
 from gamekeeper.record.files.schema import EXTENSION, STREAMS, check_schema, plain_schema
+from gamekeeper.record.files.seal import check_seal
 from gamekeeper.record.parts.plan import FOLDER
 from gamekeeper.run.executors.storage import Storage
 
@@ -84,7 +89,7 @@ class Receipt:
             BundleError: the storage refuses.
         """
         text = json.dumps(asdict(self), sort_keys=True)
-        storage.put(_name(self.key), text.encode())
+        storage.put(_name(self.key), text.encode(), durable=False)
 
     def said(self) -> dict[str, Any]:
         """What a task hands back of it: nothing that grows with the part."""
@@ -92,18 +97,22 @@ class Receipt:
 
 
 def receipt_of(storage: Storage, key: str) -> Receipt | None:
-    """The receipt of a part; None where it isn't whole yet.
+    """The receipt of a part; None where it isn't whole yet, or a power cut tore the receipt.
 
     Raises:
-        BundleError: it can't be read.
+        BundleError: it isn't what a receipt is.
     """
     name = _name(key)
     if not storage.exists(name):
         return None
     try:
-        found = Receipt(**json.loads(storage.get(name, most_bytes=MOST_BYTES)))
+        fields = json.loads(storage.get(name, most_bytes=MOST_BYTES))
+    except (ValueError, RecursionError):
+        return None
+    try:
+        found = Receipt(**fields)
         _check(found)
-    except (ValueError, TypeError, RecursionError) as error:
+    except (ValueError, TypeError) as error:
         raise _unreadable(f"{storage}/{name}", str(error)[:200]) from error
     if found.key != key or not found.folder.startswith(f"{FOLDER}/{key}."):
         raise _unreadable(f"{storage}/{name}", f"{found.key}, {found.folder}"[:200])
@@ -130,6 +139,23 @@ def whole_keys(storage: Storage) -> set[str]:
     """
     names = storage.names(FOLDER)
     return {name.removesuffix(".json") for name in names if name.endswith(".json")}
+
+
+def forget(storage: Storage, key: str) -> None:
+    """The part doesn't count any more; what lies in its folder is rubbish.
+
+    Raises:
+        BundleError: the storage refuses.
+    """
+    storage.delete(_name(key))
+
+
+def is_torn(bundle: Path) -> bool:
+    """Whether a part isn't, byte by byte, what was sealed."""
+    try:
+        return bool(check_seal(bundle))
+    except BundleError:  # not even its manifest is
+        return True
 
 
 def attempt_folder(key: str) -> str:

@@ -65,11 +65,12 @@ def rollout_apart(
         contract=None if contract is None else fspath(contract), **settings,
     )  # fmt: skip
     folder = Path(out)
-    played = record_apart(
-        plan, folder, executor=LocalExecutor(workers), storage=Storage.at(parts_folder(folder)),
-        limits=Limits(silence_s=None),  # nor would one process give up
-        on_message=take,
-    )  # fmt: skip
+    with LocalExecutor(workers) as executor:
+        played = record_apart(
+            plan, folder, executor=executor, storage=Storage.at(parts_folder(folder)),
+            limits=Limits(silence_s=None),  # nor would one process give up
+            on_message=take,
+        )  # fmt: skip
     if played.error is not None:
         raise played.error
     return load(folder)

@@ -19,6 +19,9 @@ _PATIENCE_S: Final = 0.2
 class LocalExecutor:
     """Plays tasks in `workers` processes, each of which plays one task after the other.
 
+    As a context it keeps its processes from one `map` to the next, until the context is left: what
+    they have imported needn't be imported again. Else they end with the `map` that started them.
+
     Args:
         workers: how many processes; None: one for each core that this process may use.
 
@@ -32,8 +35,11 @@ class LocalExecutor:
                 "nobody would play", where="workers", expected="at least 1", seen=str(workers)
             )
         self._workers = cores() if workers is None else workers
+        self._is_entered = False
+        self._idle: list[_Seat] = []
 
     def __enter__(self) -> Self:
+        self._is_entered = True
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -48,7 +54,10 @@ class LocalExecutor:
         """Processes of this machine mean by a place what this one does."""
 
     def close(self) -> None:
-        """Processes end with the `map` that started them."""
+        """Processes that wait for another `map` end."""
+        self._is_entered = False
+        self._let_go(self._idle)
+        self._idle = []
 
     def map(
         self,
@@ -63,14 +72,12 @@ class LocalExecutor:
             GamekeeperError: no process can be started here.
         """
         run = _Run(iter(tasks), limits, on_report, self._workers)
-        threads = [
-            threading.Thread(target=run.work, name=f"gamekeeper-worker-{place}", daemon=True)
-            for place in range(self._workers)
-        ]
-        left = len(threads)
+        seats, self._idle = self._idle, []
+        seats += [_Seat(place) for place in range(len(seats), self._workers)]
+        left = len(seats)
         try:
-            for thread in threads:  # in here: Ctrl-C in between stops those that were started
-                thread.start()
+            for seat in seats:  # in here: Ctrl-C in between stops those that were started
+                seat.take(run)
             while left:
                 try:
                     ended = run.ended.get(timeout=_PATIENCE_S)
@@ -84,7 +91,17 @@ class LocalExecutor:
                     yield ended
         finally:
             run.stop.set()
-            run.drain(threads)
+            run.drain(seats)
+            if self._is_entered and not self._idle:
+                self._idle = seats
+            else:
+                self._let_go(seats)
+
+    def _let_go(self, seats: list[_Seat]) -> None:
+        for seat in seats:
+            seat.leave()
+        for seat in seats:
+            seat.join()
 
 
 class _Run:
@@ -98,21 +115,18 @@ class _Run:
         self._tasks, self._limits, self._on_report = tasks, limits, on_report
         self._drawing, self._reporting = threading.Lock(), threading.Lock()
 
-    def work(self) -> None:
+    def work(self, worker: StayingWorker) -> None:
         """Plays tasks until there are no more, or all are to stop."""
-        worker = StayingWorker()
         try:
             while (task := self._next()) is not None:
                 done = self._played(worker, task)
                 if self.stop.is_set():
                     break
                 self.ended.put(done)
-            if not self.stop.is_set():
-                worker.dismiss()
         except BaseException as error:
+            worker.close()
             self.ended.put(error)
         finally:
-            worker.close()
             self.ended.put(None)
 
     def _next(self) -> Task | None:
@@ -130,13 +144,55 @@ class _Run:
 
         return take
 
-    def drain(self, threads: list[threading.Thread]) -> None:
-        """Waits for the threads, which may want to hand something over yet."""
-        while any(thread.is_alive() for thread in threads):
+    def drain(self, seats: list[_Seat]) -> None:
+        """Waits for the seats that took this, which may want to hand something over yet."""
+        while any(seat.is_at_work() for seat in seats):
             try:
                 self.ended.get(timeout=_PATIENCE_S)
             except queue.Empty:
                 continue
+
+
+class _Seat:
+    """A thread with a worker's process: it plays what it takes, one `map` after the other.
+
+    One thread for all of them, since Linux ends a worker with the thread that started it.
+    """
+
+    def __init__(self, place: int) -> None:
+        self._runs: queue.Queue[_Run | None] = queue.Queue()
+        self._thread = threading.Thread(
+            target=self._work, name=f"gamekeeper-worker-{place}", daemon=True
+        )
+
+    def take(self, run: _Run) -> None:
+        """Plays for a `map`."""
+        if self._thread.ident is None:  # not in __init__: a seat that nobody takes is no thread
+            self._thread.start()
+        self._runs.put(run)
+
+    def leave(self) -> None:
+        """Ends, with its process, once it has played."""
+        self._runs.put(None)
+
+    def join(self) -> None:
+        """Waits until it has ended."""
+        if self._thread.ident is not None:
+            self._thread.join()
+
+    def is_at_work(self) -> bool:
+        """Whether it plays."""
+        return self._runs.unfinished_tasks > 0
+
+    def _work(self) -> None:
+        worker = StayingWorker()
+        try:
+            while (run := self._runs.get()) is not None:
+                run.work(worker)
+                self._runs.task_done()
+            worker.dismiss()
+        finally:
+            worker.close()
 
 
 def played(

@@ -79,16 +79,18 @@ class Storage:
 
     # -- single files
 
-    def put(self, name: str, data: bytes) -> None:
+    def put(self, name: str, data: bytes, *, durable: bool = True) -> None:
         """The file holds `data`; whoever looks meanwhile sees what was there before.
 
+        Args:
+            durable: False where a power cut may tear it, on a folder of this machine.
         Raises:
             BundleError: the name leaves the storage, or the storage refuses.
         """
         path = self._path(name)
         with self._doing("writing", name):
             if self.folder is not None:
-                _put_durably(Path(path), data)
+                _put(Path(path), data, durable=durable)
             elif not self._is_renamed:
                 self._write(path, data)
             else:
@@ -263,15 +265,16 @@ class Storage:
             ) from error
 
 
-def _put_durably(path: Path, data: bytes) -> None:
+def _put(path: Path, data: bytes, *, durable: bool) -> None:
     """Tmp, sync, rename: whoever dies at whatever moment, the name shows the whole or nothing."""
     path.parent.mkdir(parents=True, exist_ok=True)
     draft = path.with_name(f".{token_hex(8)}.{path.name[:200]}")
     try:
         with draft.open("xb") as file:
             file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
+            if durable:
+                file.flush()
+                os.fsync(file.fileno())
         draft.replace(path)
     except BaseException:
         draft.unlink(missing_ok=True)
