@@ -7,7 +7,9 @@ import os
 import subprocess
 import sys
 import tomllib
+from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -48,6 +50,18 @@ def pytest_in(folder: Path, *arguments: str, src: list[Path]) -> subprocess.Comp
     )
 
 
+def yaml_of(path: Path) -> Any:
+    """What a YAML file says."""
+    return pytest.importorskip("yaml").safe_load(path.read_text("utf-8"))
+
+
+def audit_of_ci(folder: Path) -> list[str]:
+    """The words of the last line of a package's CI, which audits it."""
+    workflow = yaml_of(folder / ".github/workflows/tests.yml")
+    runs = [step["run"] for step in workflow["jobs"]["audit"]["steps"] if "run" in step]
+    return str(runs[-1]).split()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("flags", "api"), [(AEC, "aec"), (PARALLEL, "parallel")])
 def test_new_package_passes_its_own_tests(
@@ -59,6 +73,43 @@ def test_new_package_passes_its_own_tests(
     done = pytest_in(tmp_path / "my_task", src=[])
     assert done.returncode == 0, done.stdout
     assert "warning" not in done.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("flags", [AEC, PARALLEL])
+def test_new_package_passes_the_audit_of_its_ci(
+    flags: str, tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The line with which a package's CI audits it, typed in its folder, finds nothing broken."""
+    document(capfd, "new", "my_task", *flags.split(), "--out", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    words, told = audit_of_ci(tmp_path), "src/my_task/env.py:MyTask"
+    assert words == ["gamekeeper", "audit", told, "--quick", "--out", "audits"]
+    code, audit = document(capfd, *words[1:])
+    assert (code, audit["ok"], audit["environment"]) == (0, True, told)
+    by_outcome = Counter(verdict["outcome"] for verdict in audit["verdicts"])
+    assert set(by_outcome) <= {"kept", "unseen", "not_applicable"}
+    assert by_outcome["kept"] > sum(by_outcome.values()) / 2
+    assert (tmp_path / "audits" / "junit.xml").is_file()
+
+
+@pytest.mark.slow
+def test_new_package_fails_the_audit_of_its_ci_once_it_is_broken(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A rule that draws from NumPy's global generator stops the build, and is told by its check."""
+    document(capfd, "new", "my_task", "--yes", "--out", tmp_path)
+    module = tmp_path / "src/my_task/env.py"
+    text, drawn = module.read_text("utf-8"), "rng.integers(1, FURTHEST + 1)"
+    assert text.count(drawn) == 1
+    module.write_text(text.replace(drawn, "int(np.random.randint(1, FURTHEST + 1))"), "utf-8")
+    monkeypatch.chdir(tmp_path)
+    code, audit = document(capfd, *audit_of_ci(tmp_path)[1:], "--select", "GK6")
+    assert (code, audit["ok"]) == (1, False)
+    broken = [verdict for verdict in audit["verdicts"] if verdict["outcome"] == "broken"]
+    assert broken
+    programs = [tmp_path / "audits" / f"{verdict['id']}.py" for verdict in broken]
+    assert [path for path in programs if not path.is_file()] == []
 
 
 @pytest.mark.slow
@@ -91,7 +142,17 @@ def test_new_files_are_well_formed(
     assert (contract.name, contract.api) == ("a_task_v0", told["api"])
     project = tomllib.loads((tmp_path / "pyproject.toml").read_text("utf-8"))
     assert project["project"]["entry-points"]["gamekeeper.envs"] == {"a_task": "a_task"}
-    assert "python -m pytest" in (tmp_path / ".github/workflows/tests.yml").read_text("utf-8")
+    workflow = yaml_of(tmp_path / ".github/workflows/tests.yml")
+    runs = {
+        name: [step["run"] for step in job["steps"] if "run" in step]
+        for name, job in workflow["jobs"].items()
+    }
+    assert list(runs) == ["tests", "audit"]
+    assert runs["tests"][-1] == "python -m pytest"
+    assert runs["audit"] == [
+        "python -m pip install -e .",
+        "gamekeeper audit src/a_task/env.py:ATask --quick --out audits",
+    ]
 
 
 def test_new_says_what_comes_next(
@@ -102,6 +163,7 @@ def test_new_says_what_comes_next(
     code, out, _ = said(capfd, "new", "my_task", "--yes")
     assert code == 0
     assert out.startswith("Advice    parallel: nobody sees what others do")
+    assert "gamekeeper audit src/my_task/env.py:MyTask --quick\n" in out
     assert "gamekeeper run src/my_task/env.py:MyTask --policy reference" in out
     assert max(map(len, out.splitlines())) <= 80
     assert (tmp_path / "my_task" / "src" / "my_task" / "env.py").is_file()

@@ -166,6 +166,8 @@ def _show(screen: Screen, plan: Plan, advice: Advice, folder: Path, files: list[
     because = f"{advice.api}: {advice.why}"
     if plan.api != advice.api:
         because += f". It is written as {plan.api}, as you wanted"
+    from gamekeeper.report.scaffold.project import audit_line, spec_of
+
     indent = " " * 10
     told = textwrap.fill(
         because, screen.width, initial_indent="Advice    ", subsequent_indent=indent
@@ -174,7 +176,8 @@ def _show(screen: Screen, plan: Plan, advice: Advice, folder: Path, files: list[
     next_lines = [
         f"Next      cd {folder}",
         f"{indent}python -m pytest",
-        f"{indent}gamekeeper run src/{plan.name}/env.py:{plan.class_name} --policy reference",
+        f"{indent}{audit_line(plan)}",
+        f"{indent}gamekeeper run {spec_of(plan)} --policy reference",
     ]
     screen.show(told)
     screen.show(f"Written   {folder}\n{listed}")

@@ -14,6 +14,16 @@ PYTHONS: Final = ("3.11", "3.12", "3.13")
 """Versions of Python that the package's CI runs its tests on."""
 
 
+def spec_of(plan: Plan) -> str:
+    """How the environment is named on the command line, in the package's folder."""
+    return f"src/{plan.name}/env.py:{plan.class_name}"
+
+
+def audit_line(plan: Plan) -> str:
+    """The command that audits the environment in seconds, for every push."""
+    return f"gamekeeper audit {spec_of(plan)} --quick"
+
+
 def files_of(plan: Plan) -> dict[str, str]:
     """Text by path, in the order in which a person reads them.
 
@@ -29,7 +39,7 @@ def files_of(plan: Plan) -> dict[str, str]:
         "tests/test_rules.py": rules_text(plan),
         "tests/test_promises.py": promises_text(plan),
         "pyproject.toml": _pyproject(plan),
-        ".github/workflows/tests.yml": _workflow(),
+        ".github/workflows/tests.yml": _workflow(plan),
         ".gitignore": "__pycache__/\n.pytest_cache/\n.venv/\n*.egg-info/\nbuild/\ndist/\nruns/\n",
     }
 
@@ -75,7 +85,8 @@ filterwarnings = [
 '''
 
 
-def _workflow() -> str:
+def _workflow(plan: Plan) -> str:
+    """Tests on every Python, and one audit: its verdicts don't hang on the version."""
     versions = ", ".join(f'"{version}"' for version in PYTHONS)
     return f"""name: tests
 on: [push, pull_request]
@@ -92,19 +103,31 @@ jobs:
           python-version: ${{{{ matrix.python }}}}
       - run: python -m pip install -e .[test]
       - run: python -m pytest
+  audit:
+    runs-on: ubuntu-latest
+    steps:
+      - uses: actions/checkout@v4
+      - uses: actions/setup-python@v5
+        with:
+          python-version: "{PYTHONS[-1]}"
+      - run: python -m pip install -e .
+      - run: {audit_line(plan)} --out audits
+      - uses: actions/upload-artifact@v4
+        if: failure()
+        with: {{ name: audits, path: audits }}   # each finding's program
 """
 
 
 def _readme(plan: Plan) -> str:
     listed = "\n".join(f"{number}. {rule}" for number, rule in enumerate(rules(plan), start=1))
-    spec = f"src/{plan.name}/env.py:{plan.class_name}"
     return f"""# {plan.class_name}
 
 A multi-agent environment in PettingZoo's {"AEC" if plan.api == "aec" else "Parallel"} interface:
 {plan.why}.
 
     python -m pytest
-    gamekeeper run {spec} --policy reference
+    {audit_line(plan)}
+    gamekeeper run {spec_of(plan)} --policy reference
 
 ## What is yours to write
 
@@ -119,4 +142,6 @@ What to do with them:
 2. Keep `src/{plan.name}/{plan.name}.toml` true: it declares who acts when, who is paid for what and
    who ends whom, and everything is judged against it.
 3. Leave `tests/test_promises.py` as it is: it holds whatever the rules are.
+4. Audit: the job `audit` in `.github/workflows/tests.yml` fails on a broken promise. What is meant
+   to be so gets a line with its reason under `[waivers]` in the contract.
 """
