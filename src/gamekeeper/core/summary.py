@@ -13,6 +13,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from gamekeeper.core.tally import Tally
+
 if TYPE_CHECKING:
     from gamekeeper.core.evidence import Evidence
 
@@ -97,58 +99,43 @@ class Summary:
 
 
 def summarise(evidence: Evidence) -> Summary:
-    """The summary of a run."""
-    steps = evidence.tables.table("steps", without=_UNREAD)
-    steps = evidence.steps if steps is None else steps
-    names = _agents(evidence, steps)
-    returns = _by_agent(steps, "reward", "sum")
-    acted = steps.filter(pc.and_(pc.is_valid(steps["order"]), pc.is_null(steps["raised"])))
-    ended = pc.or_(
-        pc.fill_null(acted["terminated"], False), pc.fill_null(acted["truncated"], False)
-    )
-    acted = acted.filter(pc.invert(ended))
-    counts = _by_agent(acted, "order", "count")
-    shares = _shares({name: returns.get(name, (0.0, 1))[0] for name in names})
-    idle = _idle(evidence, acted)
-    endings = _endings(evidence, steps)
-    agents = {}
-    for name in names:
-        total, episodes = returns.get(name, (0.0, 1))
-        agents[name] = AgentSummary(
-            return_mean=total / max(episodes, 1),
-            length_mean=counts.get(name, (0, 1))[0] / max(episodes, 1),
+    """The summary of a run, from some of its rows at a time."""
+    tally = Tally(evidence.contract.noop_of)
+    parts = evidence.tables.all_parts("steps", without=_UNREAD)
+    for steps in parts or ():
+        if steps.num_rows:
+            tally.add(steps)
+    seated = [name for name in evidence.manifest.get("agents", []) if name in tally.returns]
+    shares = _shares({name: tally.returns[name] for name in seated})
+    pairs, acted = tally.pairs(), tally.acted()
+    present, counts = Counter(pairs["agent"].to_pylist()), acted["order"].to_pylist()
+    played = Counter(acted["agent"].to_pylist())
+    lengths: Counter[str] = Counter()
+    for name, count in zip(acted["agent"].to_pylist(), counts, strict=True):
+        lengths[name] += count
+    endings = _endings(evidence, pairs)
+    agents = {
+        name: AgentSummary(
+            return_mean=tally.returns[name] / max(present[name], 1),
+            length_mean=lengths[name] / max(played.get(name, 1), 1),
             share=shares[name],
-            idle=idle.get(name),
+            idle=tally.idle[name] / lengths[name] if name in tally.idle else None,
             endings=endings.get(name, {}),
         )
-    turns = evidence.episodes["turns"]
-    timings = evidence.timings
-    nanoseconds = 0 if timings is None else pc.sum(timings["wall_ns"]).as_py() or 0
+        for name in seated
+    }
     return Summary(
         episodes=evidence.episodes.num_rows,
-        turns=pc.sum(turns).as_py() or 0,
-        agent_steps=acted.num_rows,
-        seconds=nanoseconds / 1e9,
+        turns=pc.sum(evidence.episodes["turns"]).as_py() or 0,
+        agent_steps=sum(counts),
+        seconds=_seconds(evidence),
         agents=agents,
     )
 
 
-def _agents(evidence: Evidence, steps: pa.Table) -> list[str]:
-    """The agents that have rows, in the order in which the run seated them."""
-    present = set(pc.unique(steps["agent"]).to_pylist())
-    return [name for name in evidence.manifest.get("agents", []) if name in present]
-
-
-def _by_agent(table: pa.Table, column: str, how: str) -> dict[str, tuple[Any, int]]:
-    """An aggregate of `column` by agent, and in how many episodes the agent stands."""
-    # By one thread: sums of floats in another order differ in their last digits.
-    grouped = table.select(["agent", "episode", column]).group_by("agent", use_threads=False)
-    result = grouped.aggregate([(column, how), ("episode", "count_distinct")]).to_pydict()
-    parts = result[f"{column}_{how}"], result["episode_count_distinct"]
-    return {
-        agent: (value or 0, episodes)
-        for agent, value, episodes in zip(result["agent"], *parts, strict=True)
-    }
+def _seconds(evidence: Evidence) -> float:
+    parts = evidence.tables.all_parts("timings")
+    return sum(pc.sum(part["wall_ns"]).as_py() or 0 for part in parts or ()) / 1e9
 
 
 def _shares(returns: Mapping[str, float]) -> dict[str, float | None]:
@@ -161,34 +148,8 @@ def _shares(returns: Mapping[str, float]) -> dict[str, float | None]:
     return {name: value / total for name, value in returns.items()}
 
 
-def _idle(evidence: Evidence, acted: pa.Table) -> dict[str, float]:
-    """The part of noops, for agents whose role declares one and whose actions are whole numbers."""
-    columns = [
-        field.name
-        for field in acted.schema
-        if field.name.split("@")[0] == "action" and pa.types.is_integer(field.type)
-    ]
-    counts = {agent: count for agent, (count, _) in _by_agent(acted, "order", "count").items()}
-    noops = {agent: evidence.contract.noop_of(agent) for agent in counts}
-    whole = {agent: noop for agent, noop in noops.items() if isinstance(noop, int)}
-    idle: Counter[str] = Counter()
-    for column in columns:
-        rows = acted.filter(pc.is_valid(acted[column]))
-        idle.update(dict.fromkeys(whole.keys() & set(pc.unique(rows["agent"]).to_pylist()), 0))
-        for noop in set(whole.values()):
-            still = rows.filter(pc.equal(rows[column], noop))
-            for agent, (count, _) in _by_agent(still, "order", "count").items():
-                if whole.get(agent) == noop:
-                    idle[agent] += count
-    return {agent: count / counts[agent] for agent, count in idle.items()}
-
-
-def _endings(evidence: Evidence, steps: pa.Table) -> dict[str, dict[str, int]]:
+def _endings(evidence: Evidence, flags: pa.Table) -> dict[str, dict[str, int]]:
     """How the episodes of each agent ended: its reason, else its flag, else how the episode did."""
-    steps = steps.select(["episode", "agent", "terminated", "truncated"])
-    flags = steps.group_by(["episode", "agent"], use_threads=False).aggregate(
-        [("terminated", "max"), ("truncated", "max")]
-    )
     reasons = {
         row["episode"]: (json.loads(row["endings"]) if row["endings"] else {}, row["end"] or "cut")
         for row in evidence.episodes.select(["episode", "endings", "end"]).to_pylist()
@@ -203,9 +164,9 @@ def _endings(evidence: Evidence, steps: pa.Table) -> dict[str, dict[str, int]]:
 
 
 def _flag(row: Mapping[str, Any]) -> str | None:
-    if row["terminated_max"]:
+    if row["terminated"]:
         return "terminated"
-    return "truncated" if row["truncated_max"] else None
+    return "truncated" if row["truncated"] else None
 
 
 def _texts(agent: AgentSummary) -> list[str]:

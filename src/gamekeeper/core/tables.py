@@ -34,6 +34,12 @@ class Tables(Protocol):
         At least one part comes, which may be empty.
         """
 
+    def all_parts(self, stream: str, *, without: Collection[str] = ()) -> Iterator[pa.Table] | None:
+        """A whole stream, but for columns of the kinds in `without`, part by part; None as above.
+
+        At least one part comes, which may be empty.
+        """
+
     def has(self, stream: str) -> bool:
         """Whether the stream was recorded."""
 
@@ -65,12 +71,21 @@ class MemoryTables:
             return None
         if columns is not None:
             rows = rows.select([name for name in rows.schema.names if name in columns])
-        starts = range(0, max(rows.num_rows, 1), PART_ROWS)
-        return (rows.slice(start, PART_ROWS) for start in starts)
+        return _parts_of(rows)
+
+    def all_parts(self, stream: str, *, without: Collection[str] = ()) -> Iterator[pa.Table] | None:
+        """A whole stream, part by part."""
+        table = self.table(stream, without=without)
+        return None if table is None else _parts_of(table)
 
     def has(self, stream: str) -> bool:
         """Whether the stream was recorded."""
         return stream in self.tables
+
+
+def _parts_of(table: pa.Table) -> Iterator[pa.Table]:
+    starts = range(0, max(table.num_rows, 1), PART_ROWS)
+    return (table.slice(start, PART_ROWS) for start in starts)
 
 
 def episode_rows(table: pa.Table, episode: int) -> pa.Table:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -12,8 +12,12 @@ from gamekeeper.core.legible import legible
 from gamekeeper.report.columns import columns_of, filled, one_cell
 
 if TYPE_CHECKING:
+    import pyarrow as pa
+
     from gamekeeper.core.evidence import Evidence
 
+APART: Final = ("obs", "info", "mask", "received", "odd", "live", "action", "digest")
+"""Kinds of columns that returns don't need."""
 BLOCKS: Final = "▁▂▃▄▅▆▇█"
 ASCII: Final = "_.-:=+*#"
 """The same eight heights where a terminal has no blocks."""
@@ -29,24 +33,44 @@ NARROWEST: Final = 8
 @legible
 def returns_by_episode(evidence: Evidence) -> dict[str, list[float | None]]:
     """The return of each agent in each episode, in their order; None where it had no row."""
-    import pyarrow.compute as pc
-
-    steps = evidence.tables.table("steps", without=("obs", "info"))
-    steps = evidence.steps if steps is None else steps
     places = {number: k for k, number in enumerate(evidence.episodes["episode"].to_pylist())}
-    sums = steps.group_by(["agent", "episode"], use_threads=False).aggregate([("reward", "sum")])
-    present = set(pc.unique(sums["agent"]).to_pylist())
+    sums: dict[tuple[str, int], float] = {}
+    for part in _sums(evidence):
+        for row in part.to_pylist():
+            key = row["agent"], row["episode"]
+            sums[key] = sums.get(key, 0.0) + float(row["reward"] or 0.0)
+    present = {agent for agent, _ in sums}
     found: dict[str, list[float | None]] = {
         agent: [None] * len(places)
         for agent in evidence.manifest.get("agents") or ()
         if agent in present
     }
-    for agent, episode, total in zip(
-        *(sums[name].to_pylist() for name in ("agent", "episode", "reward_sum")), strict=True
-    ):
+    for (agent, episode), total in sums.items():
         if agent in found and episode in places:
-            found[agent][places[episode]] = float(total or 0.0)
+            found[agent][places[episode]] = total
     return found
+
+
+def _sums(evidence: Evidence) -> Iterator[pa.Table]:
+    """Sums of rewards by agent and episode, each once where rows are sorted by episode.
+
+    The sum of an episode that goes on in the next rows goes before them: floats that are added in
+    another order differ in their last digits.
+    """
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    names, last = ["agent", "episode", "reward"], None
+    for part in evidence.tables.all_parts("steps", without=APART) or ():
+        rows = part.select(names)
+        rows = rows if last is None else pa.concat_tables([last, rows])
+        sums = rows.group_by(names[:2], use_threads=False).aggregate([("reward", "sum")])
+        sums = sums.rename_columns(names)
+        goes_on = pc.equal(sums["episode"], pc.max(sums["episode"]))
+        yield sums.filter(pc.invert(goes_on))
+        last = sums.filter(goes_on)
+    if last is not None:
+        yield last
 
 
 def returns_text(

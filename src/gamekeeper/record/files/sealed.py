@@ -43,9 +43,20 @@ class SealedTables:
         reader = self._readers.get(stream)
         if reader is None:
             return None
-        if not without:
-            return reader.read()
-        return reader.read(columns={n for n in reader.schema.names if kind_of(n) not in without})
+        return reader.read(columns=_but(reader, without))
+
+    def all_parts(self, stream: str, *, without: Collection[str] = ()) -> Iterator[pa.Table] | None:
+        """A whole stream, but for columns of the kinds in `without`, a row group at a time.
+
+        Raises:
+            BundleError: the file is damaged.
+        """
+        reader = self._readers.get(stream)
+        if reader is None:
+            return None
+        columns = _but(reader, without)
+        groups = [[number] for number in range(reader.groups)] or [[]]
+        return (reader.read(columns=columns, groups=group) for group in groups)
 
     def episode(self, stream: str, episode: int) -> pa.Table | None:
         """The rows of one episode of a stream.
@@ -111,3 +122,8 @@ class SealedTables:
                 kept.pop(next(iter(kept)))
             kept[number] = reader.read(groups=[number])
         return kept[number]
+
+
+def _but(reader: TableReader, without: Collection[str]) -> set[str] | None:
+    """The columns that aren't of the kinds in `without`; None: all."""
+    return {n for n in reader.schema.names if kind_of(n) not in without} if without else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -103,18 +103,9 @@ def _last_infos(
     evidence: Evidence, figures: Figures
 ) -> dict[int, dict[str, tuple[int, Mapping[str, float]]]]:
     """By episode and agent, the turn and the numbers of the last info that had any."""
-    steps = evidence.tables.table("steps", without=(*APART[:1], *APART[2:], "reward"))
-    if steps is None or not steps.num_rows:
-        return {}
-    steps = steps.select(["episode", "turn", "agent", "info"])
-    steps = steps.filter(pc.is_valid(steps["info"]))
-    names = pc.index_in(steps["agent"], pa.array(figures.agents, pa.string())).to_numpy()
-    key = steps["episode"].to_numpy().astype(np.int64) * max(len(figures.agents), 1) + names
-    _, last = np.unique(key[::-1], return_index=True)
-    rows = steps.take(pa.array(len(key) - 1 - last))
     found: dict[int, dict[str, tuple[int, Mapping[str, float]]]] = {}
     again: set[int] = set()
-    for row in rows.to_pylist():
+    for row in _last_rows(evidence, figures):
         numbers = plain_numbers(from_json(row["info"]))
         if numbers:
             found.setdefault(row["episode"], {})[row["agent"]] = (row["turn"], numbers)
@@ -126,3 +117,27 @@ def _last_infos(
             agent: (outcome.seen[agent], numbers) for agent, numbers in outcome.infos.items()
         }
     return found
+
+
+def _last_rows(evidence: Evidence, figures: Figures) -> Iterator[dict[str, Any]]:
+    """The last row with an info of each agent in each episode, from some rows at a time."""
+    names, open_yet = ["episode", "turn", "agent", "info"], None
+    parts = evidence.tables.all_parts("steps", without=(*APART[:1], *APART[2:], "reward"))
+    for part in parts or ():
+        if not part.num_rows:
+            continue
+        rows = part.select(names)
+        goes_on = part["episode"][-1]
+        rows = rows.filter(pc.is_valid(rows["info"]))
+        last = _last(rows if open_yet is None else pa.concat_tables([open_yet, rows]), figures)
+        yield from last.filter(pc.not_equal(last["episode"], goes_on)).to_pylist()
+        open_yet = last.filter(pc.equal(last["episode"], goes_on))
+    yield from () if open_yet is None else open_yet.to_pylist()
+
+
+def _last(rows: pa.Table, figures: Figures) -> pa.Table:
+    """The last row of each agent in each episode."""
+    names = pc.index_in(rows["agent"], pa.array(figures.agents, pa.string())).to_numpy()
+    key = rows["episode"].to_numpy().astype(np.int64) * max(len(figures.agents), 1) + names
+    _, last = np.unique(key[::-1], return_index=True)
+    return rows.take(pa.array(len(key) - 1 - last))

@@ -61,56 +61,74 @@ class Figures:
 def figures_of(evidence: Evidence) -> Figures:
     """The figures of a whole run, from one reading of its rows."""
     headers = tuple(evidence.episodes.to_pylist())
-    steps = evidence.tables.table("steps", without=APART)
-    if steps is None or not steps.num_rows:
-        steps = evidence.steps
-    known = set(pc.unique(steps["agent"]).to_pylist())
-    agents = [name for name in map(str, evidence.manifest.get("agents") or ()) if name in known]
-    agents += sorted(known - set(agents))
-    rows = _Rows(steps, [header["episode"] for header in headers], agents)
-    ended = rows.flag("terminated") | rows.flag("truncated")
-    acted = rows.valid("order") & ~rows.valid("raised") & ~ended
-    terms = [name for name in steps.schema.names if name.startswith(TERM)]
+    sums = _Sums([header["episode"] for header in headers])
+    for steps in evidence.tables.all_parts("steps", without=APART) or ():
+        if steps.num_rows:
+            sums.add(steps)
+    agents = [name for name in map(str, evidence.manifest.get("agents") or ()) if sums.has(name)]
+    agents += sorted(set(sums.names) - set(agents))
     return Figures(
         headers=headers,
         agents=tuple(agents),
-        present=rows.counted(np.ones(steps.num_rows, np.bool_)) > 0,
-        returns=rows.summed("reward"),
-        lengths=rows.counted(acted),
-        terms={name[len(TERM) :]: rows.summed(name) for name in terms},
-        terminated=rows.counted(rows.flag("terminated")) > 0,
-        truncated=rows.counted(rows.flag("truncated")) > 0,
+        present=sums.of("rows", agents) > 0,
+        returns=sums.of("reward", agents),
+        lengths=sums.of("acted", agents),
+        terms={name[len(TERM) :]: sums.of(name, agents) for name in sums.terms},
+        terminated=sums.of("terminated", agents) > 0,
+        truncated=sums.of("truncated", agents) > 0,
         _places={header["episode"]: place for place, header in enumerate(headers)},
     )
 
 
-class _Rows:
-    """Rows with the place of their episode and agent, summed into [episodes, agents]."""
+class _Sums:
+    """Sums by agent and episode, of rows in their order: floats added otherwise differ."""
 
-    def __init__(self, steps: pa.Table, episodes: list[int], agents: list[str]) -> None:
-        self.steps = steps
-        self.shape = (len(episodes), len(agents))
-        order = np.argsort(np.asarray(episodes, np.int64), kind="stable")
-        numbers = np.asarray(episodes, np.int64)[order]
-        row = np.searchsorted(numbers, steps["episode"].to_numpy())
-        row = order[np.minimum(row, max(len(order) - 1, 0))] if len(order) else row
-        column = pc.index_in(steps["agent"], pa.array(agents, pa.string()))
-        self.cell = row * max(len(agents), 1) + column.to_numpy().astype(np.int64)
+    def __init__(self, episodes: list[int]) -> None:
+        self.names: dict[str, int] = {}
+        self.terms: dict[str, None] = {}
+        self._sums: dict[str, FloatArray] = {}
+        self._order = np.argsort(np.asarray(episodes, np.int64), kind="stable")
+        self._numbers = np.asarray(episodes, np.int64)[self._order]
 
-    def flag(self, name: str) -> BoolArray:
-        flags = pc.fill_null(self.steps[name], False)
-        return np.asarray(flags.to_numpy(), np.bool_)
+    def has(self, agent: str) -> bool:
+        """Whether the agent has a row."""
+        return agent in self.names
 
-    def valid(self, name: str) -> BoolArray:
-        return np.asarray(pc.is_valid(self.steps[name]).to_numpy(), np.bool_)
+    def of(self, what: str, agents: list[str]) -> FloatArray:
+        """[episodes, agents] one of the sums."""
+        places = [self.names[agent] for agent in agents]
+        sums = self._sums.get(what, np.zeros((len(self._numbers), 0)))
+        return np.ascontiguousarray(sums[:, places])
 
-    def summed(self, name: str) -> FloatArray:
-        return self._into(pc.fill_null(self.steps[name], 0.0).to_numpy())
+    def add(self, steps: pa.Table) -> None:
+        """The next rows; there is at least one."""
+        row = np.searchsorted(self._numbers, steps["episode"].to_numpy())
+        if len(self._order):
+            row = self._order[np.minimum(row, len(self._order) - 1)]
+        agents = steps["agent"].combine_chunks().dictionary_encode()
+        columns = [
+            self.names.setdefault(name, len(self.names)) for name in agents.dictionary.to_pylist()
+        ]
+        cells = row, np.array(columns)[np.asarray(agents.indices)]
+        self.terms |= dict.fromkeys(n for n in steps.schema.names if n.startswith(TERM))
+        flags = {
+            name: np.asarray(pc.fill_null(steps[name], False).to_numpy(), np.bool_)
+            for name in ("terminated", "truncated")
+        }
+        chose, raised = (
+            np.asarray(pc.is_valid(steps[name]).to_numpy(), np.bool_)
+            for name in ("order", "raised")
+        )
+        acted = chose & ~raised & ~(flags["terminated"] | flags["truncated"])
+        for name, weights in {"rows": np.ones(len(row)), "acted": acted, **flags}.items():
+            self._into(name, cells, weights)
+        for name in ("reward", *self.terms):
+            self._into(name, cells, pc.fill_null(steps[name], 0.0).to_numpy())
 
-    def counted(self, chosen: BoolArray) -> FloatArray:
-        return self._into(chosen)
-
-    def _into(self, weights: Any) -> FloatArray:
-        size = self.shape[0] * self.shape[1]
-        sums = np.bincount(self.cell, np.asarray(weights, np.float64), minlength=size)
-        return np.asarray(sums[:size].reshape(self.shape), np.float64)
+    def _into(self, what: str, cells: tuple[Any, Any], weights: Any) -> None:
+        sums = self._sums.get(what, np.zeros((len(self._numbers), 0)))
+        more = len(self.names) - sums.shape[1]
+        if more:  # agents that had no row before
+            sums = np.pad(sums, ((0, 0), (0, more)))
+        np.add.at(sums, cells, np.asarray(weights, np.float64))
+        self._sums[what] = sums
