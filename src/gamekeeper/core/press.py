@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
+from operator import attrgetter
 from typing import Any, Final
 
 import numpy as np
@@ -131,22 +132,12 @@ class Press:
         )
 
     def _ends(self, ends: list[EpisodeEnd]) -> pa.RecordBatch | None:
-        rows = []
-        for end in ends:
-            digest = self._open.pop(end.episode)
-            rows.append(
-                {
-                    "episode": end.episode,
-                    "turns": end.turns,
-                    "end": end.end,
-                    "error": end.error,
-                    "endings": end.endings,
-                    "action_types": end.action_types,
-                    "fingerprint": digest.fingerprint,
-                    "info_fingerprint": digest.info_fingerprint,
-                }
-            )
-        return pa.RecordBatch.from_pylist(rows, schema=EPISODES) if rows else None
+        digests = [self._open.pop(end.episode) for end in ends]
+        return _episodes(
+            ends, ("episode", "turns", "end", "error", "endings", "action_types"),
+            fingerprint=[digest.fingerprint for digest in digests],
+            info_fingerprint=[digest.info_fingerprint for digest in digests],
+        )  # fmt: skip
 
 
 def add_infos(episodes: dict[int, EpisodeDigest], block: Block, volatile: Collection[str]) -> None:
@@ -182,9 +173,23 @@ def _without(info: str | None, volatile: Collection[str]) -> str | None:
 
 
 def _starts(starts: list[EpisodeStart]) -> pa.RecordBatch | None:
-    names = ("episode", "task", "seed", "since", "options", "policies")
-    rows = [{name: getattr(start, name) for name in names} for start in starts]
-    return pa.RecordBatch.from_pylist(rows, schema=EPISODES) if rows else None
+    return _episodes(starts, ("episode", "task", "seed", "since", "options", "policies"))
+
+
+def _episodes(
+    events: Sequence[EpisodeStart | EpisodeEnd], names: tuple[str, ...], **columns: list[Any]
+) -> pa.RecordBatch | None:
+    """What `events` say of their episodes under `names`, and `columns`; the rest is null."""
+    if not events:
+        return None
+    columns |= {name: list(map(attrgetter(name), events)) for name in names}
+    arrays = [
+        pa.array(columns[field.name], field.type)
+        if field.name in columns
+        else pa.nulls(len(events), field.type)
+        for field in EPISODES
+    ]
+    return pa.RecordBatch.from_arrays(arrays, schema=EPISODES)
 
 
 def _timings(reel: Reel) -> pa.RecordBatch | None:
