@@ -76,6 +76,19 @@ def test_frame_needs_pillow(monkeypatch: pytest.MonkeyPatch) -> None:
         encode_frame(np.zeros((2, 2, 3), np.uint8))
 
 
+def test_frames_without_pillow_are_refused_before_the_run_begins(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing is left in the way of the next try; the same holds where the mode was chosen."""
+    monkeypatch.setitem(sys.modules, "PIL", None)
+    for given in ({}, {"render_mode": "rgb_array"}):
+        with pytest.raises(DependencyError, match=r"gamekeeper\[frames\]"):
+            rollout(
+                "two_robot_line", episodes=1, out=tmp_path / "run", frames=True, env_kwargs=given
+            )
+        assert not (tmp_path / "run").exists()
+
+
 @pytest.mark.parametrize(("mode", "suffix"), [("ansi", "txt"), ("rgb_array", "png")])
 def test_frames_of_a_run_are_one_a_turn(tmp_path: Path, mode: str, suffix: str) -> None:
     """A frame for each turn and one at the end, sealed with the rest, outside the fingerprint."""

@@ -37,6 +37,8 @@ UNSURE: Final = 2
 INTERRUPTED: Final = 130
 NAME_CHARS: Final = 200
 """Of a file's name that the system refuses, as shown."""
+VALIDATOR: Final = "Value error, "
+"""What typer's validator puts in front of its reason; it tells a user nothing."""
 LAST: Final = 1_000
 """Place in the list of commands of one that names none (`ORDER`)."""
 
@@ -84,7 +86,9 @@ def build_app() -> typer.Typer:
     )
     app.callback()(_whole)
     for name, module in commands():
-        app.command(name)(framed(name, module))
+        # All of the first line: typer cuts it where it doesn't fit beside the names.
+        said = (inspect.getdoc(module.command) or "").partition("\n")[0]
+        app.command(name, short_help=said)(framed(name, module))
     return app
 
 
@@ -192,6 +196,8 @@ def _misused(error: Any, *, as_json: bool) -> int:
     """Says what is wrong with a command line, as typer would."""
     if type(error).__name__ == "NoArgsIsHelpError":  # its message is the help, said already
         return UNSURE
+    if isinstance(getattr(error, "message", None), str):
+        error.message = error.message.removeprefix(VALIDATOR)
     if as_json:
         document = {"error": {"kind": "UsageError", "what": error.format_message()}}
         with claimed_stdout() as out:

@@ -27,6 +27,7 @@ class Form:
         agents: a line for each.
         questions: what is still open.
         made_of: lines on its wrappers: which of them `gk.make` replaces, which stay.
+        policies: words for policies of its own, as `reference`.
     """
 
     name: str
@@ -35,6 +36,7 @@ class Form:
     agents: tuple[AgentSpec, ...]
     questions: tuple[Question, ...]
     made_of: tuple[str, ...] = ()
+    policies: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """The document that `gamekeeper contract --json` prints."""
@@ -94,6 +96,7 @@ def _form(value: Any) -> Form:
         tuple(agents),
         tuple(questions),
         tuple(value["made_of"]),
+        tuple(value["policies"]),
     )
 
 

@@ -136,7 +136,11 @@ def _bundle(
 
 
 def _unknown(where: str, seen: str, names: list[str]) -> GamekeeperError:
+    from gamekeeper.core.contract.places import nearest
+
+    near = nearest(seen, names)
     return GamekeeperError(
         f"there is no form {seen!r}" if where == "--to" else f"nothing reads {seen!r}",
         where=where, expected=", ".join(sorted(names)), seen=repr(seen),
+        mend=f"write {near!r}" if near else "gamekeeper list exporters",
     )  # fmt: skip

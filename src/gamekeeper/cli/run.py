@@ -86,6 +86,10 @@ def command(
     )  # fmt: skip
     with screen.progress("opening"):
         form = look_at(env, env_kwargs=plan.env_kwargs, contract=contract, silence_s=timeout)
+    if plan.policies:
+        from gamekeeper.game.policy import check_words
+
+        check_words(plan.policies.values(), form.policies)  # rather than after the audit
     show_form(screen, form)
     audited = None
     if not no_audit:

@@ -18,7 +18,7 @@ from gamekeeper.cli._options import (
     json_object,
 )
 from gamekeeper.cli._screen import Answer, Screen
-from gamekeeper.errors import GamekeeperError
+from gamekeeper.errors import GamekeeperError, SpecError
 
 if TYPE_CHECKING:
     from gamekeeper.core.evidence import Evidence
@@ -102,12 +102,12 @@ def _show_evaluation(screen: Screen, folder: Path) -> Answer:
 def _show_env(screen: Screen, env: str, kwargs: str | None, timeout: float) -> Answer:
     from gamekeeper.report.text import brief_card
 
-    form = look_at(
-        env,
-        env_kwargs=json_object(kwargs, option="--kwargs"),
-        contract=None,
-        silence_s=timeout,
-    )
+    given = json_object(kwargs, option="--kwargs")
+    try:
+        form = look_at(env, env_kwargs=given, contract=None, silence_s=timeout)
+    except SpecError:
+        _refuse_lost_run(Path(env))
+        raise
     screen.show(
         brief_card(
             form.contract,
@@ -121,6 +121,19 @@ def _show_env(screen: Screen, env: str, kwargs: str | None, timeout: float) -> A
     for line in form.made_of:
         screen.show(f"  {line}")
     return Answer({**form.to_json(), "made_of": list(form.made_of)})
+
+
+def _refuse_lost_run(path: Path) -> None:
+    """What is no environment but lies beside runs was meant to be one of them.
+
+    Raises:
+        BundleError: there is no such run.
+    """
+    from gamekeeper.record.files.absent import MANIFEST
+    from gamekeeper.record.files.manifest import load_manifest
+
+    if not path.exists() and any(path.parent.glob(f"*/{MANIFEST}")):
+        load_manifest(path)
 
 
 def _show_run(screen: Screen, run: Path) -> Answer:

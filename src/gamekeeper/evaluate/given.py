@@ -45,7 +45,9 @@ def spec_of(
         if not policies:
             raise SpecError(
                 "nobody is to be evaluated", where="policies", expected="policies by name",
-                seen="none", mend="policies={'reference': 'reference', 'random': 'random'}",
+                seen="none",
+                mend="policies={'reference': 'reference', 'random': 'random'}; on a command line "
+                "--policy reference --policy random",
             )  # fmt: skip
         row = {"spec": given, "kwargs": dict(env_kwargs or {})}
         row |= {} if contract is None else {"contract": contract}

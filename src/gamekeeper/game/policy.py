@@ -83,13 +83,32 @@ def resolve(choice: Choice, *, schemes: Mapping[str, Scheme] | None = None) -> C
         if policy is not None:
             return _checked(name, policy)
     if not colon or not rest:
-        raise PolicyError(
-            f"there is no policy called {name!r}{nearest(name, built_ins)}",
-            expected=", ".join([*built_ins, *(f"{one}:..." for one in schemes or {}), _FORMS]),
-            seen=repr(name),
-        )
+        raise _no_policy(name, [*built_ins, *(f"{one}:..." for one in schemes or {})])
     with _as_policy_error(name):
         return _checked(name, _loaded(name))
+
+
+def check_words(choices: Iterable[str], own: Iterable[str]) -> None:
+    """The bare words among the choices are known; nothing is loaded to find out.
+
+    Args:
+        choices: as users name them.
+        own: words that the environment knows, as `reference`.
+    Raises:
+        PolicyError: there is no such policy.
+    """
+    words = [*_built_ins(), *own]
+    for name in map(str.strip, choices):
+        if ":" not in name and name not in words:
+            raise _no_policy(name, words)
+
+
+def _no_policy(name: str, words: Iterable[str]) -> PolicyError:
+    return PolicyError(
+        f"there is no policy called {name!r}{nearest(name, words)}",
+        expected=", ".join([*words, _FORMS]),
+        seen=repr(name),
+    )
 
 
 def distrust_policy(name: str) -> str | None:

@@ -23,7 +23,7 @@ def encode_frame(frame: Any) -> tuple[str, bytes]:
         return "txt", frame.encode(errors="replace")
     if not _is_picture(frame):
         return "json", to_json(frame).encode(errors="replace")
-    image = _pillow().fromarray(np.ascontiguousarray(frame))
+    image = require_pillow().fromarray(np.ascontiguousarray(frame))
     buffer = io.BytesIO()
     image.save(buffer, "PNG", compress_level=1)
     return "png", buffer.getvalue()
@@ -39,7 +39,12 @@ def _is_picture(frame: Any) -> bool:
     )
 
 
-def _pillow() -> Any:
+def require_pillow() -> Any:
+    """`PIL.Image`, which writes frames that are pictures.
+
+    Raises:
+        DependencyError: Pillow isn't installed.
+    """
     try:
         from PIL import Image
     except ImportError as error:

@@ -7,8 +7,10 @@ from typing import Any, Final
 
 from gamekeeper.errors import EvidenceError, SpecError
 from gamekeeper.game.open import Opened, open_env
+from gamekeeper.record.frames import require_pillow
 
-MODES: Final = ("rgb_array", "ansi")
+PICTURES: Final = "rgb_array"
+MODES: Final = (PICTURES, "ansi")
 """Render modes that give something to keep, the better first."""
 
 
@@ -21,14 +23,19 @@ def open_rendered(spec: object, env_kwargs: Mapping[str, Any]) -> Opened:
     Raises:
         EvidenceError: it has none of the modes that give frames, or can't be made with one.
         SpecError: nothing can be opened under that name.
+        DependencyError: it gives pictures, and nothing is installed to write them.
     """
     opened = open_env(spec, **env_kwargs)
     modes = opened.env.metadata.get("render_modes")
     mode = getattr(opened.env, "render_mode", None)
     if opened.make is None or mode is not None or "render_mode" in env_kwargs or modes is None:
+        if mode == PICTURES:
+            require_pillow()
         return opened
     opened.env.close()
     chosen = next((one for one in MODES if one in modes), None)
+    if chosen == PICTURES:
+        require_pillow()  # before the run begins: an unfinished one would be in the next one's way
     seen = f"render_modes {list(modes)}"
     if chosen is not None:
         try:

@@ -76,8 +76,8 @@ def contract_task(
 
     Returns:
         `contract` (declared or drafted), `is_declared`, `agents` with their spaces, `questions`,
-        `made_of` (its wrappers: which are replaced by `gk.make`, which stay); or the fields of the
-        `error` that was in the way.
+        `made_of` (its wrappers: which are replaced by `gk.make`, which stay), `policies` (words for
+        those of its own); or the fields of the `error` that was in the way.
     """
     try:
         opened = open_env(spec, **env_kwargs)
@@ -87,6 +87,7 @@ def contract_task(
             specs = agent_specs(opened.env, form)
             questions = draft_questions(opened.env, form)
             made_of = described_slim(opened.env)
+            own = getattr(opened.env.unwrapped, "policies", None)
         finally:
             opened.env.close()
     except GamekeeperError as error:
@@ -106,6 +107,7 @@ def contract_task(
         ],
         "questions": [asdict(question) for question in questions],
         "made_of": list(made_of),
+        "policies": [str(name) for name in own] if isinstance(own, Mapping) else [],
     }
 
 

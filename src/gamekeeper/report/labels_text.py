@@ -16,7 +16,7 @@ def labels_text(rows: Sequence[Mapping[str, Any]], *, width: int) -> str:
         width: columns that no line exceeds.
     """
     if not rows:
-        return "No labels."
+        return "No labels. One is added with: gamekeeper label RUN LABEL [--episode N] [--agent A]"
     lines: list[str] = []
     for row in rows:
         whose = row["agent"] or "the team"

@@ -7,7 +7,9 @@ the raw rules in their place, with the same promises and the same rows.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any, Final
 
 from pettingzoo import AECEnv, ParallelEnv
@@ -19,6 +21,7 @@ from gamekeeper.game.authoring.verbs import AgentId
 from gamekeeper.game.converting.slim_aec import CLIP, REFUSE, Promises, SlimAEC, bounded
 from gamekeeper.game.converting.tick import Step
 from gamekeeper.game.converting.tick_rewards import Totals
+from gamekeeper.game.opening.load import FILE_MODULE
 from gamekeeper.game.to_aec import ToAEC
 from gamekeeper.game.to_parallel import ToParallel
 
@@ -70,10 +73,17 @@ def described_slim(env: Any) -> tuple[str, ...]:
     while type(inside) in FACES:
         inside = inside.env
     while inside is not inside.unwrapped and hasattr(inside, "env"):
-        lines.append(f"stays: {type(inside).__module__}.{type(inside).__qualname__}")
+        lines.append(f"stays: {_home(type(inside))}.{type(inside).__qualname__}")
         inside = inside.env
     rules = type(inside.unwrapped)
-    return (*lines, f"rules: {rules.__module__}.{rules.__qualname__}")
+    return (*lines, f"rules: {_home(rules)}.{rules.__qualname__}")
+
+
+def _home(kind: type) -> str:
+    """A class's module; of a file that was opened by its path the stem, not our name for it."""
+    module = kind.__module__
+    file = getattr(sys.modules.get(module), "__file__", None)
+    return Path(file).stem if file and module.startswith(FILE_MODULE) else module
 
 
 def _peeled(env: Any) -> tuple[Any, Promises, tuple[str, ...]]:

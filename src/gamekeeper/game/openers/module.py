@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from types import ModuleType
 from typing import Final
 
 from gamekeeper.game.openers import _family
 from gamekeeper.game.opening.factory import find_factory
 from gamekeeper.game.opening.installed import distrust_module
 from gamekeeper.game.opening.load import current_folder_last, load_module, within
-from gamekeeper.game.opening.opened import Source
+from gamekeeper.game.opening.opened import NotHereError, Source
 
 SYNTAX: Final = "module:factory"
 ORDER: Final = 90
+CONTRACT: Final = ".toml"
 
 
 def matches(spec: object) -> bool:
@@ -28,7 +30,7 @@ def matches(spec: object) -> bool:
 def locate(spec: str, api: str | None) -> Source:
     """The factory in the module; the current folder is looked in too, after everything else."""
     name, _, factory = spec.partition(":")
-    found = find_factory(load_module(name), factory or None, api, where=name)
+    found = find_factory(_loaded(name), factory or None, api, where=name)
     return Source(
         kind="module",
         factory=found.factory if found.is_single else within(current_folder_last, found.factory),
@@ -36,6 +38,21 @@ def locate(spec: str, api: str | None) -> Source:
         entry_point=f"{name}:{found.name}",
         is_single=found.is_single,
     )
+
+
+def _loaded(name: str) -> ModuleType:
+    try:
+        return load_module(name)
+    except NotHereError as error:
+        if not name.endswith(CONTRACT):
+            raise
+        raise NotHereError(
+            "a contract alone is no environment",
+            where=name,
+            expected="what it is the contract of",
+            seen="the name of a TOML file",
+            mend=f"name the environment, and beside it --contract {name}",
+        ) from error
 
 
 def distrust(spec: str) -> str | None:
