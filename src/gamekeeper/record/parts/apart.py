@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gamekeeper.errors import BundleError, GamekeeperError
+from gamekeeper.record.parts.merged import found_merged
 from gamekeeper.record.parts.plan import Plan, claim, release
 from gamekeeper.record.parts.playing import Playing
 from gamekeeper.record.told import error_in
@@ -60,7 +61,8 @@ def record_apart(
     """Records a plan into the bundle `out`, by tasks that write their parts to `storage`.
 
     Stopped at any moment (also by Ctrl-C), the parts that are whole stay, and the same call goes on
-    from them. Once the bundle is sealed they are gone.
+    from them. Once the bundle is sealed they are gone; stopped in between, the same call takes them
+    away, and leaves the bundle as it is.
 
     Args:
         out: a folder that doesn't exist yet, or is empty, on this machine.
@@ -76,6 +78,10 @@ def record_apart(
         WorkerFault: a task of ours is broken.
         KeyboardInterrupt: by Ctrl-C.
     """
+    merged = found_merged(storage, plan, out)
+    if merged is not None:
+        release(storage)
+        return Apart(merged.error, merged.parts, found=merged.parts, deaths=0, torn=0)
     _check_free(out)
     executor.check_storage(storage.place)
     playing = Playing(plan, storage, on_message)
@@ -114,20 +120,26 @@ def _merge(
     Returns:
         What was in the way, and the keys of the parts that are damaged, if it was they.
     """
-    told, parts = playing.ended_by(), playing.kept()
+    told, parts, first = playing.ended_by(), playing.kept(), playing.first_error()
+    ended = None
+    if first is not None:
+        from gamekeeper.record.tasks import error_fields
+
+        ended = error_fields(first)
 
     def take(fields: dict[str, Any]) -> None:
         playing.on_message({"merged": fields["merged"], "parts": parts})
 
     arguments = {
         "storage": playing.storage.place, "plan": playing.plan.to_json(),
-        "out": str(out.absolute()), "parts": parts, "error": told,
+        "out": str(out.absolute()), "parts": parts, "error": told, "ended": ended,
     }  # fmt: skip
     outcome = _merged(executor, arguments, take)
     if outcome.status == "interrupted":
         raise KeyboardInterrupt
-    if outcome.status not in ("done", "raised"):
-        return [], _unmerged(outcome.error)
+    if outcome.status not in ("done", "raised"):  # it may have died with its work done
+        is_done = found_merged(playing.storage, playing.plan, out) is not None
+        return [], None if is_done else _unmerged(outcome.error)
     error, value = error_in(outcome), outcome.value
     return (value["torn"] if isinstance(value, dict) else []), error
 

@@ -21,6 +21,7 @@ from gamekeeper.errors import BundleError, GamekeeperError
 from gamekeeper.record.files.claim import lock_folder
 from gamekeeper.record.files.folder import sync_folder, system_error
 from gamekeeper.record.parts.joined import Joined
+from gamekeeper.record.parts.merged import note_merged
 from gamekeeper.record.parts.plan import Plan, key_of
 from gamekeeper.record.parts.playing import lost
 from gamekeeper.record.parts.receipt import Receipt, is_torn, receipts_of
@@ -36,12 +37,14 @@ def merge_task(
     out: str,
     parts: int,
     error: str | None,
+    ended: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
     """Merges the first parts of a plan into the folder `out`.
 
     Args:
         parts: how many of the plan's parts one process would have recorded.
         error: why the run ended where no part says so; the bundle counts as failed then.
+        ended: fields of the error of the first episode that failed, to be noted.
 
     Returns:
         `error`: None, or its fields; `torn`: keys of the parts that are damaged, if that was it.
@@ -50,10 +53,13 @@ def merge_task(
     place = Storage.at(storage)
     try:
         with signs_of_life(report):
-            keys = [key_of(each) for each in islice(Plan.from_json(plan).ranges(), parts)]
-            after = partial(_merged, report)
+            wanted = Plan.from_json(plan)
+            keys = [key_of(each) for each in islice(wanted.ranges(), parts)]
             found = _found(place, keys)
-            merge(place, found, Path(out), error=error, after_part=after)
+            merge(
+                place, found, Path(out), error=error, after_part=partial(_merged, report),
+                when_sealed=partial(note_merged, place, wanted, parts=parts, ended=ended),
+            )  # fmt: skip
     except GamekeeperError as raised:
         with signs_of_life(report):
             return {"error": error_fields(raised), "torn": _torn(place, found)}
@@ -95,6 +101,7 @@ def merge(
     *,
     error: str | None = None,
     after_part: Callable[[int], None] = lambda done: None,
+    when_sealed: Callable[[Path], None] = lambda draft: None,
 ) -> None:
     """The bundle `out` holds the parts, in the order of their episodes, under one seal.
 
@@ -103,6 +110,7 @@ def merge(
         out: a folder that doesn't exist yet, or is empty.
         error: why the run ended where no part says so.
         after_part: called with how many parts are in.
+        when_sealed: called with where the whole bundle lies, before it is at its place.
     Raises:
         BundleError: there is no part, one is damaged or of another environment, something lies in
             `out`, or the disk refuses.
@@ -122,6 +130,7 @@ def merge(
     except BaseException:
         whole.discard()
         raise
+    when_sealed(draft)
     _publish(draft, place)
 
 

@@ -18,6 +18,7 @@ MOST_EPISODES: Final = 256
 """Of a part: what a death costs, and how far workers can end apart."""
 FOLDER: Final = "parts"
 PLAN: Final = "plan.json"
+MERGED: Final = "merged.json"
 FORMAT: Final = 1
 
 
@@ -133,13 +134,19 @@ def release(storage: Storage) -> None:
     Raises:
         BundleError: the storage refuses.
     """
-    storage.delete(FOLDER)
-    storage.delete(PLAN)
+    for name in (FOLDER, PLAN, MERGED):  # the last one tells that what is left may go
+        storage.delete(name)
     if storage.folder is not None and storage.folder.is_dir():
-        for draft in storage.folder.glob(f".*.{PLAN}"):
-            draft.unlink(missing_ok=True)
+        for name in (PLAN, MERGED):
+            for draft in storage.folder.glob(f".*.{name}"):
+                draft.unlink(missing_ok=True)
         if not any(storage.folder.iterdir()):
             storage.folder.rmdir()
+
+
+def digest_of(plan: Plan) -> str:
+    """Tells plans apart as `claim` does."""
+    return blake2b(_described(plan), digest_size=16).hexdigest()
 
 
 def _described(plan: Plan) -> bytes:
