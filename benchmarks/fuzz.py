@@ -38,6 +38,8 @@ from gamekeeper.errors import GamekeeperError
 SLOW_S: Final = 2.0
 STUCK_S: Final = 120
 """Wall time after which a process is taken to hang, in seconds: machines are shared."""
+REARMED_S: Final = 1.0
+"""How long one input's time may count towards the next one's, in seconds."""
 SHARES: Final = {
     "contract": 0.08, "contract-data": 0.08, "spec": 0.12, "spec-data": 0.12, "condition": 0.15,
     "options": 0.1, "manifest": 0.12, "space": 0.06, "notes": 0.03, "receipt": 0.04,
@@ -131,13 +133,14 @@ def run(target: str, inputs: int, sample: Sample, corpus: Corpus) -> dict[str, A
     begun_s, refused = time.process_time(), 0
     found: dict[str, int] = {}
     slowest_s = 0.0
-    faulthandler.dump_traceback_later(STUCK_S, exit=True)
-    for number in range(inputs):
+    armed_s = -STUCK_S
+    for _ in range(inputs):
         label, data, read = sample()
         corpus.begin(data)
         one_s = time.process_time()
-        if number % 64 == 0:
+        if time.monotonic() - armed_s > REARMED_S:  # not each time: it starts a thread
             faulthandler.dump_traceback_later(STUCK_S, exit=True)
+            armed_s = time.monotonic()
         try:
             with contextlib.redirect_stderr(io.StringIO()):
                 read()

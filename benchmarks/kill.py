@@ -12,13 +12,14 @@ Prints a JSON line; of a writer {"figure": "kill", "who", "kills", "opened", "re
 "replayed", "lost_ms_median", "lost_ms_max", "late": kills that lost anything older than 100 ms}.
 Exits 1 where anything wasn't as it should be.
 
-    python benchmarks/kill.py [--who writer] [--kills 200] [--seed 0]
+    python benchmarks/kill.py [--who writer] [--kills 200] [--seed 0] [--cold] [--minutes M]
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import random
 import shutil
@@ -139,11 +140,16 @@ def main() -> int:
     parser.add_argument("--who", choices=["writer", *kill_apart.WHO], default="writer")
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--minutes", type=float, default=math.inf, help="not of a writer")
+    parser.add_argument("--cold", action="store_true", help="workers begin as always")
     given = parser.parse_args()
     rng = random.Random(given.seed)
     with tempfile.TemporaryDirectory(prefix="kill-") as folder:
         if given.who != "writer":
-            figures, is_whole = kill_apart.kill(given.who, Path(folder), kills=given.kills, rng=rng)
+            figures, is_whole = kill_apart.kill(
+                given.who, Path(folder), kills=given.kills, rng=rng, is_cold=given.cold,
+                most_s=given.minutes * 60,
+            )  # fmt: skip
             print(json.dumps(figures))
             return 0 if is_whole else 1
         with recorders(Path(folder)) as start:

@@ -10,23 +10,23 @@ the same command is given again, until it ends by itself. What must be so then:
     same      the fingerprint is the one of a single process that nobody killed
     clean     beside the run's folder lies nothing: no parts, no draft
 
-A worker that is killed three times at one part ends the run as failed, as it should ("given_up").
-Used by `benchmarks/kill.py --who parent|worker|merger`.
+A worker that is killed three times at one part ends the run as failed, as it should ("given_up";
+"nothing" where that was the first part, and no turn of it was written). The command and its workers
+are forks of a process that has imported everything (`benchmarks/forks.py`), so that the instants
+fall into their work; cold, the workers begin as always, and most instants fall into their imports.
+Used by `benchmarks/kill.py --who parent|worker|merger [--cold]`.
 """
 
 from __future__ import annotations
 
-import json
+import math
 import os
 import random
 import shutil
 import signal
-import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -36,42 +36,30 @@ from gamekeeper.record.parts.plan import parts_folder
 from gamekeeper.record.recording import rollout
 from gamekeeper.record.verify import verify
 
+try:
+    from benchmarks.forks import Forks, children_of, forks, is_there
+except ImportError:  # run as a script
+    from forks import Forks, children_of, forks, is_there  # type: ignore[no-redef]
+
 WHO: Final = ("parent", "worker", "merger")
 TASK: Final = "two_robot_line"
 EPISODES: Final = 8
 END_S: Final = 30.0
 """How long the processes of a killed parent may take to be gone."""
-FIRST_LIFE_S: Final = 2.0
-COMMANDS: Final = """
-import json, os, sys
-import gamekeeper.cli._app, gamekeeper.cli.record, gamekeeper.cli._fan
-import gamekeeper.record.parts.apart, gamekeeper.record.bundle
-from gamekeeper.cli import main
-
-for line in sys.stdin:
-    pid = os.fork()  # what takes longest, importing, was done once for all
-    if not pid:
-        arguments, said = json.loads(line)
-        os.dup2(os.open(said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 1)
-        os.dup2(1, 2)
-        sys.stdin = open(os.devnull)
-        code = main(arguments)
-        sys.stdout.flush(), sys.stderr.flush()
-        os._exit(code)
-    print(pid, flush=True)
-    print(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]), flush=True)
-"""
+BEGINNINGS: Final = 20
+AGAIN: Final = "the same command"
+"""What a command says that didn't end its work, and has lost none of it."""
 
 
 @dataclass(slots=True)
 class Field:
     """One run's folder, the command that records it, and what was seen so far."""
 
-    start: subprocess.Popen[str]
+    start: Forks
     folder: Path
     wanted: str
     rng: random.Random
-    life_s: float = FIRST_LIFE_S
+    life_s: float = 0.0
     begun_s: float = 0.0
     counts: Counter[str] = field(default_factory=Counter)
 
@@ -82,65 +70,79 @@ class Field:
 
     def begin(self) -> int:
         """The command begins; its process."""
-        assert self.start.stdin is not None
-        assert self.start.stdout is not None
-        line = ["record", TASK, "--episodes", str(EPISODES), "--workers", "2", "--quiet"]
-        self.start.stdin.write(
-            json.dumps([[*line, "--out", str(self.run)], str(self.folder / "said")]) + "\n"
-        )
-        self.start.stdin.flush()
+        words = ["record", TASK, "--episodes", str(EPISODES), "--workers", "2", "--quiet"]
+        pid = self.start.begin([*words, "--out", str(self.run)], str(self.folder / "said"))
         self.begun_s = time.monotonic()
-        return int(self.start.stdout.readline())
+        return pid
 
     def code(self) -> int:
         """Waits for the command's end; its exit code."""
-        assert self.start.stdout is not None
-        return int(self.start.stdout.readline())
+        return self.start.code()
 
     def sleep(self) -> None:
         """Until a random instant of the command's life."""
         time.sleep(self.rng.uniform(0.0, self.life_s))
 
-    def seen(self, **claims: bool) -> None:
+    def seen(self, *, times: int = 1, **claims: bool) -> None:
         """Counts the claims that hold, and shows what was said where one doesn't."""
         for name, holds in claims.items():
-            self.counts[name] += holds
+            self.counts[name] += times * holds
             if not holds:
-                said = (self.folder / "said").read_text(encoding="utf-8", errors="replace")
-                sys.stderr.write(f"not {name}: {said}\n")
+                sys.stderr.write(f"not {name}: {self.said()}\n")
 
-    def after_kill(self, **claims: bool) -> None:
-        """What has to be so after every kill."""
+    def after_kills(self, kills: int, **claims: bool) -> None:
+        """What has to be so after each of so many kills."""
         is_there = self.run.exists() and any(self.run.iterdir())
-        self.counts["kills"] += 1
-        self.seen(untorn=not is_there or verify(self.run).ok, **claims)
+        self.counts["kills"] += kills
+        self.seen(times=kills, untorn=not is_there or verify(self.run).ok, **claims)
 
     def ended(self, code: int) -> None:
         """What has to be so when the command has ended by itself."""
         self.counts["ends"] += 1
-        evidence = load(self.run)
-        if code == 1 and evidence.manifest["status"] == "failed":
+        left, lived_s = {"run", "said"}, time.monotonic() - self.begun_s
+        if code == 1 and not self.run.exists():  # killed thrice before its first turn
+            self.counts["nothing"] += 1
+            self.seen(same="killed by SIGKILL" in self.said())
+            left = {"said"}
+            if parts_folder(self.run).exists():  # other parts were whole, and are gone on from
+                left.add(parts_folder(self.run).name)
+        elif code == 1 and load(self.run).manifest["status"] == "failed":
             self.counts["given_up"] += 1
-            self.seen(same=True, told="died" in self.said() or "killed" in self.said())
+            self.seen(same="killed by SIGKILL" in self.said())
         else:
-            self.life_s = 0.5 * self.life_s + 0.5 * (time.monotonic() - self.begun_s)
-            self.seen(same=code == 0 and evidence.fingerprint == self.wanted)
-        self.seen(clean={path.name for path in self.folder.iterdir()} == {"run", "said"})
-        shutil.rmtree(self.run)
+            self.life_s = 0.5 * (self.life_s or lived_s) + 0.5 * lived_s
+            self.seen(same=code == 0 and load(self.run).fingerprint == self.wanted)
+        self.seen(clean={path.name for path in self.folder.iterdir()} == left)
+        shutil.rmtree(self.run, ignore_errors=True)
 
     def said(self) -> str:
         """What the last command said."""
         return (self.folder / "said").read_text(encoding="utf-8", errors="replace")
 
 
-def kill(who: str, folder: Path, *, kills: int, rng: random.Random) -> tuple[dict[str, Any], bool]:
-    """The figures of so many kills, and whether all was as it should be."""
+def kill(
+    who: str,
+    folder: Path,
+    *,
+    kills: int,
+    rng: random.Random,
+    is_cold: bool = False,
+    most_s: float = math.inf,
+) -> tuple[dict[str, Any], bool]:
+    """The figures of so many kills, or of as many as time allows; whether all was as it should be.
+
+    Args:
+        most_s: wall time after which no other command is begun.
+    """
     one = rollout(TASK, episodes=EPISODES, seed=0)
-    with commands() as start:
+    with forks(is_cold=is_cold) as start:
         (folder / "field").mkdir()
         found = Field(start, folder / "field", one.fingerprint, rng)
+        found.begin()
+        found.ended(found.code())  # how long it lives when nobody kills
         template = _parts_ready(found, folder / "ready") if who == "merger" else None
-        while found.counts["kills"] < kills:
+        end_s = time.monotonic() + most_s
+        while found.counts["kills"] < kills and time.monotonic() < end_s:
             if who == "parent":
                 _kill_parent(found)
             elif who == "worker":
@@ -152,62 +154,45 @@ def kill(who: str, folder: Path, *, kills: int, rng: random.Random) -> tuple[dic
         found.ended(found.code())
     counts = found.counts
     each = ("gone", "untorn") if who == "parent" else ("untorn", "told")
-    is_whole = all(counts[name] >= counts["kills"] for name in each)
+    is_whole = all(counts[name] == counts["kills"] for name in each)
     is_whole = is_whole and counts["same"] == counts["clean"] == counts["ends"]
-    return {"figure": "kill", "who": who, **counts}, is_whole
-
-
-@contextmanager
-def commands() -> Iterator[subprocess.Popen[str]]:
-    """A process that forks a command for every line (its words, where its output goes)."""
-    with subprocess.Popen(
-        [sys.executable, "-c", COMMANDS], env={**os.environ, "PYTHONPATH": _path()},
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-    ) as process:  # fmt: skip
-        yield process
-
-
-def _path() -> str:
-    return os.pathsep.join(filter(None, sys.path))
+    return {"figure": "kill", "who": who, "cold": is_cold, **counts}, is_whole
 
 
 def _kill_parent(found: Field) -> None:
     pid = found.begin()
     found.sleep()
-    if not _is_there(pid):
+    if not is_there(pid):
         found.ended(found.code())
         return
+    os.kill(pid, signal.SIGSTOP)  # so that it starts nobody while its children are looked for
+    children = children_of(pid)
     os.kill(pid, signal.SIGKILL)
     code = found.code()
     if code >= 0:  # it was just ending
         found.ended(code)
         return
     deadline_s = time.monotonic() + END_S
-    while _workers_of(pid) and time.monotonic() < deadline_s:
-        time.sleep(0.02)
-    found.after_kill(gone=not _workers_of(pid))
+    while any(map(is_there, children)) and time.monotonic() < deadline_s:
+        time.sleep(0.01)
+    found.after_kills(1, gone=not any(map(is_there, children)))
 
 
 def _kill_worker(found: Field, *, most: int) -> None:
     """Kills workers one after the other, until the command ends by itself."""
     pid, kills = found.begin(), 0
-    while _is_there(pid):
-        time.sleep(found.rng.uniform(0.1, found.life_s / 2))
-        workers = _workers_of(pid)
+    while is_there(pid):
+        time.sleep(found.rng.uniform(0.0, found.life_s / 2))
+        workers = children_of(pid)
         if workers and kills + found.counts["kills"] < most:
-            try:
-                os.kill(found.rng.choice(workers), signal.SIGKILL)
-            except ProcessLookupError:
-                continue
-            kills += 1
-    code = found.code()
-    if code not in (0, 1) and not found.run.exists():  # it was the one that merges
-        for _ in range(kills):
-            found.after_kill(told=code == 2 and "the same command merges" in found.said())
+            kills += _killed(found.rng.choice(workers))
+    code, said = found.code(), found.said()
+    is_told = code in (0, 1) or (code == 2 and AGAIN in said)
+    found.after_kills(kills, told=is_told and "Traceback" not in said)
+    if code == 2:  # it was the one that merges, or one whose part was just whole
+        found.counts["again"] += 1
         found.begin()
-        code, kills = found.code(), 0
-    for _ in range(kills):
-        found.after_kill(told=code in (0, 1) and "Traceback" not in found.said())
+        code = found.code()
     found.ended(code)
 
 
@@ -217,27 +202,30 @@ def _kill_merger(found: Field, ready: Path) -> None:
         shutil.copytree(ready, parts)
     pid = found.begin()
     found.sleep()
-    killed = [worker for worker in _workers_of(pid) if _killed(worker)]
+    kills = sum(map(_killed, children_of(pid)))
     code = found.code()
     if code == 0:
         found.ended(code)
-    elif killed:
-        found.after_kill(told=code == 2 and "the same command merges" in found.said())
+    else:
+        is_told = code == 2 and f"{AGAIN} merges" in found.said()
+        found.after_kills(max(kills, 1), told=is_told and kills == 1)
 
 
 def _parts_ready(found: Field, ready: Path) -> Path:
     """A folder with all parts of the run, as they lie there when merging begins."""
-    pid = found.begin()
-    parts = parts_folder(found.run) / "parts"
-    while len(list(parts.glob("*.json"))) < EPISODES:
-        time.sleep(0.002)
-        if not _is_there(pid):
-            raise SystemExit("merged sooner than it could be stopped")
-    os.kill(pid, signal.SIGKILL)
-    found.code()
-    shutil.copytree(parts_folder(found.run), ready)
-    shutil.rmtree(found.run, ignore_errors=True)
-    return ready
+    parts = parts_folder(found.run)
+    for _ in range(BEGINNINGS):
+        pid = found.begin()
+        while len(list(parts.glob("parts/*.json"))) < EPISODES and is_there(pid):
+            time.sleep(0.002)
+        os.kill(pid, signal.SIGKILL)
+        found.code()
+        if parts.exists() and not found.run.exists():
+            shutil.copytree(parts, ready)
+            shutil.rmtree(parts)
+            return ready
+        shutil.rmtree(found.run, ignore_errors=True)  # merged sooner than it could be stopped
+    raise SystemExit(f"merged sooner than it could be stopped, {BEGINNINGS} times")
 
 
 def _killed(pid: int) -> bool:
@@ -246,25 +234,3 @@ def _killed(pid: int) -> bool:
     except ProcessLookupError:
         return False
     return True
-
-
-def _is_there(pid: int) -> bool:
-    """Whether the process runs; one that its parent hasn't reaped doesn't."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
-
-
-def _workers_of(pid: int) -> list[int]:
-    """The worker processes that this one started: their last argument is its number."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*/cmdline"):
-        try:
-            words = path.read_bytes().split(b"\0")
-        except OSError:  # gone meanwhile
-            continue
-        is_worker = any(word.endswith(b"worker_main.py") for word in words)
-        if is_worker and words[-2] == str(pid).encode() and _is_there(int(path.parent.name)):
-            found.append(int(path.parent.name))
-    return sorted(found)
