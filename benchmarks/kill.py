@@ -36,8 +36,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from gamekeeper.core.divergence import crossings
 from gamekeeper.core.evidence import Evidence
+from gamekeeper.core.extent import crossings
 from gamekeeper.game.open import open_env
 from gamekeeper.record.bundle import load
 from gamekeeper.record.recover import recover
