@@ -1,7 +1,8 @@
 """What is left of a vector environment that is killed: kill -9 of its process or of a worker.
 
 A process records `two_robot_line` from two workers and says which they are and what memory they
-share. It, or one of its workers, is killed at a random instant. What must be so then:
+share. It, or one of its workers, is killed at a random instant. All are forks of a process that has
+imported everything (`benchmarks/forks.py`); with `--cold` workers begin as always. What must be so:
 
     gone        no process of it is left
     unshared    no process maps the shared memory any more, and nothing has come into /dev/shm
@@ -11,7 +12,7 @@ share. It, or one of its workers, is killed at a random instant. What must be so
 One JSON line for each kind of kill: {"figure", "killed", "kills", "gone", "unshared", "named",
 "evidence", "turns_least", "turns_most"}. Exits 1 where a number falls short of `kills`.
 
-    python benchmarks/vector_kill.py [--who parent|worker] [--kills 50] [--seed 0]
+    python benchmarks/vector_kill.py [--who parent|worker] [--kills 50] [--seed 0] [--cold]
 """
 
 from __future__ import annotations
@@ -22,29 +23,39 @@ import os
 import random
 import select
 import signal
-import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
 from typing import Any, Final
 
+from gamekeeper.game.open import open_env
 from gamekeeper.record.bundle import load
 from gamekeeper.record.recover import recover
-from gamekeeper.record.replay import replay
+from gamekeeper.record.replay import replay_evidence
+
+try:
+    from benchmarks.forks import Forks, forks, is_there
+except ImportError:  # run as a script
+    from forks import Forks, forks, is_there  # type: ignore[no-redef]
 
 FIGURE: Final = "vector_kill"
-LATEST_S: Final = 2.0
+TASK: Final = "two_robot_line"
+LATEST_S: Final = 1.0
 """Latest kill after the first step; the copies play many episodes until then."""
+LOOK_S: Final = 0.005
 END_S: Final = 20.0
 """How long a process may take to be gone."""
 KINDS: Final = ("parent", "worker")
+CLAIMS: Final = ("gone", "unshared", "named", "evidence")
+MODULES: Final = ("gamekeeper.vector", "gamekeeper.vector.process")
+"""Imported before the players and their workers are forked."""
 PLAYER: Final = """
 import os, sys
 import gamekeeper as gk
 from gamekeeper.errors import EnvError
 
-venv = gk.record(gk.vector.make("two_robot_line", 8, engine="process", workers=2), sys.argv[1])
+venv = gk.record(gk.vector.make("two_robot_line", 8, engine="process", workers=2), sys.argv[2])
 venv.reset(seed=1)
 venv.action_space.seed(0)
 engine = venv._engine
@@ -65,40 +76,44 @@ def main() -> int:
     parser.add_argument("--who", action="append", choices=KINDS, help="both, unless told")
     parser.add_argument("--kills", type=int, default=50)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--cold", action="store_true", help="workers begin as always")
     given = parser.parse_args()
     rng = random.Random(given.seed)
     is_clean = True
-    for kind in given.who or KINDS:
-        found = [killed(kind, after_s=rng.uniform(0, LATEST_S)) for _ in range(given.kills)]
-        counts = {
-            name: sum(each[name] for each in found)
-            for name in ("gone", "unshared", "named", "evidence")
-        }
-        is_clean = is_clean and all(count == given.kills for count in counts.values())
-        turns = [each["turns"] for each in found]
-        print(json.dumps({
-            "figure": FIGURE, "killed": kind, "kills": given.kills, **counts,
-            "turns_least": min(turns), "turns_most": max(turns),
-        }), flush=True)  # fmt: skip
+    with forks(*MODULES, is_cold=given.cold) as start:
+        for kind in given.who or KINDS:
+            waits = [rng.uniform(0, LATEST_S) for _ in range(given.kills)]
+            figures = figure(kind, [killed(start, kind, after_s=each) for each in waits])
+            print(json.dumps({**figures, "cold": given.cold}), flush=True)
+            is_clean = is_clean and all(figures[claim] == given.kills for claim in CLAIMS)
     return 0 if is_clean else 1
 
 
-def killed(kind: str, *, after_s: float) -> dict[str, Any]:
+def figure(kind: str, found: list[dict[str, Any]]) -> dict[str, Any]:
+    """The figures of all kills of a kind together."""
+    turns = [each["turns"] for each in found]
+    return {
+        "figure": FIGURE, "killed": kind, "kills": len(found),
+        **{claim: sum(each[claim] for each in found) for claim in CLAIMS},
+        "turns_least": min(turns), "turns_most": max(turns),
+    }  # fmt: skip
+
+
+def killed(start: Forks, kind: str, *, after_s: float) -> dict[str, Any]:
     """One run, killed; what became of it."""
     before = set(Path("/dev/shm").iterdir())
     with tempfile.TemporaryDirectory(prefix="vector-kill-") as folder:
-        out = Path(folder, "run")
-        command = [sys.executable, "-c", PLAYER, str(out)]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as player:
-            assert player.stdout is not None
-            memory, *workers = map(int, player.stdout.readline().split())
-            descriptors = [os.pidfd_open(pid) for pid in (player.pid, *workers)]
-            time.sleep(after_s)
-            os.kill(player.pid if kind == "parent" else workers[0], signal.SIGKILL)
-            said = player.stdout.read()
+        out, told = Path(folder, "run"), Path(folder, "said")
+        player = start.begin(["-c", PLAYER, str(out)], str(told))
+        memory, *workers = map(int, _first_line(told, player).split())
+        descriptors = [os.pidfd_open(pid) for pid in (player, *workers)]
+        time.sleep(after_s)
+        os.kill(player if kind == "parent" else workers[0], signal.SIGKILL)
+        code = start.code()
+        said = told.read_text()
         is_gone = False not in [_has_ended(descriptor) for descriptor in descriptors]
         is_named = kind == "parent" or (
-            player.returncode == 0 and "killed by signal 9" in said and "copy" in said
+            code == 0 and "killed by signal 9" in said and "copy" in said
         )
         come = {path for path in set(Path("/dev/shm").iterdir()) - before if _is_ours(path)}
         is_unshared = not come and not _maps(memory)
@@ -107,6 +122,18 @@ def killed(kind: str, *, after_s: float) -> dict[str, Any]:
         "gone": is_gone, "unshared": is_unshared, "named": is_named, "evidence": is_evidence,
         "turns": turns,
     }  # fmt: skip
+
+
+def _first_line(told: Path, player: int) -> str:
+    """What the player says first, once it has."""
+    while True:
+        said = told.read_text() if told.exists() else ""
+        line, end, _ = said.partition("\n")
+        if end:
+            return line
+        if not is_there(player):
+            raise SystemExit(f"the player ended by itself: {said}")
+        time.sleep(LOOK_S)
 
 
 def _has_ended(descriptor: int) -> bool:
@@ -138,7 +165,9 @@ def _evidence(out: Path, *, is_torn: bool) -> tuple[bool, int]:
         recover(out)
     evidence = load(out)
     turns = int(evidence.steps.num_rows)
-    return replay(out).verified if turns else True, turns
+    if not turns:
+        return True, 0
+    return replay_evidence(evidence, open_env(TASK, api="parallel")).verified, turns
 
 
 if __name__ == "__main__":
