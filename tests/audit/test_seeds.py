@@ -15,7 +15,7 @@ from gamekeeper.audit.audit import audit_here
 from gamekeeper.audit.checks.gk609_unseeded_resets import p_all_alike
 from gamekeeper.audit.front import audit
 from gamekeeper.audit.result import Audit
-from gamekeeper.audit.specimens._rovers import Rovers
+from gamekeeper.audit.specimens._rovers import MOVES, SIZE, Rovers
 from gamekeeper.audit.specimens._tokens import Tokens
 from gamekeeper.audit.specimens._traders import Traders
 from gamekeeper.core.contract import Contract
@@ -93,11 +93,44 @@ class EmptyOptions(Rovers):
 
 
 class ConstantReset(Rovers):
-    """Plays one and the same episode, whatever is asked: nothing is random."""
+    """Plays one and the same episode, whatever is asked, though wind and samples are drawn."""
 
     def reset(self, seed: int | None = None, options: Any = None) -> Any:
         """Starts over."""
         return super().reset(5, options)
+
+
+class ConstantDice(ConstantReset):
+    """So does this one, by Python's generator; the one that the seed begins is never drawn from."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Seeds a generator for the looks of it."""
+        self.np_random = np.random.default_rng(seed)
+        self.dice = random.Random(11)
+        return super().reset(None, options)
+
+    def drive(self, agent: str, action: int) -> None:
+        """Skids now and then."""
+        super().drive(agent, self.dice.choice((0, action)))
+
+
+class Charted(ConstantReset):
+    """Nothing is random: a constant draws the map, and no wind blows; a lamp flickers unseen."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Places everything as ever."""
+        self.flicker = random.Random(3)
+        return super().reset(seed, options)
+
+    def drive(self, agent: str, action: int) -> None:
+        """Where it is told to."""
+        self.flicker.random()
+        self.cells[agent] = (self.cells[agent] + MOVES[action]) % SIZE
+        self.battery[agent] -= 1
+
+    def reward(self, agent: str) -> float:
+        """1 for a sample, which stays."""
+        return float(np.array_equal(self.cells[agent], self.samples[agent]))
 
 
 class NumberedRovers(Rovers):
@@ -127,6 +160,8 @@ class Stopwatch(Rovers):
         (SeedsInConstructor, ["GK603"]),
         (SmallSeeds, ["GK605"]),
         (EmptyOptions, ["GK601"]),
+        (ConstantReset, ["GK600"]),
+        (ConstantDice, ["GK600"]),
     ],
 )
 def test_seeds_faults_are_found_under_their_own_name(make: Any, ids: list[str]) -> None:
@@ -134,7 +169,7 @@ def test_seeds_faults_are_found_under_their_own_name(make: Any, ids: list[str]) 
     assert ids == broken(make)
 
 
-@pytest.mark.parametrize("make", [Rovers, Traders, Tokens, NumberedRovers, ConstantReset])
+@pytest.mark.parametrize("make", [Rovers, Traders, Tokens, NumberedRovers, Charted])
 def test_seeds_sound_environments_break_nothing(make: Any) -> None:
     """Either API, deaths, masks, agents that are no text, games without randomness."""
     assert broken(make) == []
@@ -149,7 +184,7 @@ def test_seeds_one_agent_is_enough() -> None:
 
 def test_seeds_game_without_randomness_has_no_seeds_to_obey() -> None:
     """Where nothing is drawn, equal plays are no fault."""
-    found = audited(ConstantReset, ("GK600", "GK609"))
+    found = audited(Charted, ("GK600", "GK609"))
 
     assert [each.outcome for each in found.verdicts] == ["not_applicable"] * 2
 

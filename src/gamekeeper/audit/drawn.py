@@ -21,6 +21,8 @@ def draws_nothing(contract: Contract, evidence: Gathered) -> str | None:
     against = settled_by_seed(contract, evidence)
     if against is not None:
         return against
+    if any(fact.value for fact in evidence.facts("unseeded", "elsewhere")):
+        return None
     found = {name: list(evidence.facts("unseeded", name)) for name in ("seeded", "unseeded")}
     if found["seeded"] and all(len(set(f.value)) == 1 for each in found.values() for f in each):
         return "no seed and no reset without one led to another play: nothing was drawn"

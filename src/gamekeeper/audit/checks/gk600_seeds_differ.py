@@ -26,11 +26,14 @@ SEEDS: Final = 16
 def seeds_make_a_difference(contract: Contract, evidence: Gathered) -> Iterator[Occasion]:
     """Where a game draws at random, different seeds give different plays; the seed isn't ignored.
 
-    Who trains on a thousand seeds trains on one, and a test on other seeds tests nothing. Judged
-    only where resets without a seed lead to different openings, so a game without any randomness
-    keeps it. 16 seeds give equal plays, and yet 4 unseeded resets in a row don't open alike: where
-    seeds are obeyed that needs one opening of a probability near 1, and happens in fewer than one
-    of 1,000 environments.
+    Who trains on a thousand seeds trains on one, and a test on other seeds tests nothing. A game
+    without any randomness keeps it: judged only where there is chance, seen in one of two ways.
+    Resets without a seed lead to different openings, while 16 seeds give equal plays: where seeds
+    are obeyed that needs one opening of a probability near 1, and happens in fewer than one of
+    1,000 environments. Or resets without a seed give that same play too, and yet it goes another
+    way where a generator that the environment holds is moved elsewhere in its stream after the
+    reset, one that every reset begins at the same place. What is drawn in the reset alone, from a
+    constant, is a layout like any other.
 
     Bad: a generator from the constructor, whatever the seed.
 
@@ -60,6 +63,13 @@ def seeds_make_a_difference(contract: Contract, evidence: Gathered) -> Iterator[
             yield Occasion(
                 facts["seeded"].where, False, "plays that differ, as unseeded ones do",
                 f"{len(seeded)} seeds, and all of them give the same play",
+                _proof(evidence.api),
+            )  # fmt: skip
+        elif "elsewhere" in facts and facts["elsewhere"].value is not None:
+            yield Occasion(
+                facts["elsewhere"].where, False, "plays that differ, as the game draws at random",
+                f"all seeds and no seed give the same play; with other draws "
+                f"{facts['elsewhere'].value}",
                 _proof(evidence.api),
             )  # fmt: skip
 

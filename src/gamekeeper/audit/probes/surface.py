@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import operator
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
 from gamekeeper.audit.lab import RESET_STEPS, Lab, Saw
+from gamekeeper.audit.probes._limits import limits_of
 from gamekeeper.core.canon import type_name
 from gamekeeper.core.layout import agent_name
 from gamekeeper.run.episode import Play, Played
@@ -21,18 +21,6 @@ SHORT_PLAYS: Final = 6
 BOOKS: Final = ("rewards", "_cumulative_rewards", "terminations", "truncations", "infos")
 """What an AEC environment keeps by agent, in the order in which `last` reads it."""
 FLAGS: Final = ("terminations", "truncations")
-LIMIT: Final = re.compile(
-    r"(^|_)(max|limit|horizon|cutoff|timeout|deadline|closing|duration|(n|num)_(steps|cycles|ticks))"
-    r"(_|$)",
-    re.IGNORECASE,
-)
-"""How people call a limit of time."""
-NO_LIMIT: Final = re.compile(
-    r"round|turn|move|hand|card|score|point|size|width|height|agent|player|speed|reward|health",
-    re.IGNORECASE,
-)
-"""Of these a game's own rules may have a last one, or they are no time."""
-LIMITS: Final = range(5, 1_000_000)
 PARTS: Final = {2: "observations infos", 5: "observations rewards terminations truncations infos"}
 """What reset and step of a Parallel environment return."""
 LAST: Final = 5
@@ -65,7 +53,7 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
             (AEC) returned, in words; empty if as it should be.
         `books`: (AEC) for each turn {"missing": {book: agents}, "strangers": {book: agents}}.
         `limits`: whole numbers that the environment holds from the reset to the end of the play, by
-            the names of its attributes, where these sound like a limit of time.
+            their names, where these sound like a limit of time.
         `flagged`: (AEC) agents whose flags are up right after the first, second and third reset.
     """
     env = lab.env()
@@ -73,10 +61,10 @@ def look(lab: Lab, play: Play) -> Iterator[Saw]:
     possible["before"] = _names(lab, env, "possible_agents")
     rosters: dict[str, Any] = {"first": _reset(lab, env, play)}
     flagged = [_flagged(env)] if lab.api == "aec" else []
-    limits = _limits(env)
+    limits = limits_of(env)
     seen = _Seen(lab)
     played = lab.play(play, env, watch=seen.watch)
-    limits = {name: value for name, value in _limits(env).items() if limits.get(name) == value}
+    limits = {name: value for name, value in limits_of(env).items() if limits.get(name) == value}
     yield played.trace
     rosters["turns"], possible["turns"] = seen.rosters, seen.possible
     rosters["again"] = _reset(lab, env, play)
@@ -223,20 +211,6 @@ def _books(env: Any) -> dict[str, Any]:
     return {
         "missing": {name: names for name, names in missing.items() if names},
         "strangers": {name: names for name, names in strangers.items() if names},
-    }
-
-
-def _limits(env: Any) -> dict[str, int]:
-    """Whole numbers among the attributes that are called like a limit of time."""
-    inner = getattr(env, "unwrapped", env)
-    named = {**vars(type(inner)), **getattr(inner, "__dict__", {})}
-    return {
-        name: value
-        for name, value in named.items()
-        if type(value) is int
-        and value in LIMITS
-        and LIMIT.search(name)
-        and not NO_LIMIT.search(name)
     }
 
 

@@ -26,7 +26,7 @@ def is_still(env: Any, call: Callable[[], Any]) -> bool:
 
     A generator that was drawn from is put back, so that asking doesn't disturb the environment.
     """
-    before = [(generator, _state(generator)) for generator in generators(env)]
+    before = [(generator, state_of(generator)) for generator in generators(env)]
     try:
         call()
     except KeyboardInterrupt:
@@ -36,7 +36,7 @@ def is_still(env: Any, call: Callable[[], Any]) -> bool:
     else:
         calm = True
     for generator, state in before:
-        if not _same(_state(generator), state):
+        if not is_same_state(state_of(generator), state):
             _restore(generator, state)
             calm = False
     return calm
@@ -73,7 +73,8 @@ def _parts(item: Any) -> list[Any]:
     return [part for part in gc.get_referents(item) if not isinstance(part, _SHARED)]
 
 
-def _state(generator: Any) -> Any:
+def state_of(generator: Any) -> Any:
+    """Where a generator stands, to be compared with `is_same_state`."""
     if isinstance(generator, np.random.Generator):
         return generator.bit_generator.state
     if isinstance(generator, Stream):
@@ -94,12 +95,14 @@ def _restore(generator: Any, state: Any) -> None:
         generator.set_state(state)
 
 
-def _same(left: Any, right: Any) -> bool:
+def is_same_state(left: Any, right: Any) -> bool:
     """Whether two states are equal; they hold arrays inside dictionaries and tuples."""
     if isinstance(left, np.ndarray):
         return bool(np.array_equal(left, right))
     if isinstance(left, dict):
-        return left.keys() == right.keys() and all(_same(left[key], right[key]) for key in left)
+        return left.keys() == right.keys() and all(
+            is_same_state(left[key], right[key]) for key in left
+        )
     if isinstance(left, tuple):
-        return len(left) == len(right) and all(map(_same, left, right))
+        return len(left) == len(right) and all(map(is_same_state, left, right))
     return bool(left == right)
