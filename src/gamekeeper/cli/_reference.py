@@ -35,7 +35,7 @@ def _commands() -> Iterator[Command]:
 
 
 def _argument(each: Any) -> Parameter:
-    words = each.metavar or each.name.upper()
+    words = (each.metavar or each.name.upper()) + "..." * (each.nargs == -1)
     return Parameter(words if each.required else f"[{words}]", each.help or "", None)
 
 

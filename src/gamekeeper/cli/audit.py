@@ -44,7 +44,7 @@ SILENCE_S: Final = 120.0
 EnvsArgument = Annotated[
     list[str],
     typer.Argument(
-        metavar="ENV...",
+        metavar="ENV",
         show_default=False,
         help="mpe2.simple_spread_v3:parallel_env · path/to/file.py:factory · "
         "butterfly/pistonball-v6 · warehouse; parallel: or aec: in front asks for an API.",

@@ -14,7 +14,7 @@ ORDER: Final = 85
 LabelArgument = Annotated[
     str | None,
     typer.Argument(
-        metavar="[LABEL]",
+        metavar="LABEL",
         show_default=False,
         help="perception, state-estimation, planning, control, timing, data-coverage or "
         "evaluation; without it, the labels that are there.",

@@ -21,7 +21,7 @@ Kind = Literal["checks", "probes", "envs", "changes", "policies", "openers", "ex
 Row = dict[str, Any]
 
 KindArgument = Annotated[
-    Kind | None, typer.Argument(metavar="[KIND]", show_default=False,
+    Kind | None, typer.Argument(metavar="KIND", show_default=False,
                                 help="checks, probes, envs, changes, policies, openers, exporters, "
                                 "suites.")
 ]  # fmt: skip

@@ -19,7 +19,7 @@ MEGABYTE: Final = 1_000_000
 RunsArgument = Annotated[
     list[Path],
     typer.Argument(
-        metavar="RUN [RUN2 ...]", show_default=False,
+        metavar="RUN", show_default=False,
         help="The run that the page is about, and runs to put beside it.",
     ),
 ]  # fmt: skip

@@ -20,7 +20,7 @@ ORDER: Final = 96
 RunsArgument = Annotated[
     list[Path],
     typer.Argument(
-        metavar="RUN...", show_default=False, help="Folders of recorded evidence; two to compare."
+        metavar="RUN", show_default=False, help="Folders of recorded evidence; two to compare."
     ),
 ]
 PortOption = Annotated[
