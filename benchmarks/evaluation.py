@@ -7,7 +7,8 @@ Prints a JSON line for each measure:
   evaluation (random play, tallied, rows written, merged) in this process, rounds interleaved, the
   least told. `ratio`: evaluation over the plain loop.
 - `judged`: processor seconds that results, comparisons and cross-play take once all is played.
-- `workers`: wall seconds of the same evaluation by one worker and by two; `speedup`.
+- `workers`: wall seconds of the same evaluation by one worker and by two; `speedup`. `ceiling`: of
+  plain loops in one process and in two that know nothing of each other, in the same rounds.
 - `same`: fingerprints of the raw episodes here and by 1, 2 and 4 workers, and the documents.
 
     python benchmarks/evaluation.py [--env mpe2.simple_spread_v3:parallel_env] [--episodes 200]
@@ -18,6 +19,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import subprocess
 import sys
 import tempfile
 import time
@@ -108,13 +110,28 @@ def judged(env: str, episodes: int, rounds: int) -> dict[str, Any]:
 def workers(env: str, episodes: int, rounds: int) -> dict[str, Any]:
     """Wall seconds of playing by one and by two, rounds interleaved, the least told."""
     seen: dict[int, list[float]] = {1: [], 2: []}
+    loops: dict[int, list[float]] = {1: [], 2: []}
     for _ in range(rounds):
         for count in seen:
             begun_s = time.monotonic()
             gk.evaluate(env, policies={"random": "random"}, episodes=episodes, workers=count)
             seen[count].append(time.monotonic() - begun_s)
+            begun_s = time.monotonic()
+            looped(env, episodes, count)
+            loops[count].append(time.monotonic() - begun_s)
     one, two = min(seen[1]), min(seen[2])
-    return {"one_s": round(one, 2), "two_s": round(two, 2), "speedup": round(one / two, 2)}
+    return {"one_s": round(one, 2), "two_s": round(two, 2), "speedup": round(one / two, 2),
+            "ceiling": round(min(loops[1]) / min(loops[2]), 2)}  # fmt: skip
+
+
+def looped(env: str, episodes: int, count: int) -> None:
+    """Plain loops over as many episodes, by processes that know nothing of each other."""
+    code = "import sys, evaluation; evaluation.plain(sys.argv[1], int(sys.argv[2]))"
+    command = [sys.executable, "-c", code, env, str(episodes // count)]
+    here = Path(__file__).parent
+    loops = [subprocess.Popen(command, cwd=here) for _ in range(count)]
+    codes = [loop.wait() for loop in loops]
+    assert codes == [0] * count, codes
 
 
 def same(env: str, episodes: int, rounds: int) -> dict[str, Any]:

@@ -7,6 +7,8 @@ Prints a JSON line for each measure:
 - `record`: `mpe2.simple_spread_v3`, the same episodes by one process without parts, by one worker
   and by two (rounds interleaved, the median told): wall seconds, those of playing and of merging,
   processor seconds of all processes. `speedup`: one worker's wall time over two workers'.
+- `two_loops`: half of the episodes each by two processes that know nothing of each other, against
+  all of them by one, in the same rounds: what this machine's two cores can give at best.
 - `same`: fingerprints by 0 (no parts), 1, 2 and 4 workers, and by 2 of which one was killed by
   SIGKILL in mid-run.
 
@@ -21,6 +23,7 @@ import os
 import resource
 import signal
 import statistics
+import subprocess
 import sys
 import tempfile
 import threading
@@ -30,6 +33,11 @@ from typing import Any, Final
 
 SPREAD: Final = "mpe2.simple_spread_v3:parallel_env"
 WORKERS: Final = 2
+LOOP: Final = f"""
+import sys
+import gamekeeper as gk
+gk.rollout({SPREAD!r}, episodes=int(sys.argv[2]), out=sys.argv[1])
+"""
 
 
 def null(report: Any, **arguments: Any) -> None:
@@ -49,6 +57,7 @@ def main() -> None:
     if options.episodes:
         with tempfile.TemporaryDirectory() as folder:
             tell(record(Path(folder), options.episodes, options.rounds, options.seed))
+            tell(two_loops(Path(folder), options.episodes, options.rounds))
             tell(same(Path(folder), options.episodes // 8 or 1, options.seed))
 
 
@@ -96,6 +105,28 @@ def record(folder: Path, episodes: int, rounds: int, seed: int) -> dict[str, Any
         "by_workers": {str(workers): times for workers, times in medians.items()},
         "speedup": round(medians[1]["wall_s"] / medians[WORKERS]["wall_s"], 2),
         "speedup_playing": round(medians[1]["playing_s"] / medians[WORKERS]["playing_s"], 2),
+    }  # fmt: skip
+
+
+def two_loops(folder: Path, episodes: int, rounds: int) -> dict[str, Any]:
+    """Wall seconds of recordings without parts: one process, and two with half of it each."""
+    seen: dict[int, list[float]] = {1: [], WORKERS: []}
+    for number in range(rounds):
+        for count, found in seen.items():
+            outs = [folder / f"loops-{number}-{count}-{place}" for place in range(count)]
+            began_s = time.perf_counter()
+            loops = [
+                subprocess.Popen([sys.executable, "-c", LOOP, str(out), str(episodes // count)])
+                for out in outs
+            ]
+            codes = [loop.wait() for loop in loops]
+            found.append(time.perf_counter() - began_s)
+            assert codes == [0] * count, codes
+    medians = {count: round(statistics.median(found), 2) for count, found in seen.items()}
+    return {
+        "measure": "two_loops", "environment": SPREAD, "episodes": episodes, "rounds": rounds,
+        "by_processes": {str(count): wall_s for count, wall_s in medians.items()},
+        "ceiling": round(medians[1] / medians[WORKERS], 2),
     }  # fmt: skip
 
 

@@ -22,9 +22,10 @@ from gamekeeper.evaluate.look import (
     opening_of,
 )
 from gamekeeper.evaluate.plan import Match, chunks, played_keys
-from gamekeeper.evaluate.play import EPISODES, MERGE
+from gamekeeper.evaluate.play import EPISODES, MERGE, READY
 from gamekeeper.evaluate.spec import Spec
 from gamekeeper.record.tasks import error_of
+from gamekeeper.run.executors.local import LocalExecutor
 from gamekeeper.run.executors.storage import Storage
 from gamekeeper.run.executors.task import Done, Executor, Limits, Task, stopped_after
 
@@ -68,6 +69,9 @@ class Course:
         if self.is_here:
             return {name: look_at(**arguments) for name, arguments in asked.items()}
         tasks = [Task(f"look.{k}", LOOK, each) for k, each in enumerate(asked.values())]
+        if isinstance(self.executor, LocalExecutor):  # its processes stay: the others import now
+            others = range(len(tasks), self.executor.workers)
+            tasks += [Task(f"ready.{k}", READY) for k in others]
         with self._done(tasks) as ends:
             values = {done.key: self._value(done) for done in ends}
         return {
