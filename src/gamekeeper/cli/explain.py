@@ -20,9 +20,7 @@ MOST_IN_FULL: Final = 3
 
 IdsArgument = Annotated[
     list[str],
-    typer.Argument(
-        metavar="ID", show_default=False, help="GK402, or how some ids begin, as GK4."
-    ),
+    typer.Argument(metavar="ID", show_default=False, help="GK402, or how some ids begin, as GK4."),
 ]
 
 
