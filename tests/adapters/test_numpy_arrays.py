@@ -13,6 +13,7 @@ import pytest
 import gamekeeper as gk
 from gamekeeper.adapters import spool
 from gamekeeper.adapters.numpy_arrays import export, prefix_of, texts
+from gamekeeper.core import tables
 from gamekeeper.errors import BundleError, EvidenceError
 from tests.adapters.data_games import DAY, NIGHT, SPARE, Shift, rows_of
 from tests.record.reseal import reseal_table
@@ -106,6 +107,19 @@ def test_arrays_are_the_same_whatever_waits_in_memory(
     assert len(at_once) == pytest.approx(len(apart), abs=len(status) * 4)
     assert exported(tmp_path / "run", tmp_path / "c")[1].rows == kept.steps.num_rows
     assert (tmp_path / "c.npz").read_bytes() == apart
+
+
+@pytest.mark.parametrize("spec", ["handover", "connect_four", "warehouse", Shift])
+def test_arrays_are_the_same_whatever_is_read_at_a_time(
+    spec: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Masks, texts and states that begin in a later part stand where they stood."""
+    kept = gk.rollout(spec, episodes=3, seed=1, most_turns=30)
+    at_once = Path(exported(kept, tmp_path / "a")[1].path).read_bytes()
+    monkeypatch.setattr(tables, "PART_ROWS", 5)
+    apart = Path(exported(kept, tmp_path / "b")[1].path).read_bytes()
+
+    assert at_once == apart
 
 
 def test_value_that_is_odd_is_kept_as_it_was(tmp_path: Path) -> None:

@@ -50,11 +50,11 @@ class Values:
 
 @dataclass(frozen=True)
 class AgentRows:
-    """The rows of one agent in one episode, in their order.
+    """The rows of one agent in one episode, or in several, in their order.
 
     Attributes:
         agent: its name, as evidence spells it.
-        episode: the number of the episode in its run.
+        episode: the number of the episode in its run; -1 for rows of several.
         table: its rows of the `steps` table.
         spaces: the codecs of its spaces.
     """
@@ -171,11 +171,28 @@ class AgentRows:
 
 def agents_of(trace: Trace, only: Collection[str] | None = None) -> Iterator[AgentRows]:
     """The rows of each agent of an episode, in the order in which the agents first come."""
-    steps, rows_by_agent = _by_agent(trace.steps)
+    return rows_of(trace.steps, trace.spaces, only, episode=trace.episode)
+
+
+def rows_of(
+    steps: pa.Table,
+    spaces: Mapping[str, Spaces],
+    only: Collection[str] | None = None,
+    *,
+    episode: int = -1,
+) -> Iterator[AgentRows]:
+    """The rows of each agent, in the order in which the agents first come.
+
+    Args:
+        steps: rows of `steps`, of one episode or of several.
+        spaces: the codecs of each agent.
+        only: these agents; None: all.
+        episode: the number of the episode; -1 for rows of several.
+    """
+    whole, rows_by_agent = _by_agent(steps)
     for name, rows in rows_by_agent:
         if only is None or name in only:
-            own = _taken(steps, rows)
-            yield AgentRows(name, trace.episode, own, trace.spaces.get(name, NOBODY))
+            yield AgentRows(name, episode, _taken(whole, rows), spaces.get(name, NOBODY))
 
 
 @legible

@@ -39,8 +39,9 @@ from typing import Any, Final
 from urllib.parse import quote
 
 import numpy as np
+import pyarrow as pa
 
-from gamekeeper.adapters.agent_rows import AgentRows, Values, agents_of
+from gamekeeper.adapters.agent_rows import AgentRows, Values, rows_of
 from gamekeeper.adapters.export import (
     Export,
     Run,
@@ -50,16 +51,18 @@ from gamekeeper.adapters.export import (
     free_path,
     tell,
     to_stderr,
-    traces_of,
 )
 from gamekeeper.adapters.spool import Spool, spooled
 from gamekeeper.core.evidence import Evidence
-from gamekeeper.core.trace import Spaces, Trace
+from gamekeeper.core.press import EPISODES
+from gamekeeper.core.space import Codec
+from gamekeeper.core.trace import Spaces
 
 LAYOUT: Final = 1
 OWN: Final = ("metadata", "episodes", "state")  # prefixes that no agent may have
 NUMBERS: Final = ("episode", "turn", "live", "received", "terminated", "truncated", "reward")
 HEADERS: Final = ("end", "options", "policies", "endings", "error", "fingerprint")
+BATCH: Final = 1_024  # episodes whose headers are written at a time
 PLAIN: Final = " !#$&'()+,-.:;=@[]^_`{}~"  # stays as it is in the name of a member
 
 
@@ -73,7 +76,9 @@ def export(
 ) -> Export:
     """Writes a run as one .npz file that `numpy.load` reads without pickle.
 
-    Memory stays flat however many episodes there are. Equal evidence gives equal bytes.
+    Memory stays flat however many episodes there are, and however long they are: rows are taken a
+    part of the run at a time, not an episode at a time, as an agent in an episode often has few.
+    Equal evidence gives equal bytes.
 
     Args:
         run: evidence, or the folder of a run.
@@ -90,8 +95,12 @@ def export(
     path = free_path(out, suffix=".npz")
     with spooled(path, compress=compress) as spool:
         writer = _Writer(spool, {name: prefix_of(name) for name in names})
-        for trace in traces_of(evidence):
-            writer.add(trace)
+        for headers in evidence.episodes.to_batches(max_chunksize=BATCH):
+            writer.add_headers(headers)
+        for steps in evidence.tables.all_parts("steps") or ():
+            writer.add_steps(steps, evidence.spaces)
+        for states in evidence.tables.all_parts("states") or ():
+            writer.add_states(states, evidence.state_codec)
         lost = tell(_lost(evidence, writer.strange_masks), say)
         text = json.dumps(_metadata(evidence, writer.prefixes, lost), sort_keys=True)
         spool.add_text("metadata", text)
@@ -132,22 +141,34 @@ class _Writer:
         self.strange_masks = 0
         self._masks: dict[str, tuple[Any, int]] = {}  # dtype and shape, and rows so far
 
-    def add(self, trace: Trace) -> None:
-        """The rows of one episode."""
-        header = trace.header
-        seed = header.get("seed")
-        row = {
-            "episode": np.int32(trace.episode), "seed": np.int64(0 if seed is None else seed),
-            "seed.valid": np.bool_(seed is not None), "turns": np.int32(header.get("turns") or 0),
-        }  # fmt: skip
-        for name, value in row.items():
-            self.spool.add(f"episodes/{name}", np.array([value]))
+    def add_headers(self, headers: pa.RecordBatch) -> None:
+        """What some episodes are."""
+        put, columns = self.spool.add, {}
+        for name in ("episode", "seed", "turns", *HEADERS):  # of a killed run the keys alone
+            kind = EPISODES.field(name).type
+            is_there = name in headers.schema.names
+            columns[name] = headers[name].cast(kind) if is_there else pa.nulls(len(headers), kind)
+        put("episodes/episode", np.asarray(columns["episode"]))
+        put("episodes/seed", np.asarray(columns["seed"].fill_null(0)))
+        put("episodes/seed.valid", np.asarray(columns["seed"].is_valid(), bool))
+        put("episodes/turns", np.asarray(columns["turns"].fill_null(0)))
         for name in HEADERS:
-            self._texts(f"episodes/{name}", [header.get(name)])
-        for rows in agents_of(trace, self.prefixes):
+            self._texts(f"episodes/{name}", columns[name].to_pylist())
+
+    def add_steps(self, steps: pa.Table, spaces: Mapping[str, Spaces]) -> None:
+        """The next rows, of whatever episodes."""
+        for rows in rows_of(steps, spaces, self.prefixes) if steps.num_rows else ():
             self._agent(self.prefixes[rows.agent], rows)
-        if trace.states is not None and trace.states.num_rows:
-            self._states(trace)
+
+    def add_states(self, states: pa.Table, codec: Codec | None) -> None:
+        """The next states."""
+        if not states.num_rows:
+            return
+        rows = AgentRows("state", -1, states, Spaces(codec, None))
+        self.spool.add("state/episode", rows.numbers("episode")[0])
+        self.spool.add("state/turn", rows.turns)
+        self._values("state/value", rows.values_of("state", codec))
+        self._texts("state/odd", rows.texts("odd"))
 
     def _agent(self, prefix: str, rows: AgentRows) -> None:
         put = self.spool.add
@@ -196,14 +217,6 @@ class _Writer:
         whole = [mask if ok else blank for mask, ok in zip(masks, fits, strict=True)]
         self.spool.add(name, np.stack(whole))
         self.spool.add(f"{name}.valid", np.array(fits, bool))
-
-    def _states(self, trace: Trace) -> None:
-        states = trace.states
-        rows = AgentRows("state", trace.episode, states, Spaces(trace.state_codec, None))
-        self.spool.add("state/episode", rows.numbers("episode")[0])
-        self.spool.add("state/turn", rows.turns)
-        self._values("state/value", rows.values_of("state", trace.state_codec))
-        self._texts("state/odd", rows.texts("odd"))
 
     def _texts(self, name: str, rows: list[str | None]) -> None:
         parts = [(text or "").encode("utf-8", "surrogatepass") for text in rows]

@@ -8,6 +8,7 @@ import tempfile
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
@@ -75,7 +76,8 @@ class Spool:
                 entry.compress_type = method
                 array = np.array(text)
                 archive.writestr(entry, _header(array.dtype, ()) + array.tobytes())
-            for name, (dtype, shape) in self._kinds.items():
+            # by name: which of them came first depends on the parts in which rows are read
+            for name, (dtype, shape) in sorted(self._kinds.items(), key=itemgetter(0)):
                 entry = zipfile.ZipInfo(f"{name}.npy", EPOCH)
                 entry.compress_type = method
                 whole = (self._rows[name], *shape)

@@ -11,7 +11,9 @@ import numpy as np
 import pyarrow as pa
 
 PART_ROWS: Final = 1 << 17
-"""Of an episode that is read in parts; as many as a row group of a bundle has."""
+"""Of a stream that is read in parts; as many as a row group of a bundle has."""
+PART_BYTES: Final = 32 << 20
+"""Of a part, unless one row has more."""
 
 
 class Tables(Protocol):
@@ -84,8 +86,10 @@ class MemoryTables:
 
 
 def _parts_of(table: pa.Table) -> Iterator[pa.Table]:
-    starts = range(0, max(table.num_rows, 1), PART_ROWS)
-    return (table.slice(start, PART_ROWS) for start in starts)
+    size = table.nbytes // max(table.num_rows, 1)
+    rows = max(1, min(PART_ROWS, PART_BYTES // max(size, 1)))
+    starts = range(0, max(table.num_rows, 1), rows)
+    return (table.slice(start, rows) for start in starts)
 
 
 def episode_rows(table: pa.Table, episode: int) -> pa.Table:
