@@ -56,6 +56,8 @@ def test_export_says_on_stderr_what_is_lost(
     [
         (["RUN", "--to", "csv", "--out", "x"], "there is no form 'csv'"),
         (["RUN", "--to", "numpy"], "no file is named"),
+        (["RUN", "--to", "numpy", "--out", ""], "something lies where"),
+        (["RUN", "--to", "numpy", "--out", "/"], "something lies where"),
         (["RUN", "--to", "numpy", "--out", "x", "--agent", "wolf"], "nobody is called 'wolf'"),
         (["RUN", "--to", "bundle", "--out", "x"], "a bundle already"),
         (["nothing", "--to", "numpy", "--out", "x"], "there is no bundle here"),

@@ -154,6 +154,18 @@ def test_mistake_of_the_user_is_told_without_traceback(
     assert "gamekeeper/cli" not in err
 
 
+@pytest.mark.parametrize("name", ["", ".", "/"])
+def test_folder_without_a_name_gets_no_number(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing stands beside the current folder or the root: recording into it says so."""
+    (tmp_path / "mine").touch()
+    monkeypatch.chdir(tmp_path)
+    with evidence_folder(Path(name), spec=LINE, is_renamed=True) as folder:
+        assert folder == Path(name)
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+
+
 def test_existing_folder_is_left_alone(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """Nothing is recorded into a folder that holds something."""
     (tmp_path / "mine").mkdir()

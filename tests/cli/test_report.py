@@ -39,6 +39,7 @@ def test_report_takes_runs_and_a_title(
         (["--audit", "{run}/manifest.json"], "this is no audit"),
         (["--evaluation", "{run}"], "evaluation.json is missing"),
         (["--out", "{run}"], "this is a folder"),
+        (["--out", "{run}/manifest.json/page.html"], "making the folder failed"),
     ],
 )
 def test_report_says_what_is_wrong(

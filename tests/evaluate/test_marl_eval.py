@@ -5,7 +5,23 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from gamekeeper.evaluate.evaluate import evaluate
+import pytest
+
+from gamekeeper.errors import BundleError
+from gamekeeper.evaluate.evaluate import RESULT, evaluate
+
+
+@pytest.mark.parametrize("name", [".", "file/x", "nowhere/x"])
+def test_marl_eval_says_that_it_cant_be_written(name: str, tmp_path: Path) -> None:
+    """What was played is in `out` by then."""
+    (tmp_path / "file").touch()
+    with pytest.raises(BundleError, match="can't be written"):
+        evaluate(
+            {"name": "lines", "environments": {"short": "two_robot_line"},
+             "policies": {"one": "noop"}},
+            episodes=2, marl_eval=tmp_path / name, out=tmp_path / "out",
+        )  # fmt: skip
+    assert (tmp_path / "out" / RESULT).exists()
 
 
 def test_marl_eval_has_environment_task_algorithm_run_and_step(tmp_path: Path) -> None:

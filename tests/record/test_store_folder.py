@@ -74,6 +74,14 @@ def test_create_refuses_a_name_that_no_folder_can_have(tmp_path: Path, name: str
     assert bundles.names(tmp_path) == set()
 
 
+def test_create_refuses_a_name_that_is_no_utf8(tmp_path: Path) -> None:
+    """Arrow couldn't write there: it is said before a row is played, and nothing is made."""
+    with pytest.raises(BundleError, match="no UTF-8") as caught:
+        Store.create(tmp_path / "\udcff" / "run", {})
+    assert caught.value.mend
+    assert bundles.names(tmp_path) == set()
+
+
 @pytest.mark.parametrize("code", [errno.EACCES, errno.EROFS, errno.ENOSPC])
 def test_create_says_what_the_system_refused(
     tmp_path: Path, code: int, monkeypatch: pytest.MonkeyPatch

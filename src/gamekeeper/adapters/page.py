@@ -16,7 +16,7 @@ from gamekeeper.adapters.paging.pictures import Pictures
 from gamekeeper.adapters.paging.twins import twins_of
 from gamekeeper.core.legible import legible
 from gamekeeper.errors import EvidenceError
-from gamekeeper.record.files.folder import replace
+from gamekeeper.record.files.folder import replace, system_error
 from gamekeeper.report.page.choose import BUDGET_BYTES, Budget, chosen_text, order_of
 from gamekeeper.report.page.compose import (
     Documents,
@@ -99,7 +99,10 @@ def report(
         frames=Budget(frames_bytes), twins=tuple(twins_of(paths[0], runs[0], documents.diagnosis)),
     )  # fmt: skip
     target = Path(out)
-    target.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise system_error("making the folder", target.parent, error) from error
     replace(target, render(page).encode(), durable=False)
     return target
 

@@ -202,6 +202,8 @@ def _holds_something(folder: Path) -> bool:
 
 def _numbered(stem: Path, first: int, is_free: Callable[[Path], bool]) -> Path:
     """The first free `stem-N`, made at once, so that two runs side by side get two."""
+    if not stem.name:  # `.`, `/`, nothing: recording into it says what is wrong
+        return stem
     number = first
     while True:
         folder = stem.with_name(f"{stem.name}-{number}")

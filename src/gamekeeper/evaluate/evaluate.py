@@ -14,7 +14,7 @@ from typing import Any, Final
 import pyarrow as pa
 
 from gamekeeper.core.finite import finite
-from gamekeeper.errors import EvidenceError
+from gamekeeper.errors import BundleError, EvidenceError
 from gamekeeper.evaluate.claims import claims_of
 from gamekeeper.evaluate.comparisons import comparisons_of
 from gamekeeper.evaluate.course import SILENCE_S, Course
@@ -91,7 +91,7 @@ def evaluate(
             installed isn't what a suite pins.
         PolicyError: a policy can't be found.
         EvidenceError: what is asked for is no evidence, or cross-play has too many line-ups.
-        BundleError: something else lies in `out`.
+        BundleError: something else lies in `out`, or a file can't be written.
         EnvError: a worker process died or hung; what was played until then is kept.
     """
     whole = spec_of(
@@ -120,9 +120,25 @@ def evaluate(
             local.put(RESULT, text.encode())
             local.put(EPISODES, course.storage.get(EPISODES))
         if marl_eval is not None:
-            exported = json.dumps(marl_eval_of(whole, grounds), indent=1)
-            Path(marl_eval).write_text(exported + "\n", encoding="utf-8")
+            _write(Path(marl_eval), json.dumps(marl_eval_of(whole, grounds), indent=1) + "\n")
     return Evaluation.from_json(finite(found.to_json()))
+
+
+def _write(path: Path, text: str) -> None:
+    """Writes raw scores, over earlier ones.
+
+    Raises:
+        BundleError: they can't be written there.
+    """
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise BundleError(
+            "the raw scores can't be written", where=str(path)[:200],
+            seen=error.strerror or str(error),
+            mend="name a file in a folder that you may write to; with --out, nothing is played "
+            "again",
+        ) from None  # fmt: skip
 
 
 def looked_at(spec: object, *, timeout_s: float | None = SILENCE_S) -> tuple[Spec, dict[str, Look]]:

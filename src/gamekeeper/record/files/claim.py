@@ -33,6 +33,7 @@ def claim(folder: Path, manifest: bytes, *, durable: bool = True) -> int:
     Raises:
         BundleError: something lies there, the path can't be a folder, or the disk refuses.
     """
+    _refuse_no_text(folder)
     made = not os.path.lexists(folder)
     lock = -1
     try:
@@ -71,6 +72,18 @@ def lock_folder(folder: Path) -> int:
         where=str(folder),
         mend="wait until it ends (also processes that it started), or record into another folder",
     )
+
+
+def _refuse_no_text(folder: Path) -> None:
+    """Refuses what is no UTF-8: Arrow's writers, and others who read a bundle, can't name it."""
+    try:
+        str(folder).encode()
+    except UnicodeEncodeError:
+        raise BundleError(
+            "the folder's name is no UTF-8",
+            where=ascii(str(folder))[:200],
+            mend="choose a name that other programs can read, too",
+        ) from None
 
 
 def _make(folder: Path, *, durable: bool) -> None:
