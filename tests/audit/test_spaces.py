@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -177,6 +178,21 @@ def test_illegal_actions_may_be_refused_or_coerced() -> None:
             return super().step(dict.fromkeys(self.agents, np.int64(0)))
 
     assert broken(audited(lambda: Mute(spaces.Discrete(2), spaces.Discrete(3), "ab"))) == []
+
+
+def test_warnings_of_illegal_actions_stay_unsaid(recwarn: pytest.WarningsRecorder) -> None:
+    """What NumPy says of a NaN that the audit handed in tells nobody of a fault."""
+
+    class Casting(Sampler):
+        def step(self, actions: dict[Any, Any]) -> Any:
+            for action in actions.values():
+                if action is not None and np.isnan(action).any():
+                    warnings.warn("invalid value encountered in cast", RuntimeWarning, stacklevel=1)
+            return super().step(dict.fromkeys(self.agents, np.zeros(2, np.float32)))
+
+    thrust = spaces.Box(-1, 1, (2,), np.float32)
+    assert broken(audited(lambda: Casting(spaces.Discrete(2), thrust, "ab"))) == []
+    assert [str(each.message) for each in recwarn if each.category is RuntimeWarning] == []
 
 
 def test_observations_far_from_the_start_are_found() -> None:

@@ -65,6 +65,17 @@ def test_run_refuses_an_unknown_policy_before_the_audit(
     assert not out.exists()
 
 
+@pytest.mark.parametrize("command", ["contract", "audit", "run", "record"])
+def test_run_in_place_of_an_environment_is_told(
+    command: str, runs: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Evidence can't be played; what reads it is named. A path of any form is looked at."""
+    code, told = document(capfd, command, runs / "one-1")
+    assert code == 2
+    assert told["error"]["what"] == "evidence is no environment"
+    assert "gamekeeper show" in told["error"]["mend"]
+
+
 @pytest.mark.parametrize("command", ["contract", "audit", "run", "show"])
 def test_contract_in_place_of_an_environment_is_told(
     command: str, capfd: pytest.CaptureFixture[str]

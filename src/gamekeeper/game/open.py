@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import weakref
 from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
 from typing import Any, Final
 
 from gamekeeper import plugins
@@ -29,6 +30,8 @@ __all__ = ["GROUP", "Opened", "distrust", "open_env", "reopen"]
 GROUP: Final = "gamekeeper.openers"
 _PACKAGE: Final = "gamekeeper.game.openers"
 _USUAL_ORDER: Final = 50
+_MANIFEST: Final = "manifest.json"
+"""What lies in every folder of evidence."""
 
 
 def open_env(spec: object, /, *, api: str | None = None, **kwargs: Any) -> Opened:
@@ -164,6 +167,12 @@ def _locate(spec: object, api: str | None, *, shown: object) -> Source:
                     return opener.locate(spec, api)
         except NotHereError as absent:
             misses.append(absent)
+    if isinstance(spec, str) and _is_evidence(spec):
+        raise SpecError(
+            "evidence is no environment", where=spec, expected="an environment",
+            seen="the folder of a recorded run",
+            mend="name what it was recorded of; gamekeeper show reads the run",
+        )  # fmt: skip
     if len(misses) == 1:
         (miss,) = misses
         raise SpecError(
@@ -174,6 +183,13 @@ def _locate(spec: object, api: str | None, *, shown: object) -> Source:
         seen=_looks(misses) or f"a {type(spec).__qualname__} of another form",
         mend=f"name it in one of these forms:{_forms(opener for _, opener in openers)}",
     )
+
+
+def _is_evidence(text: str) -> bool:
+    try:
+        return (Path(text) / _MANIFEST).is_file()
+    except (OSError, ValueError):  # too long, a null byte
+        return False
 
 
 def _forms(openers: Iterable[Opener]) -> str:

@@ -5,6 +5,7 @@ And legal ones that random play seldom or never comes to: the corners of a space
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -170,7 +171,9 @@ def _tried(lab: Lab, env: Any, played: Played, case: _Case) -> dict[str, Any] | 
     for actions in (play.actions or ())[: case.turn]:
         if lab.step(env, _handed(lab, dict(actions))).failed is not None:
             return None
-    done = lab.step(env, _handed(lab, dict(case.actions)))
+    with warnings.catch_warnings():  # of NaN that was handed in: no news to anybody
+        warnings.simplefilter("ignore")
+        done = lab.step(env, _handed(lab, dict(case.actions)))
     failed = done.failed
     return {
         "raised": None if failed is None else f"{failed.kind}: {failed.text}",
