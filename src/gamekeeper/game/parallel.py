@@ -5,6 +5,7 @@ from __future__ import annotations
 import traceback
 from collections.abc import Mapping
 from itertools import repeat
+from operator import call
 from time import perf_counter_ns
 from typing import Any, Final
 
@@ -17,6 +18,7 @@ NO_MOVE: Final[Move] = (None, None, None)
 NOTHING_GIVEN: Final = (None, None, None, None, None, None)  # observation, mask, ..., info
 NOTHING_DONE: Final = (None, None, None, None, None, None)
 NO_PARTS: Final[tuple[Any, ...]] = ({}, {}, {}, {}, {})
+BOOL: Final = frozenset({bool})
 
 
 class ParallelGame(Game):
@@ -131,10 +133,10 @@ class ParallelGame(Game):
         self._waiting = waiting
         count = len(agents)
         if rewards is None:  # reset pays nothing and ends nobody
-            named = [part for part in (observations, infos) if isinstance(part, Mapping)]
-            names = dict.fromkeys([*agents, *(agent for part in named for agent in part)])
+            names = _named(agents, observations, infos)
             rewards = dict.fromkeys(names, 0.0)
             terms = truncs = dict.fromkeys(names, False)
+        rows = count or len(self._who)  # where nobody lives on, those who acted are told of it
         if (
             observations.__class__
             is rewards.__class__
@@ -142,10 +144,12 @@ class ParallelGame(Game):
             is truncs.__class__
             is infos.__class__
             is dict
-        ) and len(observations) == len(rewards) == len(terms) == len(truncs) == len(infos) == count:
-            if agents != self._who:
+        ) and len(observations) == len(rewards) == len(terms) == len(truncs) == len(infos) == rows:
+            if count and agents != self._who:
                 self._take_seats(list(agents))
-            if self._give_usual(waiting.extend, observations, rewards, terms, truncs, infos):
+            parts = observations, rewards, terms, truncs, infos
+            is_usual = count > 0 or list(observations) == self._who
+            if is_usual and self._give_usual(waiting.extend, count > 0, *parts):
                 self._ended = not count
                 if not count:
                     self._end()
@@ -154,16 +158,26 @@ class ParallelGame(Game):
         self._give_all(agents, observations, rewards, terms, truncs, infos)
 
     def _give_usual(
-        self, extend: Any, observations: Any, rewards: Any, terms: Any, truncs: Any, infos: Any
+        self,
+        extend: Any,
+        live: bool,
+        observations: Any,
+        rewards: Any,
+        terms: Any,
+        truncs: Any,
+        infos: Any,
     ) -> bool:
-        """Rows of agents that all live on and are given what was declared; whether it was so."""
+        """Rows of agents that all live on, or none, as declared; whether it was so."""
         try:
             for agent, (index, pack) in zip(self._who, self._givers, strict=True):
                 payload = pack(observations[agent])
                 reward, info = rewards[agent], infos[agent]
+                terminated, truncated = terms[agent], truncs[agent]
                 if (
-                    terms[agent] is not False
-                    or truncs[agent] is not False
+                    (
+                        (terminated is not False or truncated is not False)
+                        and (live or {terminated.__class__, truncated.__class__} != BOOL)
+                    )
                     or reward.__class__ is not float
                     or info.__class__ is not dict
                     or payload is None
@@ -172,7 +186,7 @@ class ParallelGame(Game):
                         self.sink.rings.release(payload)  # type: ignore[union-attr]
                     return False
                 text, mask = self._info_text(info) if info else (None, None)
-                extend((index, payload, mask, reward, False, False, text, True, None))
+                extend((index, payload, mask, reward, terminated, truncated, text, live, None))
         except KeyError:
             return False
         return True
@@ -256,7 +270,7 @@ class ParallelGame(Game):
             actions = {}
         if list(actions) != self._who:
             return self._moves_out_of_order(actions)
-        payloads = [p(action) for p, action in zip(self._doers, actions.values(), strict=True)]
+        payloads = list(map(call, self._doers, actions.values()))
         if None not in payloads:
             return list(zip(range(len(payloads)), payloads, repeat(None)))  # the third is endless
         moves: list[Move] = []
@@ -357,6 +371,15 @@ class ParallelGame(Game):
         self._waiting = []
         self._take_seats([])
         self._finish("ended" if over or not getattr(self.env, "agents", ()) else "cut")
+
+
+def _named(agents: Any, observations: Any, infos: Any) -> Any:
+    """Whom a reset speaks of: live agents, and who else was given something."""
+    is_usual = observations.__class__ is infos.__class__ is dict
+    if is_usual and list(observations) == agents == list(infos):
+        return agents
+    named = [part for part in (observations, infos) if isinstance(part, Mapping)]
+    return dict.fromkeys([*agents, *(agent for part in named for agent in part)])
 
 
 def _five(out: Any) -> Any:
