@@ -36,13 +36,13 @@ Part: TypeAlias = "Callable[[Turns, Path, argparse.Namespace], dict[str, Any]]"
 
 
 class Turns(gk.TurnEnv):
-    """Agents take turns; who acts is paid, at the very end `last`; after `turns` turns all end."""
+    """Agents take turns; who acts is paid, at the very end `final`; after `turns` turns all end."""
 
     metadata = {"name": "extreme_turns_v0"}  # noqa: RUF012  # as PettingZoo declares it
 
-    def __init__(self, agents: int = 2, turns: int = 100, size: int = 4, last: float = 1.0) -> None:
+    def __init__(self, agents: int = 2, turns: int = 100, size: int = 4, final: float = 1.0) -> None:
         super().__init__()
-        self.most, self.taken, self.last = turns, 0, last
+        self.most, self.taken, self.final = turns, 0, final
         self.possible_agents = [f"agent_{i}" for i in range(agents)]
         space = Box(0, 1, (size,), np.float32)
         self.observation_spaces = dict.fromkeys(self.possible_agents, space)
@@ -56,7 +56,7 @@ class Turns(gk.TurnEnv):
     def act(self, agent: Any, action: Any) -> None:
         """Pays the agent in turn."""
         self.taken += 1
-        self.pay(agent, self.last if self.taken >= self.most else 1.0)
+        self.pay(agent, self.final if self.taken >= self.most else 1.0)
         if self.taken >= self.most:
             for each in list(self.agents):
                 self.terminate(each, "over")
@@ -88,13 +88,13 @@ def main() -> None:
                 subprocess.run([sys.executable, __file__, *words], check=False)
 
 
-def game_of(given: argparse.Namespace, *, last: float = 1.0) -> Turns:
+def game_of(given: argparse.Namespace, *, final: float = 1.0) -> Turns:
     """The environment that the command line describes."""
     if given.turns:
-        return Turns(turns=given.turns, last=last)
+        return Turns(turns=given.turns, final=final)
     if given.observation_mb:
-        return Turns(agents=1, turns=2, size=given.observation_mb * 250_000, last=last)
-    return Turns(agents=given.agents, turns=2 * given.agents, last=last)
+        return Turns(agents=1, turns=2, size=given.observation_mb * 250_000, final=final)
+    return Turns(agents=given.agents, turns=2 * given.agents, final=final)
 
 
 def measured(given: argparse.Namespace) -> dict[str, Any]:
@@ -171,7 +171,7 @@ def replayed(game: Turns, run: Path, given: argparse.Namespace) -> dict[str, Any
 
 def recorded_again(game: Turns, run: Path, given: argparse.Namespace) -> dict[str, Any]:
     """A second run, which differs from the first in its last turn."""
-    play(game_of(given, last=2.0), run.parent / "other", given)
+    play(game_of(given, final=2.0), run.parent / "other", given)
     return {}
 
 

@@ -25,6 +25,8 @@ from gamekeeper.core.where import Where
 
 AgentName = str
 MASK: Final = "action_mask"
+_GIVEN: Final = ("terminated", "truncated", "received", "reward", "raised")
+"""Columns that a turn has by agent, where they aren't null."""
 # scalars that canonical JSON writes as plain values
 _SCALARS: Final[dict[str | None, Any]] = {
     "numpy.bool": np.bool_,
@@ -74,6 +76,10 @@ class Turn:
     def observations(self) -> Mapping[AgentName, Any]:
         """What each agent observed, as its space has it; what didn't conform, as it was."""
         return self._trace._values(self, "obs")
+
+    def has_observation(self, agent: AgentName) -> bool:
+        """Whether the agent has an observation here; it isn't decoded for that."""
+        return self._trace._has_observation(self, agent)
 
     @cached_property
     def actions(self) -> Mapping[AgentName, Any]:
@@ -205,30 +211,39 @@ class Trace:
         self._cached("turns", lambda: list(self._walk()))
 
     def _walk(self) -> Iterator[Turn]:
-        numbers = self._list("turn")
+        numbers, columns = self._list("turn"), self._columns()
         for number, group in groupby(range(len(numbers)), key=numbers.__getitem__):
             rows = list(group)
-            yield self._turn(number, range(rows[0], rows[-1] + 1))
+            yield self._turn(number, range(rows[0], rows[-1] + 1), columns)
 
     @legible
-    def _turn(self, number: int, rows: range) -> Turn:
-        names = self._list("agent")
-        order, live = self._list("order"), self._list("live")
-        flags = {name: self._pick(rows, name) for name in ("terminated", "truncated")}
+    def _columns(self) -> Mapping[str, list[Any]]:
+        return {name: self._list(name) for name in ("agent", "order", "live", *_GIVEN)}
+
+    @legible
+    def _turn(self, number: int, rows: range, columns: Mapping[str, list[Any]]) -> Turn:
+        names, order, live = columns["agent"], columns["order"], columns["live"]
+        given = {
+            name: {names[row]: values[row] for row in rows if values[row] is not None}
+            for name, values in columns.items()
+            if name in _GIVEN
+        }
         acted = sorted((order[row], names[row]) for row in rows if order[row] is not None)
-        ended = {agent for each in flags.values() for agent, flag in each.items() if flag}
+        flags = given["terminated"], given["truncated"]
+        ended = {agent for each in flags for agent, flag in each.items() if flag}
         return Turn(
             index=number,
-            agents=tuple(names[row] for row in rows),
-            order=tuple(name for _, name in acted),
-            live=frozenset(names[row] for row in rows if live[row]),
+            agents=tuple([names[row] for row in rows]),
+            order=tuple([name for _, name in acted]),
+            live=frozenset([names[row] for row in rows if live[row]]),
             ended=frozenset(ended),
-            received=self._pick(rows, "received"),
-            rewards=self._pick(rows, "reward"),
-            raised=self._pick(rows, "raised"),
+            received=MappingProxyType(given["received"]),
+            rewards=MappingProxyType(given["reward"]),
+            raised=MappingProxyType(given["raised"]),
+            terminated=MappingProxyType(given["terminated"]),
+            truncated=MappingProxyType(given["truncated"]),
             _trace=self,
             _rows=rows,
-            **flags,
         )
 
     @legible
@@ -283,6 +298,21 @@ class Trace:
             is_int = kind == "action" and isinstance(value, np.integer) and type_name == "int"
             found[name] = int(value) if is_int else value
         return MappingProxyType(found)
+
+    @legible
+    def _has_observation(self, turn: Turn, agent: AgentName) -> bool:
+        """Whether `turn.observations` has the agent, without a look at what it is."""
+        if agent not in turn.agents:
+            return False
+        cells = self._cached("cells obs", lambda: _cells(self.steps, "obs"))
+        spaces, row = self.spaces.get(agent), turn._rows[turn.agents.index(agent)]
+        codec = None if spaces is None else spaces.observation
+        if codec is not None and all(
+            any(c.leaf == leaf and _payload(c, each, row) is not None for c, each in cells)
+            for leaf in codec.leaves
+        ):
+            return True
+        return "value" in turn.odd.get(agent, {}).get("obs", {})
 
     @legible
     def _infos(self, turn: Turn) -> Mapping[AgentName, Any]:

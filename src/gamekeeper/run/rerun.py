@@ -202,7 +202,7 @@ def _was_seen(turn: Turn, name: str, trace: Trace) -> bool:
     looked: so does every loop but one that asks `last(observe=False)`.
     """
     is_digest = "digest" in trace.steps.schema.names
-    return name in turn.observations or (is_digest and name in turn.received)
+    return turn.has_observation(name) or (is_digest and name in turn.received)
 
 
 def _action(turn: Turn, name: str, types: Mapping[str, str]) -> Any:
