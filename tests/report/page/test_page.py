@@ -16,7 +16,7 @@ from gamekeeper.adapters.page import opened, report
 from gamekeeper.diagnose.labels import label
 from gamekeeper.errors import BundleError, EnvError, EvidenceError
 from gamekeeper.record.files.notes import annotate
-from gamekeeper.report.page.compose import continues, shown
+from gamekeeper.report.page.compose import Documents, continues, lead_of, shown
 from gamekeeper.report.page.data import Page
 from gamekeeper.report.page.render import render
 from tests.report.page import documents
@@ -249,6 +249,16 @@ def test_wrong_document_is_refused(tmp_path: Path, content: str) -> None:
         report(tmp_path / "run", tmp_path / "p.html", audit=tmp_path / "audit.json")
     assert "audit ENV --json" in told.value.mend
     assert not (tmp_path / "p.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("failure", "told"),
+    [("gain > 1e9", "; 0 failed."), (None, "; nothing declares when an episode failed.")],
+)
+def test_lead_tells_none_failed_from_nobody_can_say(failure: str | None, told: str) -> None:
+    """Where no failure is declared the page doesn't count to zero."""
+    run = shown(recorded(failure=failure), key="a", path="run", name="run")
+    assert lead_of([run], Documents()).endswith(told)
 
 
 def test_missing_run_is_refused(tmp_path: Path) -> None:

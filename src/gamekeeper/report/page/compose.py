@@ -161,11 +161,13 @@ def lead_of(runs: Sequence[Shown], documents: Documents) -> str:
     """What the page is about, in a sentence or two."""
     main = runs[0]
     card = main.card
-    failed = sum(1 for each in main.failed if each)
+    judged = [each for each in main.failed if each is not None]
     told = (
         f"{card.episodes} episodes of {card.environment} ({card.api}), "
-        f"{len(main.figures.agents)} agents; {failed} failed."
+        f"{len(main.figures.agents)} agents"
     )
+    # None failed and nobody says when one fails are two things; a diagnosis may judge by its own.
+    told += f"; {sum(judged)} failed." if judged else "; nothing declares when an episode failed."
     if documents.audit is not None:
         broken = [each for each in documents.audit["verdicts"] if each.get("outcome") == "broken"]
         told += f" Audit: {len(broken)} promises broken."
