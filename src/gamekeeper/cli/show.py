@@ -129,8 +129,7 @@ def _refuse_lost_run(path: Path) -> None:
     Raises:
         BundleError: there is no such run.
     """
-    from gamekeeper.record.files.absent import MANIFEST
-    from gamekeeper.record.files.manifest import load_manifest
+    from gamekeeper.record.files.manifest import MANIFEST, load_manifest
 
     if not path.exists() and any(path.parent.glob(f"*/{MANIFEST}")):
         load_manifest(path)

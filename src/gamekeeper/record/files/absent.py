@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Final
 
 from gamekeeper.errors import BundleError
+from gamekeeper.record.files.manifest import MANIFEST
 
-MANIFEST: Final = "manifest.json"
 MOST_LOOKED_AT: Final = 1_000
 """Entries of a folder that are looked at for runs; one of evidence may hold a great many."""
 MOST_NAMED: Final = 5

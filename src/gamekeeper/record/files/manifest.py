@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from gamekeeper.errors import BundleError, EvidenceError
-from gamekeeper.record.files.absent import MANIFEST, no_bundle
 from gamekeeper.record.files.folder import is_safe_name, read_bounded, reading
 
 FORMAT_VERSION: Final = 1
+MANIFEST: Final = "manifest.json"
 MANIFEST_BYTES: Final = 64 << 20  # a manifest of 10,000 frames' digests has about 1.3 MB
 DEPTH: Final = 200  # nested spaces are the deepest thing in it; the deepest seen have 6 levels
 STATUSES: Final = ("open", "sealed", "recovered", "failed")
@@ -73,6 +73,8 @@ def load_manifest(folder: Path) -> dict[str, Any]:
     """
     path = folder / MANIFEST
     if not path.exists() and not path.is_symlink():
+        from gamekeeper.record.files.absent import no_bundle  # it names the manifest, too
+
         raise no_bundle(folder)
     return parse_manifest(read_bounded(path, MANIFEST_BYTES), path)
 
