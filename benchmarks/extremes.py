@@ -40,7 +40,9 @@ class Turns(gk.TurnEnv):
 
     metadata = {"name": "extreme_turns_v0"}  # noqa: RUF012  # as PettingZoo declares it
 
-    def __init__(self, agents: int = 2, turns: int = 100, size: int = 4, final: float = 1.0) -> None:
+    def __init__(
+        self, agents: int = 2, turns: int = 100, size: int = 4, final: float = 1.0
+    ) -> None:
         super().__init__()
         self.most, self.taken, self.final = turns, 0, final
         self.possible_agents = [f"agent_{i}" for i in range(agents)]

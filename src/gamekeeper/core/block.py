@@ -22,7 +22,7 @@ Bytes2: TypeAlias = NDArray[np.uint8]
 Texts: TypeAlias = list[str | None]
 # copies an observation that was put aside (by its place) into one row of bytes
 Opener: TypeAlias = Callable[[int, "NDArray[np.uint8]"], None]
-BLOCK_BYTES: Final = 256 << 20  # of the values of one block; Arrow's offsets end at 2 GiB
+BLOCK_BYTES: Final = 64 << 20  # of the values of one block; Arrow's offsets end at 2 GiB
 LAST: Final = np.iinfo(np.int16).max  # sorts those who did not act behind those who did
 
 

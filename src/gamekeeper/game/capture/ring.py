@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gamekeeper.core.tape import Place
 
 MEMORY_BYTES: Final = 64 << 20  # of one ring, unless a few slots need more
-FEWEST: Final = 8  # slots, however large
+FEWEST: Final = 2  # slots, however large: one is filled while the other is written
 MOST: Final = 8192  # slots, however small
 SLOT_BITS: Final = 24
 
