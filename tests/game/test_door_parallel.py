@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from typing import Any
 
 import numpy as np
@@ -64,6 +65,26 @@ def test_rows_of_a_turn_are_its_live_agents_and_those_who_end(script: list[Turn]
             for agent, amount in turn.received.items():
                 assert amount == before.rewards.get(agent, 0.0)
         before = turn
+
+
+@few
+@given(SCRIPTS)
+def test_rows_are_the_same_by_the_short_look_and_the_whole(script: list[Turn]) -> None:
+    """What comes in plain dictionaries is taken down as what comes in others."""
+
+    class Other(ScriptedParallel):
+        def reset(self, seed: Any = None, options: Any = None) -> Any:
+            return tuple(map(OrderedDict, super().reset(seed, options)))
+
+        def step(self, actions: Any) -> Any:
+            return tuple(map(OrderedDict, super().step(actions)))
+
+    rows = []
+    for env in (ScriptedParallel(script), Other(script)):
+        face, sink = recorded(env)
+        play_parallel(face, 15)
+        rows.append(evidence_of(face, sink).steps.to_pydict())
+    assert repr(rows[0]) == repr(rows[1])
 
 
 def test_turn_is_a_tick_with_a_last_row_for_the_end() -> None:
