@@ -1,6 +1,7 @@
 """Audits of all specimens by two processes side by side; a result is there once it is asked for.
 
-A process audits many specimens one after the other, so that importing is paid for once.
+A process audits many specimens one after the other, so that importing is paid for once; what an
+audit plays under another hash seed, it plays in a fork.
 """
 
 from __future__ import annotations
@@ -14,11 +15,12 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from gamekeeper.audit import specimens
+from gamekeeper.audit import elsewhere, specimens
 from gamekeeper.audit.audit import audit_here
 from gamekeeper.audit.result import Audit
 from gamekeeper.core.contract import Contract
 from gamekeeper.run.workers import run_task
+from tests.matrix.forks import Forks
 
 BUDGET = 2_000
 MORE = {"gk831_history_in_bytes": 4_000, "gk831_history_in_lines": 4_000}
@@ -101,6 +103,7 @@ class _Pool:
 
 def audit_task(report: Any, *, names: list[str]) -> None:
     """Audits specimens in this process and runs the program of the first finding of each."""
+    elsewhere.run_task = Forks().run_task  # type: ignore[assignment]  # this process is for this alone
     for name in names:
         module = module_of(name)
         contract = getattr(module, "CONTRACT", None)
