@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -34,6 +35,28 @@ def refuse_network(event: str, arguments: tuple[object, ...]) -> None:
 
 
 sys.addaudithook(refuse_network)
+
+
+PAGES = ("tests/surface/test_docs_run.py", "tests/surface/test_tutorials_run.py")
+"""Files whose tests share nothing, take long, and would leave a core idle at the end as a whole."""
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """With `--dist loadfile` a file's tests stay in one process; each page is work of its own.
+
+    What is smallest is handed out last, so that all processes end at about the same time.
+    """
+    if config.getvalue("dist") != "loadfile":
+        return None
+    from xdist.scheduler import LoadFileScheduling
+
+    class ByFileOrPage(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file: str = super()._split_scope(nodeid)
+            return nodeid if file in PAGES else file
+
+    return ByFileOrPage(config, log)
 
 
 @pytest.fixture(autouse=True, scope="session")
