@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 from gamekeeper.audit.check import LOW, Occasion, check
 from gamekeeper.audit.checks._ticks import ticks_before
@@ -29,7 +28,7 @@ def _declared(contract: Contract, evidence: Gathered) -> str | None:
 
 @check(
     "GK508",
-    needs=("surface",),
+    needs=("surface", "rollout"),
     severity=LOW,
     confidence=0.6,
     mend="truncate where time is up: `truncations = dict.fromkeys(agents, time >= max_time)`; if "
@@ -42,10 +41,11 @@ def time_limits_truncate(contract: Contract, evidence: Gathered) -> Iterator[Occ
     Learners bootstrap past a truncation, and not past a termination: told the one for the other
     they value the states before the limit at nothing.
 
-    A heuristic, as nobody has declared a limit: an attribute that is called like one (`max_steps`,
-    `horizon`, `limit`) holds the very number of ticks after which episodes end by termination, in
-    two plays or more, and nothing was ever truncated. A rule that ends games then by chance would
-    have to meet the tick twice.
+    A heuristic, as nobody has declared a limit: an attribute, a constant of the module or a
+    parameter that is called like one (`max_steps`, `horizon`, `LIMIT`) holds the very number of
+    ticks after which episodes end by termination, in two plays or more; none lasts longer, and
+    nothing was ever truncated. A rule that ends games then by chance would have to meet the tick
+    twice.
 
     Bad: `terminations = dict.fromkeys(agents, time >= self.max_time)`.
 
@@ -53,19 +53,39 @@ def time_limits_truncate(contract: Contract, evidence: Gathered) -> Iterator[Occ
     """
     if any(ending.kind == "termination" for ending in contract.endings.values()):
         return
-    found: list[Occasion] = []
-    looks = evidence.looks.get("surface", ())
-    is_truncated = False
-    for look in looks:
-        limits: Mapping[str, Any] = next((f.value for f in look.facts if f.name == "limits"), {})
-        for trace in look.traces:
-            is_truncated |= any(map(_is_truncated, trace.turns))
-            found += _at_the_limit(evidence.api, trace, limits)
-    is_sure = sum(not each.ok for each in found) >= min(PLAYS, len(looks)) and not is_truncated
+    looks = (*evidence.looks.get("surface", ()), *evidence.looks.get("rollout", ()))
+    traces = [trace for look in looks for trace in look.traces]
+    limits = {
+        name: value
+        for name, value in _limits(evidence).items()
+        if not any(_lasts_longer(evidence.api, trace, value) for trace in traces)
+    }
+    found = [each for trace in traces for each in _at_the_limit(evidence.api, trace, limits)]
+    is_truncated = any(_is_truncated(turn) for trace in traces for turn in trace.turns)
+    is_sure = sum(not each.ok for each in found) >= min(PLAYS, len(traces)) and not is_truncated
     yield from (each for each in found if each.ok or is_sure)
 
 
-def _at_the_limit(api: str, trace: Trace, limits: Mapping[str, Any]) -> Iterator[Occasion]:
+def _limits(evidence: Gathered) -> dict[str, int]:
+    """Names of limits that hold one number in all plays."""
+    found = [fact.value for fact in evidence.facts("surface", "limits")]
+    return {
+        name: value
+        for name, value in (found[0] if found else {}).items()
+        if all(each.get(name) == value for each in found)
+    }
+
+
+def _lasts_longer(api: str, trace: Trace, limit: int) -> bool:
+    """Whether somebody acts once that many ticks are over."""
+    over = limit if api == "parallel" else limit + 1  # where the last tick is still under way
+    return any(
+        tick >= over and not set(turn.order) <= turn.ended
+        for turn, tick in ticks_before(trace, api)
+    )
+
+
+def _at_the_limit(api: str, trace: Trace, limits: Mapping[str, int]) -> Iterator[Occasion]:
     """The turn, if there is one, at which a limit is met and somebody ends."""
     for turn, tick in ticks_before(trace, api):
         names = [name for name, value in limits.items() if value == tick]
