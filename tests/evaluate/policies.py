@@ -21,9 +21,9 @@ def failing(observation: Any, agent: Any, info: Any, rng: Any) -> Any:
     raise RuntimeError("no idea")
 
 
-RUNS = [Lucky(number) for number in range(12)]
+RUNS = {f"run_{number}": Lucky(number) for number in range(20)}
 """Training runs of one method."""
-run_0, run_1, run_2, run_3, run_4, run_5, run_6, run_7, run_8, run_9, run_10, run_11 = RUNS
+globals().update(RUNS)
 
 
 def names(count: int) -> list[str]:

@@ -80,18 +80,18 @@ def test_evaluate_compares_on_shared_seeds_with_correction() -> None:
 
 
 def test_evaluate_takes_training_runs_as_the_unit() -> None:
-    """Ten runs have an interval over runs; three are listed, without one."""
+    """Twenty runs have an interval over runs; three are listed, without one."""
     many = evaluate(
-        "two_robot_line", policies={"method": names(10), "still": "noop"}, episodes=20,
+        "two_robot_line", policies={"method": names(20), "still": "noop"}, episodes=20,
         env_kwargs=SHORT,
     )  # fmt: skip
     (over,) = rows(many, run=None, scope="team", metric="length")
-    assert (over["runs"], over["episodes"]) == (10, 20)
+    assert (over["runs"], over["episodes"]) == (20, 20)
     assert over["mean"]["low"] < over["mean"]["value"] < over["mean"]["high"]
     assert len([r for r in rows(many, scope="team", metric="length", policy="method")
-                      if r["run"] is not None]) == 10  # fmt: skip
+                      if r["run"] is not None]) == 20  # fmt: skip
     compared = next(row for row in many.comparisons if row["who"] == "team")
-    assert (compared["unit"], compared["n"]) == ("run", 10)
+    assert (compared["unit"], compared["n"]) == ("run", 20)
     few = evaluate("two_robot_line", policies={"method": names(3)}, episodes=20, env_kwargs=SHORT)
     (over,) = rows(few, run=None, scope="team", metric="length")
     assert over["mean"]["low"] is None

@@ -19,7 +19,7 @@ TWO = {
 def test_overall_puts_scores_together_that_share_a_scale() -> None:
     """Success as it is; returns where every environment says what counts as 0 and 1."""
     spec = {"environments": TWO, "policies": {"reference": "reference", "random": "random"}}
-    found = evaluate(spec, episodes=20).overall
+    found = evaluate(spec, episodes=50).overall
     rows = {(row["policy"], row["metric"]): row for row in found["results"]}
     assert rows["reference", "success"]["mean"]["value"] == 1.0
     assert rows["reference", "score"]["mean"]["value"] == 0.75

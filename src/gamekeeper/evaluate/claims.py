@@ -59,10 +59,11 @@ def _about(spec: Spec) -> Iterator[str]:
         if not policy.is_method:
             continue
         runs = max(len(policy.runs_in(each)) for each in spec.environments)
-        if runs < FEWEST_RUNS["mean"]:
+        fewest = min(FEWEST_RUNS.values())
+        if runs < fewest:
             yield (
                 f"{name} has {runs} training run{'s' * (runs != 1)}: too few for an interval over "
-                f"runs ({FEWEST_RUNS['mean']} are needed), so they are listed one by one."
+                f"runs ({fewest} are needed), so they are listed one by one."
             )
         else:
             yield f"{name} has {runs} training runs: they are the unit of what is said about it."
@@ -91,8 +92,8 @@ def _stopped(stopping: Mapping[str, Any] | None) -> Iterator[str]:
     end = "reached" if stopping["reached"] else f"not reached by episode {stopping['most']}"
     yield (
         f"Playing went on until {asked} for every checkpoint: {end} after {stopping['episodes']} "
-        f"episodes, looked at {stopping['rounds']} times. Its intervals are of confidence "
-        "sequences, which allow for looking; those of other figures don't."
+        f"episodes, looked at {stopping['rounds']} times. Its intervals allow for looking until "
+        "they are narrow; those of other figures don't."
     )
 
 

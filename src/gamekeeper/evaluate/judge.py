@@ -16,7 +16,7 @@ from gamekeeper.core.evaluation.improvement import improvement
 from gamekeeper.core.evaluation.interval import Interval, Statistic
 from gamekeeper.core.evaluation.iqm import interquartile_mean
 from gamekeeper.core.evaluation.one_sample import one_sample
-from gamekeeper.core.evaluation.refusals import FEWEST_RUNS, enough
+from gamekeeper.core.evaluation.refusals import FEWEST_RUNS_APART, enough
 from gamekeeper.core.evaluation.runs import difference_over_runs, over_runs
 from gamekeeper.core.evaluation.student import student, student_p
 from gamekeeper.core.paired import Effect, paired_effect
@@ -194,7 +194,7 @@ class Judge:
         what = "interval of a cell over training runs"
         try:
             for each in scores:
-                enough(len(each), FEWEST_RUNS["mean"], "training runs", where=of)
+                enough(len(each), FEWEST_RUNS_APART, "training runs", where=of)
         except EvidenceError as error:
             return self._point(value, error, what, of)
         variance = sum(part for part, _ in parts)

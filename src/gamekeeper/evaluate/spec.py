@@ -98,7 +98,7 @@ class StopSpec:
     Attributes:
         metric: as results name it: `return`, `success`, `reward.TERM`, `info.FIELD`.
         who: the team, a role, or an agent.
-        width: of the confidence sequence of every policy, at most.
+        width: of the interval of every policy, at most.
         most: episodes beyond which nothing more is played.
         every: episodes of a round.
     """

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gamekeeper.core.evaluation.confidence_sequence import ConfidenceSequence
+from gamekeeper.core.evaluation.narrowing import Narrowing
 from gamekeeper.core.outcome import EACH, TEAM
 from gamekeeper.errors import EvidenceError
 from gamekeeper.evaluate.judge import FloatArray
@@ -35,11 +35,11 @@ class Stopping:
     rounds: int = 0
 
     @property
-    def sequence(self) -> ConfidenceSequence:
+    def sequence(self) -> Narrowing:
         """The intervals: of shares bounded ones, of everything else those without bounds."""
         if self._stop.metric == SUCCESS:
-            return ConfidenceSequence(least=0.0, most=1.0, level=self.spec.level)
-        return ConfidenceSequence(level=self.spec.level)
+            return Narrowing(least=0.0, most=1.0, level=self.spec.level)
+        return Narrowing(level=self.spec.level)
 
     @property
     def _stop(self) -> Any:

@@ -9,7 +9,7 @@ from gamekeeper.core.evaluation.improvement import improvement, probability_of_i
 from gamekeeper.errors import EvidenceError
 
 RUNS = st.lists(st.integers(-6, 6), min_size=10, max_size=15)
-PAIRS = st.lists(st.tuples(st.integers(-3, 3), st.integers(-3, 3)), min_size=20, max_size=40)
+PAIRS = st.lists(st.tuples(st.integers(-3, 3), st.integers(-3, 3)), min_size=50, max_size=60)
 
 
 @settings(deadline=None)
@@ -44,7 +44,7 @@ def test_improvement_of_pairs_changes_sides_and_bears_units(pairs, scale, shift)
 
 def test_improvement_of_paired_episodes_isnt_that_of_any_two() -> None:
     """Always a little better on the same seed: surely better there, hardly of any two episodes."""
-    seeds = np.random.default_rng(0).normal(size=40)
+    seeds = np.random.default_rng(0).normal(size=50)
     paired = improvement(seeds + 0.01, seeds, paired=True)
     independent = improvement(seeds + 0.01, seeds, paired=False)
     assert paired.low > 0.9
@@ -73,11 +73,11 @@ def test_improvement_over_environments_is_the_mean_and_surer() -> None:
     ("a", "b", "paired", "message"),
     [
         (list(range(9)), list(range(12)), False, "at least 10 values"),
-        (list(range(19)), list(range(19)), True, "at least 20 pairs"),
-        (list(range(20)), list(range(21)), True, "can't be paired"),
+        (list(range(49)), list(range(49)), True, "at least 50 pairs"),
+        (list(range(50)), list(range(51)), True, "can't be paired"),
         ({"x": list(range(10))}, {"y": list(range(10))}, False, "different environments"),
         ({}, {}, False, "environments"),
-        ([np.nan] * 20, [0] * 20, True, "finite"),
+        ([np.nan] * 50, [0] * 50, True, "finite"),
     ],
 )
 def test_improvement_refuses(a, b, paired, message) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import sqrt
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.random import Generator
@@ -68,41 +68,47 @@ def reach(t: FloatArray, freedom: float) -> Reach:
     ordered, sizes = np.sort(t), np.sort(np.abs(t))
 
     def bounds(level: float) -> tuple[float, float]:
-        both = at(sizes, level)
+        both = float(at(sizes, level))
         farthest = _LONGEST * student(level, freedom)
-        most = (at(ordered, 0.5 + level / 2) + both) / 2
-        least = (at(ordered, 0.5 - level / 2) - both) / 2
+        most = float(at(ordered, 0.5 + level / 2) + both) / 2
+        least = float(at(ordered, 0.5 - level / 2) - both) / 2
         return max(least, -farthest), min(most, farthest)
 
     return bounds
 
 
-def expanded(resampled: FloatArray, freedom: float, level: float) -> tuple[float, float]:
+def expanded(resampled: FloatArray, freedom: float, level: float) -> tuple[Any, Any]:
     """The percentile interval of a resampled statistic, taken where Student's t says.
 
     The plain percentile interval of few values is too short, as a normal interval is in place of
     Student's: its quantiles are taken at the tails of a normal variable beyond Student's reach.
 
     Args:
-        resampled: [resamples] of the statistic.
+        resampled: [..., resamples] of the statistic.
         freedom: degrees: values less 1.
         level: coverage.
+    Returns:
+        [...] lower and [...] upper bounds.
     Source: Hesterberg 2015, "What teachers should know about the bootstrap", 3.4 (expanded
         percentile interval), without its factor of n / (n - 1), with which it covers too much.
     """
-    ordered = np.sort(resampled)
+    ordered = np.sort(resampled, axis=-1)
     tail = normal_tail(student(level, freedom))
     return at(ordered, tail), at(ordered, 1 - tail)
 
 
-def at(ordered: FloatArray, part: float) -> float:
+def at(ordered: FloatArray, part: float) -> Any:
     """A quantile of sorted values.
 
     Args:
-        ordered: [n], sorted.
+        ordered: [..., n], sorted.
         part: in [0, 1].
+    Returns:
+        [...].
     """
-    place = part * (len(ordered) - 1)
+    n = ordered.shape[-1]
+    place = part * (n - 1)
     under = int(place)
-    above = min(under + 1, len(ordered) - 1)
-    return float(ordered[under] + (place - under) * (ordered[above] - ordered[under]))
+    above = min(under + 1, n - 1)
+    first = ordered[..., under]
+    return first + (place - under) * (ordered[..., above] - first)

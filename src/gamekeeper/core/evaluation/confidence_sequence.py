@@ -61,15 +61,7 @@ class ConfidenceSequence:
     def __post_init__(self) -> None:
         """Bounds come together and in order."""
         check_level(self.level, "ConfidenceSequence", most=0.9999)
-        if self.least is None and self.most is None:
-            return
-        if self.least is None or self.most is None or not self.least < self.most:
-            raise EvidenceError(
-                "values have no such bounds",
-                where="ConfidenceSequence",
-                expected="least < most, or neither",
-                seen=f"least={self.least}, most={self.most}",
-            )
+        check_bounds(self.least, self.most, "ConfidenceSequence")
 
     @property
     def warm_up(self) -> int:
@@ -89,16 +81,9 @@ class ConfidenceSequence:
         array = figures(values, "ConfidenceSequence")
         if self.least is None or self.most is None:
             return _asymptotic(array, 1 - self.level)
+        inside(array, self.least, self.most, "ConfidenceSequence")
         wide = self.most - self.least
         shares = (array - self.least) / wide
-        if len(shares) and not 0.0 <= shares.min() <= shares.max() <= 1.0:
-            raise EvidenceError(
-                "a value is outside of its bounds",
-                where="ConfidenceSequence",
-                expected=f"[{self.least}, {self.most}]",
-                seen=f"{array.min()} to {array.max()}",
-                mend="give the bounds that hold, or none",
-            )
         low, high = _betting(shares, 1 - self.level)
         return self.least + wide * low, self.least + wide * high
 
@@ -111,13 +96,7 @@ class ConfidenceSequence:
         Raises:
             EvidenceError: as `sequence`, or the width isn't over 0.
         """
-        if not width > 0:
-            raise EvidenceError(
-                "no interval is so narrow",
-                where="ConfidenceSequence.stop_at",
-                expected="a width over 0",
-                seen=str(width),
-            )
+        check_width(width, "ConfidenceSequence.stop_at")
         low, high = self.sequence(values)
         narrow = np.flatnonzero(high - low <= width)
         return int(narrow[0]) + 1 if len(narrow) else None
@@ -140,6 +119,63 @@ class ConfidenceSequence:
             float(high[-1]),
             len(array),
             f"confidence sequence, {how}",
+        )
+
+
+def check_bounds(least: float | None, most: float | None, where: str) -> None:
+    """Bounds come together and in order.
+
+    Args:
+        least: the least a value can be.
+        most: the most.
+        where: what asks, for the error.
+    Raises:
+        EvidenceError: one without the other, or most not over least.
+    """
+    if least is None and most is None:
+        return
+    if least is None or most is None or not least < most:
+        raise EvidenceError(
+            "values have no such bounds",
+            where=where,
+            expected="least < most, or neither",
+            seen=f"least={least}, most={most}",
+        )
+
+
+def inside(array: FloatArray, least: float, most: float, where: str) -> None:
+    """Values are within their bounds.
+
+    Args:
+        array: [n].
+        least: the least a value can be.
+        most: the most.
+        where: what asks, for the error.
+    Raises:
+        EvidenceError: one isn't.
+    """
+    if len(array) and not least <= array.min() <= array.max() <= most:
+        raise EvidenceError(
+            "a value is outside of its bounds",
+            where=where,
+            expected=f"[{least}, {most}]",
+            seen=f"{array.min()} to {array.max()}",
+            mend="give the bounds that hold, or none",
+        )
+
+
+def check_width(width: float, where: str) -> None:
+    """An interval can be so narrow.
+
+    Args:
+        width: high - low.
+        where: what asks, for the error.
+    Raises:
+        EvidenceError: it isn't over 0.
+    """
+    if not width > 0:
+        raise EvidenceError(
+            "no interval is so narrow", where=where, expected="a width over 0", seen=str(width)
         )
 
 

@@ -87,8 +87,9 @@ def over_environments(
         alone = "iqm" if statistic == "iqm" else "mean"
         return around(strata[0], statistic=alone, rng=rng, level=level)  # type: ignore[arg-type]
     if statistic == "median":
-        found = expanded(_resampled_medians(strata, rng), min(map(len, strata)) - 1, level)
-        return Interval(value, *found, runs, "t-expanded percentile, runs within environments")
+        freedom = min(map(len, strata)) - 1
+        low, high = map(float, expanded(_resampled_medians(strata, rng), freedom, level))
+        return Interval(value, low, high, runs, "t-expanded percentile, runs within environments")
     means = weighted_means([1 / len(strata)] * len(strata))
     result = stratified(strata, pooled_iqm if statistic == "iqm" else means, rng)
     least, most = result.bounds(level) if result.bounds else (0.0, 0.0)
@@ -131,7 +132,8 @@ def _aggregate(strata: Sequence[FloatArray], statistic: Aggregate, target: float
 def _enough_runs(strata: Sequence[FloatArray], statistic: Aggregate) -> None:
     where, least = "over_environments", min(map(len, strata))
     if len(strata) == 1:
-        enough(least, FEWEST_RUNS["mean"], "training runs", where=where)
+        alone = FEWEST_RUNS["iqm" if statistic == "iqm" else "mean"]
+        enough(least, alone, "training runs", where=where)
     elif statistic == "median":
         enough(least, FEWEST_RUNS_FOR_MEDIANS, "training runs in each environment", where=where)
     else:

@@ -15,7 +15,7 @@ from gamekeeper.core.evaluation.interval import (
     check_level,
     figures,
 )
-from gamekeeper.core.evaluation.refusals import FEWEST_PAIRS, FEWEST_RUNS, enough
+from gamekeeper.core.evaluation.refusals import FEWEST_PAIRS, FEWEST_RUNS_APART, enough
 from gamekeeper.core.evaluation.student import crossing, hypotenuse, student
 from gamekeeper.core.paired import tango
 from gamekeeper.core.stats import wilson
@@ -64,7 +64,7 @@ def improvement(
     Returns:
         `n` is the number of pairs, or the smaller number of values, in the least environment.
     Raises:
-        EvidenceError: fewer than 10 values (20 pairs), different environments, or pairs that don't
+        EvidenceError: fewer than 10 values (50 pairs), different environments, or pairs that don't
             match.
     Source: Newcombe 2006, "Confidence intervals for an effect size measure based on the
         Mann-Whitney statistic, part 2", method 5; Newcombe 1998, method 10; Tango 1998; Zou &
@@ -115,7 +115,7 @@ def _paired(a: FloatArray, b: FloatArray, level: float) -> Interval:
 def _independent(a: FloatArray, b: FloatArray, level: float, is_one_of_many: bool) -> Interval:
     """One environment; of many the normal quantile gives too little, by simulation."""
     n = min(len(a), len(b))
-    enough(n, FEWEST_RUNS["mean"], "values of each", where=_WHERE)
+    enough(n, FEWEST_RUNS_APART, "values of each", where=_WHERE)
     value = probability_of_improvement(a, b)
     seen, counts = np.unique(np.concatenate([a, b]), return_counts=True)
     if len(seen) <= 2:

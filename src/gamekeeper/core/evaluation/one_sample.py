@@ -8,7 +8,7 @@ from math import sqrt
 import numpy as np
 from numpy.random import Generator
 
-from gamekeeper.core.evaluation.bootstrap import expanded, reach, t_of_means
+from gamekeeper.core.evaluation.bootstrap import expanded, t_of_means
 from gamekeeper.core.evaluation.interval import (
     LEVEL,
     FloatArray,
@@ -21,6 +21,7 @@ from gamekeeper.core.evaluation.interval import (
 from gamekeeper.core.evaluation.iqm import interquartile_mean, resampled_iqm
 from gamekeeper.core.evaluation.order_statistics import quantile
 from gamekeeper.core.evaluation.refusals import FEWEST_EPISODES, enough
+from gamekeeper.core.evaluation.skewed import reach_of_mean
 from gamekeeper.core.stats import wilson
 
 
@@ -55,7 +56,8 @@ def around(values: FloatArray, *, statistic: Statistic, rng: Generator, level: f
     """A statistic of independent values with its interval, however many there are.
 
     Two outcomes get Wilson's interval of their share. Else the mean gets a bootstrap-t interval
-    (half way between the equal-tailed and the symmetric one), the interquartile mean a t-expanded
+    (half way between the equal-tailed and the symmetric one, farther on the side where values lean
+    from), the interquartile mean a t-expanded
     percentile interval, the median the interval between order statistics. Where all values are one
     number, nothing is known of their spread, and the interval is that number.
 
@@ -64,7 +66,7 @@ def around(values: FloatArray, *, statistic: Statistic, rng: Generator, level: f
         statistic: which.
         rng: draws the resamples.
         level: coverage.
-    Source: Wilson 1927; Hall 1988; Hesterberg 2015; Nyblom 1992; chosen by simulation
+    Source: Wilson 1927; `reach_of_mean`; Hesterberg 2015; Nyblom 1992; chosen by simulation
         (benchmarks/evaluation_coverage.py).
     """
     if statistic == "median":
@@ -78,9 +80,10 @@ def around(values: FloatArray, *, statistic: Statistic, rng: Generator, level: f
     if spread <= 1e-12 * float(np.abs(values).max()):
         return Interval(value, value, value, n, "all values are one number")
     if statistic == "iqm":
-        low, high = expanded(resampled_iqm(values, rng), n - 1, level)
+        low, high = map(float, expanded(resampled_iqm(values, rng), n - 1, level))
         return Interval(value, min(low, value), max(high, value), n, "t-expanded percentile")
-    least, most = reach(t_of_means((values - mean) / spread, rng), n - 1)(level)
+    standard = (values - mean) / spread
+    least, most = map(float, reach_of_mean(t_of_means(standard, rng), standard, level))
     error = spread / sqrt(n)
     return Interval(value, value - most * error, value - least * error, n, "bootstrap-t")
 

@@ -70,9 +70,16 @@ def quantile(
     )
 
 
-def _lower(ordered: FloatArray, part: float, tail: float) -> float:
-    """The bound which a quantile is under with the chance of the tail."""
-    n = len(ordered)
+def ranks(n: int, part: float, tail: float) -> tuple[int, float]:
+    """Where the bound lies which a quantile is under with the chance of the tail.
+
+    Args:
+        n: values.
+        part: of the quantile.
+        tail: chance.
+    Returns:
+        The number of an order statistic, from 1, and the weight of the next one.
+    """
     under, above = 1, n
     while above - under > 1:
         half = (under + above) // 2
@@ -83,5 +90,9 @@ def _lower(ordered: FloatArray, part: float, tail: float) -> float:
     first, second = (binomial_at_most(under - 1, n, part), binomial_at_most(under, n, part))
     off = under * (1 - part) * (second - tail)
     near = (n - under) * part * (tail - first)
-    weight = near / (near + off) if near + off > 0 else 0.0
+    return under, near / (near + off) if near + off > 0 else 0.0
+
+
+def _lower(ordered: FloatArray, part: float, tail: float) -> float:
+    under, weight = ranks(len(ordered), part, tail)
     return float((1 - weight) * ordered[under - 1] + weight * ordered[under])

@@ -9,15 +9,18 @@ from gamekeeper.errors import EvidenceError
 
 FEWEST_EPISODES: Final[dict[Statistic, int]] = {"mean": 50, "iqm": 20, "median": 10}
 """Episodes of one checkpoint from which on an interval covers as it says (docs/statistics.md)."""
-FEWEST_RUNS: Final[dict[Statistic, int]] = {"mean": 10, "iqm": 10, "median": 10}
-"""Training runs of a method from which on an interval covers as it says."""
+FEWEST_RUNS: Final[dict[Statistic, int]] = {"mean": 20, "iqm": 12, "median": 10}
+"""Training runs of a method from which on an interval covers as it says. The mean asks for most:
+of ten runs none may be among the one in five that fail, and no interval can know of these."""
+FEWEST_RUNS_APART: Final = 10
+"""Training runs of each of two methods for their difference, and which of them is better."""
 FEWEST_RUNS_TOGETHER: Final = 30
 """Training runs in all environments together, where there are several."""
 FEWEST_RUNS_EACH: Final = 3
 """Training runs in each of several environments."""
 FEWEST_RUNS_FOR_MEDIANS: Final = 20
 """Training runs in each environment for the median over environments of their means."""
-FEWEST_PAIRS: Final = 20
+FEWEST_PAIRS: Final = 50
 """Pairs of episodes for the probability that one beats the other."""
 
 AGENTS_OF_ONE_EPISODE: Final = (

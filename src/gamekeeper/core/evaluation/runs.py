@@ -17,9 +17,9 @@ from gamekeeper.core.evaluation.interval import (
     check_statistic,
 )
 from gamekeeper.core.evaluation.one_sample import around
-from gamekeeper.core.evaluation.refusals import FEWEST_RUNS, enough
+from gamekeeper.core.evaluation.refusals import FEWEST_RUNS, FEWEST_RUNS_APART, enough
 from gamekeeper.core.evaluation.scores import Scores, crossed, run_scores
-from gamekeeper.core.evaluation.shared_seeds import Crossed, reach_of_seeds
+from gamekeeper.core.evaluation.shared_seeds import Crossed, reach_of_seeds, too_long
 from gamekeeper.core.evaluation.strata import stratified, weighted_means
 from gamekeeper.core.evaluation.student import hypotenuse
 from gamekeeper.core.paired import Effect, least_p
@@ -52,7 +52,8 @@ def over_runs(
         EvidenceError: fewer runs than `FEWEST_RUNS[statistic]`, fewer shared seeds than
             `FEWEST_SEEDS`, or a figure isn't finite.
     Source: Davison & Hinkley 1997, 3.8 (resampling of clusters); `around` for the interval over
-        runs; Zou & Donner 2008 for putting the distances of two sources together.
+        runs; Zou & Donner 2008 for putting the distances of two sources together, `too_long` for
+        what this is too far.
     """
     run_means = run_scores(scores, where="over_runs")
     check_statistic(statistic, "over_runs")
@@ -62,10 +63,12 @@ def over_runs(
     matrix = crossed(scores, where="over_runs") if shared_seeds else None
     if matrix is None:
         return found
-    block = Crossed(matrix, _kept(run_means, statistic), 1.0)
+    block = Crossed(matrix, kept_runs(run_means, statistic), 1.0)
     seeds = reach_of_seeds([block], where="over_runs")(level)
-    low = found.value - hypotenuse(found.value - found.low, seeds)
-    high = found.value + hypotenuse(found.high - found.value, seeds)
+    freedoms = (len(run_means) - 1, matrix.shape[1] - 1)
+    part = too_long((found.high - found.low) / 2, seeds, freedoms, level)
+    low = found.value - part * hypotenuse(found.value - found.low, seeds)
+    high = found.value + part * hypotenuse(found.high - found.value, seeds)
     return Interval(found.value, low, high, found.n, f"{found.method}, and of shared seeds")
 
 
@@ -91,7 +94,7 @@ def difference_over_runs(
         value, low, high and p; `n` is the smaller number of runs. `b - a`, as `paired_effect`. The
         p-value is the least for which the interval leaves 0 out, and no less than 2 / 5,000.
     Raises:
-        EvidenceError: fewer runs than `FEWEST_RUNS["mean"]` of either, seeds that aren't shared,
+        EvidenceError: fewer runs than `FEWEST_RUNS_APART` of either, seeds that aren't shared,
             or a figure isn't finite.
     Source: `stratified` and `reach_of_seeds`, put together as in `over_runs`.
     """
@@ -99,7 +102,7 @@ def difference_over_runs(
     check_level(level, where)
     strata = [run_scores(each, where=where) for each in (a, b)]
     runs = min(map(len, strata))
-    enough(runs, FEWEST_RUNS["mean"], "training runs of each method", where=where)
+    enough(runs, FEWEST_RUNS_APART, "training runs of each method", where=where)
     found = stratified(strata, weighted_means([-1.0, 1.0]), rng)
     seeds = _seeds_of_both(a, b) if shared_seeds else _no_seeds
 
@@ -138,8 +141,15 @@ def _seeds_of_both(a: Scores, b: Scores) -> Callable[[float], float]:
     return reach_of_seeds(blocks, where=where)
 
 
-def _kept(run_means: FloatArray, statistic: Statistic) -> NDArray[np.intp]:
-    """The runs that a statistic rests on."""
+def kept_runs(run_means: FloatArray, statistic: Statistic) -> NDArray[np.intp]:
+    """The runs that a statistic rests on.
+
+    Args:
+        run_means: [runs] scores.
+        statistic: which.
+    Returns:
+        [kept runs] their places.
+    """
     order, n = np.argsort(run_means, kind="stable"), len(run_means)
     cut = {"mean": 0, "iqm": n // 4, "median": (n - 1) // 2}[statistic]
     return order[cut : n - cut]

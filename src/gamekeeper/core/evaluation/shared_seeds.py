@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import sqrt
 from typing import Final
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from gamekeeper.core.evaluation.interval import FloatArray
 from gamekeeper.core.evaluation.refusals import enough
-from gamekeeper.core.evaluation.student import student
+from gamekeeper.core.evaluation.student import hypotenuse, student
 
 FEWEST_SEEDS: Final = 10
 """Shared episode seeds from which on their luck can be told."""
@@ -57,6 +58,30 @@ def reach_of_seeds(blocks: Sequence[Crossed], *, where: str) -> Callable[[float]
     variance = float(together.var(ddof=1)) / episodes - residue
     error = float(np.sqrt(max(variance, 0.0)))
     return lambda level: student(level, episodes - 1) * error
+
+
+def too_long(runs: float, seeds: float, freedoms: tuple[int, int], level: float) -> float:
+    """What part of the hypotenuse of two Student's reaches is one's of both sources together.
+
+    Each reaches as far as its own few degrees of freedom ask; together they have more.
+
+    Args:
+        runs: how far the estimate may be off because of the runs.
+        seeds: because of the seeds.
+        freedoms: degrees of both.
+        level: coverage.
+    Returns:
+        At most 1.
+    Source: Satterthwaite 1946, "An approximate distribution of estimates of variance components".
+    """
+    far = [student(level, freedom) for freedom in freedoms]
+    squares = [float((reach / each) ** 2) for reach, each in zip((runs, seeds), far, strict=True)]
+    whole = hypotenuse(runs, seeds)
+    if min(squares) <= 0.0:
+        return 1.0
+    parts = (square**2 / freedom for square, freedom in zip(squares, freedoms, strict=True))
+    freedom = sum(squares) ** 2 / sum(parts)
+    return min(student(level, freedom) * sqrt(sum(squares)) / whole, 1.0)
 
 
 def _residue(values_re: FloatArray) -> float:

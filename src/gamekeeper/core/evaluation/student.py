@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import exp, lgamma, log, log1p, pi, sqrt
 from statistics import NormalDist
-from typing import Final
+from typing import Any, Final
 
 _HALVINGS: Final = 60
 """Bisections of a bound; more digits than a float has."""
@@ -75,9 +75,7 @@ def student(level: float, freedom: float) -> float:
     """
     z = NormalDist().inv_cdf(0.5 + level / 2)
     if freedom >= _SERIES_FROM:
-        first = (z**3 + z) / 4
-        second = (5 * z**5 + 16 * z**3 + 3 * z) / 96
-        return z + first / freedom + second / freedom**2
+        return float(series(z, freedom))
     half = (freedom + 1) / 2
     scale = lgamma(half) - lgamma(freedom / 2) - log(freedom * pi) / 2
     t = z
@@ -88,6 +86,19 @@ def student(level: float, freedom: float) -> float:
         if step <= 1e-12 * t:
             break
     return t
+
+
+def series(z: float, freedom: Any) -> Any:
+    """Student's quantile by the normal one, for 30 degrees and more.
+
+    Args:
+        z: quantile of the normal distribution.
+        freedom: degrees, a number or an array.
+    Source: Abramowitz & Stegun 1964, 26.7.5.
+    """
+    first = (z**3 + z) / 4
+    second = (5 * z**5 + 16 * z**3 + 3 * z) / 96
+    return z + first / freedom + second / freedom**2
 
 
 def binomial_at_most(hits: int, looks: int, p: float) -> float:
