@@ -4,10 +4,12 @@
     python benchmarks/evaluation_coverage.py --table coverage.jsonl
 
 Prints a JSON line for each claim, distribution and n: `held`, the part of the simulated experiments
-whose 95 % interval holds the truth (in percent), and, where there is one, `usual`, what the usual
-way holds there: the percentile bootstrap for runs, both levels resampled, Student's interval looked
-at after each episode until it is narrow. The second line above makes the tables of
-docs/statistics.md of it. The intervals are the package's own, with 999 resamples in place of 4,999.
+whose 95 % interval holds the truth (in percent); where there is one, `usual`, what the usual way
+holds there (the percentile bootstrap, both levels resampled, Student's interval looked at after
+each episode until it is narrow); where values come in lumps, `least`, what any interval covers at
+least (`evaluation_lattice.py`). The second line above makes the tables of docs/statistics.md of it,
+with all cells outside 93 and 97 %. The intervals are the package's own, with 999 resamples in place
+of 4,999, for many experiments at once (`evaluation_batch.py`).
 """
 
 from __future__ import annotations
@@ -20,7 +22,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import evaluation_batch as batch
 import numpy as np
+from evaluation_lattice import of_estimates, of_iqm_of_two, of_quantile
+from evaluation_tables import outside, table
 from numpy.random import Generator
 
 from gamekeeper.core.evaluation import bootstrap, iqm, strata
@@ -28,12 +33,13 @@ from gamekeeper.core.evaluation import environments as environments_module
 from gamekeeper.core.evaluation.confidence_sequence import ConfidenceSequence
 from gamekeeper.core.evaluation.environments import aggregate, over_environments
 from gamekeeper.core.evaluation.improvement import improvement, probability_of_improvement
-from gamekeeper.core.evaluation.one_sample import one_sample
-from gamekeeper.core.evaluation.order_statistics import quantile
-from gamekeeper.core.evaluation.runs import difference_over_runs, over_runs
+from gamekeeper.core.evaluation.narrowing import Narrowing
 
 Draw = Callable[[Generator, Any], Any]
 Line = dict[str, Any]
+
+BATCH = 100
+"""Experiments that share their resamples."""
 
 
 def two_peaks(high: float, spread: float) -> Draw:
@@ -68,42 +74,82 @@ SOME = ("normal", "exponential", "log-normal 0.5", "Student's t, 3", "two peaks,
 
 
 @cache
+def truths(draw: Draw) -> dict[str, float]:
+    """Statistics of a distribution, from two million values, and the chances around its median."""
+    values = np.sort(draw(np.random.default_rng(7), 2_000_000) * 1.0)
+    median = values[1_000_000]
+    return {
+        "mean": float(values.mean()),
+        "iqm": float(values[500_000:1_500_000].mean()),
+        "median": float(median),
+        "under": float(np.searchsorted(values, median, "left") / 2e6),
+        "upto": float(np.searchsorted(values, median, "right") / 2e6),
+    }
+
+
 def truth(draw: Draw, statistic: str) -> float:
-    """A statistic of the distribution, from two million values."""
-    values = np.sort(draw(np.random.default_rng(7), 2_000_000))
-    if statistic == "median":
-        return float(values[1_000_000])
-    kept = values[500_000:1_500_000] if statistic == "iqm" else values
-    return float(kept.mean())
+    """A statistic of the distribution."""
+    return truths(draw)[statistic]
 
 
-def held(low: float, high: float, value: float, slack: float = 1e-9) -> bool:
-    """Whether an interval holds a value."""
-    return low - slack <= value <= high + slack
+def held(low: Any, high: Any, value: float, slack: float = 1e-9) -> Any:
+    """Whether intervals hold a value."""
+    return (low - slack <= value) & (value <= high + slack)
 
 
-def percent(hits: list[bool]) -> float:
+def percent(hits: Any) -> float:
     """The part that is true."""
     return round(100 * float(np.mean(hits)), 1)
 
 
-def episodes(repeats: int) -> Iterator[Line]:
-    """Claims about one checkpoint, over its episodes."""
-    for statistic, sizes in {"mean": (50, 100), "iqm": (20, 50), "median": (10, 50)}.items():
+def batches(seed: list[int], repeats: int) -> Iterator[tuple[Generator, int]]:
+    """Experiments in batches, each with resamples of its own."""
+    for start in range(0, repeats, BATCH):
+        yield np.random.default_rng([*seed, start]), min(BATCH, repeats - start)
+
+
+def floor_of(statistic: str, draw: Draw, n: int) -> dict[str, float]:
+    """What any interval covers at least, where values come in lumps."""
+    if draw is DRAWS["success, 80 %"] and statistic == "iqm":
+        return {"least": round(of_iqm_of_two(n, 0.8), 1)}
+    if statistic != "median":
+        return {}
+    under, upto = truth(draw, "under"), truth(draw, "upto")
+    return {"least": round(of_quantile(n, 0.5, under, upto), 1)} if upto - under > 1e-4 else {}
+
+
+def one_samples(
+    unit: str, sizes: dict[str, tuple[int, ...]], seed: int, repeats: int
+) -> Iterator[Line]:
+    """Statistics of independent values; `usual` is the plain percentiles of the bootstrap."""
+    for statistic, numbers in sizes.items():
         for name, draw in DRAWS.items():
             value = truth(draw, statistic)
-            for n in sizes:
-                hits = []
-                for repeat in range(repeats):
-                    rng = np.random.default_rng([1, n, repeat])
-                    found = one_sample(draw(rng, n), statistic=statistic, rng=rng)
-                    hits.append(held(found.low, found.high, value, 1e-3))
-                yield {
-                    "claim": f"{statistic} of episodes",
-                    "of": name,
-                    "n": n,
-                    "held": percent(hits),
-                }
+            for n in numbers:
+                hits, usual = [], []
+                for rng, many in batches([seed, n], repeats):
+                    values, drawn = draw(rng, (many, n)) * 1.0, batch.counts(n, rng)
+                    low, high = batch.one_sample(values, statistic, drawn)
+                    hits.append(held(low, high, value, 1e-3))
+                    plain = np.quantile(
+                        batch.resampled(values, drawn, statistic), [0.025, 0.975], axis=1
+                    )
+                    usual.append(held(*plain, value, 1e-3))
+                line = {"claim": f"{statistic} of {unit}", "of": name, "n": n}
+                line |= {"held": percent(np.concatenate(hits))} | floor_of(statistic, draw, n)
+                yield line | {"usual": percent(np.concatenate(usual))}
+
+
+def episodes(repeats: int) -> Iterator[Line]:
+    """Claims about one checkpoint, over its episodes."""
+    sizes = {"mean": (50, 100), "iqm": (20, 50), "median": (10, 50)}
+    yield from one_samples("episodes", sizes, 1, repeats)
+
+
+def runs(repeats: int) -> Iterator[Line]:
+    """Claims about a method, over the scores of its training runs."""
+    sizes = {"mean": (20, 40), "iqm": (12, 20), "median": (10, 20)}
+    yield from one_samples("runs", sizes, 3, repeats)
 
 
 def quantiles(repeats: int) -> Iterator[Line]:
@@ -112,44 +158,19 @@ def quantiles(repeats: int) -> Iterator[Line]:
         for name in (*SOME, "counts, mean 1"):
             big = DRAWS[name](np.random.default_rng(7), 2_000_000)
             value = float(np.quantile(big, part, method="inverted_cdf"))
-            hits = []
-            for repeat in range(repeats):
-                found = quantile(DRAWS[name](np.random.default_rng([2, n, repeat]), n), part)
-                hits.append(held(found.low, found.high, value))
-            yield {"claim": f"quantile {part}", "of": name, "n": n, "held": percent(hits)}
-
-
-def percentile(values: Any, statistic: str, rng: Generator) -> tuple[float, float]:
-    """The usual interval over runs: plain percentiles of the resampled statistic."""
-    drawn = values[rng.integers(0, len(values), (999, len(values)))]
-    kept = iqm.middle(drawn) if statistic == "iqm" else drawn
-    made = np.median(drawn, axis=1) if statistic == "median" else kept.mean(axis=1)
-    low, high = np.quantile(made, [0.025, 0.975])
-    return float(low), float(high)
-
-
-def runs(repeats: int) -> Iterator[Line]:
-    """Claims about a method, over the scores of its training runs."""
-    for statistic in ("mean", "iqm", "median"):
-        for name, draw in DRAWS.items():
-            value = truth(draw, statistic)
-            for n in (10, 20):
-                hits, usual = [], []
-                for repeat in range(repeats):
-                    rng = np.random.default_rng([3, n, repeat])
-                    values = draw(rng, n)
-                    found = over_runs(values, statistic=statistic, rng=rng)
-                    hits.append(held(found.low, found.high, value, 1e-3))
-                    usual.append(held(*percentile(values, statistic, rng), value, 1e-3))
-                line = {"claim": f"{statistic} of runs", "of": name, "n": n}
-                yield line | {"held": percent(hits), "usual": percent(usual)}
+            under, upto = float(np.mean(big < value)), float(np.mean(big <= value))
+            values = DRAWS[name](np.random.default_rng([2, n]), (repeats, n)) * 1.0
+            line = {"claim": f"quantile {part}", "of": name, "n": n}
+            line["held"] = percent(held(*batch.quantiles(values, part), value))
+            lump = upto - under > 1e-4
+            yield line | ({"least": round(of_quantile(n, part, under, upto), 1)} if lump else {})
 
 
 def both_levels(scores_re: Any, rng: Generator) -> tuple[float, float]:
     """Runs resampled, and the episodes within each: percentiles of the mean."""
     many, episodes = scores_re.shape
-    row = rng.integers(0, many, (499, many, 1))
-    column = rng.integers(0, episodes, (499, many, episodes))
+    row = rng.integers(0, many, (199, many, 1))
+    column = rng.integers(0, episodes, (199, many, episodes))
     low, high = np.quantile(scores_re[row, column].mean(axis=(1, 2)), [0.025, 0.975])
     return float(low), float(high)
 
@@ -157,65 +178,87 @@ def both_levels(scores_re: Any, rng: Generator) -> tuple[float, float]:
 def hierarchy(repeats: int) -> Iterator[Line]:
     """Runs by episodes: how far runs lie apart, and whether they share their seeds.
 
-    An episode's spread is 1; on shared seeds half of its variance is the seed's.
+    An episode's spread is 1; on shared seeds half of its variance is the seed's. `usual` is of 200
+    experiments.
     """
     for shared in (False, True):
         for apart in (0.0, 0.1, 0.3, 1.0, 2.0):
-            for statistic in ("mean", "iqm", "median"):
+            for statistic, n in {"mean": 20, "iqm": 12, "median": 10}.items():
                 hits, usual = [], []
-                for repeat in range(repeats):
-                    rng = np.random.default_rng([4, repeat])
-                    seeds = rng.normal(0, 0.5**0.5, 30) if shared else np.zeros(30)
-                    rest = rng.normal(0, 0.5**0.5 if shared else 1.0, (10, 30))
-                    scores = rng.normal(0, apart, (10, 1)) + seeds + rest
-                    found = over_runs(scores, statistic=statistic, shared_seeds=shared, rng=rng)
-                    hits.append(held(found.low, found.high, 0.0))
-                    if statistic == "mean":
-                        usual.append(held(*both_levels(scores, rng), 0.0))
+                for rng, many in batches([4, n], repeats):
+                    seeds = rng.normal(0, 0.5**0.5, (many, 1, 30)) if shared else 0.0
+                    rest = rng.normal(0, 0.5**0.5 if shared else 1.0, (many, n, 30))
+                    scores = rng.normal(0, apart, (many, n, 1)) + seeds + rest
+                    drawn = batch.counts(n, rng)
+                    if shared:
+                        found = batch.over_runs(scores, statistic, drawn)
+                    else:
+                        found = batch.one_sample(scores.mean(axis=2), statistic, drawn)
+                    hits.append(held(*found, 0.0))
+                    if statistic == "mean" and len(usual) < 200:
+                        usual += [held(*both_levels(each, rng), 0.0) for each in scores]
                 seeds_are = "shared" if shared else "own"
                 line = {"claim": f"{statistic} of runs by episodes, {seeds_are} seeds"}
-                line |= {"of": f"runs {apart} apart", "n": 10, "held": percent(hits)}
+                line |= {"of": f"runs {apart} apart", "n": n}
+                line["held"] = percent(np.concatenate(hits))
                 yield line | ({"usual": percent(usual)} if usual else {})
 
 
-def scores_of(draw: Draw, rng: Generator, many: int, n: int) -> dict[str, Any]:
-    """Runs of several environments, which lie apart and spread differently."""
-    steps = np.linspace(0, 1, many)
-    return {f"env{k}": 0.3 * (0.5 + step) * draw(rng, n) + step for k, step in enumerate(steps)}
-
-
 def environments(repeats: int) -> Iterator[Line]:
-    """Aggregates over environments."""
+    """Aggregates over environments; `usual` is the plain percentiles of the bootstrap."""
     cases = [("mean", 3, 10), ("mean", 10, 3), ("iqm", 3, 10), ("iqm", 6, 5), ("iqm", 10, 3)]
-    cases += [("optimality_gap", 3, 10), ("optimality_gap", 10, 3), ("median", 4, 20)]
+    cases += [("optimality_gap", 3, 10), ("optimality_gap", 10, 3), ("median", 4, 30)]
     for statistic, many, n in cases:
         for name in (*SOME, "shares, mean 0.8"):
             big = scores_of(DRAWS[name], np.random.default_rng(7), many, 300_000)
             value = aggregate(big, statistic=statistic)
             hits, usual = [], []
-            for repeat in range(repeats):
-                rng = np.random.default_rng([5, n, many, repeat])
-                scores = scores_of(DRAWS[name], rng, many, n)
-                found = over_environments(scores, statistic=statistic, rng=rng)
-                hits.append(held(found.low, found.high, value))
-                low, high = stratified_percentile(scores, statistic, rng)
-                usual.append(held(low, high, value))
+            for rng, rows in batches([5, n, many], repeats):
+                scores = scores_of(DRAWS[name], rng, many, (rows, n))
+                hits.append(held(*over(scores, statistic, rng), value))
+                usual.append(held(*stratified_percentile(scores, statistic, rng), value))
             line = {"claim": f"{statistic} over {many} environments", "of": name, "n": n}
-            yield line | {"held": percent(hits), "usual": percent(usual)}
+            line |= {"held": percent(np.concatenate(hits))}
+            yield line | {"usual": percent(np.concatenate(usual))}
+
+
+def scores_of(draw: Draw, rng: Generator, many: int, size: Any) -> dict[str, Any]:
+    """Runs of several environments, which lie apart and spread differently."""
+    steps = np.linspace(0, 1, many)
+    return {f"env{k}": 0.3 * (0.5 + step) * draw(rng, size) + step for k, step in enumerate(steps)}
+
+
+def over(scores: dict[str, Any], statistic: str, rng: Generator) -> tuple[Any, Any]:
+    """The bounds of each experiment."""
+    strata = list(scores.values())
+    if statistic == "iqm":
+        found = [
+            over_environments(
+                {name: each[row] for name, each in scores.items()}, statistic="iqm", rng=rng
+            )
+            for row in range(len(strata[0]))
+        ]
+        return np.array([each.low for each in found]), np.array([each.high for each in found])
+    if statistic == "optimality_gap":
+        strata = [1 - np.minimum(each, 1) for each in strata]
+    drawn = [batch.counts(each.shape[1], rng) for each in strata]
+    made = batch.environment_medians if statistic == "median" else batch.environment_means
+    return made(strata, drawn)
 
 
 def stratified_percentile(scores: dict[str, Any], statistic: str, rng: Generator) -> Any:
     """The usual interval over environments: plain percentiles, runs resampled in each."""
-    drawn = np.stack(
-        [each[rng.integers(0, len(each), (499, len(each)))] for each in scores.values()]
-    )
-    if statistic == "iqm":
-        found = iqm.middle(np.concatenate(list(drawn), axis=1)).mean(axis=1)
-    elif statistic == "median":
-        found = np.median(drawn.mean(axis=2), axis=0)
-    else:
-        found = (1 - np.minimum(drawn, 1) if statistic != "mean" else drawn).mean(axis=(0, 2))
-    return np.quantile(found, [0.025, 0.975])
+    strata = list(scores.values())
+    if statistic == "iqm":  # by index, because the order of all scores differs by experiment
+        places = [rng.integers(0, each.shape[1], (199, each.shape[1])) for each in strata]
+        drawn = [each[:, place] for each, place in zip(strata, places, strict=True)]
+        found = iqm.middle(np.concatenate(drawn, axis=2)).mean(axis=2)
+        return np.quantile(found, [0.025, 0.975], axis=1)
+    if statistic == "optimality_gap":
+        strata = [1 - np.minimum(each, 1) for each in strata]
+    means = [batch.resampled(each, batch.counts(each.shape[1], rng), "mean") for each in strata]
+    found = np.median(means, axis=0) if statistic == "median" else np.mean(means, axis=0)
+    return np.quantile(found, [0.025, 0.975], axis=1)
 
 
 def beats(repeats: int) -> Iterator[Line]:
@@ -231,64 +274,94 @@ def beats(repeats: int) -> Iterator[Line]:
 def one_improvement(name: str, shift: float, value: float, repeats: int) -> Iterator[Line]:
     """Of one distribution against itself, shifted."""
     of = f"{name}, + {shift}" if shift else name
-    for paired, n, many in ((False, 10, 1), (False, 10, 4), (True, 20, 1), (True, 50, 1)):
-        hits = []
+    for paired, n, many in ((False, 10, 1), (False, 10, 4), (True, 50, 1), (True, 100, 1)):
+        hits, estimates = [], []
         for repeat in range(repeats):
             rng = np.random.default_rng([6, n, many, repeat])
             a, b = DRAWS[name](rng, (many, n)) + shift, DRAWS[name](rng, (many, n))
             one = {str(k): row for k, row in enumerate(a)}
             found = improvement(one, {str(k): row for k, row in enumerate(b)}, paired=paired)
             hits.append(held(found.low, found.high, value, 1e-3))
+            estimates.append(found.value)
         unit = "paired episodes" if paired else "runs" + (f", {many} environments" * (many > 1))
-        yield {"claim": f"improvement over {unit}", "of": of, "n": n, "held": percent(hits)}
+        line = {"claim": f"improvement over {unit}", "of": of, "n": n, "held": percent(hits)}
+        least = of_estimates(estimates, value) if many == 1 else 0.0
+        yield line | ({"least": round(least, 1)} if least > 97 else {})
 
 
 def one_difference(name: str, shift: float, repeats: int) -> Line:
     """Of two methods' means; the other has half the spread."""
     mean = truth(DRAWS[name], "mean")
-    hits, found_p = [], []
-    for repeat in range(repeats):
-        rng = np.random.default_rng([7, repeat])
-        a, b = DRAWS[name](rng, 10), 0.5 * (DRAWS[name](rng, 10) - mean) + mean + shift
-        found = difference_over_runs(a, b, rng=rng)
-        hits.append(held(found.low, found.high, shift, 1e-3))
-        found_p.append(found.p <= 0.05)
+    hits = []
+    for rng, many in batches([7], repeats):
+        a = DRAWS[name](rng, (many, 10)) * 1.0
+        b = 0.5 * (DRAWS[name](rng, (many, 10)) - mean) + mean + shift
+        drawn = [batch.counts(10, rng), batch.counts(10, rng)]
+        hits.append(held(*batch.weighted_means([a, b], drawn, [-1.0, 1.0]), shift, 1e-3))
     line = {"claim": "difference over runs", "of": f"{name}, + {shift}" if shift else name, "n": 10}
-    return line | {"held": percent(hits)} | ({} if shift else {"p <= 0.05": percent(found_p)})
+    return line | {"held": percent(np.concatenate(hits))}
 
 
 def stopping(repeats: int) -> Iterator[Line]:
-    """Played until the interval is narrow enough, or 3,000 episodes; `stopped` is the mean n."""
+    """Played until the interval is narrow enough, or 1,000 episodes; `stopped` is the mean n.
+
+    `usual` is Student's interval looked at from 10 episodes on.
+    """
     for name, draw in STOPPED.items():
-        big = draw(np.random.default_rng(7), 2_000_000)
-        bounded = big.min() >= 0.0 and big.max() <= 1.0
-        sequence = ConfidenceSequence(0.0, 1.0) if bounded else ConfidenceSequence()
-        for width in (0.25,) if bounded else (0.6, 0.35):
-            of = f"{'bounded' if bounded else 'unbounded'}, width {width}{'' if bounded else ' sd'}"
-            spread = 1.0 if bounded else float(big.std())
-            line = one_stop(draw, sequence, width * spread, repeats)
-            yield {"claim": of, "of": name} | line
+        for line, width, bounded in widths_of(name, draw):
+            kind = Narrowing(0.0, 1.0) if bounded else Narrowing()
+            mean, hits, usual, stops = truth(draw, "mean"), [], [], []
+            for repeat in range(repeats):
+                values = draw(np.random.default_rng([8, repeat]), 300 if bounded else 1_000) * 1.0
+                stop, hit = stopped(*kind.sequence(values), width, mean)
+                stops.append(stop)
+                hits.append(hit)
+                usual.append(stopped(*students(values), width, mean)[1])
+            line |= {"claim": f"until narrow, {line['claim']}", "held": percent(hits)}
+            yield line | {"usual": percent(usual), "stopped": round(float(np.mean(stops)))}
 
 
-def one_stop(draw: Draw, sequence: ConfidenceSequence, width: float, most: int) -> Line:
-    """Of one distribution, beside Student's interval looked at from 10 episodes on."""
-    mean, hits, usual, stops = truth(draw, "mean"), [], [], []
-    longest = 3_000 if sequence.least is None else 600
-    for repeat in range(most if sequence.least is None else most // 4):
-        values = draw(np.random.default_rng([8, repeat]), longest)
-        low, high = sequence.sequence(values)
-        stop = int(np.argmax(high - low <= width)) or longest - 1
-        hits.append(held(low[stop], high[stop], mean))
-        stops.append(stop + 1)
-        n = np.arange(1, longest + 1)
-        centre = np.cumsum(values) / n
-        spread = np.sqrt(np.maximum(np.cumsum(values**2) / n - centre**2, 0))
-        reach = 1.96 * spread / np.sqrt(np.maximum(n - 1, 1))
-        reach[:9] = np.inf
-        stop = int(np.argmax(2 * reach <= width))
-        usual.append(abs(centre[stop] - mean) <= reach[stop])
-    stopped = round(float(np.mean(stops)))
-    return {"held": percent(hits), "usual": percent(usual), "stopped": stopped}
+def sequences(repeats: int) -> Iterator[Line]:
+    """The same with confidence sequences, which hold however one stops: 95 % and more."""
+    for name, draw in STOPPED.items():
+        for line, width, bounded in widths_of(name, draw):
+            kind = ConfidenceSequence(0.0, 1.0) if bounded else ConfidenceSequence()
+            mean, hits, stops = truth(draw, "mean"), [], []
+            for repeat in range(repeats // 10 if bounded else repeats):
+                values = draw(np.random.default_rng([8, repeat]), 300 if bounded else 1_000) * 1.0
+                stop, hit = stopped(*kind.sequence(values), width, mean)
+                stops.append(stop)
+                hits.append(hit)
+            line |= {"claim": f"sequence, {line['claim']}", "held": percent(hits)}
+            yield line | {"stopped": round(float(np.mean(stops)))}
+
+
+def widths_of(name: str, draw: Draw) -> Iterator[tuple[Line, float, bool]]:
+    """The widths asked for of one distribution."""
+    big = draw(np.random.default_rng(7), 2_000_000)
+    if big.min() >= 0.0 and big.max() <= 1.0:
+        yield {"claim": "bounded, width 0.25", "of": name}, 0.25, True
+        return
+    for width in (0.6, 0.35):
+        claim = f"unbounded, width {width} sd"
+        yield {"claim": claim, "of": name}, width * float(big.std()), False
+
+
+def stopped(low: Any, high: Any, width: float, mean: float) -> tuple[int, bool]:
+    """Where an interval is narrow for the first time, else the last, and whether it holds."""
+    narrow = np.flatnonzero(high - low <= width)
+    stop = int(narrow[0]) if len(narrow) else len(low) - 1
+    return stop + 1, bool(held(low[stop], high[stop], mean, 1e-3))
+
+
+def students(values: Any) -> tuple[Any, Any]:
+    """The usual interval after each value."""
+    n = np.arange(1, len(values) + 1)
+    centre = np.cumsum(values) / n
+    spread = np.sqrt(np.maximum(np.cumsum(values**2) / n - centre**2, 0))
+    reach = 1.96 * spread / np.sqrt(np.maximum(n - 1, 1))
+    reach[:9] = np.inf
+    return centre - reach, centre + reach
 
 
 PARTS = {
@@ -299,29 +372,8 @@ PARTS = {
     "environments": environments,
     "beats": beats,
     "stopping": stopping,
+    "sequences": sequences,
 }
-
-
-def table(lines: list[Line]) -> Iterator[str]:
-    """Markdown: a table for each part, a distribution a row, a claim and n a column."""
-    for part in dict.fromkeys(line["part"] for line in lines):
-        mine = [line for line in lines if line["part"] == part]
-        columns = list(dict.fromkeys(map(heading, mine)))
-        cells = {(line["of"], heading(line)): cell(line) for line in mine}
-        yield f"\n**{part}**\n\n| | {' | '.join(columns)} |\n|---|{'---|' * len(columns)}"
-        for of in dict.fromkeys(line["of"] for line in mine):
-            yield f"| {of} | {' | '.join(cells.get((of, key), '') for key in columns)} |"
-
-
-def heading(line: Line) -> str:
-    """What a column is of."""
-    return line["claim"] + (f", n = {line['n']}" if "n" in line else "")
-
-
-def cell(line: Line) -> str:
-    """The coverage; what the usual interval covers in brackets; where it stopped."""
-    usual = f" ({line['usual']})" if "usual" in line else ""
-    return f"{line['held']}{usual}" + (f" at {line['stopped']}" if "stopped" in line else "")
 
 
 def main() -> None:
@@ -329,15 +381,16 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--quick", action="store_true", help="60 repetitions")
     parser.add_argument("--only", choices=PARTS, action="append", help="these parts alone")
-    parser.add_argument("--repeats", type=int, default=700)
+    parser.add_argument("--repeats", type=int, default=2_000)
     parser.add_argument("--table", type=Path, help="tables of lines that were printed before")
     options = parser.parse_args()
     if options.table:
         lines = [json.loads(line) for line in options.table.read_text().splitlines()]
-        print("\n".join(table(lines)))
+        print("\n".join([*table(lines), *outside(lines)]))
         return
     for module in (bootstrap, iqm, strata, environments_module):
         module.RESAMPLES = 999
+    batch.same()
     for part in options.only or PARTS:
         for line in PARTS[part](60 if options.quick else options.repeats):
             spent = {"seconds": round(time.process_time(), 1)}
