@@ -47,6 +47,7 @@ EPISODES: Final = 8
 END_S: Final = 30.0
 """How long the processes of a killed parent may take to be gone."""
 BEGINNINGS: Final = 20
+LOOK_S: Final = 0.002
 AGAIN: Final = "the same command"
 """What a command says that didn't end its work, and has lost none of it."""
 
@@ -201,6 +202,9 @@ def _kill_merger(found: Field, ready: Path) -> None:
     if not parts.exists():
         shutil.copytree(ready, parts)
     pid = found.begin()
+    while is_there(pid) and not children_of(pid):
+        time.sleep(LOOK_S)
+    found.begun_s = time.monotonic()  # its life is that of the process that merges
     found.sleep()
     kills = sum(map(_killed, children_of(pid)))
     code = found.code()
@@ -217,7 +221,7 @@ def _parts_ready(found: Field, ready: Path) -> Path:
     for _ in range(BEGINNINGS):
         pid = found.begin()
         while len(list(parts.glob("parts/*.json"))) < EPISODES and is_there(pid):
-            time.sleep(0.002)
+            time.sleep(LOOK_S)
         os.kill(pid, signal.SIGKILL)
         found.code()
         if parts.exists() and not found.run.exists():

@@ -89,7 +89,8 @@ def play(line: Sequence[str], *, run: Path, sound: Path, out: Path) -> None:
         raise RuntimeError(failed.getvalue()[-1500:])
     if code not in (0, 1, 2):
         raise RuntimeError(f"exit code {code}")
-    if "--json" in line and "--help" not in line and said.getvalue().strip():
+    options = line[: line.index("--")] if "--" in line else line  # after it: arguments
+    if "--json" in options and "--help" not in options and said.getvalue().strip():
         json.loads(said.getvalue())
     if code:
         raise GamekeeperError("refused")
