@@ -10,7 +10,7 @@ from time import perf_counter_ns
 from typing import Any, Final
 
 from gamekeeper.core.tape import GIVEN, Place
-from gamekeeper.game.capture.oddity import MISSING, flag_of, odd, reward_of, type_name_of
+from gamekeeper.game.capture.oddity import FLOATS, MISSING, flag_of, odd, reward_of, type_name_of
 from gamekeeper.game.door import AgentId, Game, Pack
 
 Move = tuple[int | None, Any, tuple[str, ...] | None]  # order, packed action, odd
@@ -178,7 +178,7 @@ class ParallelGame(Game):
                         (terminated is not False or truncated is not False)
                         and (live or {terminated.__class__, truncated.__class__} != BOOL)
                     )
-                    or reward.__class__ is not float
+                    or (reward.__class__ is not float and reward.__class__ not in FLOATS)
                     or info.__class__ is not dict
                     or payload is None
                 ):

@@ -10,7 +10,8 @@ from gamekeeper.core.canon import to_json, type_name
 
 WHOLES: Final = frozenset({int, *(np.dtype(code).type for code in "bhilqBHILQ")})
 # what PettingZoo environments pay in; a bool or a text is no reward
-REALS: Final = WHOLES | {float, *(np.dtype(code).type for code in "efd")}
+FLOATS: Final = frozenset({float, *(np.dtype(code).type for code in "efd")})
+REALS: Final = WHOLES | FLOATS
 BOOLS: Final = frozenset({bool, np.bool_})
 EXACT: Final = 1 << 53  # beyond it a whole number has no exact float64
 
