@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -13,12 +12,18 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 
-from gamekeeper.core.arrow import TERM, blocks_of, cells_of
-from gamekeeper.core.block import Cells, Raw
+from gamekeeper.core.arrow import TERM, blocks_of
 from gamekeeper.core.canon import from_json
+from gamekeeper.core.decoding import (
+    cells_by_column,
+    mask_of,
+    object_of,
+    odd_of,
+    payloads_at,
+    places_of,
+    value_at,
+)
 from gamekeeper.core.digest import SIZE, row_digests
-from gamekeeper.core.layout import Column
-from gamekeeper.core.leaf_columns import value_columns
 from gamekeeper.core.legible import legible
 from gamekeeper.core.space import Codec
 from gamekeeper.core.where import Where
@@ -27,14 +32,6 @@ AgentName = str
 MASK: Final = "action_mask"
 _GIVEN: Final = ("terminated", "truncated", "received", "reward", "raised")
 """Columns that a turn has by agent, where they aren't null."""
-# scalars that canonical JSON writes as plain values
-_SCALARS: Final[dict[str | None, Any]] = {
-    "numpy.bool": np.bool_,
-    "numpy.bool_": np.bool_,
-    "numpy.int64": np.int64,
-    "numpy.float64": np.float64,
-    "numpy.str_": np.str_,
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,14 +168,14 @@ class Trace:
     def endings(self) -> Mapping[AgentName, str]:
         """Reasons of endings by agent, where the environment's rules name them."""
         text = self.header.get("endings")
-        return {} if text is None else _object(text)
+        return {} if text is None else object_of(text)
 
     @cached_property
     @legible
     def action_types(self) -> Mapping[AgentName, str]:
         """Of what type each agent's whole-number actions were: `int`, `numpy.int64`."""
         text = self.header.get("action_types")
-        return {} if text is None else _object(text)
+        return {} if text is None else object_of(text)
 
     @property
     def is_digest(self) -> bool:
@@ -252,14 +249,14 @@ class Trace:
         if self.states is None:
             return None
         states = self.states
-        rows = self._cached("state rows", lambda: _index(states["turn"].to_pylist()))
+        rows = self._cached("state rows", lambda: places_of(states["turn"].to_pylist()))
         row = rows.get(turn)
         if row is None:
             return None
-        cells = self._cached("state cells", lambda: _cells(states, "state"))
-        value = _value(self.state_codec, cells, row)
+        cells = self._cached("state cells", lambda: cells_by_column(states, "state"))
+        value = value_at(self.state_codec, cells, row)
         odd = states["odd"][row].as_py()
-        return value if odd is None else _odd(odd)["state"].get("value")
+        return value if odd is None else odd_of(odd)["state"].get("value")
 
     # -- columns, decoded once and only when somebody looks
 
@@ -279,7 +276,7 @@ class Trace:
 
     @legible
     def _values(self, turn: Turn, kind: str) -> Mapping[AgentName, Any]:
-        cells = self._cached(f"cells {kind}", lambda: _cells(self.steps, kind))
+        cells = self._cached(f"cells {kind}", lambda: cells_by_column(self.steps, kind))
         names, odd = self._list("agent"), turn.odd
         found = {}
         for row in turn._rows:
@@ -288,7 +285,7 @@ class Trace:
             codec = (
                 None if spaces is None else (spaces.observation if kind == "obs" else spaces.action)
             )
-            value = _value(codec, cells, row)
+            value = value_at(codec, cells, row)
             strange = odd.get(name, {}).get(kind, {})
             if value is None:
                 if "value" in strange:
@@ -304,13 +301,10 @@ class Trace:
         """Whether `turn.observations` has the agent, without a look at what it is."""
         if agent not in turn.agents:
             return False
-        cells = self._cached("cells obs", lambda: _cells(self.steps, "obs"))
+        cells = self._cached("cells obs", lambda: cells_by_column(self.steps, "obs"))
         spaces, row = self.spaces.get(agent), turn._rows[turn.agents.index(agent)]
         codec = None if spaces is None else spaces.observation
-        if codec is not None and all(
-            any(c.leaf == leaf and _payload(c, each, row) is not None for c, each in cells)
-            for leaf in codec.leaves
-        ):
+        if codec is not None and payloads_at(codec, cells, row) is not None:
             return True
         return "value" in turn.odd.get(agent, {}).get("obs", {})
 
@@ -324,7 +318,7 @@ class Trace:
             if infos[row] is not None:
                 info = from_json(infos[row])
                 if masks[row] is not None and isinstance(info, dict):
-                    info[MASK] = _mask(info[MASK], masks[row])
+                    info[MASK] = mask_of(info[MASK], masks[row])
                 found[name] = info
             elif "info" in odd.get(name, {}):
                 if "value" in odd[name]["info"]:
@@ -354,7 +348,7 @@ class Trace:
     @legible
     def _odd(self, rows: range) -> Mapping[AgentName, Mapping[str, Any]]:
         names, odd = self._list("agent"), self._list("odd")
-        return {names[row]: _odd(odd[row]) for row in rows if odd[row] is not None}
+        return {names[row]: odd_of(odd[row]) for row in rows if odd[row] is not None}
 
 
 def digests_of(steps: pa.Table) -> Any:
@@ -363,61 +357,3 @@ def digests_of(steps: pa.Table) -> Any:
         return np.frombuffer(b"".join(steps["digest"].to_pylist()), np.uint8).reshape(-1, SIZE)
     digests = [row_digests(block) for block in blocks_of(steps)]
     return np.concatenate(digests) if digests else np.empty((0, SIZE), np.uint8)
-
-
-def _cells(table: pa.Table, kind: str) -> list[tuple[Column, Cells]]:
-    return [
-        (column, cells_of(column, table[column.name]))
-        for column in value_columns(table.schema, kind)
-    ]
-
-
-def _value(codec: Codec | None, cells: list[tuple[Column, Cells]], row: int) -> Any:
-    """One value from the columns that hold the leaves of `codec`, or None where they are null."""
-    if codec is None:
-        return None
-    payloads = []
-    for leaf in codec.leaves:
-        found = (_payload(column, each, row) for column, each in cells if column.leaf == leaf)
-        payload = next(found, None)
-        if payload is None:
-            return None
-        payloads.append(payload)
-    return codec.unpack(tuple(payloads))
-
-
-def _payload(column: Column, cells: Cells, row: int) -> Any:
-    if not isinstance(cells, Raw):
-        return cells.values[row]
-    if not cells.valid[row]:
-        return None
-    payload = cells.values[row].tobytes()
-    return int.from_bytes(payload, "little", signed=True) if column.leaf.kind == "int" else payload
-
-
-def _mask(text: str, payload: bytes) -> Any:
-    dtype, _, shape = text.partition(" ")
-    return np.frombuffer(payload, dtype).reshape([int(n) for n in shape.split("x") if n]).copy()
-
-
-def _object(text: str) -> dict[str, Any]:
-    found = json.loads(text)
-    if not isinstance(found, dict):
-        raise ValueError(f"{text[:40]!r} is no JSON object")
-    return found
-
-
-def _odd(text: str) -> dict[str, Any]:
-    """The odd fields of a row: the name of a type, and the value but for what was missing."""
-    fields = _object(text)
-    for entry in fields.values():
-        if "value" in entry:
-            value = from_json(json.dumps(entry["value"]))
-            scalar = _SCALARS.get(entry.get("type"))
-            is_plain = isinstance(value, bool | int | float | str)
-            entry["value"] = scalar(value) if scalar is not None and is_plain else value
-    return fields
-
-
-def _index(items: list[Any]) -> dict[Any, int]:
-    return {item: place for place, item in enumerate(items)}
