@@ -32,7 +32,7 @@ def table(lines: list[Line]) -> Iterator[str]:
 
 def outside(lines: list[Line]) -> Iterator[str]:
     """Markdown: how many cells are within, and each that isn't, with what is known of it."""
-    counted = [line for line in lines if line["part"] != "sequences"]
+    counted = [line for line in lines if "held" in line]
     off = [line for line in counted if not 93 <= line["held"] <= 97]
     low = [line for line in off if line["held"] < 93]
     lumps = [line for line in off if line["held"] > 97 < line.get("least", 0)]
@@ -55,4 +55,5 @@ def heading(line: Line) -> str:
 def cell(line: Line) -> str:
     """The coverage; what the usual interval covers in brackets; where it stopped."""
     usual = f" ({line['usual']})" if "usual" in line else ""
-    return f"{line['held']}{usual}" + (f" at {line['stopped']}" if "stopped" in line else "")
+    held = line["held"] if "held" in line else line["held_of_all"]
+    return f"{held}{usual}" + (f" at {line['stopped']}" if "stopped" in line else "")
