@@ -18,7 +18,7 @@ FEWEST_RUNS_TOGETHER: Final = 30
 """Training runs in all environments together, where there are several."""
 FEWEST_RUNS_EACH: Final = 3
 """Training runs in each of several environments."""
-FEWEST_RUNS_FOR_MEDIANS: Final = 20
+FEWEST_RUNS_FOR_MEDIANS: Final = 30
 """Training runs in each environment for the median over environments of their means."""
 FEWEST_PAIRS: Final = 50
 """Pairs of episodes for the probability that one beats the other."""
