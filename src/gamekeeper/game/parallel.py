@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import traceback
+from collections import defaultdict
 from collections.abc import Mapping
 from itertools import repeat
 from operator import call
@@ -136,6 +137,8 @@ class ParallelGame(Game):
             names = _named(agents, observations, infos)
             rewards = dict.fromkeys(names, 0.0)
             terms = truncs = dict.fromkeys(names, False)
+        elif rewards.__class__ is defaultdict:  # as PettingZoo converts; a look would add to it
+            rewards = dict(rewards)
         rows = count or len(self._who)  # where nobody lives on, those who acted are told of it
         if (
             observations.__class__
