@@ -1,0 +1,133 @@
+"""Where the cost of recording goes: taking rows down in the step, pressing them, appending them.
+
+Prints a JSON line for each task, in microseconds of processor time of one thread per agent-step,
+the least of short interleaved bursts, so that it can be run beside other work: `bare` for the
+environment, `taken` for what the door adds in the step, `state` for what the environment's own
+`state()` does once a turn (noise where it has none), `pressed` for making columns and digests,
+`appended` for handing them to the operating system. What two threads that share one interpreter
+cost each other, and closing the bundle, are in `recording.py` only.
+
+    python benchmarks/recording_parts.py [--tasks two_robot_line,aec_ours_2] [--bursts 60]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from recording import tasks
+
+from gamekeeper.core.evidence import manifest_of
+from gamekeeper.core.layout import Layout
+from gamekeeper.core.press import Press
+from gamekeeper.core.tape import GIVEN, Reel, Tape, take
+from gamekeeper.game.capture.ring import Rings
+from gamekeeper.game.faces import face_of, game_of
+from gamekeeper.record.files.store import Store
+
+TURNS: Final = {"two_robot_line": 400, "aec": 800, "spread": 40}  # of a burst
+REELS: Final = {"two_robot_line": 2048, "aec": 4096, "spread": 133}  # turns in 40 ms
+REEL_COUNT: Final = 5
+
+
+class Held:
+    """A sink whose tape is taken by whoever measures."""
+
+    def __init__(self) -> None:
+        self.tape, self.layout, self.rings = Tape(), Layout(), Rings()
+
+    def keep_up(self) -> None:
+        """Nothing holds the step back."""
+
+    def frame(self, episode: int, turn: int, frame: Any) -> None:
+        """No frame is asked for."""
+
+
+def stepping(
+    make: Callable[[], Any], player: Callable[..., int], turns: int, bursts: int
+) -> list[float]:
+    """Seconds per agent-step: the bare environment, with rows taken down, with states too."""
+    arms = []
+    for state in (None, False, True):
+        env, sink = make(), Held()
+        arms.append((env if state is None else face_of(game_of(env, sink=sink, state=state)), sink))
+    least = [float("inf")] * len(arms)
+    for _ in range(bursts):
+        for place, (env, sink) in enumerate(arms):
+            rng = np.random.default_rng(0)
+            start = time.thread_time()
+            count = player(env, turns, rng)
+            least[place] = min(least[place], (time.thread_time() - start) / count)
+            while take(sink.tape, most=turns) is not None:
+                pass
+    for env, _ in arms:
+        env.close()
+    return least
+
+
+def writing(
+    make: Callable[[], Any], player: Callable[..., int], turns: int, bursts: int
+) -> tuple[float, float]:
+    """Seconds per row of pressing reels of `turns` turns, and of appending them to a bundle."""
+    sink = Held()
+    env = face_of(game_of(make(), sink=sink))
+    player(env, turns * REEL_COUNT, np.random.default_rng(0))
+    env.close()
+    reels: list[Reel] = []
+    while (reel := take(sink.tape, most=turns)) is not None:
+        reels.append(reel)
+    pressed, appended = np.full(len(reels), np.inf), np.full(len(reels), np.inf)
+    for _ in range(max(3, bursts // 5)):
+        press = Press(sink.layout, sink.rings.open)
+        manifest = manifest_of(
+            layout=sink.layout, environment={}, contract=None, level="full", run_seed=0
+        )
+        with tempfile.TemporaryDirectory() as folder:
+            store = Store.create(Path(folder) / "run", manifest)
+            for place, reel in enumerate(reels):
+                start = time.thread_time()
+                batches = list(press.press(reel).in_order())
+                middle = time.thread_time()
+                for stream, batch in batches:
+                    store.append(stream, batch)
+                end = time.thread_time()
+                pressed[place] = min(pressed[place], middle - start)
+                appended[place] = min(appended[place], end - middle)
+            store.abandon()
+    rows = sum(len(reel.given) // GIVEN for reel in reels)
+    return pressed.sum() / rows, appended.sum() / rows
+
+
+def main() -> None:
+    """Measures the tasks asked for."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--tasks", default="two_robot_line,aec_ours_2,aec_documented_512,spread")
+    parser.add_argument("--bursts", type=int, default=60)
+    options = parser.parse_args()
+    for name, make, player, _ in tasks():
+        kind = next((kind for kind in TURNS if name.startswith(kind)), None)
+        if name not in options.tasks.split(",") or kind is None:
+            continue
+        turns = 100 if name.endswith("_512") else TURNS[kind]
+        reel = 500 if name.endswith("_512") else REELS[kind]
+        bare, taken, stated = stepping(make, player, turns, options.bursts)
+        pressed, appended = writing(make, player, reel, options.bursts)
+        parts = {
+            "bare": bare,
+            "taken": taken - bare,
+            "state": stated - taken,
+            "pressed": pressed,
+            "appended": appended,
+        }
+        row = {f"{part}_us": round(seconds * 1e6, 2) for part, seconds in parts.items()}
+        print(json.dumps({"figure": "recording_parts", "task": name, **row}), flush=True)
+
+
+if __name__ == "__main__":
+    main()
