@@ -61,3 +61,13 @@ def test_worker_main_importing_others_modules_is_silence(monkeypatch: pytest.Mon
     monkeypatch.setattr(worker_main, "find", importing(channel, signs=False))
     order = {"task": "other:any", "arguments": {}, "memory_bytes": None}
     assert worker_main.encoded("returned", before) == worker_main.perform(order, channel)
+
+
+@pytest.mark.parametrize("size_bytes", [None, 1 << 62, 10**30])
+def test_worker_main_takes_a_bound_that_no_machine_reaches_for_none(size_bytes: int | None) -> None:
+    """The system's own type couldn't hold it; nothing is bounded, nothing is lifted."""
+    resource = pytest.importorskip("resource")
+    before = [resource.getrlimit(which) for which in (resource.RLIMIT_DATA, resource.RLIMIT_AS)]
+    worker_main.limit_memory(size_bytes)()
+    after = [resource.getrlimit(which) for which in (resource.RLIMIT_DATA, resource.RLIMIT_AS)]
+    assert before == after

@@ -27,6 +27,8 @@ ERROR_CHARS: Final = 10_000
 """Longest text of an error that is handed on, in characters."""
 TRACEBACK_CHARS: Final = 200_000
 """Longest traceback that is handed on, in characters; its middle is cut."""
+NO_BOUND_BYTES: Final = 1 << 62
+"""A bound that no machine reaches, and that the system's own type may not hold."""
 OURS: Final = "gamekeeper."
 PR_SET_PDEATHSIG: Final = 1
 """Source: Linux, include/uapi/linux/prctl.h."""
@@ -131,7 +133,7 @@ def limit_memory(size_bytes: int | None) -> Callable[[], None]:
     Linux counts what is written to (RLIMIT_DATA: heap, private mappings, stacks of threads), not
     the address space, of which CUDA, allocators and sanitizers reserve terabytes and use nothing.
     """
-    if size_bytes is None:
+    if size_bytes is None or size_bytes >= NO_BOUND_BYTES:
         return lambda: None
     import resource
 
