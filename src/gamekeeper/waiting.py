@@ -13,6 +13,14 @@ MOST_S: Final = 600.0
 """Longest wait that signs are given for, in seconds: what takes longer may be called a hang."""
 
 _signs: list[Callable[[], None]] = []
+_open: list[float] = []
+"""When each wait that isn't over began."""
+_waited_s: float = 0.0
+
+
+def own_s() -> float:
+    """A clock, in seconds, that stands still for waits that came to their end."""
+    return monotonic() - _waited_s
 
 
 def signs_to(sign: Callable[[], None]) -> None:
@@ -26,6 +34,7 @@ class Wait:
     __slots__ = ("_over", "_thread")
 
     def __init__(self) -> None:
+        _open.append(monotonic())
         self._over = Event()
         self._thread: Thread | None = None
         if _signs:
@@ -36,6 +45,11 @@ class Wait:
 
     def end(self) -> None:
         """What was waited for is done; no thread is left beside what comes next."""
+        global _waited_s
+        if not self._over.is_set():
+            since_s = _open.pop()
+            if not _open:  # what is waited for within another wait is part of that one
+                _waited_s += monotonic() - since_s
         self._over.set()
         if self._thread is not None:
             self._thread.join()

@@ -21,6 +21,7 @@ from gamekeeper.core.contract.agent_spec import AgentSpec
 from gamekeeper.errors import EvidenceError
 from gamekeeper.game.declared import declared_contract
 from gamekeeper.game.open import Opened, open_env
+from gamekeeper.waiting import own_s
 
 BUDGET: Final = 20_000
 """Environment steps of an audit, unless told."""
@@ -51,7 +52,8 @@ def audit_here(
     """Audits in this process; see `gamekeeper.audit.front.audit`.
 
     Args:
-        seconds: of wall time; a cap, as verdicts only repeat where it isn't reached.
+        seconds: of wall time, but for compiling; a cap, as verdicts only repeat where it isn't
+            reached.
         died: probes in which the process of an earlier try ended, and what was said of it.
         on_probe: called with a probe's name, its place and their number.
         beat: called at every step, as a sign of life.
@@ -68,7 +70,7 @@ def audit_here(
         declared = declared_contract(contract, opened)
         lab = lab_of(
             opened, declared, spec=spec, kwargs=kwargs, seed=seed, budget=budget,
-            deadline_s=begun_s + seconds, beat=beat,
+            deadline_s=own_s() + seconds, beat=beat,
         )  # fmt: skip
         needs = needed(wanted, is_all=not select)
         gathering = gather(lab, needs, died=died or {}, on_probe=on_probe or _nothing)

@@ -15,7 +15,6 @@ something again, so it may depend on nothing but its play.
 
 from __future__ import annotations
 
-import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import nullcontext
@@ -37,6 +36,7 @@ from gamekeeper.record.recording import cast_of
 from gamekeeper.run.change import Change
 from gamekeeper.run.episode import Failed, Play, Played, Stopped, Watch, perform
 from gamekeeper.run.global_generators import held
+from gamekeeper.waiting import own_s
 
 Saw: TypeAlias = Fact | Twin | Trace
 
@@ -58,10 +58,11 @@ class Probe(Protocol):
 
 @dataclass(slots=True)
 class Meter:
-    """Counts steps of the environment, and stops everything at a time of the wall clock.
+    """Counts steps of the environment, and stops everything when its time is up.
 
     Attributes:
-        deadline_s: of the monotonic clock; None: there is none.
+        deadline_s: of `waiting.own_s`, as what is compiled first says nothing of the environment;
+            None: there is none.
         steps: taken so far.
         beat: called at each count, as a sign of life.
     """
@@ -75,7 +76,7 @@ class Meter:
         self.steps += steps
         if self.beat is not None:
             self.beat()
-        if self.deadline_s is not None and time.monotonic() > self.deadline_s:
+        if self.deadline_s is not None and own_s() > self.deadline_s:
             raise Stopped
 
 
