@@ -177,20 +177,20 @@ def same() -> None:
     Raises:
         AssertionError: one isn't.
     """
-    values = np.sort(np.random.default_rng(3).exponential(size=(4, 20)))
+    values = np.sort(np.random.default_rng(3).exponential(size=(4, 30)))
     for statistic in ("mean", "iqm", "median"):
-        low, high = one_sample(values, statistic, counts(20, np.random.default_rng(1)))
+        low, high = one_sample(values, statistic, counts(30, np.random.default_rng(1)))
         for row, each in enumerate(values):
             rng = np.random.default_rng(1)
             found = around(each, statistic=statistic, rng=rng, level=0.95)
             np.testing.assert_allclose((low[row], high[row]), (found.low, found.high), atol=1e-9)
-        scores = values[:, :, None] + np.random.default_rng(5).normal(size=(4, 20, 12))
+        scores = values[:, :, None] + np.random.default_rng(5).normal(size=(4, 30, 12))
         scores = scores[:, np.argsort(scores.mean(axis=2)[0])]
-        low, high = over_runs(scores, statistic, counts(20, np.random.default_rng(1)))
+        low, high = over_runs(scores, statistic, counts(30, np.random.default_rng(1)))
         found = method(scores[0], statistic=statistic, rng=np.random.default_rng(1))
         np.testing.assert_allclose((low[0], high[0]), (found.low, found.high), atol=1e-9)
     rng = np.random.default_rng(1)
-    low, high = weighted_means([values, values**2], [counts(20, rng), counts(20, rng)], [-1, 1])
+    low, high = weighted_means([values, values**2], [counts(30, rng), counts(30, rng)], [-1, 1])
     effect = difference_over_runs(values[0], values[0] ** 2, rng=np.random.default_rng(1))
     np.testing.assert_allclose((low[0], high[0]), (effect.low, effect.high), atol=1e-9)
     low, high = quantiles(values, 0.25)
@@ -199,7 +199,7 @@ def same() -> None:
     strata = [values, values[::-1] ** 2]
     for statistic, batch in (("mean", environment_means), ("median", environment_medians)):
         rng = np.random.default_rng(1)
-        low, high = batch(strata, [counts(20, rng), counts(20, rng)])
+        low, high = batch(strata, [counts(30, rng), counts(30, rng)])
         scores = {str(k): each[0] for k, each in enumerate(strata)}
         rng = np.random.default_rng(1)
         found = over_environments(scores, statistic=statistic, rng=rng)
