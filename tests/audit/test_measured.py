@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+import gamekeeper as gk
 from gamekeeper.audit.audit import audit_here
-from gamekeeper.audit.measure.symmetry import exchangeable
+from gamekeeper.audit.measure.symmetry import exchangeable, fares
 from gamekeeper.audit.measured import PROBES, measured
 from gamekeeper.audit.rounds import kind_of_order
 from gamekeeper.audit.specimens.clean_hands import make as hidden
@@ -143,3 +144,11 @@ def test_exchangeable_keeps_its_level() -> None:
         there = rng.random((8, 3)) < 0.8
         alarms += exchangeable(rows, there, seed=trial, rounds=199) <= 0.01
     assert alarms <= 8  # binomial: 8 or more in 300 at 1 % has a chance below 0.02
+
+
+def test_episodes_that_are_cut_off_count_by_whole_rounds() -> None:
+    """Who sits before the place where a play was stopped hasn't fared differently."""
+    played = gk.rollout(hidden, episodes=8, seed=0, most_turns=20)
+    agents = ["player_0", "player_1", "player_2"]
+    rows = np.array([fares(trace, agents) for trace in played.traces])
+    assert rows[:, :, 1].tolist() == [[6.0, 6.0, 6.0]] * 8

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gamekeeper.core.stats import FloatArray
-from gamekeeper.core.trace import Trace
+from gamekeeper.core.trace import Trace, Turn
 
 ROUNDS: Final = 1_999
 FEWEST: Final = 6
@@ -17,10 +17,13 @@ FEWEST: Final = 6
 
 
 def fares(trace: Trace, agents: Sequence[str]) -> FloatArray:
-    """How each agent fared in one episode, [agents, features]: return, actions, terminated."""
+    """How each agent fared in one episode, [agents, features]: return, actions, terminated.
+
+    Of an episode that was cut off only whole rounds count.
+    """
     rows = np.zeros((len(agents), 3))
     place = {agent: row for row, agent in enumerate(agents)}
-    for turn in trace.turns:
+    for turn in _whole_rounds(trace):
         for agent, paid in turn.rewards.items():
             if agent in place:
                 rows[place[agent], 0] += paid
@@ -31,6 +34,20 @@ def fares(trace: Trace, agents: Sequence[str]) -> FloatArray:
             if agent in place:
                 rows[place[agent], 2] = float(bool(turn.terminated.get(agent)))
     return rows
+
+
+def _whole_rounds(trace: Trace) -> Sequence[Turn]:
+    """The turns before the last one of whoever is still there and acted first.
+
+    Where agents take turns and we stop in mid-round, those before that place would have had an
+    action more: that is our doing and not the game's.
+    """
+    turns = list(trace.turns)
+    if trace.header.get("end") == "ended" or not turns:
+        return turns
+    gone = {agent for turn in turns for agent in turn.ended}
+    first = next((agent for turn in turns for agent in turn.order if agent not in gone), None)
+    return turns[: max((at for at, turn in enumerate(turns) if first in turn.order), default=0)]
 
 
 def started(trace: Trace, agents: Sequence[str]) -> NDArray[np.bool_]:
