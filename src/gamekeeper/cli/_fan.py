@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
 
 import typer
 
+from gamekeeper.cli._options import MOST_WORKERS
 from gamekeeper.cli._screen import Screen
 from gamekeeper.cli._worker import MEGABYTE, Plan, Recorded
 from gamekeeper.record.parts.plan import is_free, parts_folder
@@ -24,7 +25,7 @@ LOCAL: Final = "local"
 FanOption: TypeAlias = Annotated[
     int | None,
     typer.Option(
-        "--workers", metavar="N", min=1, show_default=False,
+        "--workers", metavar="N", min=1, max=MOST_WORKERS, show_default=False,
         help="Processes that play side by side; the result is the same for any number.",
     ),
 ]  # fmt: skip

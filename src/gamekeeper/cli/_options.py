@@ -13,6 +13,14 @@ from gamekeeper.errors import GamekeeperError
 EPISODES: Final = 20
 SILENCE_S: Final = 60.0
 """Longest time without a turn before an environment counts as hung, in seconds."""
+MOST: Final = (1 << 31) - 1
+"""Of whatever is counted: evidence numbers episodes and turns with so many bits."""
+MOST_SEED: Final = (1 << 62) - 1
+"""Of a seed: NumPy's whole numbers hold it, and those that are counted on from it."""
+MOST_WORKERS: Final = 4_096
+"""Processes of one command."""
+MOST_S: Final = 1_000_000.0
+"""Eleven days; the system's own waits end at twice that."""
 
 EnvArgument: TypeAlias = Annotated[
     str,
@@ -51,10 +59,13 @@ PolicyOption: TypeAlias = Annotated[
     ),
 ]
 EpisodesOption: TypeAlias = Annotated[
-    int, typer.Option("--episodes", metavar="N", min=1, help="How many to play.")
+    int, typer.Option("--episodes", metavar="N", min=1, max=MOST, help="How many to play.")
 ]
 SeedOption: TypeAlias = Annotated[
-    int, typer.Option("--seed", metavar="N", min=0, help="Of the run; settles every episode's.")
+    int,
+    typer.Option(
+        "--seed", metavar="N", min=0, max=MOST_SEED, help="Of the run; settles every episode's."
+    ),
 ]
 LevelOption: TypeAlias = Annotated[
     Literal["full", "digest"],
@@ -71,13 +82,21 @@ FramesOption: TypeAlias = Annotated[
 TurnsOption: TypeAlias = Annotated[
     int | None,
     typer.Option(
-        "--most-turns", metavar="N", min=1, help="Cuts longer episodes; otherwise 100,000."
+        "--most-turns",
+        metavar="N",
+        min=1,
+        max=MOST,
+        help="Cuts longer episodes; otherwise 100,000.",
     ),
 ]
 TimeoutOption: TypeAlias = Annotated[
     float,
     typer.Option(
-        "--timeout", metavar="S", min=0.1, help="Seconds without a turn that count as hung."
+        "--timeout",
+        metavar="S",
+        min=0.1,
+        max=MOST_S,
+        help="Seconds without a turn that count as hung.",
     ),
 ]
 MemoryOption: TypeAlias = Annotated[
@@ -120,7 +139,10 @@ ImportOption: TypeAlias = Annotated[
     ),
 ]
 WorkersOption: TypeAlias = Annotated[
-    int, typer.Option("--workers", metavar="N", min=1, help="Processes that work side by side.")
+    int,
+    typer.Option(
+        "--workers", metavar="N", min=1, max=MOST_WORKERS, help="Processes that work side by side."
+    ),
 ]
 
 

@@ -12,6 +12,7 @@ import typer
 from gamekeeper.cli._document import document_text
 from gamekeeper.cli._fan import ExecutorOption, FanOption, players_of
 from gamekeeper.cli._options import (
+    MOST,
     SILENCE_S,
     ContractOption,
     ImportOption,
@@ -41,13 +42,18 @@ FreshOption = Annotated[
         "--episodes",
         metavar="N",
         min=0,
+        max=MOST,
         help="Fresh ones in which agents are replaced; otherwise 50. Of fewer no intervals.",
     ),
 ]
 PapersOption = Annotated[
     int,
     typer.Option(
-        "--papers", metavar="N", min=0, help="Episodes that are looked into action by action."
+        "--papers",
+        metavar="N",
+        min=0,
+        max=MOST,
+        help="Episodes that are looked into action by action.",
     ),
 ]
 

@@ -28,6 +28,8 @@ from gamekeeper.cli._audits import (
 )
 from gamekeeper.cli._fan import ExecutorOption, FanOption
 from gamekeeper.cli._options import (
+    MOST,
+    MOST_S,
     ContractOption,
     KwargsOption,
     MemoryOption,
@@ -52,10 +54,13 @@ EnvsArgument = Annotated[
 ]
 SeedsOption = Annotated[
     int,
-    typer.Option("--seeds", metavar="N", min=1, help="Audits with so many seeds, from --seed on."),
+    typer.Option(
+        "--seeds", metavar="N", min=1, max=MOST, help="Audits with so many seeds, from --seed on."
+    ),
 ]
 BudgetOption = Annotated[
-    int, typer.Option("--budget", metavar="N", min=1, help="Environment steps of all probes.")
+    int,
+    typer.Option("--budget", metavar="N", min=1, max=MOST, help="Environment steps of all probes."),
 ]
 QuickOption = Annotated[
     bool, typer.Option("--quick", help="A budget of 3,000 steps: rare faults stay unseen.")
@@ -83,7 +88,11 @@ FailOption = Annotated[
 SilenceOption = Annotated[
     float,
     typer.Option(
-        "--timeout", metavar="S", min=0.1, help="Seconds without a step that count as hung."
+        "--timeout",
+        metavar="S",
+        min=0.1,
+        max=MOST_S,
+        help="Seconds without a step that count as hung.",
     ),
 ]
 OutOption = Annotated[

@@ -11,6 +11,8 @@ import typer
 
 from gamekeeper.cli._fan import ExecutorOption, players_of
 from gamekeeper.cli._options import (
+    MOST,
+    MOST_WORKERS,
     SILENCE_S,
     ImportOption,
     PolicyOption,
@@ -56,7 +58,8 @@ PartOption = Annotated[
     ),
 ]  # fmt: skip
 BudgetOption = Annotated[
-    int, typer.Option("--budget", metavar="N", min=100, help="Episodes that may be played.")
+    int,
+    typer.Option("--budget", metavar="N", min=100, max=MOST, help="Episodes that may be played."),
 ]
 StressorsOption = Annotated[
     bool | None,
@@ -69,7 +72,7 @@ StressorsOption = Annotated[
 WorkersOption = Annotated[
     int | None,
     typer.Option(
-        "--workers", metavar="N", min=0,
+        "--workers", metavar="N", min=0, max=MOST_WORKERS,
         help="Processes that play; 0: this one. Otherwise as many as there are cores.",
     ),
 ]  # fmt: skip
@@ -91,7 +94,7 @@ CaseOption = Annotated[
 ShrinkOption = Annotated[
     int | None,
     typer.Option(
-        "--shrink", metavar="N", min=0,
+        "--shrink", metavar="N", min=0, max=MOST,
         help="Only cuts failing episode N down to the fewest turns and actions that still fail.",
     ),
 ]  # fmt: skip

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 import typer
 
 from gamekeeper.cli._fan import LOCAL, ExecutorOption
-from gamekeeper.cli._options import SILENCE_S, KwargsOption, TimeoutOption, json_object
+from gamekeeper.cli._options import (
+    MOST,
+    MOST_SEED,
+    MOST_WORKERS,
+    SILENCE_S,
+    KwargsOption,
+    TimeoutOption,
+    json_object,
+)
 from gamekeeper.cli._screen import Answer, Screen
 from gamekeeper.errors import SpecError
 
@@ -37,10 +45,15 @@ PolicyOption = Annotated[
 ]  # fmt: skip
 EpisodesOption = Annotated[
     int | None,
-    typer.Option("--episodes", metavar="N", min=1, help="In place of the specification's."),
+    typer.Option(
+        "--episodes", metavar="N", min=1, max=MOST, help="In place of the specification's."
+    ),
 ]
 SeedOption = Annotated[
-    int | None, typer.Option("--seed", metavar="N", min=0, help="In place of the specification's.")
+    int | None,
+    typer.Option(
+        "--seed", metavar="N", min=0, max=MOST_SEED, help="In place of the specification's."
+    ),
 ]
 OutOption = Annotated[
     Path | None,
@@ -60,7 +73,11 @@ RecordOption = Annotated[
 WorkersOption = Annotated[
     int | None,
     typer.Option(
-        "--workers", metavar="N", min=1, help="Processes that play; otherwise a core each."
+        "--workers",
+        metavar="N",
+        min=1,
+        max=MOST_WORKERS,
+        help="Processes that play; otherwise a core each.",
     ),
 ]
 StorageOption = Annotated[

@@ -6,7 +6,7 @@ from typing import Annotated, Final
 
 import typer
 
-from gamekeeper.cli._options import RunArgument
+from gamekeeper.cli._options import MOST, RunArgument
 from gamekeeper.cli._screen import Answer, Screen
 
 ORDER: Final = 85
@@ -21,10 +21,11 @@ LabelArgument = Annotated[
     ),
 ]
 EpisodeOption = Annotated[
-    int | None, typer.Option("--episode", metavar="N", min=0, help="In this episode.")
+    int | None, typer.Option("--episode", metavar="N", min=0, max=MOST, help="In this episode.")
 ]
 TurnOption = Annotated[
-    int | None, typer.Option("--turn", metavar="N", min=0, help="At this turn of the episode.")
+    int | None,
+    typer.Option("--turn", metavar="N", min=0, max=MOST, help="At this turn of the episode."),
 ]
 AgentOption = Annotated[
     str | None, typer.Option("--agent", metavar="AGENT", help="Whose failure; else the team's.")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeVar
 
 import typer
 
+from gamekeeper.cli._options import MOST
 from gamekeeper.cli._screen import Answer, Screen
 from gamekeeper.errors import GamekeeperError
 
@@ -76,7 +77,7 @@ EndingOption = Annotated[
     ),
 ]
 HorizonOption = Annotated[
-    int | None, typer.Option("--horizon", metavar="N", min=1, help="Ticks of an episode.")
+    int | None, typer.Option("--horizon", metavar="N", min=1, max=MOST, help="Ticks of an episode.")
 ]
 ApiOption = Annotated[
     Literal["aec", "parallel"] | None,

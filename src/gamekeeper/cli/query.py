@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
+from gamekeeper.cli._options import MOST
 from gamekeeper.cli._screen import Answer, Screen
 from gamekeeper.errors import GamekeeperError
 
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from gamekeeper.adapters.sql import Rows, Session
 
 ORDER: Final = 115
-MOST: Final = 40
+SHOWN: Final = 40
 """Rows that are shown unless told."""
 
 WordsArgument = Annotated[
@@ -31,7 +32,7 @@ OutOption = Annotated[
     typer.Option("--out", metavar="FILE", help="Writes all rows there: .parquet or .csv."),
 ]
 RowsOption = Annotated[
-    int, typer.Option("--rows", metavar="N", min=1, help="How many are shown at most.")
+    int, typer.Option("--rows", metavar="N", min=1, max=MOST, help="How many are shown at most.")
 ]
 CheckOption = Annotated[
     bool, typer.Option("--check", help="Compare every file with its seal first.")
@@ -42,7 +43,7 @@ def command(
     screen: Screen,
     words: WordsArgument,
     out: OutOption = None,
-    rows: RowsOption = MOST,
+    rows: RowsOption = SHOWN,
     check: CheckOption = False,
 ) -> Answer:
     """Asks one or thousands of runs with SQL; changes nothing, reads nothing else.

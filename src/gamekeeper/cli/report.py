@@ -7,6 +7,7 @@ from typing import Annotated, Final
 
 import typer
 
+from gamekeeper.cli._options import MOST
 from gamekeeper.cli._screen import Answer, Screen
 from gamekeeper.errors import GamekeeperError
 
@@ -52,7 +53,9 @@ EvaluationOption = Annotated[
 ]  # fmt: skip
 EpisodeOption = Annotated[
     list[int] | None,
-    typer.Option("--episode", metavar="N", min=0, help="Must be on the page. Repeatable."),
+    typer.Option(
+        "--episode", metavar="N", min=0, max=MOST, help="Must be on the page. Repeatable."
+    ),
 ]
 BudgetOption = Annotated[
     float,

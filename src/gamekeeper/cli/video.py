@@ -8,6 +8,7 @@ from typing import Annotated, Final
 import typer
 
 from gamekeeper.cli._options import (
+    MOST,
     SILENCE_S,
     ImportOption,
     ReopenOption,
@@ -28,7 +29,11 @@ OutOption = Annotated[
 EpisodeOption = Annotated[
     int | None,
     typer.Option(
-        "--episode", metavar="N", min=0, help="Which; otherwise the first that has frames."
+        "--episode",
+        metavar="N",
+        min=0,
+        max=MOST,
+        help="Which; otherwise the first that has frames.",
     ),
 ]
 FpsOption = Annotated[
