@@ -176,6 +176,7 @@ def _show(screen: Screen, plan: Plan, advice: Advice, folder: Path, files: list[
     listed = "\n".join(f"  {file}" for file in files)
     next_lines = [
         f"Next      cd {folder}",
+        f'{indent}python -m pip install -e ".[test]"',
         f"{indent}python -m pytest",
         f"{indent}{audit_line(plan)}",
         f"{indent}gamekeeper run {spec_of(plan)} --policy reference",

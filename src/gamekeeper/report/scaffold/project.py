@@ -125,6 +125,7 @@ def _readme(plan: Plan) -> str:
 A multi-agent environment in PettingZoo's {"AEC" if plan.api == "aec" else "Parallel"} interface:
 {plan.why}.
 
+    python -m pip install -e ".[test]"
     python -m pytest
     {audit_line(plan)}
     gamekeeper run {spec_of(plan)} --policy reference
