@@ -1,0 +1,40 @@
+"""The distributions that `evaluation_coverage.py` draws returns and scores from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from numpy.random import Generator
+
+Draw = Callable[[Generator, Any], Any]
+
+
+def two_peaks(high: float, spread: float) -> Draw:
+    """Values around 0, and so many of them around 5."""
+    return lambda rng, size: 5.0 * (rng.random(size) < high) + rng.normal(0, spread, size)
+
+
+DRAWS: dict[str, Draw] = {
+    "normal": lambda rng, size: rng.normal(0, 1, size),
+    "uniform": lambda rng, size: rng.random(size),
+    "exponential": lambda rng, size: rng.exponential(1, size),
+    "log-normal 0.5": lambda rng, size: rng.lognormal(0, 0.5, size),
+    "log-normal 1": lambda rng, size: rng.lognormal(0, 1, size),
+    "log-normal 2": lambda rng, size: rng.lognormal(0, 2, size),
+    "Student's t, 3": lambda rng, size: rng.standard_t(3, size),
+    "two peaks, even": two_peaks(0.5, 1),
+    "two peaks, 80 %": two_peaks(0.8, 1),
+    "success, 80 %": lambda rng, size: (rng.random(size) < 0.8) * 1.0,
+    "shares, mean 0.8": lambda rng, size: rng.binomial(50, rng.beta(4, 1, size)) / 50,
+    "shares, mean 0.95": lambda rng, size: rng.binomial(50, rng.beta(19, 1, size)) / 50,
+    "counts, mean 1": lambda rng, size: rng.poisson(1, size) * 1.0,
+    "deliveries and energy": lambda rng, size: (
+        5.0 * rng.binomial(8, 0.7, size) - 0.01 * rng.normal(100, 30, size)
+    ),
+    "60 % zeros": lambda rng, size: rng.choice([0.0, 1.0, 2.0], p=[0.6, 0.2, 0.2], size=size),
+}
+STOPPED: dict[str, Draw] = DRAWS | {
+    "success, 50 %": lambda rng, size: (rng.random(size) < 0.5) * 1.0,
+    "5 in 3 % of episodes": lambda rng, size: (rng.random(size) < 0.03) * 5.0,
+}
