@@ -1,5 +1,7 @@
 """`gamekeeper report`: a page from runs and documents, or a reason why not."""
 
+import os
+import threading
 from pathlib import Path
 
 import pytest
@@ -51,6 +53,35 @@ def test_report_says_what_is_wrong(
     code, _, errors = said(capsys, "report", line_run, *(w.format(run=line_run) for w in line))
     assert (code, list(tmp_path.iterdir())) == (2, [])
     assert why in errors
+
+
+def test_report_takes_the_place_of_a_page_only(
+    line_run: Path, tmp_path: Path, capsys: Capture
+) -> None:
+    """An earlier page, also behind a link; evidence, or any other file, stays as it was."""
+    out, link = tmp_path / "page.html", tmp_path / "link.html"
+    link.symlink_to(out)
+    for _ in range(2):
+        assert said(capsys, "report", line_run, "--out", link)[0] == 0
+    assert link.is_symlink()
+    manifest = line_run / "manifest.json"
+    before = manifest.read_bytes()
+    code, _, errors = said(capsys, "report", line_run, "--out", manifest)
+    assert (code, "a file that is no page" in errors) == (2, True)
+    assert manifest.read_bytes() == before
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_report_goes_through_a_pipe(line_run: Path, tmp_path: Path, capsys: Capture) -> None:
+    """What is no file, as /dev/null, is written to and stays what it is."""
+    pipe, read = tmp_path / "pipe", []
+    os.mkfifo(pipe)
+    reader = threading.Thread(target=lambda: read.append(pipe.read_bytes()))
+    reader.start()
+    code, _, _ = said(capsys, "report", line_run, "--out", pipe)
+    reader.join()
+    assert (code, pipe.is_fifo()) == (0, True)
+    assert read[0].lower().startswith(b"<!doctype html>")
 
 
 def test_report_of_no_run_is_refused(tmp_path: Path, capsys: Capture) -> None:

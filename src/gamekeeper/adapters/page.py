@@ -13,10 +13,11 @@ from gamekeeper.adapters.paging.documents import Given, PathText, documents_of
 from gamekeeper.adapters.paging.opening import opened
 from gamekeeper.adapters.paging.packer import LETTERS, Packer
 from gamekeeper.adapters.paging.pictures import Pictures
+from gamekeeper.adapters.paging.put import put
 from gamekeeper.adapters.paging.twins import twins_of
 from gamekeeper.core.legible import legible
 from gamekeeper.errors import EvidenceError
-from gamekeeper.record.files.folder import replace, system_error
+from gamekeeper.record.files.folder import system_error
 from gamekeeper.report.page.choose import BUDGET_BYTES, Budget, chosen_text, order_of
 from gamekeeper.report.page.compose import (
     Documents,
@@ -103,7 +104,7 @@ def report(
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise system_error("making the folder", target.parent, error) from error
-    replace(target, render(page).encode(), durable=False)
+    put(target, render(page).encode())
     return target
 
 
