@@ -43,9 +43,9 @@ def time_limits_truncate(contract: Contract, evidence: Gathered) -> Iterator[Occ
 
     A heuristic, as nobody has declared a limit: an attribute, a constant of the module or a
     parameter that is called like one (`max_steps`, `horizon`, `LIMIT`) holds the very number of
-    ticks after which episodes end by termination, in two plays or more; none lasts longer, and
-    nothing was ever truncated. A rule that ends games then by chance would have to meet the tick
-    twice.
+    ticks after which episodes end by termination, in two plays or more and in half of those that
+    came to an end; none lasts longer, and nothing was ever truncated. A rule that ends games then
+    by chance, as a battery that is empty in the last tick, would have to do so again and again.
 
     Bad: `terminations = dict.fromkeys(agents, time >= self.max_time)`.
 
@@ -62,7 +62,9 @@ def time_limits_truncate(contract: Contract, evidence: Gathered) -> Iterator[Occ
     }
     found = [each for trace in traces for each in _at_the_limit(evidence.api, trace, limits)]
     is_truncated = any(_is_truncated(turn) for trace in traces for turn in trace.turns)
-    is_sure = sum(not each.ok for each in found) >= min(PLAYS, len(traces)) and not is_truncated
+    whole = sum(trace.header.get("end") == "ended" for trace in traces)
+    least = max(min(PLAYS, len(traces)), whole / 2)
+    is_sure = sum(not each.ok for each in found) >= least and not is_truncated
     yield from (each for each in found if each.ok or is_sure)
 
 

@@ -62,6 +62,8 @@ def _settings(value: Any) -> Mapping[Any, Any]:
 
 def _of_classes(kind: type) -> Iterator[Mapping[Any, Any]]:
     for each in kind.__mro__:
+        if each.__module__.partition(".")[0] in sys.stdlib_module_names:
+            continue  # Python's own limits are no environment's
         yield vars(each)
         yield _defaults(vars(each).get("__init__"))
         yield getattr(sys.modules.get(each.__module__), "__dict__", {})
