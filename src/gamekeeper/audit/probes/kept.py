@@ -24,8 +24,8 @@ NEIGHBOURS: Final = 8
 
 
 def plays(lab: Lab) -> Iterator[Play]:
-    """Two plays; buffers are used again soon, if at all."""
-    return lab.plays(2, most_turns=200)
+    """Most buffers are used again soon, some only when something rare happens."""
+    return lab.plays(8, most_turns=200)
 
 
 def look(lab: Lab, play: Play) -> Iterator[Saw]:
