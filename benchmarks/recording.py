@@ -4,7 +4,7 @@ Prints a JSON line for each task: medians over interleaved segments, in microsec
 per agent-step, closing the bundle included, with the least and the most; ratios are of paired
 segments.
 
-    python benchmarks/recording.py [--tasks line,aec,spread,pistonball] [--segments 15]
+    python benchmarks/recording.py [--tasks two_robot_line,spread,...] [--segments 15]
 """
 
 from __future__ import annotations
