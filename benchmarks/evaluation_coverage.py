@@ -17,14 +17,14 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import evaluation_batch as batch
 import numpy as np
-from evaluation_draws import DRAWS, STOPPED, Draw
+from evaluation_draws import DRAWS, FRESH, STOPPED, Draw
 from evaluation_lattice import of_estimates, of_iqm_of_two, of_quantile
 from evaluation_tables import outside, table
 from numpy.random import Generator
@@ -89,11 +89,15 @@ def floor_of(statistic: str, draw: Draw, n: int) -> dict[str, float]:
 
 
 def one_samples(
-    unit: str, sizes: dict[str, tuple[int, ...]], seed: int, repeats: int
+    unit: str,
+    sizes: dict[str, tuple[int, ...]],
+    seed: int,
+    repeats: int,
+    draws: Mapping[str, Draw] = DRAWS,
 ) -> Iterator[Line]:
     """Statistics of independent values; `usual` is the plain percentiles of the bootstrap."""
     for statistic, numbers in sizes.items():
-        for name, draw in DRAWS.items():
+        for name, draw in draws.items():
             value = truth(draw, statistic)
             for n in numbers:
                 hits, usual = [], []
@@ -120,6 +124,14 @@ def runs(repeats: int) -> Iterator[Line]:
     """Claims about a method, over the scores of its training runs."""
     sizes = {"mean": (20, 40), "iqm": (12, 20), "median": (10, 20)}
     yield from one_samples("runs", sizes, 3, repeats)
+
+
+def fresh(repeats: int) -> Iterator[Line]:
+    """Means and IQM at the fewest values, of distributions that no constant was chosen on."""
+    asked = (("episodes", {"mean": (50,), "iqm": (20,)}), ("runs", {"mean": (20,), "iqm": (12,)}))
+    for unit, sizes in asked:
+        for line in one_samples(unit, sizes, 11, repeats, FRESH):
+            yield {"held_fresh" if name == "held" else name: line[name] for name in line}
 
 
 def quantiles(repeats: int) -> Iterator[Line]:
@@ -346,6 +358,7 @@ PARTS = {
     "beats": beats,
     "stopping": stopping,
     "sequences": sequences,
+    "fresh": fresh,
 }
 
 

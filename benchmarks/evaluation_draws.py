@@ -38,3 +38,15 @@ STOPPED: dict[str, Draw] = DRAWS | {
     "success, 50 %": lambda rng, size: (rng.random(size) < 0.5) * 1.0,
     "5 in 3 % of episodes": lambda rng, size: (rng.random(size) < 0.03) * 5.0,
 }
+FRESH: dict[str, Draw] = {
+    "gamma 0.5": lambda rng, size: rng.gamma(0.5, 1, size),
+    "gamma 3, mirrored": lambda rng, size: -rng.gamma(3, 1, size),
+    "Laplace": lambda rng, size: rng.laplace(0, 1, size),
+    "beta 0.5, 0.5": lambda rng, size: rng.beta(0.5, 0.5, size),
+    "Weibull 0.8": lambda rng, size: rng.weibull(0.8, size),
+    "Lomax 5": lambda rng, size: rng.pareto(5, size),
+    "three peaks": lambda rng, size: rng.choice([0.0, 4.0, 10.0], size) + rng.normal(0, 0.5, size),
+    "a crash in 10": lambda rng, size: rng.normal(5, 1, size) - 10.0 * (rng.random(size) < 0.1),
+    "negative binomial 2": lambda rng, size: rng.negative_binomial(2, 0.3, size) * 1.0,
+}
+"""On which no interval's constants were chosen."""

@@ -16,6 +16,7 @@ TITLES = {
     "beats": "Comparisons of two",
     "stopping": "Stopping",
     "sequences": "Confidence sequences",
+    "fresh": "Distributions that no constant was chosen on",
 }
 
 
@@ -55,5 +56,5 @@ def heading(line: Line) -> str:
 def cell(line: Line) -> str:
     """The coverage; what the usual interval covers in brackets; where it stopped."""
     usual = f" ({line['usual']})" if "usual" in line else ""
-    held = line["held"] if "held" in line else line["held_of_all"]
+    held = next(line[name] for name in ("held", "held_of_all", "held_fresh") if name in line)
     return f"{held}{usual}" + (f" at {line['stopped']}" if "stopped" in line else "")
