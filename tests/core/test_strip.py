@@ -14,6 +14,7 @@ from gamekeeper.core.divergence import compare
 from gamekeeper.core.evidence import Evidence
 from gamekeeper.core.side_by_side import compare_strips
 from gamekeeper.core.strip import Front
+from gamekeeper.core.tables import MemoryTables
 from gamekeeper.record.recording import rollout
 from tests.record.walks import Turns, Walk
 
@@ -88,12 +89,13 @@ def played(env: Any, **options: Any) -> Evidence:
 
 def torn(evidence: Evidence, *, turns: int | None) -> Evidence:
     """The same, as if its recorder had been killed in its last turn."""
-    tables = dict(evidence.tables.tables)  # type: ignore[attr-defined]
+    assert isinstance(evidence.tables, MemoryTables)
+    tables = dict(evidence.tables.tables)
     steps, episodes = tables["steps"], tables["episodes"].to_pylist()
     tables["steps"] = steps.slice(0, steps.num_rows - 3)
     row = {**episodes[0], "end": "torn", "turns": turns, "endings": None}
     tables["episodes"] = pa.Table.from_pylist([row], schema=tables["episodes"].schema)
-    return Evidence(evidence.manifest, type(evidence.tables)(tables), path=evidence.path)  # type: ignore[call-arg]
+    return Evidence(evidence.manifest, MemoryTables(tables), path=evidence.path)
 
 
 PLAYS = {

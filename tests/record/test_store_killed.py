@@ -220,7 +220,7 @@ def _drafts(store: Store) -> dict[str, tuple[Path, int, str]]:
     original = seal_module.commit
     module = sys.modules["gamekeeper.record.files.store"]
     try:
-        module.commit = lambda _folder, _manifest, files, **_: found.update(files)  # type: ignore
+        module.commit = lambda _folder, _manifest, files, **_: found.update(files)  # type: ignore  # for this play alone
         store._seal({})
     finally:
         module.commit = original  # type: ignore
