@@ -2,9 +2,11 @@
 
 from typing import Any, Final
 
+import numpy as np
+
 from gamekeeper.audit.probes._limits import limits_of
 from tests.audit.roster_games import Counting
-from tests.audit.test_rosters import broken
+from tests.audit.test_rosters import audited, broken
 
 TICK_LIMIT: Final = 6
 """The name that the classes below find in their module; no instance holds the number."""
@@ -22,6 +24,21 @@ class Truncating(Counting):
 
     def __init__(self) -> None:
         super().__init__(ends=(900, 900, 900), limit=TICK_LIMIT)
+
+
+class Emptied(Counting):
+    """Batteries of many sizes; some are empty in the very tick in which time is up."""
+
+    def __init__(self) -> None:
+        super().__init__(limit=TICK_LIMIT)
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """The last agent ends in one of four ticks, of which the limit is one."""
+        if seed is not None:
+            self.rng = np.random.default_rng(seed)
+        last = int(self.rng.integers(TICK_LIMIT - 3, TICK_LIMIT + 1))
+        self.ends = dict.fromkeys(self.possible_agents, last)
+        return super().reset(seed, options)
 
 
 class Settled:
@@ -42,6 +59,12 @@ def test_limits_of_the_module_that_terminate_are_found() -> None:
 def test_limits_of_the_module_that_truncate_break_nothing() -> None:
     """Where the other flag is up all is well."""
     assert set() == broken(Truncating)
+
+
+def test_rule_that_sometimes_ends_in_the_last_tick_is_no_limit() -> None:
+    """Where most plays end before it, what meets the limit is chance."""
+    found = audited(Emptied).of("GK508")
+    assert found.outcome in ("kept", "unseen")
 
 
 def test_limits_are_found_wherever_they_are_named() -> None:
