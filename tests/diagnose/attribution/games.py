@@ -178,7 +178,7 @@ class Talking(gk.TickEnv):
 class Thrust(gk.TickEnv):
     """Two drones, each paid for its own thrust, a number in a dictionary of arrays."""
 
-    metadata = {"name": "thrust_v0", "is_parallelizable": True}  # noqa: RUF012
+    metadata = {"name": "thrust_v0", "is_parallelizable": True}  # noqa: RUF012  # PettingZoo's form
 
     def __init__(self) -> None:
         super().__init__()

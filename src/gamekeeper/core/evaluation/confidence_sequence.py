@@ -96,10 +96,7 @@ class ConfidenceSequence:
         Raises:
             EvidenceError: as `sequence`, or the width isn't over 0.
         """
-        check_width(width, "ConfidenceSequence.stop_at")
-        low, high = self.sequence(values)
-        narrow = np.flatnonzero(high - low <= width)
-        return int(narrow[0]) + 1 if len(narrow) else None
+        return first_narrow(self.sequence(values), width, "ConfidenceSequence.stop_at")
 
     def interval(self, values: Sequence[float] | FloatArray) -> Interval:
         """The mean of all values with the interval after the last, valid however one stopped.
@@ -164,10 +161,11 @@ def inside(array: FloatArray, least: float, most: float, where: str) -> None:
         )
 
 
-def check_width(width: float, where: str) -> None:
-    """An interval can be so narrow.
+def first_narrow(bounds: tuple[FloatArray, FloatArray], width: float, where: str) -> int | None:
+    """After how many values the bounds are at most so far apart; None: after none of these.
 
     Args:
+        bounds: [n] each, after each value.
         width: high - low.
         where: what asks, for the error.
     Raises:
@@ -177,6 +175,9 @@ def check_width(width: float, where: str) -> None:
         raise EvidenceError(
             "no interval is so narrow", where=where, expected="a width over 0", seen=str(width)
         )
+    low, high = bounds
+    narrow = np.flatnonzero(high - low <= width)
+    return int(narrow[0]) + 1 if len(narrow) else None
 
 
 def _asymptotic(values: FloatArray, error: float) -> tuple[FloatArray, FloatArray]:

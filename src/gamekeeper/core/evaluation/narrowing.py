@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from gamekeeper.core.evaluation.confidence_sequence import check_bounds, check_width, inside
+from gamekeeper.core.evaluation.confidence_sequence import check_bounds, first_narrow, inside
 from gamekeeper.core.evaluation.interval import (
     LEVEL,
     FloatArray,
@@ -101,10 +101,7 @@ class Narrowing:
         Raises:
             EvidenceError: as `sequence`, or the width isn't over 0.
         """
-        check_width(width, "Narrowing.stop_at")
-        low, high = self.sequence(values)
-        narrow = np.flatnonzero(high - low <= width)
-        return int(narrow[0]) + 1 if len(narrow) else None
+        return first_narrow(self.sequence(values), width, "Narrowing.stop_at")
 
     def interval(self, values: Sequence[float] | FloatArray) -> Interval:
         """The mean of all values with the interval after the last.
