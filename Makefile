@@ -13,17 +13,19 @@ SOURCES := $(wildcard src tests examples benchmarks)
 LOCK := uv pip compile --quiet --generate-hashes --no-emit-index-url --universal --fork-strategy fewest --python-version 3.11
 DEMO := warehouse --policy reference
 
-.PHONY: help demo test trainer-test browser-test docs check format-check lint types format lock clean moved
+.PHONY: help demo test slow-test trainer-test browser-test docs check nightly seconds format-check lint types format lock clean moved
 .DELETE_ON_ERROR:
 
 help:
 	@echo "make demo     set up, then record and replay the warehouse task; evidence in runs/demo"
-	@echo "make test     set up, then run the tests (ARGS='-k replay' hands arguments to pytest)"
+	@echo "make test     set up, then run the quick tests, what a change needs (ARGS='-k replay' hands arguments to pytest)"
+	@echo "make check    what must hold before a commit: formatting, lint, types, all tests, the pages"
+	@echo "make seconds  run all tests and keep which of them are slow (on a quiet machine)"
+	@echo "make nightly  what takes hours: kills by the hundred, every environment of the zoo, trainers by seeds"
 	@echo "make trainer-test TRAINER=sb3   the tests of one trainer's adapter, in an environment of its own, $(VENV)-sb3"
 	@echo "make docs     build the pages into build/docs, strictly"
 	@echo "make browser-test   the report's page in Chromium (installs Debian's where it is missing), in $(VENV)-browser"
-	@echo "make check    what must hold before a commit: format, lint, types, tests (docs drift and layers are among them)"
-	@echo "make format   reformat the sources, mend what ruff can mend"
+	@echo "make format   reformat the sources, fix what ruff can fix"
 	@echo "make lock     compile requirements/*.txt again (needs uv; UPGRADE=--upgrade for newer versions)"
 	@echo "make clean    remove $(VENV), caches and build output; evidence in runs/ stays"
 
@@ -32,17 +34,27 @@ demo: $(VENV)/base.stamp
 	@rm -rf runs/demo
 	$(VENV)/bin/gamekeeper run $(DEMO) --out runs/demo
 
+# Tiers are told apart by measured seconds: tests/tiers.py.
 test: $(VENV)/test.stamp
-	$(RUN) pytest $(PARALLEL) $(ARGS)
+	$(RUN) pytest $(PARALLEL) --tier quick $(ARGS)
 
-# A trainer's pins conflict with another's, so each has its own environment and lock; several gigabytes with torch.
+slow-test: $(VENV)/test.stamp
+	$(RUN) pytest $(PARALLEL) --tier slow $(ARGS)
+
+# All tests on a quiet machine; their seconds decide which of them are slow from then on.
+seconds: $(VENV)/test.stamp
+	$(RUN) pytest $(PARALLEL) --write-seconds
+
+# A trainer's pins conflict with another's, so each has its own environment; several gigabytes with torch. Those of CI are locked,
+# the others name the versions that their tests were last run with.
+TRAINER_LIST = $(firstword $(wildcard requirements/trainers/$(TRAINER).txt requirements/trainers/$(TRAINER).in))
 trainer-test:
-	@test -f requirements/trainers/$(TRAINER).txt || { echo "no trainer of that name; known: $(notdir $(basename $(wildcard requirements/trainers/*.txt)))" >&2; exit 1; }
+	@test -n "$(TRAINER_LIST)" || { echo "no trainer of that name; known: $(notdir $(basename $(wildcard requirements/trainers/*.in)))" >&2; exit 1; }
 	$(MAKE) $(VENV)-$(TRAINER)/trainer.stamp VENV=$(VENV)-$(TRAINER)
-	$(VENV)-$(TRAINER)/bin/python -m pytest -m trainer $(wildcard tests/adapters/test_$(TRAINER)*.py tests/examples/test_$(TRAINER)*.py tests/run/executors/test_$(TRAINER)*.py) $(ARGS)
+	$(VENV)-$(TRAINER)/bin/python -m pytest -m trainer $(wildcard tests/adapters/test_$(TRAINER)*.py tests/examples/test_$(TRAINER)*.py tests/rollouts/executors/test_$(TRAINER)*.py) $(ARGS)
 
-$(VENV)/trainer.stamp: $(VENV)/home.stamp requirements/trainers/$(TRAINER).txt pyproject.toml
-	@requirements/setup.sh install $(VENV) requirements/trainers/$(TRAINER).txt
+$(VENV)/trainer.stamp: $(VENV)/home.stamp $(TRAINER_LIST) pyproject.toml
+	@requirements/setup.sh install $(VENV) $(TRAINER_LIST)
 	@touch $@
 
 # The report's page in the distribution's Chromium, which requirements/browser.sh installs where it may; CHROMIUM=path names another one.
@@ -55,12 +67,21 @@ $(VENV)/browser.stamp: $(VENV)/home.stamp requirements/browser.txt pyproject.tom
 	@requirements/setup.sh install $(VENV) requirements/browser.txt
 	@touch $@
 
-check: format-check lint types test
+check: format-check lint types test slow-test docs
+
+# Every bar by its long command; dates and results go into docs/performance.md. Peers and trainers that aren't installed are named and left out.
+nightly: $(VENV)/test.stamp
+	$(VENV)/bin/python benchmarks/bars.py --whole --write
 
 # Strictly: a page that nobody links to, a name that isn't there or a heading out of place fails.
-docs: $(VENV)/test.stamp
+docs: $(VENV)/test.stamp docs/checks/index.md
 	$(RUN) sphinx -W --keep-going -q -b html docs build/docs
+	$(RUN) pytest -q -m docs tests/surface/test_built_pages.py
 	@echo "build/docs/index.html"
+
+# A page for each check, with a real audit of its faulty environment: made again once a source or such an environment has changed.
+docs/checks/index.md: docs/check_pages.py $(shell find src/gamekeeper tests/faults -name '*.py') | $(VENV)/test.stamp
+	$(RUN) docs.check_pages docs/checks
 
 format-check: $(VENV)/test.stamp
 	$(RUN) ruff format --check $(SOURCES)
@@ -80,8 +101,8 @@ lock:
 	$(LOCK) $(UPGRADE) --extra fast pyproject.toml requirements/base.in -o requirements/base.txt
 	$(LOCK) $(UPGRADE) --extra fast --extra frames --extra query --extra video pyproject.toml requirements/base.in requirements/test.in -o requirements/test.txt
 	$(LOCK) $(UPGRADE) pyproject.toml requirements/base.in requirements/browser.in -o requirements/browser.txt
-	@set -e; for asked in requirements/trainers/*.in; do trainer=$$(basename $$asked .in); echo "locking $$trainer"; \
-		$(LOCK) $(UPGRADE) --extra fast --extra $$trainer pyproject.toml requirements/base.in $$asked -o requirements/trainers/$$trainer.txt; done
+	@set -e; for lock in requirements/trainers/*.txt; do trainer=$$(basename $$lock .txt); echo "locking $$trainer"; \
+		$(LOCK) $(UPGRADE) --extra fast --extra $$trainer pyproject.toml requirements/base.in requirements/trainers/$$trainer.in -o $$lock; done
 
 clean:
 	rm -rf $(VENV) build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis

@@ -25,7 +25,7 @@ import numpy as np
 from pettingzoo.utils import BaseParallelWrapper
 
 import gamekeeper as gk
-from gamekeeper.diagnose.attribution.attribute import attribute
+from gamekeeper.diagnosis.attribution.contributions import attribute
 
 STILL = 4
 STEPS = {0: (-1, 0), 1: (0, 1), 2: (1, 0), 3: (0, -1)}
@@ -71,10 +71,14 @@ def case(kind: str, number: int) -> dict[str, Any]:
     """One case, as it came out."""
     rng = np.random.default_rng([number, len(kind)])
     kwargs = {
-        "pickers": 3, "carriers": int(rng.integers(1, 3)), "spares": 0,
-        "orders": int(rng.integers(3, 8)), "every": int(rng.integers(2, 7)),
-        "horizon": int(rng.integers(35, 71)), "battery": 80,
-    }  # fmt: skip
+        "pickers": 3,
+        "carriers": int(rng.integers(1, 3)),
+        "spares": 0,
+        "orders": int(rng.integers(3, 8)),
+        "every": int(rng.integers(2, 7)),
+        "horizon": int(rng.integers(35, 71)),
+        "battery": 80,
+    }
     planted = f"picker_{int(rng.integers(3))}" if kind == "lazy" else None
     policies = {"*": "greedy" if kind == "wrong" else "reference"}
     if kind == "wrong":
@@ -84,22 +88,36 @@ def case(kind: str, number: int) -> dict[str, Any]:
     spec: Any = Blaming if kind == "wrong" else "warehouse"
     contract = gk.rollout("warehouse", episodes=1).contract
     evidence = gk.rollout(
-        spec, policies=policies, seed=number, env_kwargs=kwargs, contract=contract,
+        spec,
+        policies=policies,
+        seed=number,
+        env_kwargs=kwargs,
+        contract=contract,
         episodes=BUMPS if kind == "wrong" else EPISODES,
-    )  # fmt: skip
+    )
     start = time.perf_counter()
     found = attribute(
-        evidence, env=spec, policies=policies, seed=number,
-        papers=BUMPS if kind == "wrong" else PAPERS, episodes=0 if kind == "wrong" else None,
-    )  # fmt: skip
+        evidence,
+        env=spec,
+        policies=policies,
+        seed=number,
+        papers=BUMPS if kind == "wrong" else PAPERS,
+        episodes=0 if kind == "wrong" else None,
+    )
     wrong = [[each.agent, each.term, dict(each.by)] for each in found.wrong_penalties]
     looked = sum(each.wrong.n for each in found.penalties if each.term == "collision")
-    told: Any = wronged(evidence.traces) if kind == "wrong" else planted
+    told: Any = wronged(evidence.episodes) if kind == "wrong" else planted
     return {
-        "kind": kind, "case": number, **kwargs, "planted": told, "lazy": list(found.lazy),
-        "wrong": wrong, "collisions": looked, "seconds": round(time.perf_counter() - start, 1),
+        "kind": kind,
+        "case": number,
+        **kwargs,
+        "planted": told,
+        "lazy": list(found.lazy),
+        "wrong": wrong,
+        "collisions": looked,
+        "seconds": round(time.perf_counter() - start, 1),
         "why": {a: part.laziness.why for a, part in found.agents.items()} if planted else None,
-    }  # fmt: skip
+    }
 
 
 def wronged(traces: Iterable[Any]) -> dict[str, list[float]]:

@@ -6,10 +6,10 @@
 `time` prints wall seconds of whole commands (`gamekeeper audit ... --json`), the median of the
 rounds, the slowest probes, and whether all rounds gave the same verdicts.
 
-`found` takes specimens: files with `make` and `VIOLATION` (None: clean) in the folders given,
-else Gamekeeper's own. For each it runs an audit of the default budget, and PettingZoo's API and
-seed tests in a process of its own; a fault counts as found by these when one of them
-raises, a clean one as a false alarm. One JSON line a specimen, one of sums at the end.
+`found` takes faulty and clean environments: files with `make` and `VIOLATION` (None: clean) in the
+folders given, else those of `tests/faults`. For each it runs an audit of the default budget, and
+PettingZoo's API and seed tests in a process of its own; a fault counts as found by these when one
+of them raises, a clean one as a false alarm. One JSON line an environment, one of sums at the end.
 """
 
 from __future__ import annotations
@@ -26,17 +26,21 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
+ROOT: Final = Path(__file__).parents[1]
 SPREAD: Final = "mpe2.simple_spread_v3:parallel_env"
 QUIET: Final = {**os.environ, "SDL_VIDEODRIVER": "dummy", "PYGAME_HIDE_SUPPORT_PROMPT": "1"}
 TESTS: Final = """
-import importlib.util, sys, warnings
+import importlib, importlib.util, sys, warnings
 warnings.simplefilter("ignore")
 from pettingzoo.test import api_test, parallel_api_test, seed_test, parallel_seed_test
-spec = importlib.util.spec_from_file_location("specimen", sys.argv[1])
-module = importlib.util.module_from_spec(spec)
-sys.modules["specimen"] = module
-spec.loader.exec_module(module)
-make, api = module.make, sys.argv[2]
+home, _, name = sys.argv[1].rpartition(":")
+if home.endswith(".py"):
+    spec = importlib.util.spec_from_file_location("faulty", home)
+    module = sys.modules["faulty"] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+else:
+    module = importlib.import_module(home)
+make, api = getattr(module, name), sys.argv[2]
 tests = {
     "api": lambda: (parallel_api_test if api == "parallel" else api_test)(make(), 1000),
     "seed": lambda: (parallel_seed_test if api == "parallel" else seed_test)(make),
@@ -56,8 +60,11 @@ def timed(arguments: list[str]) -> tuple[float, dict[str, Any]]:
     begun_s = time.perf_counter()
     done = subprocess.run(
         [sys.executable, "-m", "gamekeeper", "audit", *arguments, "--json"],
-        capture_output=True, text=True, env=QUIET,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        env=QUIET,
+        cwd=ROOT,
+    )
     return time.perf_counter() - begun_s, json.loads(done.stdout)
 
 
@@ -66,44 +73,46 @@ def time_lines(rounds: int) -> Iterator[dict[str, Any]]:
     for name, options in (("quick", ["--quick"]), ("default", [])):
         runs = [timed([SPREAD, *options]) for _ in range(rounds)]
         documents = [document for _, document in runs]
-        verdicts = [
-            [(v["id"], v["outcome"], v["occasions"]) for v in d["verdicts"]] for d in documents
-        ]
+        verdicts = [[(v["id"], v["outcome"], v["cases"]) for v in d["verdicts"]] for d in documents]
         slowest = sorted(documents[-1]["timings"].items(), key=lambda item: -item[1])[:6]
         yield {
-            "figure": "audit_time", "environment": SPREAD, "budget": name,
+            "figure": "audit_time",
+            "environment": SPREAD,
+            "budget": name,
             "wall_s": round(statistics.median(wall for wall, _ in runs), 2),
             "audit_s": round(statistics.median(d["seconds"] for d in documents), 2),
-            "steps": documents[-1]["steps"], "checks": len(verdicts[-1]),
-            "broken": [v["id"] for v in documents[-1]["verdicts"] if v["outcome"] == "broken"],
+            "steps": documents[-1]["steps"],
+            "checks": len(verdicts[-1]),
+            "failed": [v["id"] for v in documents[-1]["verdicts"] if v["outcome"] == "failed"],
             "same_verdicts": all(each == verdicts[0] for each in verdicts),
             "slowest_s": dict(slowest),
-        }  # fmt: skip
+        }
 
 
-def specimens(folders: list[str]) -> Iterator[tuple[Path, str, bool]]:
-    """File, API and whether there is a fault, of each specimen."""
+def subjects(folders: list[str]) -> Iterator[tuple[str, str, bool]]:
+    """What is audited, its API, and whether there is a fault."""
+    from pettingzoo import AECEnv
+
     if not folders:
-        found = importlib.util.find_spec("gamekeeper.audit.specimens")
-        assert found is not None
-        folders = list(found.submodule_search_locations or ())
-    for folder in folders:
-        for path in sorted(Path(folder).glob("*.py")):
-            if path.name.startswith("_"):
-                continue
-            module = _module(path)
-            from pettingzoo import AECEnv
+        sys.path.insert(0, str(ROOT))
+        from tests.faults import environments
 
-            is_faulty = bool(getattr(module, "VIOLATION", None) or getattr(module, "BREAKS", ()))
-            try:
-                api = "aec" if isinstance(module.make(), AECEnv) else "parallel"
-            except Exception:  # a fault of its own; the audit says so
-                api = getattr(module, "API", "parallel")
-            yield path, api, is_faulty
+        for each in environments().values():
+            api = "aec" if issubclass(each.env, AECEnv) else "parallel"
+            yield each.spec, api, bool(each.checks)
+    for path in sorted(each for folder in folders for each in Path(folder).resolve().glob("*.py")):
+        if path.name.startswith("_"):
+            continue
+        module = _module(path)
+        try:
+            api = "aec" if isinstance(module.make(), AECEnv) else "parallel"
+        except Exception:  # a fault of its own; the audit says so
+            api = getattr(module, "API", "parallel")
+        yield f"{path}:make", api, bool(getattr(module, "VIOLATION", None))
 
 
 def _module(path: Path) -> Any:
-    spec = importlib.util.spec_from_file_location(f"specimen_{path.stem}", path)
+    spec = importlib.util.spec_from_file_location(f"faulty_{path.stem}", path)
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -113,22 +122,31 @@ def _module(path: Path) -> Any:
 
 
 def found_lines(folders: list[str]) -> Iterator[dict[str, Any]]:
-    """A line for each specimen, then the sums."""
+    """A line for each environment, then the sums."""
     sums = {"faults": 0, "clean": 0, "ours": 0, "theirs": 0, "our_alarms": 0, "their_alarms": 0}
-    for path, api, is_faulty in specimens(folders):
-        _, document = timed([f"{path}:make"])
-        ours = [v["id"] for v in document["verdicts"] if v["outcome"] == "broken"]
+    for spec, api, is_faulty in subjects(folders):
+        _, document = timed([spec])
+        ours = [v["id"] for v in document["verdicts"] if v["outcome"] == "failed"]
         done = subprocess.run(
-            [sys.executable, "-c", TESTS, str(path), api],
-            capture_output=True, text=True, env=QUIET, timeout=600,
-        )  # fmt: skip
+            [sys.executable, "-c", TESTS, spec, api],
+            capture_output=True,
+            text=True,
+            env=QUIET,
+            timeout=600,
+            cwd=ROOT,
+        )
         said = [line for line in done.stdout.splitlines() if line.startswith("RAISED")]
         theirs = said[0].removeprefix("RAISED").strip() if said else f"exit {done.returncode}"
         sums["faults" if is_faulty else "clean"] += 1
         sums["ours" if is_faulty else "our_alarms"] += bool(ours)
         sums["theirs" if is_faulty else "their_alarms"] += bool(theirs)
-        yield {"figure": "audit_found", "specimen": path.stem, "fault": is_faulty,
-               "gamekeeper": ours, "pettingzoo": theirs}  # fmt: skip
+        yield {
+            "figure": "audit_found",
+            "environment": spec,
+            "fault": is_faulty,
+            "gamekeeper": ours,
+            "pettingzoo": theirs,
+        }
     yield {"figure": "audit_found", "sums": sums}
 
 

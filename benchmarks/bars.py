@@ -113,11 +113,14 @@ def measured(run: Mapping[str, Any], named: Mapping[str, str], options: Any) -> 
     others = max(0.0, (_busy_s() - busy_s) - (_own_s() - own_s)) / wall_s
     return {
         "date": datetime.now(UTC).strftime("%Y-%m-%d"),
-        "load": round(load, 1), "others": round(others, 2), "seconds": round(wall_s),
-        "repeats": repeats, "python": ".".join(map(str, sys.version_info[:2])),
+        "load": round(load, 1),
+        "others": round(others, 2),
+        "seconds": round(wall_s),
+        "repeats": repeats,
+        "python": ".".join(map(str, sys.version_info[:2])),
         "command": run["whole" if options.whole and "whole" in run else "command"],
         "bars": {bar["name"]: figure_of(every, bar) for bar in run["bar"]},
-    }  # fmt: skip
+    }
 
 
 def _lines(command: list[str], minutes: float) -> Lines:
@@ -159,9 +162,10 @@ def keep(run: Mapping[str, Any], entry: Mapping[str, Any], *, whole: bool) -> No
     before = kept.get(kind, {"bars": {}})
     found = {
         name: {**{key: before[key] for key in ("date", "load")}, **before["bars"][name]}
-        if figure["value"] is None and name in before["bars"] else figure
+        if figure["value"] is None and name in before["bars"]
+        else figure
         for name, figure in entry["bars"].items()
-    }  # fmt: skip
+    }
     kept[kind] = {**entry, "bars": found}
     path.write_text(json.dumps(kept, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
@@ -170,8 +174,13 @@ def tell(run: Mapping[str, Any], entry: Mapping[str, Any]) -> None:
     """A JSON line for each bar."""
     for bar in run["bar"]:
         found = entry["bars"][bar["name"]]
-        line = {"bar": f"{run['name']}/{bar['name']}", "what": bar["what"],
-                "wanted": text_of(bar), **found, "reached": reached(bar, found)}  # fmt: skip
+        line = {
+            "bar": f"{run['name']}/{bar['name']}",
+            "what": bar["what"],
+            "wanted": text_of(bar),
+            **found,
+            "reached": reached(bar, found),
+        }
         sys.stdout.write(json.dumps(line, ensure_ascii=False) + "\n")
     sys.stdout.flush()
 

@@ -75,9 +75,14 @@ def row(run: Mapping[str, Any], bar: Mapping[str, Any], results: Results) -> str
     loads = "; ".join(_load(entry) for _, entry, _ in entries)
     verdicts = {"no": "**no**", None: "no bar"}
     cells = [
-        bar["what"], text_of(bar), measured or "not measured", verdicts.get(said, said or ""),
-        run["name"], dates, loads,
-    ]  # fmt: skip
+        bar["what"],
+        text_of(bar),
+        measured or "not measured",
+        verdicts.get(said, said or ""),
+        run["name"],
+        dates,
+        loads,
+    ]
     return f"| {' | '.join(cells)} |"
 
 

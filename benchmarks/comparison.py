@@ -7,7 +7,8 @@ and ones with a single fault each. A tester finds a fault where it raises (Petti
 Gymnasium's `check_env`) or calls a promise broken (the audit, without a contract, at its quick
 budget). What it says of a sound or legal one is a false alarm. PettingZoo's warnings don't count,
 as they come for sound ones too. `converted` runs the API test after PettingZoo's own conversion to
-the other API. One JSON line an environment, then the sums; `--table` prints docs/comparison.md's.
+the other API. One JSON line an environment, then the sums; `--table` prints the table of
+docs/reference/measured.md.
 """
 
 from __future__ import annotations
@@ -28,13 +29,7 @@ from types import ModuleType
 from typing import Any, Final
 
 import gymnasium.utils.env_checker
-from pettingzoo.test import (
-    api_test,
-    parallel_api_test,
-    parallel_seed_test,
-    seed_test,
-    state_test,
-)
+from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, seed_test, state_test
 from pettingzoo.utils.conversions import aec_to_parallel, parallel_to_aec
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -93,10 +88,20 @@ def audited(module: ModuleType, kwargs: dict[str, str]) -> dict[str, Any]:
     """The promises that `gamekeeper audit` calls broken, checks that failed, and its seconds."""
     begun_s = time.perf_counter()
     done = subprocess.run(
-        [sys.executable, "-m", "gamekeeper", "audit", f"{module.__file__}:make",
-         "--kwargs", json.dumps(kwargs), "--quick", "--json"],
-        capture_output=True, text=True,
-    )  # fmt: skip
+        [
+            sys.executable,
+            "-m",
+            "gamekeeper",
+            "audit",
+            f"{module.__file__}:make",
+            "--kwargs",
+            json.dumps(kwargs),
+            "--quick",
+            "--json",
+        ],
+        capture_output=True,
+        text=True,
+    )
     if done.returncode not in (0, 1):  # so that a failed audit isn't taken for a silent one
         raise RuntimeError(f"the audit exits with {done.returncode}: {done.stderr or done.stdout}")
     document = json.loads(done.stdout)
@@ -104,9 +109,9 @@ def audited(module: ModuleType, kwargs: dict[str, str]) -> dict[str, Any]:
     for verdict in document["verdicts"]:
         by_outcome.setdefault(verdict["outcome"], []).append(verdict["id"])
     return {
-        "audit": ", ".join(by_outcome.get("broken", [])) or None,
+        "audit": ", ".join(by_outcome.get("failed", [])) or None,
         "audit_errors": by_outcome.get("error", []),
-        "audit_unseen": len(by_outcome.get("unseen", [])),
+        "audit_not_exercised": len(by_outcome.get("not_exercised", [])),
         "audit_exit": done.returncode,
         "audit_s": round(time.perf_counter() - begun_s, 1),
     }
@@ -128,25 +133,36 @@ def line_of(api: str, name: str, kwargs: dict[str, str]) -> dict[str, Any]:
     }
     kind = module.KNOWN[name] if name in module.KNOWN else type(module.make())
     return {
-        "figure": FIGURE, "kind": api, "name": name, "fault": "fault" in kwargs,
+        "figure": FIGURE,
+        "kind": api,
+        "name": name,
+        "fault": "fault" in kwargs,
         "what": (kind.__doc__ or "").splitlines()[0],
-        **found, **audited(module, kwargs),
-    }  # fmt: skip
+        **found,
+        **audited(module, kwargs),
+    }
 
 
 def sums(lines: list[dict[str, Any]]) -> dict[str, Any]:
     """Faults found and false alarms, by tester and by PettingZoo's taken together."""
     together = ("api", "seed", "state", "converted")
-    groups = {"api": ("api",), "api and seed": ("api", "seed"), "all of PettingZoo's": together,
-              "check_env": ("check_env",), "audit": ("audit",)}  # fmt: skip
+    groups = {
+        "api": ("api",),
+        "api and seed": ("api", "seed"),
+        "all of PettingZoo's": together,
+        "check_env": ("check_env",),
+        "audit": ("audit",),
+    }
     faulty = [line for line in lines if line["fault"]]
     sound = [line for line in lines if not line["fault"]]
     return {
-        "figure": FIGURE, "faults": len(faulty), "sound": len(sound),
+        "figure": FIGURE,
+        "faults": len(faulty),
+        "sound": len(sound),
         "found": {n: sum(any(x.get(c) for c in g) for x in faulty) for n, g in groups.items()},
         "alarms": {n: sum(any(x.get(c) for c in g) for x in sound) for n, g in groups.items()},
         "versions": {n: version(n) for n in ("pettingzoo", "gymnasium")},
-    }  # fmt: skip
+    }
 
 
 def table(lines: list[dict[str, Any]]) -> str:

@@ -5,7 +5,8 @@
 Prints one JSON line for each figure: microseconds of processor time an agent-step around trivial
 rules, by number of agents, the median of segments that take turns with each other. An AEC
 environment is played by `agent_iter`, `last` and `step`, a Parallel one by `step`. The rules' own
-cost is a figure too. `ratio` is the median of the ratios of segments that stood side by side.
+cost is a figure too. `ratio` is the median of the ratios of segments that stood side by side: of a
+conversion to the turns inside it; `to_theirs` is that of ours to PettingZoo's.
 """
 
 from __future__ import annotations
@@ -23,8 +24,8 @@ from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils.conversions import aec_to_parallel, parallel_to_aec
 from turn_env import SIZES, Documented, Ours, names
 
-from gamekeeper.game.to_aec import ToAEC
-from gamekeeper.game.to_parallel import ToParallel
+from gamekeeper.interface.to_aec import ToAEC
+from gamekeeper.interface.to_parallel import ToParallel
 
 SEGMENT_S = 0.02  # long against the clock and the caches; at least a tick
 
@@ -63,6 +64,18 @@ class Ticks(ParallelEnv):
             flags.copy(),
             {agent: {} for agent in self.agents},
         )
+
+
+class Standing(Documented):
+    """The documented pattern with cheap turns: pay comes with a round's last turn, and stands."""
+
+    def step(self, action: Any) -> None:
+        """Does nothing for each agent but in the last turn of a round."""
+        self._cumulative_rewards[self.agent_selection] = 0
+        if self._agent_selector.is_last():
+            self.rewards = dict.fromkeys(self.agents, 1.5)
+            self._accumulate_rewards()
+        self.agent_selection = self._agent_selector.next()
 
 
 def declared(env: AECEnv) -> AECEnv:
@@ -114,10 +127,17 @@ FIGURES: dict[str, Callable[[int], Callable[[int], float]]] = {
     "PettingZoo's aec_to_parallel over the documented AEC": lambda n: ticks_of(
         aec_to_parallel(declared(Documented(n)))
     ),
+    "to_parallel over cheap turns": lambda n: ticks_of(ToParallel(Standing(n))),
+    "PettingZoo's aec_to_parallel over cheap turns": lambda n: ticks_of(
+        aec_to_parallel(declared(Standing(n)))
+    ),
 }
 OVER = {
     "to_parallel over the documented AEC": "documented AEC, its own turns",
     "PettingZoo's aec_to_parallel over the documented AEC": "documented AEC, its own turns",
+}
+THEIRS = {
+    name: f"PettingZoo's aec_{name}" for name in FIGURES if name.startswith("to_parallel over")
 }
 BARS = {"to_aec": 3.0, "to_parallel over TurnEnv": 4.0}  # microseconds, at every size
 
@@ -147,10 +167,11 @@ def main() -> None:
             "unit": "us",
             "by_agents": {n: round(median(seen[n][name]), 2) for n in SIZES},
         }
-        if name in OVER:
-            line["ratio"] = {
-                n: round(median(map(truediv, seen[n][name], seen[n][OVER[name]])), 2) for n in SIZES
-            }
+        for key, other in (("ratio", OVER.get(name)), ("to_theirs", THEIRS.get(name))):
+            if other is not None:
+                line[key] = {
+                    n: round(median(map(truediv, seen[n][name], seen[n][other])), 2) for n in SIZES
+                }
         if name in BARS:
             line["bar"] = BARS[name]
         print(json.dumps(line))

@@ -1,8 +1,9 @@
 """What a diagnosis and an attribution of 20 failing episodes of `warehouse` take.
 
-Everything that the commands do by default: remedies, stressors for every agent within the budget,
-twins in both loops, bundles; shares, differences, Shapley values, influence, lazy agents. Prints a
-JSON line for each command: wall seconds, processor seconds of all its processes, episodes played.
+Everything that the commands do by default: ideal substitutes, perturbations for every agent within
+the budget, counterfactuals in both loops; shares, differences, Shapley values, influence, lazy
+agents. Prints a JSON line for each command: wall seconds, processor seconds of all its processes,
+episodes played.
 
     python benchmarks/diagnosis.py [--workers 2] [--seed 0] [--kwargs '{"observation_noise": ...}']
 """
@@ -27,8 +28,9 @@ def timed(*line: object) -> tuple[dict[str, Any], float, float]:
     before, began = os.times(), time.perf_counter()
     done = subprocess.run(
         [sys.executable, "-m", "gamekeeper", *map(str, line), "--json", "--quiet"],
-        stdout=subprocess.PIPE, check=False,
-    )  # fmt: skip
+        stdout=subprocess.PIPE,
+        check=False,
+    )
     after = os.times()
     if done.returncode not in (0, 1, 2) or not done.stdout:
         sys.exit(f"{line[0]} ended with {done.returncode}")
@@ -47,12 +49,22 @@ def main() -> None:
         run = Path(folder) / "run"
         lines = {
             "record": (
-                "record", "warehouse", "--policy", "reference", "--kwargs", options.kwargs,
-                "--episodes", 20, "--seed", options.seed, "--out", run,
+                "rollout",
+                "warehouse",
+                "--policy",
+                "reference",
+                "--kwargs",
+                options.kwargs,
+                "--episodes",
+                20,
+                "--seed",
+                options.seed,
+                "--out",
+                run,
             ),
             "diagnose": ("diagnose", run, "--workers", options.workers),
             "attribute": ("attribute", run, "--workers", options.workers),
-        }  # fmt: skip
+        }
         for name, line in lines.items():
             document, wall_s, cpu_s = timed(*line)
             told = {"measure": name, "wall_s": round(wall_s, 1), "cpu_s": round(cpu_s, 1)}

@@ -29,8 +29,8 @@ from pathlib import Path
 from typing import Any
 
 import gamekeeper as gk
-from gamekeeper.evaluate import evaluate as front
-from gamekeeper.game.open import open_env
+from gamekeeper.evaluation import evaluator as front
+from gamekeeper.interface.opening import open_env
 
 
 def main() -> None:
@@ -44,8 +44,11 @@ def main() -> None:
     parser.add_argument("--only", default="cost,judged,workers,same")
     told = parser.parse_args()
     measures: dict[str, Callable[..., dict[str, Any]]] = {
-        "cost": cost, "judged": judged, "workers": workers, "same": same,
-    }  # fmt: skip
+        "cost": cost,
+        "judged": judged,
+        "workers": workers,
+        "same": same,
+    }
     for name in told.only.split(","):
         found = measures[name](told.env, told.episodes, told.rounds)
         print(json.dumps({"measure": name, "env": told.env, "episodes": told.episodes, **found}))
@@ -62,8 +65,10 @@ def cost(env: str, episodes: int, rounds: int) -> dict[str, Any]:
             steps = way(env, episodes)
             seen[name].append(1e6 * (time.process_time() - begun_s) / steps)
     least = {name: min(values) for name, values in seen.items()}
-    return {**{k: round(v, 2) for k, v in least.items()},
-            "ratio": round(least["evaluate"] / least["plain"], 3)}  # fmt: skip
+    return {
+        **{k: round(v, 2) for k, v in least.items()},
+        "ratio": round(least["evaluate"] / least["plain"], 3),
+    }
 
 
 def plain(env: str, episodes: int) -> int:
@@ -103,8 +108,11 @@ def judged(env: str, episodes: int, rounds: int) -> dict[str, Any]:
         begun_s = time.process_time()
         found = front.evaluate(env, **told)
         seconds = time.process_time() - begun_s
-    return {"seconds": round(seconds, 2), "results": len(found.results),
-            "comparisons": len(found.comparisons)}  # fmt: skip
+    return {
+        "seconds": round(seconds, 2),
+        "results": len(found.results),
+        "comparisons": len(found.comparisons),
+    }
 
 
 def workers(env: str, episodes: int, rounds: int) -> dict[str, Any]:
@@ -120,8 +128,12 @@ def workers(env: str, episodes: int, rounds: int) -> dict[str, Any]:
             looped(env, episodes, count)
             loops[count].append(time.monotonic() - begun_s)
     one, two = min(seen[1]), min(seen[2])
-    return {"one_s": round(one, 2), "two_s": round(two, 2), "speedup": round(one / two, 2),
-            "ceiling": round(min(loops[1]) / min(loops[2]), 2)}  # fmt: skip
+    return {
+        "one_s": round(one, 2),
+        "two_s": round(two, 2),
+        "speedup": round(one / two, 2),
+        "ceiling": round(min(loops[1]) / min(loops[2]), 2),
+    }
 
 
 def looped(env: str, episodes: int, count: int) -> None:
@@ -140,9 +152,13 @@ def same(env: str, episodes: int, rounds: int) -> dict[str, Any]:
     for count in (0, 1, 2, 4):
         with tempfile.TemporaryDirectory() as folder:
             each = gk.evaluate(
-                env, policies={"random": "random", "first": "first-legal"},
-                episodes=min(episodes, 60), workers=count, out=folder, crossplay=True,
-            )  # fmt: skip
+                env,
+                policies={"random": "random", "first": "first-legal"},
+                episodes=min(episodes, 60),
+                workers=count,
+                out=folder,
+                crossplay=True,
+            )
             digest = blake2b(digest_size=8)
             for name in ("evaluation.json", "episodes.parquet"):
                 digest.update((Path(folder) / name).read_bytes())

@@ -13,17 +13,19 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
-from gamekeeper.core.evaluation.bootstrap import expanded, reach
-from gamekeeper.core.evaluation.environments import over_environments
-from gamekeeper.core.evaluation.interval import Statistic
-from gamekeeper.core.evaluation.iqm import interquartile_mean
-from gamekeeper.core.evaluation.one_sample import around
-from gamekeeper.core.evaluation.order_statistics import quantile, ranks
-from gamekeeper.core.evaluation.runs import difference_over_runs, kept_runs
-from gamekeeper.core.evaluation.runs import over_runs as method
-from gamekeeper.core.evaluation.shared_seeds import Crossed, reach_of_seeds, too_long
-from gamekeeper.core.evaluation.skewed import reach_of_mean
-from gamekeeper.core.evaluation.student import hypotenuse
+from gamekeeper.statistics.aggregates import over_environments
+from gamekeeper.statistics.interval import Statistic
+from gamekeeper.statistics.one_sample import around, quantile, ranks, reach_of_mean
+from gamekeeper.statistics.resampling import expanded, interquartile_mean, reach
+from gamekeeper.statistics.student import hypotenuse
+from gamekeeper.statistics.training_runs import (
+    Crossed,
+    difference_over_runs,
+    kept_runs,
+    reach_of_seeds,
+    too_long,
+)
+from gamekeeper.statistics.training_runs import over_runs as method
 
 RESAMPLES = 999
 """In place of the package's 4,999."""

@@ -7,9 +7,10 @@ Prints a JSON line for each claim, distribution and n: `held`, the part of the s
 whose 95 % interval holds the truth (in percent); where there is one, `usual`, what the usual way
 holds there (the percentile bootstrap, both levels resampled, Student's interval looked at after
 each episode until it is narrow); where values come in lumps, `least`, what any interval covers at
-least (`evaluation_lattice.py`). The second line above makes the tables of docs/statistics.md of it,
-with all cells outside 93 and 97 %. The intervals are the package's own, with 999 resamples in place
-of 4,999, for many experiments at once (`evaluation_batch.py`).
+least (`evaluation_lattice.py`). The second line above makes the tables of
+docs/reference/coverage.md of it, with all cells outside 93 and 97 %. The intervals are the
+package's own, with 999 resamples in place of 4,999, for many experiments at once
+(`evaluation_batch.py`).
 """
 
 from __future__ import annotations
@@ -29,12 +30,15 @@ from evaluation_lattice import of_estimates, of_iqm_of_two, of_quantile
 from evaluation_tables import outside, table
 from numpy.random import Generator
 
-from gamekeeper.core.evaluation import bootstrap, iqm, strata
-from gamekeeper.core.evaluation import environments as environments_module
-from gamekeeper.core.evaluation.confidence_sequence import ConfidenceSequence
-from gamekeeper.core.evaluation.environments import aggregate, over_environments
-from gamekeeper.core.evaluation.improvement import improvement, probability_of_improvement
-from gamekeeper.core.evaluation.narrowing import Narrowing
+from gamekeeper.statistics import aggregates as environments_module
+from gamekeeper.statistics import resampling
+from gamekeeper.statistics.aggregates import (
+    aggregate,
+    improvement,
+    over_environments,
+    probability_of_improvement,
+)
+from gamekeeper.statistics.confidence_sequence import ConfidenceSequence, Narrowing
 
 Line = dict[str, Any]
 
@@ -234,7 +238,7 @@ def stratified_percentile(scores: dict[str, Any], statistic: str, rng: Generator
     if statistic == "iqm":  # by index, because the order of all scores differs by experiment
         places = [rng.integers(0, each.shape[1], (199, each.shape[1])) for each in strata]
         drawn = [each[:, place] for each, place in zip(strata, places, strict=True)]
-        found = iqm.middle(np.concatenate(drawn, axis=2)).mean(axis=2)
+        found = resampling.middle(np.concatenate(drawn, axis=2)).mean(axis=2)
         return np.quantile(found, [0.025, 0.975], axis=1)
     if statistic == "optimality_gap":
         strata = [1 - np.minimum(each, 1) for each in strata]
@@ -374,7 +378,7 @@ def main() -> None:
         lines = [json.loads(line) for line in options.table.read_text().splitlines()]
         print("\n".join([*table(lines), *outside(lines)]))
         return
-    for module in (bootstrap, iqm, strata, environments_module):
+    for module in (resampling, resampling, resampling, environments_module):
         module.RESAMPLES = 999
     batch.same()
     for part in options.only or PARTS:

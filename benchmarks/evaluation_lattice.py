@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from gamekeeper.core.evaluation.student import binomial_at_most
+from gamekeeper.statistics.student import binomial_at_most
 
 LOWEST = 0.93
 """What an interval has to cover everywhere."""

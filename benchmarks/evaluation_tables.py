@@ -1,4 +1,4 @@
-"""Tables of docs/statistics.md, of the lines that `evaluation_coverage.py` prints."""
+"""Tables of docs/reference/coverage.md, of the lines that `evaluation_coverage.py` prints."""
 
 from __future__ import annotations
 

@@ -68,23 +68,27 @@ def tell(measured: dict[str, Any]) -> None:
 
 def tasks(count: int) -> dict[str, Any]:
     """Tasks a second, and the driver's memory on the way."""
-    from gamekeeper.run.executors.local import LocalExecutor
-    from gamekeeper.run.executors.task import Task
+    from gamekeeper.rollouts.executors.local import LocalExecutor
+    from gamekeeper.rollouts.executors.task import WorkTask
 
     call = f"{Path(__file__).stem}:null"
     marks = {max(count // 100, 1): 0.0, max(count // 2, 1): 0.0, count: 0.0}
     before_s, began_s = cpu_s(), time.perf_counter()
-    drawn = (Task(f"null-{number}", call, {"number": number}) for number in range(count))
+    drawn = (WorkTask(f"null-{number}", call, {"number": number}) for number in range(count))
     for done, end in enumerate(LocalExecutor(WORKERS).map(drawn), start=1):
         assert end.outcome.status == "done", end
         if done in marks:
             marks[done] = rss_mb()
     wall_s = time.perf_counter() - began_s
     return {
-        "measure": "tasks", "tasks": count, "workers": WORKERS, "wall_s": round(wall_s, 2),
-        "tasks_per_s": round(count / wall_s), "cpu_s": round(cpu_s() - before_s, 2),
+        "measure": "tasks",
+        "tasks": count,
+        "workers": WORKERS,
+        "wall_s": round(wall_s, 2),
+        "tasks_per_s": round(count / wall_s),
+        "cpu_s": round(cpu_s() - before_s, 2),
         "driver_rss_mb": {str(done): rss for done, rss in marks.items()},
-    }  # fmt: skip
+    }
 
 
 def record(folder: Path, episodes: int, rounds: int, seed: int) -> dict[str, Any]:
@@ -95,17 +99,21 @@ def record(folder: Path, episodes: int, rounds: int, seed: int) -> dict[str, Any
             _, times = recorded(folder / f"{number}-{workers}", episodes, seed, workers)
             found.append(times)
     medians = {
-        workers: {name: round(statistics.median(each[name] for each in found), 2)
-                  for name in found[0]}
+        workers: {
+            name: round(statistics.median(each[name] for each in found), 2) for name in found[0]
+        }
         for workers, found in measured.items()
-    }  # fmt: skip
+    }
     return {
-        "measure": "record", "environment": SPREAD, "episodes": episodes, "rounds": rounds,
+        "measure": "record",
+        "environment": SPREAD,
+        "episodes": episodes,
+        "rounds": rounds,
         "load": round(os.getloadavg()[0], 1),
         "by_workers": {str(workers): times for workers, times in medians.items()},
         "speedup": round(medians[1]["wall_s"] / medians[WORKERS]["wall_s"], 2),
         "speedup_playing": round(medians[1]["playing_s"] / medians[WORKERS]["playing_s"], 2),
-    }  # fmt: skip
+    }
 
 
 def two_loops(folder: Path, episodes: int, rounds: int) -> dict[str, Any]:
@@ -124,10 +132,13 @@ def two_loops(folder: Path, episodes: int, rounds: int) -> dict[str, Any]:
             assert codes == [0] * count, codes
     medians = {count: round(statistics.median(found), 2) for count, found in seen.items()}
     return {
-        "measure": "two_loops", "environment": SPREAD, "episodes": episodes, "rounds": rounds,
+        "measure": "two_loops",
+        "environment": SPREAD,
+        "episodes": episodes,
+        "rounds": rounds,
         "by_processes": {str(count): wall_s for count, wall_s in medians.items()},
         "ceiling": round(medians[1] / medians[WORKERS], 2),
-    }  # fmt: skip
+    }
 
 
 def same(folder: Path, episodes: int, seed: int) -> dict[str, Any]:
@@ -141,18 +152,23 @@ def same(folder: Path, episodes: int, seed: int) -> dict[str, Any]:
     prints["2, one killed"], told = recorded(folder / "same-killed", episodes, seed, 2)
     killer.join()
     return {
-        "measure": "same", "episodes": episodes, "fingerprints": sorted(set(prints.values())),
-        "is_same": len(set(prints.values())) == 1, "ways": list(prints), "deaths": told["deaths"],
-    }  # fmt: skip
+        "measure": "same",
+        "episodes": episodes,
+        "fingerprints": sorted(set(prints.values())),
+        "is_same": len(set(prints.values())) == 1,
+        "ways": list(prints),
+        "deaths": told["deaths"],
+    }
 
 
 def recorded(out: Path, episodes: int, seed: int, workers: int) -> tuple[str, dict[str, float]]:
     """The fingerprint of a recording, and what it took."""
     import gamekeeper as gk
-    from gamekeeper.record.parts.apart import record_apart
-    from gamekeeper.record.parts.plan import Plan, parts_folder
-    from gamekeeper.run.executors.local import LocalExecutor
-    from gamekeeper.run.executors.storage import Storage
+    from gamekeeper.rollouts.executors.local import LocalExecutor
+    from gamekeeper.rollouts.executors.storage import Storage
+    from gamekeeper.rollouts.rollout_plan import RolloutPlan
+    from gamekeeper.runs.parts.fan_out import record_apart
+    from gamekeeper.runs.parts.part_plan import parts_folder
 
     last_s = [0.0]
 
@@ -162,24 +178,28 @@ def recorded(out: Path, episodes: int, seed: int, workers: int) -> tuple[str, di
 
     before_s, began_s, deaths = cpu_s(), time.perf_counter(), 0
     if workers:
-        plan = Plan(
-            spec=SPREAD, env_kwargs={}, policies={}, episodes=episodes, seed=seed, options=None,
-            level="full", frames=False, most_turns=None, contract=None,
-        )  # fmt: skip
+        plan = RolloutPlan(spec=SPREAD, episodes=episodes, seed=seed)
         with LocalExecutor(workers) as executor:
             done = record_apart(
-                plan, out, executor=executor, on_message=take,
-                storage=Storage.at(parts_folder(out)),
-            )  # fmt: skip
+                plan, out, executor=executor, on_message=take, storage=Storage.at(parts_folder(out))
+            )
         deaths = done.deaths
     else:
-        gk.rollout(SPREAD, episodes=episodes, seed=seed, out=out,
-                   after_episode=lambda done: take({"episode": done}))  # fmt: skip
+        gk.rollout(
+            SPREAD,
+            episodes=episodes,
+            seed=seed,
+            out=out,
+            after_episode=lambda done: take({"episode": done}),
+        )
     ended_s = time.perf_counter()
     return gk.load(out).fingerprint, {
-        "wall_s": ended_s - began_s, "playing_s": last_s[0] - began_s,
-        "merging_s": ended_s - last_s[0], "cpu_s": cpu_s() - before_s, "deaths": float(deaths),
-    }  # fmt: skip
+        "wall_s": ended_s - began_s,
+        "playing_s": last_s[0] - began_s,
+        "merging_s": ended_s - last_s[0],
+        "cpu_s": cpu_s() - before_s,
+        "deaths": float(deaths),
+    }
 
 
 def kill_one(parts: Path) -> None:

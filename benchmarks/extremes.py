@@ -28,9 +28,9 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete
 
 import gamekeeper as gk
-from gamekeeper.game.open import open_env
-from gamekeeper.record.replay import replay_evidence
-from gamekeeper.record.verify import verify
+from gamekeeper.interface.opening import open_env
+from gamekeeper.runs.comparison import replay_evidence
+from gamekeeper.runs.run_check import verify
 
 Part: TypeAlias = "Callable[[Turns, Path, argparse.Namespace], dict[str, Any]]"
 
@@ -58,7 +58,7 @@ class Turns(gk.TurnEnv):
     def act(self, agent: Any, action: Any) -> None:
         """Pays the agent in turn."""
         self.taken += 1
-        self.pay(agent, self.final if self.taken >= self.most else 1.0)
+        self.add_reward(agent, self.final if self.taken >= self.most else 1.0)
         if self.taken >= self.most:
             for each in list(self.agents):
                 self.terminate(each, "over")
@@ -107,13 +107,19 @@ def measured(given: argparse.Namespace) -> dict[str, Any]:
     told = PARTS[given.part](game, run, given)
     peak_mb, after_s = used()
     return {
-        "part": given.part, "level": given.level, "turns": given.turns, "agents": given.agents,
-        "observation_mb": given.observation_mb, **told,
+        "part": given.part,
+        "level": given.level,
+        "turns": given.turns,
+        "agents": given.agents,
+        "observation_mb": given.observation_mb,
+        **told,
         "cpu_s": round(after_s - cpu_s, 2),
-        "wall_s": round(time.monotonic() - begun_s, 2), "before_mb": round(before_mb),
-        "peak_mb": round(peak_mb), "disk_mb": round(sum(map(size_of, files_in(run))) / 1e6, 1),
+        "wall_s": round(time.monotonic() - begun_s, 2),
+        "before_mb": round(before_mb),
+        "peak_mb": round(peak_mb),
+        "disk_mb": round(sum(map(size_of, files_in(run))) / 1e6, 1),
         "load": round(os.getloadavg()[0], 1),
-    }  # fmt: skip
+    }
 
 
 def used() -> tuple[float, float]:
@@ -137,7 +143,10 @@ def recorded(game: Turns, run: Path, given: argparse.Namespace) -> dict[str, Any
     """One episode, whole."""
     play(game, run, given)
     evidence = gk.load(run)
-    return {"status": evidence.manifest["status"], "played": evidence.episodes["turns"].to_pylist()}
+    return {
+        "status": evidence.manifest["status"],
+        "played": evidence.episode_table["turns"].to_pylist(),
+    }
 
 
 def play(game: Turns, run: Path, given: argparse.Namespace) -> None:
@@ -179,9 +188,9 @@ def recorded_again(game: Turns, run: Path, given: argparse.Namespace) -> dict[st
 
 def viewed(game: Turns, run: Path, given: argparse.Namespace) -> dict[str, Any]:
     """What a browser asks for when it opens `gamekeeper view`: the page, its list, the episode."""
-    from gamekeeper.adapters.view.shelf import Shelf
+    from gamekeeper.viewing.viewer import ServedRuns
 
-    shelf = Shelf([run])
+    shelf = ServedRuns([run])
     sizes = [len(shelf.page("/").body), len(json.dumps(shelf.index("")))]
     episode = shelf.episode("a", 0)
     return {"bytes": [*sizes, 0 if episode is None else len(episode.body)]}
@@ -203,14 +212,20 @@ def of_command(command: str, *words: object) -> Part:
     return part
 
 
-SUM: Final = "SELECT agent, sum(reward) FROM steps GROUP BY agent"
+SUM: Final = "SELECT agent, sum(reward) FROM agent_steps GROUP BY agent"
 PARTS: dict[str, Part] = {
-    "record": recorded, "open": opened, "verify": verified, "replay": replayed,
-    "show": of_command("show"), "query": of_command("query", SUM), "second": recorded_again,
+    "record": recorded,
+    "open": opened,
+    "verify": verified,
+    "replay": replayed,
+    "show": of_command("show"),
+    "query": of_command("query", SUM),
+    "second": recorded_again,
     "diff": of_command("diff", "{}/other"),
-    "report": of_command("report", "--out", "{}/report.html"), "view": viewed,
+    "report": of_command("report", "--out", "{}/report.html"),
+    "view": viewed,
     "export": of_command("export", "--to", "numpy", "--out", "{}/run.npz"),
-}  # fmt: skip
+}
 
 
 if __name__ == "__main__":

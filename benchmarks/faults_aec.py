@@ -173,8 +173,13 @@ class last_turn_skipped(Auction):
                 continue
             self.agent_selection = self.after(agent)
             self.agents.remove(agent)
-            for books in (self.rewards, self._cumulative_rewards, self.terminations,
-                          self.truncations, self.infos):  # fmt: skip
+            for books in (
+                self.rewards,
+                self._cumulative_rewards,
+                self.terminations,
+                self.truncations,
+                self.infos,
+            ):
                 del books[agent]
 
     def after(self, agent: str) -> str:

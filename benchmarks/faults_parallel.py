@@ -265,12 +265,12 @@ class copy_shares_the_dice(Orchard):
         """Copies all else."""
         import copy
 
-        twin = type(self)()
-        memo[id(self)] = twin
+        copied = type(self)()
+        memo[id(self)] = copied
         kept = {name: value for name, value in vars(self).items() if name != "rng"}
-        vars(twin).update(copy.deepcopy(kept, memo))
-        twin.rng = self.rng
-        return twin
+        vars(copied).update(copy.deepcopy(kept, memo))
+        copied.rng = self.rng
+        return copied
 
 
 class joins_late(Orchard):

@@ -29,15 +29,21 @@ from types import SimpleNamespace
 from typing import Final
 
 from gamekeeper.cli import main
-from gamekeeper.record.recording import rollout
-from gamekeeper.run import worker_main, worker_process
+from gamekeeper.rollouts import worker_main, worker_process
+from gamekeeper.runs.recording import rollout
 
 IMPORTED: Final = (
-    "gamekeeper.cli._app", "gamekeeper.cli.record", "gamekeeper.cli._fan",
-    "gamekeeper.record.bundle", "gamekeeper.record.parts.apart", "gamekeeper.record.parts.merge",
-    "gamekeeper.record.parts.play", "gamekeeper.record.recover", "gamekeeper.envs.two_robot_line",
-    "gamekeeper.run.executors.local", "pyarrow.parquet",
-)  # fmt: skip
+    "gamekeeper.cli._app",
+    "gamekeeper.cli.rollout",
+    "gamekeeper.cli._fan",
+    "gamekeeper.runs.load_run",
+    "gamekeeper.runs.parts.fan_out",
+    "gamekeeper.runs.parts.part_tasks",
+    "gamekeeper.runs.run_check",
+    "gamekeeper.tasks.two_robot_line",
+    "gamekeeper.rollouts.executors.local",
+    "pyarrow.parquet",
+)
 TASK: Final = "two_robot_line"
 LOOK_S: Final = 0.002
 
@@ -171,9 +177,12 @@ def forks(*modules: str, is_cold: bool = False) -> Iterator[Forks]:
     # OpenBLAS ends its threads before a fork, and waits for ever where two threads fork at once.
     environment = {**os.environ, "PYTHONPATH": path, "OPENBLAS_NUM_THREADS": "1"}
     with subprocess.Popen(
-        [sys.executable, __file__, *flags, *modules], env=environment,
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-    ) as process:  # fmt: skip
+        [sys.executable, __file__, *flags, *modules],
+        env=environment,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
         yield Forks(process)
 
 

@@ -5,7 +5,8 @@
 Inputs are real ones, damaged: bits flipped, pieces cut out, doubled, moved from one file to
 another, numbers and words put in that parsers trip over; where the input is JSON, Parquet or Arrow,
 half of them are altered instead: other values, types, columns, rows in a form that is still right.
-Of sealed bundles the hashes are computed again after that, so that it isn't the seal that finds it.
+Of finalized runs the hashes are computed again after that, so that it isn't the checksums that
+finds it.
 An input that brings out anything but an error of `gamekeeper.errors` is kept in the corpus' folder
 and printed; the exit code is 1 then. A process that dies (the input is in the corpus' folder too),
 or takes more than two seconds of processor time over one input, counts too.
@@ -41,12 +42,26 @@ STUCK_S: Final = 120
 REARMED_S: Final = 1.0
 """How long one input's time may count towards the next one's, in seconds."""
 SHARES: Final = {
-    "contract": 0.08, "contract-data": 0.08, "spec": 0.12, "spec-data": 0.12, "condition": 0.15,
-    "options": 0.1, "manifest": 0.12, "space": 0.06, "notes": 0.03, "receipt": 0.04,
-    "evaluation": 0.03, "footer": 0.039, "bundle-line": 0.006, "bundle-turns": 0.006,
-    "bundle-games": 0.006, "bundle-open": 0.006, "commands": 0.003, "lines": 0.004,
-}  # fmt: skip
-"""Of all inputs; a bundle takes a hundred times as long as a contract."""
+    "contract": 0.08,
+    "contract-data": 0.08,
+    "spec": 0.12,
+    "spec-data": 0.12,
+    "condition": 0.15,
+    "options": 0.1,
+    "manifest": 0.12,
+    "space": 0.06,
+    "notes": 0.03,
+    "receipt": 0.04,
+    "evaluation": 0.03,
+    "footer": 0.039,
+    "run-line": 0.006,
+    "run-turns": 0.006,
+    "run-games": 0.006,
+    "run-open": 0.006,
+    "commands": 0.003,
+    "lines": 0.004,
+}
+"""Of all inputs; a run takes a hundred times as long as a contract."""
 
 Sample = Callable[[], tuple[str, bytes, Callable[[], Any]]]
 """Gives a label, the damaged bytes, and what reads them."""
@@ -55,10 +70,13 @@ Sample = Callable[[], tuple[str, bytes, Callable[[], Any]]]
 def sampler(target: str, places: Places, rng: random.Random) -> Sample:
     """What makes inputs of a target."""
     if target in TARGETS:
-        inputs = inputs_of(target, places.sealed, places.evaluated)
+        inputs = inputs_of(target, places.finalized, places.evaluated)
         read = reader(target, places.of_texts())
-        plain = [json.loads(data.split(b"\n")[0] if target == "notes" else data)
-                 for data in inputs if target in PLAIN]  # fmt: skip
+        plain = [
+            json.loads(data.split(b"\n")[0] if target == "notes" else data)
+            for data in inputs
+            if target in PLAIN
+        ]
 
         def text() -> tuple[str, bytes, Callable[[], Any]]:
             if plain and rng.random() < 0.5:
@@ -72,12 +90,12 @@ def sampler(target: str, places: Places, rng: random.Random) -> Sample:
         return lambda: places.line(rng)
     if target == "commands":
         return lambda: places.command(rng)
-    bundle = places.bundle(target.removeprefix("bundle-"))
+    run_files = places.run_files(target.removeprefix("run-"))
 
     def file() -> tuple[str, bytes, Callable[[], Any]]:
-        name, data = (bundle.damage if rng.random() < 0.5 else bundle.alter)(rng)
+        name, data = (run_files.damage if rng.random() < 0.5 else run_files.alter)(rng)
         with_hashes = rng.random() < 0.8
-        return name, data, lambda: bundle.read(name, data, with_hashes=with_hashes)
+        return name, data, lambda: run_files.read(name, data, with_hashes=with_hashes)
 
     return file
 
@@ -94,7 +112,7 @@ def play_again(places: Places, found: Path) -> None:
     elif target == "commands":
         places.command_again(label, data)
     else:
-        places.bundle(target.removeprefix("bundle-")).read(label, data, with_hashes=True)
+        places.run_files(target.removeprefix("run-")).read(label, data, with_hashes=True)
 
 
 def told(error: BaseException) -> str:
@@ -158,11 +176,14 @@ def run(target: str, inputs: int, sample: Sample, corpus: Corpus) -> dict[str, A
     faulthandler.cancel_dump_traceback_later()
     corpus.end()
     return {
-        "target": target, "inputs": inputs, "refused": refused,
+        "target": target,
+        "inputs": inputs,
+        "refused": refused,
         "read": inputs - refused - sum(found.values()),
-        "cpu_s": round(time.process_time() - begun_s, 1), "slowest_s": round(slowest_s, 2),
+        "cpu_s": round(time.process_time() - begun_s, 1),
+        "slowest_s": round(slowest_s, 2),
         "other_errors": found,
-    }  # fmt: skip
+    }
 
 
 def main() -> int:

@@ -39,34 +39,46 @@ from typing import Any, Final
 from unittest.mock import patch
 
 from gamekeeper.errors import GamekeeperError
-from gamekeeper.game.open import open_env
-from gamekeeper.record.bundle import load
-from gamekeeper.record.files.store import Store
-from gamekeeper.record.recording import record, rollout
+from gamekeeper.interface.opening import open_env
+from gamekeeper.runs.files.store import RunStore
+from gamekeeper.runs.load_run import load
+from gamekeeper.runs.recording import record, rollout
 
 TASK: Final = "two_robot_line"
 END_S: Final = 60.0
 """How long an interrupted command may take: 10 s of grace for its task, times a busy machine."""
 MARK: Final = "GAMEKEEPER_INTERRUPTED_BY"
 COMMANDS: Final[dict[str, tuple[str, ...]]] = {
-    "record": ("record", TASK, "--episodes", "60", "--out", "new"),
-    "record-workers": ("record", TASK, "--episodes", "8", "--workers", "2", "--out", "new"),
+    "record": ("rollout", TASK, "--episodes", "60", "--out", "new"),
+    "record-workers": ("rollout", TASK, "--episodes", "8", "--workers", "2", "--out", "new"),
     "run": ("run", TASK, "--episodes", "20", "--out", "new"),
     "replay": ("replay", "line"),
     "audit": ("audit", TASK, "--quick"),
     "diagnose": ("diagnose", "line", "--budget", "200"),
     "attribute": ("attribute", "line", "--episodes", "2", "--papers", "1"),
-    "evaluate": ("evaluate", TASK, "--policy", "reference", "--policy", "random",
-                 "--episodes", "8", "--workers", "2", "--out", "evaluation"),
+    "evaluate": (
+        "evaluate",
+        TASK,
+        "--policy",
+        "reference",
+        "--policy",
+        "random",
+        "--episodes",
+        "8",
+        "--workers",
+        "2",
+        "--out",
+        "evaluation",
+    ),
     "report": ("report", "line", "--out", "report.html"),
-    "query": ("query", "line", "select agent, sum(reward) from steps group by agent"),
+    "query": ("query", "line", "select agent, sum(reward) from agent_steps group by agent"),
     "video": ("video", "warehouse", "--render", "--out", "film.gif"),
     "view": ("view", "line", "--no-browser"),
     "recover": ("recover", "torn"),
     "diff": ("diff", "line", "other"),
     "verify": ("verify", "line"),
     "export": ("export", "line", "--to", "numpy", "--out", "exported.npz"),
-}  # fmt: skip
+}
 ENDLESS: Final = {"view": 3.0}
 """Commands that only Ctrl-C ends, with the part of their life that is looked at, in seconds."""
 LEFT: Final = {"record-workers": {"new-parts"}}
@@ -79,7 +91,7 @@ import gamekeeper.cli._app
 for package in sys.argv[1:]:
     for info in pkgutil.iter_modules(importlib.import_module(package).__path__, f"{package}."):
         importlib.import_module(info.name)
-import gamekeeper.record.parts.apart, gamekeeper.record.bundle, gamekeeper.record.recover
+import gamekeeper.runs.parts.fan_out, gamekeeper.runs.load_run, gamekeeper.runs.run_check
 from gamekeeper.cli import main
 
 for line in sys.stdin:
@@ -167,10 +179,13 @@ class _Cold:
     def __init__(self, bench: Bench, words: tuple[str, ...]) -> None:
         with (bench.base / "said").open("wb") as said:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "gamekeeper", *words], cwd=bench.base / "work",
+                [sys.executable, "-m", "gamekeeper", *words],
+                cwd=bench.base / "work",
                 env={**os.environ, "PYTHONPATH": _path(), **dict([bench.mark()])},
-                stdin=subprocess.DEVNULL, stdout=said, stderr=said,
-            )  # fmt: skip
+                stdin=subprocess.DEVNULL,
+                stdout=said,
+                stderr=said,
+            )
         self.pid = self._process.pid
 
     def is_there(self) -> bool:
@@ -223,9 +238,12 @@ def bench(*, seed: int, is_cold: bool = False) -> Iterator[Bench]:
             return
         environment = {**os.environ, "PYTHONPATH": f"{base / 'without'}{os.pathsep}{_path()}"}
         with subprocess.Popen(
-            [sys.executable, "-c", FORKS, "gamekeeper.cli"], env=environment,
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-        ) as forks:  # fmt: skip
+            [sys.executable, "-c", FORKS, "gamekeeper.cli"],
+            env=environment,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        ) as forks:
             yield Bench(forks, base, random.Random(seed))
 
 
@@ -234,7 +252,7 @@ def _make_ready(folder: Path) -> None:
     rollout(TASK, episodes=20, seed=0, out=folder / "line")
     rollout(TASK, episodes=20, seed=1, out=folder / "other")
     rollout("warehouse", episodes=1, seed=0, out=folder / "warehouse", most_turns=40)
-    with patch.object(Store, "seal", lambda self, manifest: self.abandon()):
+    with patch.object(RunStore, "finalize", lambda self, manifest: self.abandon()):
         env = record(open_env(TASK).env, folder / "torn")
         for seed in range(100):
             env.reset(seed=seed)
@@ -276,9 +294,13 @@ def interrupted(
             strays = _strays(made.base, results | LEFT.get(name, set()))
             sys.stderr.write(f"{name}: not {broken}, code {code}, {strays}\n{made.said}\n")
     return {
-        "figure": "interrupt", "command": name, "instants": instants, "life_s": round(life_s, 2),
-        **counts, "end_s_max": round(max(ends), 2),
-    }  # fmt: skip
+        "figure": "interrupt",
+        "command": name,
+        "instants": instants,
+        "life_s": round(life_s, 2),
+        **counts,
+        "end_s_max": round(max(ends), 2),
+    }
 
 
 def is_whole(figures: dict[str, Any]) -> bool:
@@ -307,7 +329,7 @@ def _strays(base: Path, known: set[str]) -> list[str]:
     for path in work.iterdir():
         is_open = path.is_dir() and _status(path) == "open"
         if path.name in known | {"torn"} and (is_open or path.name.endswith("-parts")):
-            continue  # what an open bundle holds is what `recover` takes
+            continue  # what an open run holds is what `recover` takes
         found += [str(p.relative_to(work)) for draft in DRAFTS for p in path.rglob(draft)]
     return found
 

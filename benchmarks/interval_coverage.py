@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
-from gamekeeper.core.paired import paired_effect
+from gamekeeper.statistics.paired import paired_effect
 
 Draw = Callable[[Generator, int], Any]
 

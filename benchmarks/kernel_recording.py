@@ -1,7 +1,7 @@
 """What recording a kernel batch costs beside the bare batch, an agent-step.
 
 Random legal actions, whose choice isn't timed; both levels; the same run bare and recorded, one
-after the other, medians of several rounds. Closing (sealing, Parquet) is timed apart. With
+after the other, medians of several rounds. Closing (finalizing, Parquet) is timed apart. With
 `--serial` the serial engine's recording of the same copies beside it.
 
 One JSON line a task, level and number of copies: {"figure", "task", "engine", "level", "copies",
@@ -64,12 +64,19 @@ def once(task: str, engine: str, copies: int, level: str, agent_steps: int) -> d
         size = sum(file.stat().st_size for file in out.rglob("*") if file.is_file())
     assert done == also
     parts = {
-        "bare": bare_s, "recorded": recorded_s, "overhead": recorded_s - bare_s,
+        "bare": bare_s,
+        "recorded": recorded_s,
+        "overhead": recorded_s - bare_s,
         "overhead_cpu": busy_s - idle_s,
-    }  # fmt: skip
+    }
     found = {f"{name}_us": seconds / done * 1e6 for name, seconds in parts.items()}
-    return {**found, "close_us": close_s / done * 1e6, "bytes": size / done, "steps": steps,
-            "agent_steps": done}  # fmt: skip
+    return {
+        **found,
+        "close_us": close_s / done * 1e6,
+        "bytes": size / done,
+        "steps": steps,
+        "agent_steps": done,
+    }
 
 
 def main() -> int:
@@ -94,10 +101,19 @@ def main() -> int:
                         name: round(statistics.median(each[name] for each in rounds), 3)
                         for name in rounds[0]
                     }
-                    print(json.dumps({
-                        "figure": FIGURE, "task": task, "engine": engine, "level": level,
-                        "copies": copies, **medians,
-                    }), flush=True)  # fmt: skip
+                    print(
+                        json.dumps(
+                            {
+                                "figure": FIGURE,
+                                "task": task,
+                                "engine": engine,
+                                "level": level,
+                                "copies": copies,
+                                **medians,
+                            }
+                        ),
+                        flush=True,
+                    )
     return 0
 
 

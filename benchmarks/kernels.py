@@ -10,7 +10,7 @@ built here with g++ -O3 -march=native, and `--check` compares what it shows and 
     python benchmarks/kernels.py --peer jaxmarl=PATH/bin/python --peer vmas=... --peer jumanji=...
     python benchmarks/kernels.py --only face|compile|memory|threads|check
 
-Peers live in environments of their own: benchmarks/peers/*.txt lock them, the scripts
+Peers live in environments of their own: benchmarks/peers/*.in name them, the scripts
 kernel_peers_*.py beside these say how they are called.
 
 One JSON line a subject: {"figure", "task", "subject", "envs", "threads", "agent_steps_per_s",
@@ -35,6 +35,8 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
+
+from gamekeeper.kernels.batch import Batch
 
 FIGURE: Final = "kernels"
 HERE: Final = Path(__file__).parent
@@ -66,9 +68,19 @@ LONG: Final = 10**8
 # -- one subject, in a process of its own
 
 
+MODULES: Final = {
+    "foraging": "foraging.foraging",
+    "robotic_warehouse": "robotic_warehouse.robotic_warehouse",
+    "spread": "particles.spread",
+    "two_robot_line": "two_robot_line",
+    "warehouse": "warehouse.warehouse",
+}
+"""Module of each task, below `gamekeeper.tasks`."""
+
+
 def kernel_of(task: str) -> Any:
-    """The kernel of a task."""
-    module = importlib.import_module(f"gamekeeper.envs.{task}")
+    """Kernel of a task."""
+    module = importlib.import_module(f"gamekeeper.tasks.{MODULES[task]}")
     return getattr(module, f"{task}_kernel")(**ARGUMENTS[task])
 
 
@@ -77,7 +89,7 @@ def stepper(task: str, envs: int, threads: int) -> Any:
     import numpy as np
 
     kernel = kernel_of(task)
-    batch = kernel.batch(envs, threads=threads)
+    batch = Batch(kernel, envs, threads=threads)
     batch.reset(0)
     rng, drawn = np.random.default_rng(0), []
     for _ in range(DRAWN):
@@ -146,7 +158,7 @@ def face(task: str, envs: int, threads: int, seconds: float) -> dict[str, Any]:
     import numpy as np
 
     sys.path.insert(0, str(HERE.parent))
-    from gamekeeper.envs.two_robot_line import TwoRobotLine
+    from gamekeeper.tasks.two_robot_line import TwoRobotLine
     from tests.references.two_robot_line import TwoRobotLine as ByHand
 
     both, best = {"face": TwoRobotLine(), "by_hand": ByHand()}, {"face": 1.0, "by_hand": 1.0}
@@ -173,7 +185,7 @@ def start(task: str, envs: int, threads: int, seconds: float) -> dict[str, Any]:
     import numba  # noqa: F401  # its import is a part of the figure
 
     imported = time.process_time()
-    batch = kernel_of(task).batch(64)
+    batch = Batch(kernel_of(task), 64)
     ours = time.process_time()
     batch.reset(0)
     batch.step()
@@ -226,9 +238,19 @@ class Bench:
     def ours(self, task: str, subject: str, envs: int, threads: int = 1) -> list[str]:
         """The command of one of our subjects."""
         return [
-            sys.executable, __file__, "--subject", subject, "--tasks", task, "--envs", str(envs),
-            "--threads", str(threads), "--seconds", str(self.asked.seconds),
-        ]  # fmt: skip
+            sys.executable,
+            __file__,
+            "--subject",
+            subject,
+            "--tasks",
+            task,
+            "--envs",
+            str(envs),
+            "--threads",
+            str(threads),
+            "--seconds",
+            str(self.asked.seconds),
+        ]
 
     def built(self, task: str) -> str | None:
         """The C++ program of a task; None where there is none, or nothing to build it with."""
@@ -259,9 +281,15 @@ class Bench:
                 more = ["--task", task] if SCRIPTS[task] == "grid" else []
                 for envs in [16] if peer in PYTHON_PEERS else [64, *self.asked.envs]:
                     command = [
-                        peers[peer], script, peer, *more, "--envs", str(envs),
-                        "--seconds", str(self.asked.seconds),
-                    ]  # fmt: skip
+                        peers[peer],
+                        script,
+                        peer,
+                        *more,
+                        "--envs",
+                        str(envs),
+                        "--seconds",
+                        str(self.asked.seconds),
+                    ]
                     self.run(task, peer, command, envs, 1)
 
     def threads(self) -> None:
@@ -290,9 +318,12 @@ class Bench:
                     more = {"NUMBA_CACHE_DIR": cache, "XDG_CACHE_HOME": cache}
                     environment = {**os.environ, **more}
                     done = subprocess.run(
-                        self.ours(task, "start", 64), env=environment,
-                        capture_output=True, text=True, check=True,
-                    )  # fmt: skip
+                        self.ours(task, "start", 64),
+                        env=environment,
+                        capture_output=True,
+                        text=True,
+                        check=True,
+                    )
                     self.best[task, name, 64, 1] = json.loads(done.stdout.splitlines()[-1])
 
     def same(self) -> None:
@@ -317,12 +348,12 @@ def checked(task: str, program: str, envs: int = 64, steps: int = 1000) -> bool:
     """Whether C++ shows and pays what ours does."""
     import numpy as np
 
-    from gamekeeper.core.episode_seeds import EpisodeSeeds
+    from gamekeeper.randomness.seeds import EpisodeSeeds
 
     seeds, kernel = EpisodeSeeds(5), kernel_of(task)
     command = [program, str(envs), "check", str(seeds.pool), str(seeds.constant)]
     theirs = json.loads(subprocess.run(command, capture_output=True, check=True).stdout)
-    batch = kernel.batch(envs, seed=5)
+    batch = Batch(kernel, envs, seed=5)
     batch.reset()
     (group,) = kernel.groups
     count, state, numbers = 64 * envs * group.count, 12345, []

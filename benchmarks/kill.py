@@ -2,10 +2,10 @@
 
 `--who writer`: a process that records itself. A small environment appends every turn that it
 finished to a log of its own, with fsync and the time of the wall clock; a turn takes 1 to 3 ms. The
-process is killed at a random instant, its bundle is read, recovered and replayed, and what the log
+process is killed at a random instant, its run is read, recovered and replayed, and what the log
 has beyond the evidence is what was lost: how long before the kill its oldest turn was finished.
 
-`--who parent`, `worker`, `merger`: one of the processes of `gamekeeper record --workers 2`; see
+`--who parent`, `worker`, `merger`: one of the processes of `gamekeeper rollout --workers 2`; see
 `benchmarks/kill_apart.py`.
 
 Prints a JSON line; of a writer {"figure": "kill", "who", "kills", "opened", "recovered",
@@ -36,12 +36,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from gamekeeper.core.evidence import Evidence
-from gamekeeper.core.extent import crossings
-from gamekeeper.game.open import open_env
-from gamekeeper.record.bundle import load
-from gamekeeper.record.recover import recover
-from gamekeeper.record.replay import replay_evidence
+from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.episodes.known_extent import env_steps
+from gamekeeper.interface.opening import open_env
+from gamekeeper.runs.comparison import replay_evidence
+from gamekeeper.runs.load_run import load
+from gamekeeper.runs.run_check import recover
 
 try:
     from benchmarks import kill_apart
@@ -102,7 +102,7 @@ class Logged(ParallelEnv):
 RECORDERS: Final = """
 import os, sys
 from logged import Logged
-from gamekeeper.record.recording import record
+from gamekeeper.runs.recording import record
 
 
 def play(log, run):
@@ -147,9 +147,13 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="kill-") as folder:
         if given.who != "writer":
             figures, is_whole = kill_apart.kill(
-                given.who, Path(folder), kills=given.kills, rng=rng, is_cold=given.cold,
+                given.who,
+                Path(folder),
+                kills=given.kills,
+                rng=rng,
+                is_cold=given.cold,
                 most_s=given.minutes * 60,
-            )  # fmt: skip
+            )
             print(json.dumps(figures))
             return 0 if is_whole else 1
         with recorders(Path(folder)) as start:
@@ -170,9 +174,12 @@ def recorders(folder: Path) -> Iterator[subprocess.Popen[str]]:
     (folder / "logged.py").write_text(textwrap.dedent(ENVIRONMENT), encoding="utf-8")
     path = os.pathsep.join([str(folder), *filter(None, sys.path)])
     with subprocess.Popen(
-        [sys.executable, "-c", RECORDERS], env={**os.environ, "PYTHONPATH": path},
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-    ) as process:  # fmt: skip
+        [sys.executable, "-c", RECORDERS],
+        env={**os.environ, "PYTHONPATH": path},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as process:
         yield process
 
 
@@ -203,19 +210,19 @@ def looked_at(run: Path, log: Path, killed_ns: int, *, environment: Path) -> Kil
     evidence = load(run)
     kept = {
         (header["episode"], turn + 1)
-        for header in evidence.episodes.to_pylist()
-        for turn in range(_crossings(evidence, header["episode"]))
+        for header in evidence.episode_table.to_pylist()
+        for turn in range(_env_steps(evidence, header["episode"]))
     }
     finished = [tuple(map(int, line.split())) for line in log.read_text().splitlines()]
     lost = [ns for episode, turn, ns in finished if (episode, turn) not in kept]
     lost_ms = max(((killed_ns - ns) / 1e6 for ns in lost), default=0.0)
-    sealed = recover(run)
+    finalized = recover(run)
     opened = open_env(f"{environment}:Logged", api="parallel")
     return Killed(
         turns=len(kept),
         is_opened=evidence.manifest["status"] == "open",
-        is_recovered=sealed.manifest["status"] == "recovered" and len(kept) == _total(sealed),
-        is_replayed=replay_evidence(sealed, opened).verified,
+        is_recovered=finalized.manifest["status"] == "recovered" and len(kept) == _total(finalized),
+        is_replayed=replay_evidence(finalized, opened).verified,
         lost_ms=max(lost_ms, 0.0),
     )
 
@@ -237,15 +244,15 @@ def figure(found: list[Killed]) -> dict[str, object]:
     }
 
 
-def _crossings(evidence: Evidence, episode: int) -> int:
+def _env_steps(evidence: Evidence, episode: int) -> int:
     timings = evidence.tables.episode("timings", episode)
     if timings is None:  # killed before the first of them came: whole turns may be there already
-        return crossings(evidence.trace(episode))
+        return env_steps(evidence.episode(episode))
     return timings.num_rows
 
 
 def _total(evidence: Evidence) -> int:
-    return sum(evidence.episodes["turns"].to_pylist())
+    return sum(evidence.episode_table["turns"].to_pylist())
 
 
 if __name__ == "__main__":

@@ -1,11 +1,11 @@
 """What a recording by workers loses by kill -9 of one of its processes, at random instants.
 
-`gamekeeper record two_robot_line --workers 2` is a parent, two workers that play parts, and at the
+`gamekeeper rollout two_robot_line --workers 2` is a parent, two workers that play parts, and at the
 end a process that merges them. One of them is killed at a random instant of the command's life, and
 the same command is given again, until it ends by itself. What must be so then:
 
     gone      no process of a killed parent is left, within `END_S`
-    untorn    where the run's folder should be lies nothing yet, or all of it, sealed
+    untorn    where the run's folder should be lies nothing yet, or all of it, finalized
     told      of a killed worker or merger: the command ends with 0 or says what died, no traceback
     same      the fingerprint is the one of a single process that nobody killed
     clean     beside the run's folder lies nothing: no parts, no draft
@@ -31,10 +31,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
-from gamekeeper.record.bundle import load
-from gamekeeper.record.parts.plan import parts_folder
-from gamekeeper.record.recording import rollout
-from gamekeeper.record.verify import verify
+from gamekeeper.runs.load_run import load
+from gamekeeper.runs.parts.part_plan import parts_folder
+from gamekeeper.runs.recording import rollout
+from gamekeeper.runs.run_check import verify
 
 try:
     from benchmarks.forks import Forks, children_of, forks, is_there
@@ -71,7 +71,7 @@ class Field:
 
     def begin(self) -> int:
         """The command begins; its process."""
-        words = ["record", TASK, "--episodes", str(EPISODES), "--workers", "2", "--quiet"]
+        words = ["rollout", TASK, "--episodes", str(EPISODES), "--workers", "2", "--quiet"]
         pid = self.start.begin([*words, "--out", str(self.run)], str(self.folder / "said"))
         self.begun_s = time.monotonic()
         return pid

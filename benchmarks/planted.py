@@ -1,13 +1,14 @@
-"""How often a diagnosis is right: planted causes, joint ones, lost ones, healthy twins.
+"""How often a diagnosis is right: planted causes, joint ones, lost ones, healthy set-ups.
 
 The set-ups come from planted_causes.py, which knows nothing of the diagnosis. Each is recorded for
-20 episodes and diagnosed with a budget of 2,000 episodes and no stressors. A claim (`isolated`,
+20 episodes and diagnosed with a budget of 2,000 episodes and no perturbations. A claim (`isolated`,
 `joint`) is right where its labels are the planted ones and, where agents were named, no other agent
 is given a cause. Prints a JSON line for each set-up (also into `--keep`, from which a second call
-goes on), then the shares with Wilson intervals; `--page` writes docs/diagnosis-planted.md.
+goes on), then the shares with Wilson intervals; `--page` writes
+docs/reference/diagnosis-planted.md.
 
     python benchmarks/planted.py [--single 110] [--joint 20] [--lost 12] [--healthy 140]
-        [--seed 0] [--part 0/2] [--keep planted.jsonl] [--page docs/diagnosis-planted.md]
+        [--seed 0] [--part 0/2] [--keep planted.jsonl] [--page docs/reference/diagnosis-planted.md]
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from planted_causes import Planted, drawn, holds, rollout
 
 import gamekeeper as gk
-from gamekeeper.core.stats import wilson
+from gamekeeper.statistics.significance import wilson
 
 KINDS = ("single", "joint", "no handle", "healthy")
 CLAIMS = ("isolated", "joint")
@@ -38,14 +39,18 @@ def diagnosed(planted: Planted, number: int) -> dict[str, Any]:
     """What the diagnosis says of a set-up, and whether that is right."""
     evidence = rollout(planted, seed=number, episodes=20)
     began = time.perf_counter()
-    found = gk.diagnose(evidence, failed=planted.failed, stressors=False)
+    found = gk.diagnose(evidence, failed=planted.failed, perturbations=False)
     seconds = time.perf_counter() - began
     assert found.team is not None
     whom = {name for name, each in found.agents.items() if each.labels}
     told = {
-        "answer": found.team.answer, "said": list(found.team.labels), "why": found.team.why,
-        "whom": sorted(whom), "seconds": round(seconds, 2), "episodes": found.episodes,
-    }  # fmt: skip
+        "answer": found.team.answer,
+        "said": list(found.team.labels),
+        "why": found.team.why,
+        "whom": sorted(whom),
+        "seconds": round(seconds, 2),
+        "episodes": found.episodes,
+    }
     if found.team.answer in CLAIMS:
         is_right = sorted(told["said"]) == sorted(planted.cures)
         strangers = {a for a in whom if planted.agents and not _is_meant(a, planted.agents)}
@@ -89,20 +94,25 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     counts = {
         "claims right": (sum(row["right"] for row in claims), len(claims)),
         "abstained with a handle": (
-            sum(row["answer"] not in CLAIMS for row in handled), len(handled),
+            sum(row["answer"] not in CLAIMS for row in handled),
+            len(handled),
         ),
         "cause named without a handle": (
             sum(bool(row["said"]) for row in failing if row["kind"] == "no handle"),
             len(failing) - len(handled),
         ),
         "cause named to the healthy": (sum(bool(row["said"]) for row in healthy), len(healthy)),
-    }  # fmt: skip
+    }
     found: dict[str, Any] = {"failing": len(failing), "healthy": len(healthy)}
     for name, (hits, looks) in counts.items():
         share = wilson(hits, looks)
         found[name] = {
-            "hits": hits, "of": looks, "share": share.p, "low": share.low, "high": share.high,
-        }  # fmt: skip
+            "hits": hits,
+            "of": looks,
+            "share": share.p,
+            "low": share.low,
+            "high": share.high,
+        }
     return found
 
 
@@ -123,20 +133,29 @@ def page(rows: list[dict[str, Any]], command: str) -> str:
     """The page of figures."""
     figures, cells = summary(rows), matrix(rows)
     labels = [
-        "perception", "state estimation", "planning", "control", "timing", "data coverage",
+        "perception",
+        "state estimation",
+        "planning",
+        "control",
+        "timing",
+        "data coverage",
         "evaluation",
-    ]  # fmt: skip
+    ]
     across = [*labels, "joint", "joint, wrong", "compatible", "untested"]
     across = [name for name in across if any(said == name for _, said in cells)]
     down = [*labels, "joint", "no handle", "healthy"]
     lines = [
-        "# How often a diagnosis is right", "",
+        "# How often a diagnosis is right",
+        "",
         "Set-ups with a planted cause, made without the diagnosis' own code, each looked at by "
         "plain rollouts before it counts (the rule stands in benchmarks/planted_causes.py); "
-        "recorded for 20 episodes and diagnosed on fresh seeds.", "",
-        f"`{command}`", "",
-        "| | hits | of | share | 95 % |", "|---|---|---|---|---|",
-    ]  # fmt: skip
+        "recorded for 20 episodes and diagnosed on fresh seeds.",
+        "",
+        f"`{command}`",
+        "",
+        "| | hits | of | share | 95 % |",
+        "|---|---|---|---|---|",
+    ]
     for name, each in figures.items():
         if isinstance(each, dict):
             lines.append(
@@ -159,9 +178,11 @@ def page(rows: list[dict[str, Any]], command: str) -> str:
         ]
     seconds = sorted(row["seconds"] for row in rows if row["kind"] != "healthy")
     lines += [
-        "", f"A diagnosis of a failing set-up took {seconds[len(seconds) // 2]:.1f} s in the "
-        f"middle, {seconds[-1]:.1f} s at most, in one process.", "",
-    ]  # fmt: skip
+        "",
+        f"A diagnosis of a failing set-up took {seconds[len(seconds) // 2]:.1f} s in the "
+        f"middle, {seconds[-1]:.1f} s at most, in one process.",
+        "",
+    ]
     return "\n".join(lines)
 
 

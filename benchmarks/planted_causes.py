@@ -1,4 +1,4 @@
-"""Set-ups with a planted cause of failure, and healthy twins, made without the diagnosis' own code.
+"""Set-ups with a planted cause of failure, and healthy ones, made without the diagnosis' own code.
 
 A set-up is a task, its arguments and its policies, with one thing wrong (or two, or one that has no
 handle), beside things that are wrong and harmless. What is wrong is known by construction; that it
@@ -103,10 +103,14 @@ class Planted:
     def told(self) -> dict[str, Any]:
         """As plain data."""
         return {
-            "task": self.task, "kind": self.kind, "labels": list(self.cures),
+            "task": self.task,
+            "kind": self.kind,
+            "labels": list(self.cures),
             "kwargs": {k: v for k, v in self.kwargs.items() if k not in BASES[self.task]},
-            "policies": self.policies, "agents": list(self.agents), "most_turns": self.most_turns,
-        }  # fmt: skip
+            "policies": self.policies,
+            "agents": list(self.agents),
+            "most_turns": self.most_turns,
+        }
 
 
 def drawn(kind: str, seed: int) -> Iterator[Planted]:
@@ -144,10 +148,13 @@ def _singles(rng: random.Random) -> Iterator[Planted]:
             )
         whom = rng.choice(AGENTS[task])
         yield Planted(
-            task, {**BASES[task], **_decoys(rng, task, ())}, "single",
-            policies={whom: rng.choice(WORSE)}, agents=(whom,),
+            task,
+            {**BASES[task], **_decoys(rng, task, ())},
+            "single",
+            policies={whom: rng.choice(WORSE)},
+            agents=(whom,),
             cures={"planning": {"policies": {whom: "reference"}}},
-        )  # fmt: skip
+        )
         kwargs = {**BASES[task], **_decoys(rng, task, ())}
         if task != "two_robot_line" and rng.random() < 0.5:
             short = {"horizon": SHORT[task]}
@@ -174,9 +181,12 @@ def _joints(rng: random.Random) -> Iterator[Planted]:
         named = [agents for _, agents in settings.values()]
         whom = tuple(dict.fromkeys(a for agents in named for a in agents)) if all(named) else ()
         yield Planted(
-            task, kwargs, "joint",
-            cures={LABELS[name]: {"kwargs": {name: 0}} for name in (one, two)}, agents=whom,
-        )  # fmt: skip
+            task,
+            kwargs,
+            "joint",
+            cures={LABELS[name]: {"kwargs": {name: 0}} for name in (one, two)},
+            agents=whom,
+        )
 
 
 def _lost(rng: random.Random) -> Iterator[Planted]:
@@ -201,18 +211,20 @@ def _healthy(rng: random.Random) -> Iterator[Planted]:
 def rollout(planted: Planted, *, seed: int, episodes: int, **changed: Any) -> Any:
     """Evidence of a set-up, with something on top of it."""
     return gk.rollout(
-        planted.task, episodes=episodes, seed=seed,
+        planted.task,
+        episodes=episodes,
+        seed=seed,
         policies={"*": "reference", **planted.policies, **changed.get("policies", {})},
         env_kwargs={**planted.kwargs, **changed.get("kwargs", {})},
         most_turns=changed.get("most_turns", planted.most_turns),
-    )  # fmt: skip
+    )
 
 
 def success(planted: Planted, **changed: Any) -> float:
     """The share of episodes that don't fail, by plain rollouts on seeds of their own."""
     evidence = rollout(planted, seed=SEED, episodes=EPISODES, **changed)
     good = 0
-    for trace in evidence.traces:
+    for trace in evidence.episodes:
         if planted.task == "two_robot_line":
             good += int(trace.header["turns"]) <= 24
         elif planted.task == "handover":

@@ -23,8 +23,8 @@ from time import process_time
 
 import numpy as np
 
-from gamekeeper.envs.pursuit import Pursuit, pursuit_kernel
 from gamekeeper.kernels.batch import Batch
+from gamekeeper.tasks.pursuit.pursuit import Pursuit, pursuit_kernel
 
 SIZES = {"batch": (16, 128, 1024, 4096), "face": (16, 128, 1024)}
 QUICK = {"batch": (16, 1024), "face": (16, 1024)}

@@ -1,14 +1,14 @@
-"""Per-agent returns over many bundles, by `gamekeeper query`, as a user waits for them.
+"""Per-agent returns over many runs, by `gamekeeper query`, as a user waits for them.
 
-Four environments are recorded, a few thousand rows each, and their bundles copied: the rows of a
+Four environments are recorded, a few thousand rows each, and their runs copied: the rows of a
 copy are the same, their number, files and manifests are not. So disk and parsing are as in 1,000
 different runs; compression is that of few episodes, and the copies lie in the page cache.
 
 Prints JSON lines: the size; a whole process that does nothing (Python and the command line), that
-asks one bundle, that asks all (wall and CPU seconds, medians); and the parts of the last within one
+asks one run, that asks all (wall and CPU seconds, medians); and the parts of the last within one
 process.
 
-    python benchmarks/query.py [--bundles 1000] [--rows 10000] [--repeats 5]
+    python benchmarks/query.py [--runs 1000] [--rows 10000] [--repeats 5]
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ SQL = "select agent, count(*) as episodes, avg(return) as mean from returns grou
 
 
 def recorded(folder: Path, rows: int) -> list[Path]:
-    """A bundle of each environment with about that many rows."""
+    """A run of each environment with about that many rows."""
     found = []
     for name in ENVIRONMENTS:
         few = gk.rollout(name, episodes=20)
-        episodes = max(round(20 * rows / few.steps.num_rows), 1)
+        episodes = max(round(20 * rows / few.agent_steps.num_rows), 1)
         gk.rollout(name, episodes=episodes, out=folder / name)
         found.append(folder / name)
     return found
@@ -57,9 +57,18 @@ def told(what: str, repeats: int, *words: str) -> None:
     """Prints the medians of a command."""
     times = [command(*words) for _ in range(repeats)]
     wall_s, cpu_s = (statistics.median(each) for each in zip(*times, strict=True))
-    print(json.dumps({"what": what, "wall_s": round(wall_s, 3), "cpu_s": round(cpu_s, 3),
-                      "least_wall_s": round(min(each[0] for each in times), 3),
-                      "repeats": repeats}), flush=True)  # fmt: skip
+    print(
+        json.dumps(
+            {
+                "what": what,
+                "wall_s": round(wall_s, 3),
+                "cpu_s": round(cpu_s, 3),
+                "least_wall_s": round(min(each[0] for each in times), 3),
+                "repeats": repeats,
+            }
+        ),
+        flush=True,
+    )
 
 
 def parts(runs: Path) -> dict[str, float]:
@@ -72,8 +81,8 @@ def parts(runs: Path) -> dict[str, float]:
         found[name] = round(time.perf_counter() - begun, 3)
         return result
 
-    from gamekeeper.adapters.sql import Session
-    from gamekeeper.adapters.sql.places import places_of
+    from gamekeeper.viewing.sql import Session
+    from gamekeeper.viewing.sql.evidence_places import places_of
 
     timed("import_duckdb", lambda: __import__("duckdb"))
     places = timed("manifests", lambda: places_of([runs]))
@@ -86,7 +95,7 @@ def parts(runs: Path) -> dict[str, float]:
 def main() -> None:
     """Measures and prints."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--bundles", type=int, default=1000)
+    parser.add_argument("--runs", type=int, default=1000)
     parser.add_argument("--rows", type=int, default=10_000)
     parser.add_argument("--repeats", type=int, default=5)
     options = parser.parse_args()
@@ -94,17 +103,25 @@ def main() -> None:
     try:
         sources = recorded(folder, options.rows)
         runs = folder / "runs"
-        for number in range(options.bundles):
+        for number in range(options.runs):
             shutil.copytree(sources[number % len(sources)], runs / f"run-{number:05d}")
-        rows = sum(gk.load(source).steps.num_rows for source in sources)
+        rows = sum(gk.load(source).agent_steps.num_rows for source in sources)
         size = sum(path.stat().st_size for path in runs.rglob("*") if path.is_file())
-        print(json.dumps({"bundles": options.bundles, "size_bytes": size,
-                          "rows": rows * options.bundles // len(sources),
-                          "environments": list(ENVIRONMENTS), "cores": os.cpu_count()}),
-              flush=True)  # fmt: skip
+        print(
+            json.dumps(
+                {
+                    "runs": options.runs,
+                    "size_bytes": size,
+                    "rows": rows * options.runs // len(sources),
+                    "environments": list(ENVIRONMENTS),
+                    "cores": os.cpu_count(),
+                }
+            ),
+            flush=True,
+        )
         told("nothing: --version", options.repeats, "--version")
-        told("one bundle", options.repeats, "query", str(sources[0]), SQL)
-        told("all bundles", options.repeats, "query", str(runs), SQL)
+        told("one run", options.repeats, "query", str(sources[0]), SQL)
+        told("all runs", options.repeats, "query", str(runs), SQL)
         print(json.dumps({"what": "parts of one process", **parts(runs)}), flush=True)
     finally:
         shutil.rmtree(folder)

@@ -33,10 +33,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, Self
 
-from gamekeeper.record.bundle import load
-from gamekeeper.run.executors.ray import RayExecutor
-from gamekeeper.run.executors.task import Task
-from gamekeeper.run.worker_process import MAIN
+from gamekeeper.rollouts.executors.ray import RayExecutor
+from gamekeeper.rollouts.executors.task import WorkTask
+from gamekeeper.rollouts.worker_process import MAIN
+from gamekeeper.runs.load_run import load
 
 RUNS: Final = "local-1,local-2,local-4,nodes,killed"
 INSIDE: Final = "GAMEKEEPER_IN_NAMESPACE"
@@ -70,14 +70,20 @@ class TwoNodes:
     def __post_init__(self) -> None:
         """Nobody else may join."""
         self.variables = {
-            "RAY_USAGE_STATS_ENABLED": "0", "RAY_AUTH_MODE": "token",
+            "RAY_USAGE_STATS_ENABLED": "0",
+            "RAY_AUTH_MODE": "token",
             "RAY_AUTH_TOKEN": secrets.token_hex(32),
-        }  # fmt: skip
+        }
 
     def __enter__(self) -> Self:
         try:
-            self._start("--head", f"--port={self.port}", "--include-dashboard=false",
-                        "--no-monitor", f"--temp-dir={self.folder / 'r'}")  # fmt: skip
+            self._start(
+                "--head",
+                f"--port={self.port}",
+                "--include-dashboard=false",
+                "--no-monitor",
+                f"--temp-dir={self.folder / 'r'}",
+            )
             self._start(f"--address={self.address}")
         except BaseException:
             self.close()
@@ -100,15 +106,25 @@ class TwoNodes:
     def _tried(self, how: tuple[str, ...]) -> tuple[subprocess.Popen[bytes], str]:
         log = self.folder / f"node{len(self.nodes)}.log"
         command = [
-            str(Path(sys.executable).with_name("ray")), "start", *how, "--block",
-            "--node-ip-address=127.0.0.1", f"--num-cpus={self.cores}", "--disable-usage-stats",
-            "--object-store-memory=80000000", "--include-log-monitor=false",
-        ]  # fmt: skip
+            str(Path(sys.executable).with_name("ray")),
+            "start",
+            *how,
+            "--block",
+            "--node-ip-address=127.0.0.1",
+            f"--num-cpus={self.cores}",
+            "--disable-usage-stats",
+            "--object-store-memory=80000000",
+            "--include-log-monitor=false",
+        ]
         with log.open("wb") as sink:
             node = subprocess.Popen(
-                command, stdin=subprocess.DEVNULL, stdout=sink, stderr=sink,
-                env=self.environment, start_new_session=True,
-            )  # fmt: skip
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=sink,
+                stderr=sink,
+                env=self.environment,
+                start_new_session=True,
+            )
         try:
             wait(lambda: "Ray runtime started" in log.read_text() or node.poll() is not None, UP_S)
         except BaseException:
@@ -181,9 +197,23 @@ def recorded(run: str, folder: Path, cluster: TwoNodes | None, episodes: int) ->
     out, parts = folder / run, folder / f"{run}-parts"
     who = ["local", "--workers", workers] if cluster is None else [f"ray:{cluster.address}"]
     command = [
-        sys.executable, "-m", "gamekeeper", "record", *ENV, "--episodes", str(episodes),
-        "--seed", "7", "--out", str(out), "--storage", str(parts), "--json", "--executor", *who,
-    ]  # fmt: skip
+        sys.executable,
+        "-m",
+        "gamekeeper",
+        "rollout",
+        *ENV,
+        "--episodes",
+        str(episodes),
+        "--seed",
+        "7",
+        "--out",
+        str(out),
+        "--storage",
+        str(parts),
+        "--json",
+        "--executor",
+        *who,
+    ]
     environment = dict(os.environ) if cluster is None else cluster.environment
     began_s, at_kill = time.monotonic(), None
     with subprocess.Popen(
@@ -193,10 +223,12 @@ def recorded(run: str, folder: Path, cluster: TwoNodes | None, episodes: int) ->
             if kind == "killed" and cluster is not None:
                 whole = (parts / "parts").glob
                 wait(
-                    lambda: (cluster.is_playing() and len(list(whole("*.json"))) >= PARTS_FIRST)
-                    or process.poll() is not None,
+                    lambda: (
+                        (cluster.is_playing() and len(list(whole("*.json"))) >= PARTS_FIRST)
+                        or process.poll() is not None
+                    ),
                     RECORD_S,
-                )  # fmt: skip
+                )
                 cluster.kill()
                 at_kill = len(list(whole("*.json")))
             text, said = process.communicate(timeout=RECORD_S)
@@ -205,13 +237,17 @@ def recorded(run: str, folder: Path, cluster: TwoNodes | None, episodes: int) ->
     seconds = time.monotonic() - began_s
     if process.returncode:
         raise RuntimeError(f"{run}: exit code {process.returncode}\n{said}")
-    numbers = load(out).episodes.column("episode").to_pylist()
+    numbers = load(out).episode_table.column("episode").to_pylist()
     return {
-        "figure": "recording", "run": run, "fingerprint": json.loads(text)["fingerprint"],
-        "episodes": len(numbers), "in_order": numbers == list(range(episodes)),
+        "figure": "recording",
+        "run": run,
+        "fingerprint": json.loads(text)["fingerprint"],
+        "episodes": len(numbers),
+        "in_order": numbers == list(range(episodes)),
         "seconds": round(seconds, 2),
-        "parts_at_kill": at_kill, "died": [line for line in said.splitlines() if "died" in line],
-    }  # fmt: skip
+        "parts_at_kill": at_kill,
+        "died": [line for line in said.splitlines() if "died" in line],
+    }
 
 
 def null(report: Any) -> None:
@@ -222,7 +258,7 @@ def null_tasks(address: str, number: int) -> dict[str, Any]:
     """Null tasks by a cluster, with this process's memory on the way."""
     seen, done = {}, 0
     executor = RayExecutor(address)
-    tasks = (Task(f"null-{k}", f"{HERE.stem}:null") for k in range(number))
+    tasks = (WorkTask(f"null-{k}", f"{HERE.stem}:null") for k in range(number))
     began_s, began_cpu_s = time.monotonic(), time.process_time()
     for each in executor.map(tasks):
         done += each.outcome.status == "done"
@@ -233,10 +269,13 @@ def null_tasks(address: str, number: int) -> dict[str, Any]:
     cores = executor.workers
     executor.close()
     return {
-        "figure": "null tasks", "run": f"ray, {cores} cores", "tasks": done,
-        "tasks_per_s": round(number / seconds), "cpu_us_a_task": round(1e6 * cpu_s / number),
+        "figure": "null tasks",
+        "run": f"ray, {cores} cores",
+        "tasks": done,
+        "tasks_per_s": round(number / seconds),
+        "cpu_us_a_task": round(1e6 * cpu_s / number),
         "rss_mb": seen,
-    }  # fmt: skip
+    }
 
 
 @contextmanager
@@ -298,8 +337,10 @@ def inside(command: list[str], **how: Any) -> subprocess.CompletedProcess[str]:
     """Runs a command in a network namespace with loopback alone."""
     return subprocess.run(
         ["unshare", "--net", "sh", "-c", 'ip link set lo up && exec "$@"', "sh", *command],
-        env={**os.environ, INSIDE: "1"}, check=False, **how,
-    )  # fmt: skip
+        env={**os.environ, INSIDE: "1"},
+        check=False,
+        **how,
+    )
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """What recording adds to a step, against the bare environment, paired in one run.
 
 Prints a JSON line for each task: medians over interleaved segments, in microseconds of wall time
-per agent-step, closing the bundle included, with the least and the most; ratios are of paired
+per agent-step, closing the run included, with the least and the most; ratios are of paired
 segments.
 
     python benchmarks/recording.py [--tasks two_robot_line,spread,...] [--segments 15]
@@ -107,7 +107,7 @@ class Ours(gk.TurnEnv):
 
     def act(self, agent: str, action: int) -> None:
         """One turn."""
-        self.pay(agent, float(action - 1))
+        self.add_reward(agent, float(action - 1))
         self.turn += 1
         if self.turn >= self.turn_limit:
             for each in self.agents:

@@ -3,9 +3,9 @@
 Prints a JSON line for each task, in microseconds of processor time of one thread per agent-step,
 the least of short interleaved bursts, so that it can be run beside other work: `bare` for the
 environment, `taken` for what the door adds in the step, `state` for what the environment's own
-`state()` does once a turn (noise where it has none), `pressed` for making columns and digests,
+`state()` does once a turn (noise where it has none), `encoded` for making columns and digests,
 `appended` for handing them to the operating system. What two threads that share one interpreter
-cost each other, and closing the bundle, are in `recording.py` only.
+cost each other, and closing the run, are in `recording.py` only.
 
     python benchmarks/recording_parts.py [--tasks two_robot_line,aec_ours_2] [--bursts 60]
 """
@@ -23,24 +23,24 @@ from typing import Any, Final
 import numpy as np
 from recording import tasks
 
-from gamekeeper.core.evidence import manifest_of
-from gamekeeper.core.layout import Layout
-from gamekeeper.core.press import Press
-from gamekeeper.core.tape import GIVEN, Reel, Tape, take
-from gamekeeper.game.capture.ring import Rings
-from gamekeeper.game.faces import face_of, game_of
-from gamekeeper.record.files.store import Store
+from gamekeeper.episodes.buffer import GIVEN, Buffer, BufferedTurns, take
+from gamekeeper.episodes.encoder import Encoder
+from gamekeeper.episodes.evidence import manifest_of
+from gamekeeper.episodes.layout import Layout
+from gamekeeper.interface.packing import Rings
+from gamekeeper.interface.recorded_env import face_of, game_of
+from gamekeeper.runs.files.store import RunStore
 
 TURNS: Final = {"two_robot_line": 400, "aec": 800, "spread": 40}  # of a burst
-REELS: Final = {"two_robot_line": 2048, "aec": 4096, "spread": 133}  # turns in 40 ms
-REEL_COUNT: Final = 5
+BUFFERED_PARTS: Final = {"two_robot_line": 2048, "aec": 4096, "spread": 133}  # turns in 40 ms
+BUFFERED_COUNT: Final = 5
 
 
 class Held:
-    """A sink whose tape is taken by whoever measures."""
+    """A sink whose buffer is taken by whoever measures."""
 
     def __init__(self) -> None:
-        self.tape, self.layout, self.rings = Tape(), Layout(), Rings()
+        self.buffer, self.layout, self.rings = Buffer(), Layout(), Rings()
 
     def keep_up(self) -> None:
         """Nothing holds the step back."""
@@ -64,7 +64,7 @@ def stepping(
             start = time.thread_time()
             count = player(env, turns, rng)
             least[place] = min(least[place], (time.thread_time() - start) / count)
-            while take(sink.tape, most=turns) is not None:
+            while take(sink.buffer, most=turns) is not None:
                 pass
     for env, _ in arms:
         env.close()
@@ -74,34 +74,34 @@ def stepping(
 def writing(
     make: Callable[[], Any], player: Callable[..., int], turns: int, bursts: int
 ) -> tuple[float, float]:
-    """Seconds per row of pressing reels of `turns` turns, and of appending them to a bundle."""
+    """Seconds per row of encoding `turns` buffered turns, and of appending them to a run."""
     sink = Held()
     env = face_of(game_of(make(), sink=sink))
-    player(env, turns * REEL_COUNT, np.random.default_rng(0))
+    player(env, turns * BUFFERED_COUNT, np.random.default_rng(0))
     env.close()
-    reels: list[Reel] = []
-    while (reel := take(sink.tape, most=turns)) is not None:
-        reels.append(reel)
-    pressed, appended = np.full(len(reels), np.inf), np.full(len(reels), np.inf)
+    buffered_parts: list[BufferedTurns] = []
+    while (buffered := take(sink.buffer, most=turns)) is not None:
+        buffered_parts.append(buffered)
+    encoded, appended = np.full(len(buffered_parts), np.inf), np.full(len(buffered_parts), np.inf)
     for _ in range(max(3, bursts // 5)):
-        press = Press(sink.layout, sink.rings.open)
+        encoder = Encoder(sink.layout, sink.rings.open)
         manifest = manifest_of(
             layout=sink.layout, environment={}, contract=None, level="full", run_seed=0
         )
         with tempfile.TemporaryDirectory() as folder:
-            store = Store.create(Path(folder) / "run", manifest)
-            for place, reel in enumerate(reels):
+            store = RunStore.create(Path(folder) / "run", manifest)
+            for place, buffered in enumerate(buffered_parts):
                 start = time.thread_time()
-                batches = list(press.press(reel).in_order())
+                batches = list(encoder.encode_turns(buffered).in_order())
                 middle = time.thread_time()
                 for stream, batch in batches:
                     store.append(stream, batch)
                 end = time.thread_time()
-                pressed[place] = min(pressed[place], middle - start)
+                encoded[place] = min(encoded[place], middle - start)
                 appended[place] = min(appended[place], end - middle)
             store.abandon()
-    rows = sum(len(reel.given) // GIVEN for reel in reels)
-    return pressed.sum() / rows, appended.sum() / rows
+    rows = sum(len(buffered.given) // GIVEN for buffered in buffered_parts)
+    return encoded.sum() / rows, appended.sum() / rows
 
 
 def main() -> None:
@@ -115,14 +115,14 @@ def main() -> None:
         if name not in options.tasks.split(",") or kind is None:
             continue
         turns = 100 if name.endswith("_512") else TURNS[kind]
-        reel = 500 if name.endswith("_512") else REELS[kind]
+        buffered = 500 if name.endswith("_512") else BUFFERED_PARTS[kind]
         bare, taken, stated = stepping(make, player, turns, options.bursts)
-        pressed, appended = writing(make, player, reel, options.bursts)
+        encoded, appended = writing(make, player, buffered, options.bursts)
         parts = {
             "bare": bare,
             "taken": taken - bare,
             "state": stated - taken,
-            "pressed": pressed,
+            "encoded": encoded,
             "appended": appended,
         }
         row = {f"{part}_us": round(seconds * 1e6, 2) for part, seconds in parts.items()}

@@ -7,10 +7,10 @@ its round, against the bare environment of the same API.
 
     python benchmarks/recording_peers.py                # what this Python has installed
 
-With Minari, whose versions are locked in benchmarks/peers/minari.txt:
+With Minari, whose version stands in benchmarks/peers/minari.in:
 
     requirements/setup.sh make .venv-minari
-    requirements/setup.sh install .venv-minari benchmarks/peers/minari.txt
+    requirements/setup.sh install .venv-minari benchmarks/peers/minari.in
     .venv-minari/bin/python benchmarks/recording_peers.py
 
 One JSON line a recorder: {"figure", "peer", "us", "ratio", ...}: `us` is wall time a step, resets
@@ -167,7 +167,7 @@ def with_minari(data_format: str) -> Callable[[Path], Any]:
     return make
 
 
-def seal_minari(env: Any) -> None:
+def checksums_minari(env: Any) -> None:
     """Makes the data set out of what was collected."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # it asks for an author and a paper
@@ -176,7 +176,7 @@ def seal_minari(env: Any) -> None:
 
 
 def with_gamekeeper(level: str) -> Callable[[Path], Any]:
-    """Our recorder at one of its levels; closing the environment seals the bundle."""
+    """Our recorder at one of its levels; closing the environment finalizes the run."""
 
     def make(folder: Path) -> Any:
         import gamekeeper
@@ -189,8 +189,8 @@ def with_gamekeeper(level: str) -> Callable[[Path], Any]:
 PEERS: Final = [
     Peer("bare", lambda folder: Line()),
     Peer("RecordEpisodeStatistics", with_statistics),
-    Peer("minari.DataCollector, hdf5", with_minari("hdf5"), seal_minari),
-    Peer("minari.DataCollector, arrow", with_minari("arrow"), seal_minari),
+    Peer("minari.DataCollector, hdf5", with_minari("hdf5"), checksums_minari),
+    Peer("minari.DataCollector, arrow", with_minari("arrow"), checksums_minari),
     Peer("bare parallel", lambda folder: ParallelLine(), bare="bare parallel", play=walk_parallel),
     Peer("gamekeeper, full", with_gamekeeper("full"), bare="bare parallel", play=walk_parallel),
     Peer("gamekeeper, digest", with_gamekeeper("digest"), bare="bare parallel", play=walk_parallel),

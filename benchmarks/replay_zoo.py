@@ -23,15 +23,16 @@ from typing import Any, Final
 import mpe2
 import pettingzoo
 
-from gamekeeper.record.bundle import load
-from gamekeeper.record.replay import replay
-from gamekeeper.run.workers import run_task
+from gamekeeper.rollouts.rollout_plan import RolloutPlan
+from gamekeeper.rollouts.workers import run_task
+from gamekeeper.runs.comparison import replay
+from gamekeeper.runs.load_run import load
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 EXAMPLE: Final = "examples/two_robot_line.py:make"
 HASH_SEED: Final = 1  # of the recording; the replay has a random one, as any process
 KWARGS: Final[dict[str, dict[str, Any]]] = {
-    "sisl/pursuit": {"n_pursuers": 4, "n_evaders": 6},  # 60 turns see every agent act
+    "sisl/pursuit": {"n_pursuers": 4, "n_evaders": 6}  # 60 turns see every agent act
 }
 
 
@@ -95,7 +96,7 @@ def played(spec: str, *, episodes: int, turns: int) -> dict[str, Any]:
             line |= {"verified": False, "cause": f"can't be recorded: {problem}"}
         else:
             evidence = load(run)
-            line["turns"] = sum(evidence.episodes["turns"].to_pylist())
+            line["turns"] = sum(evidence.episode_table["turns"].to_pylist())
             line["version"] = _version(evidence.manifest["environment"])
             result = replay(run, allow_import=True)
             document = result.to_json()
@@ -124,13 +125,11 @@ def table(lines: list[dict[str, Any]]) -> str:
 def _record(spec: str, run: Path, *, episodes: int, turns: int) -> str | None:
     """Records in a process of its own; what went wrong, or None."""
     kwargs = next((given for name, given in KWARGS.items() if name in spec), {})
-    plan: dict[str, Any] = {
-        "spec": spec, "out": str(run), "env_kwargs": kwargs, "policies": {}, "episodes": episodes,
-        "seed": 0, "options": None, "level": "full", "frames": False, "most_turns": turns,
-        "contract": None,
-    }  # fmt: skip
-    task = "gamekeeper.record.tasks:record_task"
-    outcome = run_task(task, plan, silence_s=120.0, hash_seed=HASH_SEED)
+    plan = RolloutPlan(spec=spec, env_kwargs=kwargs, episodes=episodes, most_turns=turns)
+    task = "gamekeeper.runs.worker_tasks:record_task"
+    outcome = run_task(
+        task, {"plan": plan.to_json(), "out": str(run)}, silence_s=120.0, hash_seed=HASH_SEED
+    )
     if not isinstance(outcome.value, dict):
         return f"{outcome.status}: {outcome.error}"
     error = outcome.value["error"]

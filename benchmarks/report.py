@@ -1,6 +1,6 @@
 """How long `gamekeeper report` takes, and how large its page is.
 
-A bundle of 200 episodes, 500 turns, 8 agents with 16 numbers of observation, rewards in two terms,
+A run of 200 episodes, 500 turns, 8 agents with 16 numbers of observation, rewards in two terms,
 masks, infos with positions and a declared failure is recorded once (or taken from --run). Then the
 page is written, in this process, with its sections and episodes.
 
@@ -29,8 +29,8 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete
 
 import gamekeeper as gk
-from gamekeeper.adapters.page import report
-from gamekeeper.core.contract import Contract
+from gamekeeper.contract import Contract
+from gamekeeper.viewing.report_file import report
 
 AGENTS: Final = 8
 NUMBERS: Final = 16
@@ -74,9 +74,9 @@ class Patrol(gk.TickEnv):
             x, y = self.at[agent]
             x, y = min(max(x + dx, 0), SIDE - 1), min(max(y + dy, 0), SIDE - 1)
             self.at[agent] = [x, y]
-            self.pay(agent, -0.01 if action else 0.0, term="effort")
+            self.add_reward(agent, -0.01 if action else 0.0, term="effort")
             if self.now - self.last[x, y] >= 100:
-                self.pay(agent, 1.0, term="found")
+                self.add_reward(agent, 1.0, term="found")
             self.last[x, y] = self.now
         if self.now >= self.length:
             for agent in self.agents:
@@ -105,11 +105,16 @@ def make(turns: int = 500) -> Patrol:
 
 
 def recorded(folder: Path, episodes: int, turns: int) -> Path:
-    """A bundle of random play."""
+    """A run of random play."""
     gk.rollout(
-        f"parallel:{Path(__file__).resolve()}:make", policies="random", episodes=episodes, seed=0,
-        out=folder, env_kwargs={"turns": turns}, contract=Contract.from_json(CONTRACT),
-    )  # fmt: skip
+        f"parallel:{Path(__file__).resolve()}:make",
+        policies="random",
+        episodes=episodes,
+        seed=0,
+        out=folder,
+        env_kwargs={"turns": turns},
+        contract=Contract.from_json(CONTRACT),
+    )
     return folder
 
 
@@ -121,8 +126,8 @@ def measured(run: Path, out: Path) -> dict[str, Any]:
     evidence = gk.load(run, check=False)
     return {
         "figure": "report",
-        "episodes": evidence.episodes.num_rows,
-        "turns": int(evidence.episodes["turns"][0].as_py()),
+        "episodes": evidence.episode_table.num_rows,
+        "turns": int(evidence.episode_table["turns"][0].as_py()),
         "agents": len(evidence.manifest["agents"]),
         "wall_s": round(wall, 2),
         "cpu_s": round(cpu, 2),

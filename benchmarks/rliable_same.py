@@ -2,8 +2,8 @@
 
     python benchmarks/rliable_same.py --peer rliable=PATH/bin/python
 
-rliable lives in an environment of its own, which benchmarks/peers/rliable.txt locks
-(`requirements/setup.sh make DIR && requirements/setup.sh install DIR benchmarks/peers/rliable.txt`,
+rliable lives in an environment of its own, which benchmarks/peers/rliable.in names
+(`requirements/setup.sh make DIR && requirements/setup.sh install DIR benchmarks/peers/rliable.in`,
 on Python 3.11). Prints a JSON line for each figure: the largest difference over 100 pairs of random
 score matrices, some of them with ties, with 1 to 30 runs in 1 to 12 environments.
 """
@@ -18,8 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from gamekeeper.core.evaluation.environments import AGGREGATES, aggregate
-from gamekeeper.core.evaluation.improvement import probability_of_improvement
+from gamekeeper.statistics.aggregates import AGGREGATES, aggregate, probability_of_improvement
 
 Matrix = list[list[float]]
 

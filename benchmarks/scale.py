@@ -4,8 +4,8 @@ All times are of the processor, of this process and its threads, so that a busy 
 them little; bytes are of files. The last lines carry the figures to 10^10 agent-steps on paper.
 
 JSON lines: {"figure": "level", "task", "level", "cpu_us", "bytes"} an agent-step: `tally` counts
-and keeps nothing, `digest` and `full` are sealed bundles; {"figure": "kernel", ...} the same of a
-batch of 1,024 copies; {"figure": "store", "segments_bytes", "sealed_bytes"} an agent-step, while
+and keeps nothing, `digest` and `full` are finalized runs; {"figure": "kernel", ...} the same of a
+batch of 1,024 copies; {"figure": "store", "segments_bytes", "finalized_bytes"} an agent-step, while
 recording and after; {"figure": "part"}: what a part costs beyond its steps; {"figure": "merge",
 "mb_per_s", "rows_per_s"}; {"figure": "receipts", "bytes", "put_us", "get_us", "list_us"} each;
 {"figure": "episodes", "merge_us", "fingerprint_us", "bytes", "memory_bytes"} an episode;
@@ -32,22 +32,22 @@ import pyarrow as pa
 from kernel_recording import once
 
 import gamekeeper as gk
-from gamekeeper.core.evidence import fingerprints
-from gamekeeper.core.merge import merged_episodes
-from gamekeeper.core.press import EPISODES
-from gamekeeper.core.seeds import episode_seed
-from gamekeeper.game.faces import game_of
-from gamekeeper.game.open import open_env
-from gamekeeper.record.parts.merge import merge
-from gamekeeper.record.parts.plan import FOLDER, Plan, key_of
-from gamekeeper.record.parts.play import part_task
-from gamekeeper.record.parts.receipt import Receipt, receipt_of
-from gamekeeper.record.recording import cast_of
-from gamekeeper.run.episode import Play
-from gamekeeper.run.executors.local import LocalExecutor
-from gamekeeper.run.executors.storage import Storage
-from gamekeeper.run.executors.task import Task
-from gamekeeper.run.tally import tally
+from gamekeeper.episodes.encoder import EPISODES
+from gamekeeper.episodes.evidence import fingerprints
+from gamekeeper.episodes.tables import merged_episodes
+from gamekeeper.interface.opening import open_env
+from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.randomness.seeds import episode_seed
+from gamekeeper.rollouts.episode_loop import EpisodePlan
+from gamekeeper.rollouts.executors.local import LocalExecutor
+from gamekeeper.rollouts.executors.storage import Storage
+from gamekeeper.rollouts.executors.task import WorkTask
+from gamekeeper.rollouts.rollout_plan import RolloutPlan
+from gamekeeper.rollouts.tally import tally
+from gamekeeper.runs.parts.part_plan import FOLDER, key_of
+from gamekeeper.runs.parts.part_tasks import merge, part_task
+from gamekeeper.runs.parts.receipts import Receipt, receipt_of
+from gamekeeper.runs.recording import cast_of
 
 SPREAD: Final = "mpe2.simple_spread_v3:parallel_env"
 TASKS: Final = {"two_robot_line": "two_robot_line", "spread": SPREAD, "warehouse": "warehouse"}
@@ -95,7 +95,7 @@ def tallied(spec: str, agent_steps: int) -> tuple[float, int]:
     about = episodes = 0
     begun_s = cpu_s()
     while about < agent_steps:
-        play = Play(seed=episode_seed(0, episodes), stream=episodes)
+        play = EpisodePlan(seed=episode_seed(0, episodes), stream=episodes)
         outcome = tally(play, env, cast=cast)
         about += max(outcome.turns, 1) * len(outcome.returns)
         episodes += 1
@@ -112,13 +112,19 @@ def levels(agent_steps: int) -> Iterator[dict[str, Any]]:
         lines = [recorded(name, spec, level, episodes) for level in ("digest", "full")]
         done = lines[0].pop("agent_steps")
         assert done == lines[1].pop("agent_steps")
-        yield {"figure": "level", "task": name, "level": "tally", "cpu_us": 1e6 * seconds / done,
-               "bytes": 0.0, "steps_an_episode": done / episodes}  # fmt: skip
+        yield {
+            "figure": "level",
+            "task": name,
+            "level": "tally",
+            "cpu_us": 1e6 * seconds / done,
+            "bytes": 0.0,
+            "steps_an_episode": done / episodes,
+        }
         yield from lines
 
 
 def recorded(name: str, spec: str, level: str, episodes: int) -> dict[str, Any]:
-    """A recording in this process, sealed."""
+    """A recording in this process, finalized."""
     with tempfile.TemporaryDirectory(prefix="scale-") as folder:
         gk.rollout(spec, episodes=2, out=Path(folder, "warm"), level=level)
         out = Path(folder, "run")
@@ -126,13 +132,19 @@ def recorded(name: str, spec: str, level: str, episodes: int) -> dict[str, Any]:
         evidence = gk.rollout(spec, episodes=episodes, out=out, level=level)
         seconds = cpu_s() - begun_s
         done = acted(evidence)
-        return {"figure": "level", "task": name, "level": level, "cpu_us": 1e6 * seconds / done,
-                "bytes": size_of(out) / done, "agent_steps": done}  # fmt: skip
+        return {
+            "figure": "level",
+            "task": name,
+            "level": level,
+            "cpu_us": 1e6 * seconds / done,
+            "bytes": size_of(out) / done,
+            "agent_steps": done,
+        }
 
 
 def acted(evidence: Any) -> int:
     """Agent-steps of a run: rows in which somebody acted."""
-    order = evidence.steps.column("order")
+    order = evidence.agent_steps.column("order")
     return len(order) - int(order.null_count)
 
 
@@ -142,13 +154,18 @@ def kernels(agent_steps: int) -> Iterator[dict[str, Any]]:
         once(task, "kernel", COPIES, "digest", COPIES * 8)  # compiles
         for level in ("digest", "full"):
             found = once(task, "kernel", COPIES, level, 4 * agent_steps)
-            yield {"figure": "kernel", "task": task, "level": level, "bare_us": found["bare_us"],
-                   "cpu_us": found["bare_us"] + found["overhead_cpu_us"] + found["close_us"],
-                   "bytes": found["bytes"]}  # fmt: skip
+            yield {
+                "figure": "kernel",
+                "task": task,
+                "level": level,
+                "bare_us": found["bare_us"],
+                "cpu_us": found["bare_us"] + found["overhead_cpu_us"] + found["close_us"],
+                "bytes": found["bytes"],
+            }
 
 
 def stores(agent_steps: int) -> Iterator[dict[str, Any]]:
-    """A run's files just before it is sealed, and after."""
+    """A run's files just before it is finalized, and after."""
     with tempfile.TemporaryDirectory(prefix="scale-") as folder:
         out, seen = Path(folder, "run"), [0]
         episodes = agent_steps // 75
@@ -160,29 +177,41 @@ def stores(agent_steps: int) -> Iterator[dict[str, Any]]:
 
         evidence = gk.rollout(SPREAD, episodes=episodes, out=out, after_episode=look)
         done = acted(evidence)
-        yield {"figure": "store", "task": "spread", "segments_bytes": seen[0] / done,
-               "sealed_bytes": size_of(out) / done}  # fmt: skip
+        yield {
+            "figure": "store",
+            "task": "spread",
+            "segments_bytes": seen[0] / done,
+            "finalized_bytes": size_of(out) / done,
+        }
 
 
 def merges(agent_steps: int) -> Iterator[dict[str, Any]]:
-    """Bundles of many small parts and of two large ones: what a part costs, and what a step."""
+    """Runs of many small parts and of two large ones: what a part costs, and what a step."""
     with tempfile.TemporaryDirectory(prefix="scale-") as folder:
         large = max(agent_steps // 75 // 2, 16)
         played(Path(folder, "warm"), [1])
         small = Merged.of(Path(folder, "small"), [1] * SMALL)
         big = Merged.of(Path(folder, "large"), [large] * 2)
         of_each, of_step = fitted(small, big, "merge_s")
-        yield {"figure": "part", "play_ms": 1e3 * fitted(small, big, "play_s")[0],
-               "merge_ms": 1e3 * of_each, "bytes": fitted(small, big, "bytes")[0]}  # fmt: skip
-        yield {"figure": "merge", "cpu_us": 1e6 * of_step, "rows_per_s": 1 / of_step,
-               "mb_per_s": fitted(small, big, "bytes")[1] / of_step / 1e6}  # fmt: skip
+        yield {
+            "figure": "part",
+            "play_ms": 1e3 * fitted(small, big, "play_s")[0],
+            "merge_ms": 1e3 * of_each,
+            "bytes": fitted(small, big, "bytes")[0],
+        }
+        yield {
+            "figure": "merge",
+            "cpu_us": 1e6 * of_step,
+            "rows_per_s": 1 / of_step,
+            "mb_per_s": fitted(small, big, "bytes")[1] / of_step / 1e6,
+        }
         yield from listed(Storage.at(Path(folder, "many")), small.receipt_bytes)
         yield from queried(Path(folder, "large", "run"))
 
 
 @dataclass(frozen=True)
 class Merged:
-    """Parts and the bundle of them."""
+    """Parts and the run of them."""
 
     parts: int
     steps: int
@@ -199,8 +228,14 @@ class Merged:
         play_s, storage = cpu_s() - begun_s, Storage.at(folder / "parts")
         merge_s = spent_s(lambda: merge(storage, parts, folder / "run"))
         notes = sum(path.stat().st_size for path in (folder / "parts" / FOLDER).glob("*.json"))
-        return cls(len(sizes), acted(gk.load(folder / "run")), play_s, merge_s,
-                   size_of(folder / "parts") - notes, notes // len(sizes))  # fmt: skip
+        return cls(
+            len(sizes),
+            acted(gk.load(folder / "run")),
+            play_s,
+            merge_s,
+            size_of(folder / "parts") - notes,
+            notes // len(sizes),
+        )
 
 
 def fitted(small: Merged, large: Merged, field: str) -> tuple[float, float]:
@@ -215,13 +250,15 @@ def fitted(small: Merged, large: Merged, field: str) -> tuple[float, float]:
 def played(folder: Path, sizes: list[int]) -> list[Receipt]:
     """Parts of so many episodes each, and their receipts."""
     storage, first, found = Storage.at(folder / "parts"), 0, []
-    plan = Plan(
-        spec=SPREAD, env_kwargs={}, policies={}, episodes=sum(sizes), seed=0, options=None,
-        level="full", frames=False, most_turns=None, contract=None,
-    )  # fmt: skip
+    plan = RolloutPlan(spec=SPREAD, episodes=sum(sizes))
     for size in sizes:
-        part_task(lambda **fields: None, storage=storage.place, plan=plan.to_json(),
-                  first=first, stop=first + size)  # fmt: skip
+        part_task(
+            lambda **fields: None,
+            storage=storage.place,
+            plan=plan.to_json(),
+            first=first,
+            stop=first + size,
+        )
         receipt = receipt_of(storage, key_of(range(first, first + size)))
         assert receipt is not None
         found.append(receipt)
@@ -239,8 +276,13 @@ def listed(storage: Storage, size: int) -> Iterator[dict[str, Any]]:
     put_s = time.monotonic() - begun_s
     get_s = spent_s(lambda: [(storage.exists(name), storage.get(name)) for name in names])
     list_s = spent_s(lambda: storage.names("many"))
-    yield {"figure": "receipts", "bytes": len(text), "put_us": 1e6 * put_s / RECEIPTS,
-           "get_us": 1e6 * get_s / RECEIPTS, "list_us": 1e6 * list_s / RECEIPTS}  # fmt: skip
+    yield {
+        "figure": "receipts",
+        "bytes": len(text),
+        "put_us": 1e6 * put_s / RECEIPTS,
+        "get_us": 1e6 * get_s / RECEIPTS,
+        "list_us": 1e6 * list_s / RECEIPTS,
+    }
 
 
 def queried(run: Path) -> Iterator[dict[str, Any]]:
@@ -249,8 +291,8 @@ def queried(run: Path) -> Iterator[dict[str, Any]]:
         import duckdb
     except ImportError:
         return
-    rows = gk.load(run).steps.num_rows
-    text = f"SELECT agent, sum(reward) FROM '{run / 'steps.parquet'}' GROUP BY agent"
+    rows = gk.load(run).agent_steps.num_rows
+    text = f"SELECT agent, sum(reward) FROM '{run / 'agent_steps.parquet'}' GROUP BY agent"
     duckdb.sql(text).fetchall()
     seconds = min(spent_s(lambda: duckdb.sql(text).fetchall()) for _ in range(5))
     yield {"figure": "query", "rows": rows, "rows_per_s": rows / seconds}
@@ -260,7 +302,7 @@ def episodes() -> Iterator[dict[str, Any]]:
     """What a merge does with the rows of episodes: all of them are in memory then."""
     with tempfile.TemporaryDirectory(prefix="scale-") as folder:
         evidence = gk.rollout("two_robot_line", episodes=50, out=Path(folder, "run"))
-        table, manifest = evidence.episodes.cast(EPISODES), evidence.manifest
+        table, manifest = evidence.episode_table.cast(EPISODES), evidence.manifest
         a_file = Path(folder, "run", "episodes.parquet").stat().st_size / table.num_rows
     many = pa.concat_tables([table] * (EPISODES_MADE // table.num_rows))
     numbers = pa.array(range(many.num_rows), EPISODES.field("episode").type)
@@ -269,9 +311,13 @@ def episodes() -> Iterator[dict[str, Any]]:
     merge_s = spent_s(lambda: merged_episodes(many.to_batches()))
     print_s = spent_s(lambda: fingerprints(manifest, many))
     grown = peak_bytes() - before
-    yield {"figure": "episodes", "merge_us": 1e6 * merge_s / many.num_rows,
-           "fingerprint_us": 1e6 * print_s / many.num_rows, "bytes": a_file,
-           "memory_bytes": (many.nbytes + grown) / many.num_rows}  # fmt: skip
+    yield {
+        "figure": "episodes",
+        "merge_us": 1e6 * merge_s / many.num_rows,
+        "fingerprint_us": 1e6 * print_s / many.num_rows,
+        "bytes": a_file,
+        "memory_bytes": (many.nbytes + grown) / many.num_rows,
+    }
 
 
 def peak_bytes() -> int:
@@ -281,12 +327,16 @@ def peak_bytes() -> int:
 
 def executors() -> Iterator[dict[str, Any]]:
     """Null tasks by two processes of this machine; Ray's are in ray_cluster.py."""
-    tasks = (Task(f"null-{k}", "builtins:bool") for k in range(NULLS))  # bool(report)
+    tasks = (WorkTask(f"null-{k}", "builtins:bool") for k in range(NULLS))  # bool(report)
     begun_s, begun_cpu_s = time.monotonic(), cpu_s()
     done = sum(each.outcome.status == "done" for each in LocalExecutor(2).map(tasks))
-    yield {"figure": "executor", "name": "local, 2 workers", "tasks": done,
-           "tasks_per_s": done / (time.monotonic() - begun_s),
-           "driver_cpu_us": 1e6 * (cpu_s() - begun_cpu_s) / done}  # fmt: skip
+    yield {
+        "figure": "executor",
+        "name": "local, 2 workers",
+        "tasks": done,
+        "tasks_per_s": done / (time.monotonic() - begun_s),
+        "driver_cpu_us": 1e6 * (cpu_s() - begun_cpu_s) / done,
+    }
 
 
 def paper(seen: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
@@ -300,12 +350,14 @@ def paper(seen: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
             continue
         size = each["bytes"] * WANTED
         found = {
-            "figure": "paper", "task": each["task"], "level": each["level"],
+            "figure": "paper",
+            "task": each["task"],
+            "level": each["level"],
             "engine": "kernel" if each["figure"] == "kernel" else "python",
             "hours_of_all_cores": each["cpu_us"] * 1e-6 * WANTED / (NODES * CORES) / 3600,
             "tb": size / 1e12,
             "upload_s_of_all_links": size / (NODES * LINK_BYTES_PER_S),
-        }  # fmt: skip
+        }
         if merge_us is not None and size and each["task"] == "spread":  # merged here
             found["merge_hours_of_one_core"] = merge_us * 1e-6 * WANTED / 3600
             found["read_hours_of_one_link"] = size / LINK_BYTES_PER_S / 3600
@@ -321,14 +373,16 @@ def crowd(seen: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
     parts = number / 256
     rows, receipts = one(seen, "episodes"), one(seen, "receipts")
     yield {
-        "figure": "paper, one run", "episodes": number, "parts": parts,
+        "figure": "paper, one run",
+        "episodes": number,
+        "parts": parts,
         "episodes_in_memory_gib": number * rows["memory_bytes"] / GIB,
         "fingerprint_hours": number * (rows["merge_us"] + rows["fingerprint_us"]) / 3.6e9,
         "receipts_gb": parts * receipts["bytes"] / 1e9,
         "receipts_read_hours_one_by_one": 2 * parts * STORE_ROUND_TRIP_S / 3600,
         "merge_hours_for_parts": parts * one(seen, "part")["merge_ms"] / 3.6e6,
         "driver_minutes": parts * one(seen, "executor")["driver_cpu_us"] / 6e7,
-    }  # fmt: skip
+    }
 
 
 def has(seen: list[dict[str, Any]], figure: str) -> bool:
@@ -349,10 +403,13 @@ def main() -> int:
     given = parser.parse_args()
     steps = given.agent_steps
     figures: dict[str, Callable[[], Iterator[dict[str, Any]]]] = {
-        "level": lambda: levels(steps), "kernel": lambda: kernels(steps),
-        "store": lambda: stores(steps), "merge": lambda: merges(steps), "episodes": episodes,
+        "level": lambda: levels(steps),
+        "kernel": lambda: kernels(steps),
+        "store": lambda: stores(steps),
+        "merge": lambda: merges(steps),
+        "episodes": episodes,
         "executor": executors,
-    }  # fmt: skip
+    }
     seen: list[dict[str, Any]] = []
     for name in given.only.split(","):
         for figure in figures[name]():

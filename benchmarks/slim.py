@@ -29,7 +29,7 @@ from gymnasium.spaces import Discrete
 from pettingzoo import ParallelEnv
 from pettingzoo.utils.env_logger import EnvLogger
 
-from gamekeeper.game.converting.slim import slim
+from gamekeeper.interface.slim import slim
 
 TIMED = {
     "simple_spread parallel_env": ("mpe2.simple_spread_v3:parallel_env", {}, 1.6),

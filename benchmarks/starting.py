@@ -58,11 +58,13 @@ def main() -> None:
         before_s = children_s()
         seconds = [measure() for _ in range(repeats)]
         line = {
-            "figure": "starting", "what": what,
+            "figure": "starting",
+            "what": what,
             "seconds": round(statistics.median(seconds), 3),
-            "low": round(min(seconds), 3), "high": round(max(seconds), 3),
+            "low": round(min(seconds), 3),
+            "high": round(max(seconds), 3),
             "cpu_s": round((children_s() - before_s) / repeats, 3),
-        }  # fmt: skip
+        }
         print(json.dumps(line), flush=True)
 
 

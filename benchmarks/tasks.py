@@ -48,11 +48,11 @@ class Task:
 
 
 TASKS = {
-    "handover": Task("gamekeeper.envs.handover:Handover", "done"),
-    "pursuit": Task("gamekeeper.envs.pursuit:Pursuit", "cleared"),
-    "two_robot_line": Task("gamekeeper.envs.two_robot_line:TwoRobotLine", "met"),
-    "warehouse": Task("gamekeeper.envs.warehouse:Warehouse", "cleared"),
-    "warehouse_turns": Task("gamekeeper.envs.warehouse_turns:WarehouseTurns", "cleared"),
+    "handover": Task("gamekeeper.tasks.handover.handover:Handover", "done"),
+    "pursuit": Task("gamekeeper.tasks.pursuit.pursuit:Pursuit", "cleared"),
+    "two_robot_line": Task("gamekeeper.tasks.two_robot_line:TwoRobotLine", "met"),
+    "warehouse": Task("gamekeeper.tasks.warehouse.warehouse:Warehouse", "cleared"),
+    "warehouse_turns": Task("gamekeeper.tasks.warehouse.warehouse_turns:WarehouseTurns", "cleared"),
 }
 
 

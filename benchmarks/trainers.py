@@ -7,7 +7,7 @@ What is kept and lost stands in the docstrings of the adapter, and is taken from
     python benchmarks/trainers.py --only sb3 [--seeds 3] [--quick] [--keep FOLDER]
 
 One JSON line a run and one a trainer, {"figure", "trainer", "version", "mb", "seconds", "examples",
-"kept", "changed", "lost", "refused"}; after the last the rows of docs/trainers.md. Several
+"passed", "changed", "lost", "refused"}; after the last the rows of docs/trainers.md. Several
 gigabytes with torch, and minutes for each example and seed.
 """
 
@@ -29,7 +29,7 @@ LOCKS: Final = ROOT / "requirements" / "trainers"
 ADAPTERS: Final = ROOT / "src" / "gamekeeper" / "adapters"
 DISTRIBUTION: Final = {"sb3": "stable-baselines3", "rllib": "ray", "rerun": "rerun-sdk"}
 """What a trainer is called on the index, where its lock is called otherwise."""
-FIELDS: Final = ("kept", "changed", "lost", "refused")
+FIELDS: Final = ("passed", "changed", "lost", "refused")
 
 
 def names() -> list[str]:
@@ -98,9 +98,11 @@ def row(found: dict[str, Any]) -> str:
         about = good[0]
         results.append(f"`{name}`, {about['measure']}: {values}; wanted {about['wanted']}")
     cells = [
-        f"{found['trainer']} {found['version']}", f"{found['mb']:,} MB, {found['seconds']} s",
-        *("; ".join(found[field][:1]) for field in ("kept", "lost")), "; ".join(results),
-    ]  # fmt: skip
+        f"{found['trainer']} {found['version']}",
+        f"{found['mb']:,} MB, {found['seconds']} s",
+        *("; ".join(found[field][:1]) for field in ("passed", "lost")),
+        "; ".join(results),
+    ]
     return "| " + " | ".join(cells) + " |"
 
 

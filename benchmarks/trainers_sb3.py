@@ -53,16 +53,31 @@ UNSEEN: Final = 1_000_000
 MARGIN: Final = 1.3
 """Return of an agent; random play loses 26 in an episode."""
 SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
-    "spread": {"n_steps": 100, "batch_size": 600, "n_epochs": 8, "gamma": 0.95,
-               "learning_rate": 1e-3, "ent_coef": 0.003},
-    "value": {"n_steps": 150, "batch_size": 600, "n_epochs": 10, "gamma": 0.95,
-              "learning_rate": 2e-3},
-}  # fmt: skip
+    "spread": {
+        "n_steps": 100,
+        "batch_size": 600,
+        "n_epochs": 8,
+        "gamma": 0.95,
+        "learning_rate": 1e-3,
+        "ent_coef": 0.003,
+    },
+    "value": {
+        "n_steps": 150,
+        "batch_size": 600,
+        "n_epochs": 10,
+        "gamma": 0.95,
+        "learning_rate": 2e-3,
+    },
+}
 OVERHEAD: Final = 0.15
 WORK: Final = (
-    (SPREAD, 16, "serial"), ("warehouse", 64, "serial"), ("handover", 64, "serial"),
-    ("two_robot_line", 64, "serial"), ("spread", 1_024, "kernel"), ("warehouse", 1_024, "kernel"),
-)  # fmt: skip
+    (SPREAD, 16, "serial"),
+    ("warehouse", 64, "serial"),
+    ("handover", 64, "serial"),
+    ("two_robot_line", 64, "serial"),
+    ("spread", 1_024, "kernel"),
+    ("warehouse", 1_024, "kernel"),
+)
 """Environment, copies, engine."""
 
 
@@ -184,7 +199,7 @@ def judged(model: Any) -> float:
 
     plays = "random" if model is None else policy(model)
     evidence = gk.rollout(SPREAD, policies=plays, episodes=EPISODES, seed=UNSEEN)
-    paid = evidence.steps.column("reward").to_numpy(zero_copy_only=False)
+    paid = evidence.agent_steps.column("reward").to_numpy(zero_copy_only=False)
     return float(np.nansum(paid)) / EPISODES / 3
 
 
@@ -210,9 +225,10 @@ def overhead(seconds: float) -> None:
         while time.perf_counter() < until_s or len(whole) < 20:
             masks = venv.slots.masks
             actions = (
-                (rng.random(masks.shape) * masks).argmax(1) if masks.size
+                (rng.random(masks.shape) * masks).argmax(1)
+                if masks.size
                 else rng.integers(0, venv.action_space.n, venv.num_envs)
-            )  # fmt: skip
+            )
             began_s = time.perf_counter()
             venv.step(actions)
             whole.append(time.perf_counter() - began_s)
@@ -220,11 +236,17 @@ def overhead(seconds: float) -> None:
         added = statistics.median(np.subtract(whole, own))
         ratio, wanted = added / statistics.median(own), None if engine == "kernel" else OVERHEAD
         tell(
-            part="overhead", env=spec, copies=copies, engine=engine, slots=venv.num_envs,
-            own_us=round(1e6 * statistics.median(own), 1), added_us=round(1e6 * added, 1),
-            ratio=round(ratio, 3), wanted=wanted,
+            part="overhead",
+            env=spec,
+            copies=copies,
+            engine=engine,
+            slots=venv.num_envs,
+            own_us=round(1e6 * statistics.median(own), 1),
+            added_us=round(1e6 * added, 1),
+            ratio=round(ratio, 3),
+            wanted=wanted,
             reached=None if wanted is None else bool(ratio <= wanted),
-        )  # fmt: skip
+        )
 
 
 # -- all of them
@@ -247,8 +269,11 @@ def compared(part: str, seeds: int, *, quick: bool) -> None:
     name = "return" if part == "spread" else "error"
     means = [statistics.mean(each[name] for each in arm) for arm in (ours, theirs)]
     deviations = [statistics.pstdev(each[name] for each in arm) for arm in (ours, theirs)]
-    about = {"seeds": seeds, **dict(zip(ARMS, (round(m, 3) for m in means), strict=True)),
-             "deviations": [round(d, 3) for d in deviations]}  # fmt: skip
+    about = {
+        "seeds": seeds,
+        **dict(zip(ARMS, (round(m, 3) for m in means), strict=True)),
+        "deviations": [round(d, 3) for d in deviations],
+    }
     if part == "value":
         tell(part=part, measure=name, **about, wanted="lower", reached=bool(means[0] < means[1]))
         return
@@ -256,13 +281,21 @@ def compared(part: str, seeds: int, *, quick: bool) -> None:
         speeds = [statistics.median(each[measure] for each in arm) for arm in (ours, theirs)]
         ratio = round(speeds[0] / speeds[1], 3)
         tell(
-            part=part, measure=measure, **dict(zip(ARMS, speeds, strict=True)), ratio=ratio,
-            wanted=1.0, reached=bool(ratio >= 1.0),
-        )  # fmt: skip
+            part=part,
+            measure=measure,
+            **dict(zip(ARMS, speeds, strict=True)),
+            ratio=ratio,
+            wanted=1.0,
+            reached=bool(ratio >= 1.0),
+        )
     tell(
-        part=part, measure=name, **about, random=round(judged(None), 3),
-        wanted=f"{-MARGIN} at worst", reached=bool(means[0] >= means[1] - MARGIN),
-    )  # fmt: skip
+        part=part,
+        measure=name,
+        **about,
+        random=round(judged(None), 3),
+        wanted=f"{-MARGIN} at worst",
+        reached=bool(means[0] >= means[1] - MARGIN),
+    )
 
 
 def tell(**fields: Any) -> None:
@@ -273,8 +306,12 @@ def tell(**fields: Any) -> None:
 def main() -> None:
     """Measures what is asked for."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--parts", nargs="+", default=["overhead", "value", "spread"],
-                        choices=["overhead", "value", "spread"])  # fmt: skip
+    parser.add_argument(
+        "--parts",
+        nargs="+",
+        default=["overhead", "value", "spread"],
+        choices=["overhead", "value", "spread"],
+    )
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument(
         "--quick", action="store_true", help="short runs that show nothing but that it runs"

@@ -22,8 +22,8 @@ from gymnasium.spaces import Discrete
 from pettingzoo import AECEnv
 from pettingzoo.utils import AgentSelector, wrappers
 
-from gamekeeper.game.tick_env import TickEnv
-from gamekeeper.game.turn_env import TurnEnv
+from gamekeeper.interface.tick_env import TickEnv
+from gamekeeper.interface.turn_env import TurnEnv
 
 SIZES = (2, 8, 32, 128, 512, 2048)
 SEGMENT_S = 0.02  # long against the clock and the caches, short against what else the machine does
@@ -53,7 +53,7 @@ class Ours(TurnEnv):
     def act(self, agent: str, action: int) -> None:
         """Pays and ends as it was told to."""
         if self.pays:
-            self.pay(agent, 1.0)
+            self.add_reward(agent, 1.0)
         if self.ends:
             self.terminate(agent)
 
@@ -135,7 +135,7 @@ class OursTick(TickEnv):
     def tick(self, actions: dict[str, int]) -> None:
         """Pays everybody."""
         for agent in actions:
-            self.pay(agent, 1.0)
+            self.add_reward(agent, 1.0)
 
 
 def turns_of(env: Any) -> Callable[[int], float]:

@@ -10,10 +10,10 @@ that know nothing of each other: what this machine's two cores can give at best.
     python benchmarks/vector.py [--tasks spread rware line textbook] [--rounds 3] [--seconds 4]
     python benchmarks/vector.py --peer supersuit=PATH/bin/python --peer agilerl=PATH/bin/python
 
-Peers live in environments of their own; benchmarks/peers/supersuit.txt and agilerl.txt lock them
-(`requirements/setup.sh make DIR && requirements/setup.sh install DIR benchmarks/peers/NAME.txt`;
+Peers live in environments of their own; benchmarks/peers/supersuit.in and agilerl.in name them
+(`requirements/setup.sh make DIR && requirements/setup.sh install DIR benchmarks/peers/NAME.in`;
 AgileRL's without Gamekeeper, which wants a newer PettingZoo: `DIR/bin/python -m pip install
---require-hashes -r benchmarks/peers/agilerl.txt`, several gigabytes). mpe2 and rware stand in the
+-r benchmarks/peers/agilerl.in`, several gigabytes). mpe2 and rware stand in the
 first of them, whose Python is a good one for this script. PufferLib 3 and 2 don't install from the
 index alone: their build fetches files from elsewhere.
 
@@ -41,13 +41,16 @@ TASKS: Final = {
     "textbook": str(Path(__file__).with_name("textbook_line.py")) + ":parallel_env",
 }
 OURS: Final = (
-    "loop", "two_loops", "serial", "process", "kernel", "gymnasium_sync", "gymnasium_async",
-)  # fmt: skip
+    "loop",
+    "two_loops",
+    "serial",
+    "process",
+    "kernel",
+    "gymnasium_sync",
+    "gymnasium_async",
+)
 WITH_KERNEL: Final = frozenset({"line"})
-PEERS: Final = {
-    "supersuit": ("supersuit_0", "supersuit_2"),
-    "agilerl": ("agilerl",),
-}
+PEERS: Final = {"supersuit": ("supersuit_0", "supersuit_2"), "agilerl": ("agilerl",)}
 WARM: Final = 8
 """Steps before the clock."""
 
@@ -175,9 +178,10 @@ def joint(env: Any) -> Any:
             self.observation_space = batch_space(env.observation_space(names[0]), len(names))
             spaces = [env.action_space(name) for name in names]
             self.action_space = (
-                batch_space(spaces[0], len(names)) if len(set(map(str, spaces))) == 1
+                batch_space(spaces[0], len(names))
+                if len(set(map(str, spaces))) == 1
                 else Tuple(spaces)
-            )  # fmt: skip
+            )
 
         def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
             observations, _ = env.reset(seed=seed)
@@ -265,10 +269,18 @@ def main() -> None:
     for task, subject, _ in everything:
         figure, base = best.get((task, subject)), best.get((task, "loop"))
         ratio = None if figure is None or not base else round(figure / base, 3)
-        print(json.dumps({
-            "figure": FIGURE, "task": task, "subject": subject, "agent_steps_s": figure,
-            "to_loop": ratio, "why": why.get((task, subject)) if figure is None else None,
-        }))  # fmt: skip
+        print(
+            json.dumps(
+                {
+                    "figure": FIGURE,
+                    "task": task,
+                    "subject": subject,
+                    "agent_steps_s": figure,
+                    "to_loop": ratio,
+                    "why": why.get((task, subject)) if figure is None else None,
+                }
+            )
+        )
 
 
 if __name__ == "__main__":

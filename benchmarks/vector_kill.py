@@ -7,7 +7,7 @@ imported everything (`benchmarks/forks.py`); with `--cold` workers begin as alwa
     gone        no process of it is left
     unshared    no process maps the shared memory any more, and nothing has come into /dev/shm
     named       of a killed worker: the parent says which copies died, and of what
-    evidence    the bundle can be read (of a killed parent: is recovered), and replays
+    evidence    the run can be read (of a killed parent: is recovered), and replays
 
 One JSON line for each kind of kill: {"figure", "killed", "kills", "gone", "unshared", "named",
 "evidence", "turns_least", "turns_most"}. Exits 1 where a number falls short of `kills`.
@@ -29,10 +29,10 @@ import time
 from pathlib import Path
 from typing import Any, Final
 
-from gamekeeper.game.open import open_env
-from gamekeeper.record.bundle import load
-from gamekeeper.record.recover import recover
-from gamekeeper.record.replay import replay_evidence
+from gamekeeper.interface.opening import open_env
+from gamekeeper.runs.comparison import replay_evidence
+from gamekeeper.runs.load_run import load
+from gamekeeper.runs.run_check import recover
 
 try:
     from benchmarks.forks import Forks, forks, is_there
@@ -48,7 +48,7 @@ END_S: Final = 20.0
 """How long a process may take to be gone."""
 KINDS: Final = ("parent", "worker")
 CLAIMS: Final = ("gone", "unshared", "named", "evidence")
-MODULES: Final = ("gamekeeper.vector", "gamekeeper.vector.process")
+MODULES: Final = ("gamekeeper.vector", "gamekeeper.vector.process_engine")
 """Imported before the players and their workers are forked."""
 PLAYER: Final = """
 import os, sys
@@ -93,10 +93,13 @@ def figure(kind: str, found: list[dict[str, Any]]) -> dict[str, Any]:
     """The figures of all kills of a kind together."""
     turns = [each["turns"] for each in found]
     return {
-        "figure": FIGURE, "killed": kind, "kills": len(found),
+        "figure": FIGURE,
+        "killed": kind,
+        "kills": len(found),
         **{claim: sum(each[claim] for each in found) for claim in CLAIMS},
-        "turns_least": min(turns), "turns_most": max(turns),
-    }  # fmt: skip
+        "turns_least": min(turns),
+        "turns_most": max(turns),
+    }
 
 
 def killed(start: Forks, kind: str, *, after_s: float) -> dict[str, Any]:
@@ -119,9 +122,12 @@ def killed(start: Forks, kind: str, *, after_s: float) -> dict[str, Any]:
         is_unshared = not come and not _maps(memory)
         is_evidence, turns = _evidence(out, is_torn=kind == "parent")
     return {
-        "gone": is_gone, "unshared": is_unshared, "named": is_named, "evidence": is_evidence,
+        "gone": is_gone,
+        "unshared": is_unshared,
+        "named": is_named,
+        "evidence": is_evidence,
         "turns": turns,
-    }  # fmt: skip
+    }
 
 
 def _first_line(told: Path, player: int) -> str:
@@ -160,11 +166,11 @@ def _maps(memory: int) -> bool:
 
 
 def _evidence(out: Path, *, is_torn: bool) -> tuple[bool, int]:
-    """Whether the bundle can be read and replays, and how many turns it holds."""
+    """Whether the run can be read and replays, and how many turns it holds."""
     if is_torn:
         recover(out)
     evidence = load(out)
-    turns = int(evidence.steps.num_rows)
+    turns = int(evidence.agent_steps.num_rows)
     if not turns:
         return True, 0
     return replay_evidence(evidence, open_env(TASK, api="parallel")).verified, turns

@@ -115,11 +115,20 @@ def main() -> int:
         found = {e: prints(task, e, given.episodes, given.copies) for e in given.engines}
         same = {engine: found[engine] == found["serial"] for engine in given.engines}
         is_same = is_same and all(same.values())
-        print(json.dumps({
-            "figure": FIGURE, "task": task, "episodes": given.episodes, "copies": given.copies,
-            "seconds": round(time.perf_counter() - begun_s, 1), "same": same,
-            "fingerprint": hashlib.sha256(repr(found["serial"]).encode()).hexdigest()[:32],
-        }), flush=True)  # fmt: skip
+        print(
+            json.dumps(
+                {
+                    "figure": FIGURE,
+                    "task": task,
+                    "episodes": given.episodes,
+                    "copies": given.copies,
+                    "seconds": round(time.perf_counter() - begun_s, 1),
+                    "same": same,
+                    "fingerprint": hashlib.sha256(repr(found["serial"]).encode()).hexdigest()[:32],
+                }
+            ),
+            flush=True,
+        )
     return 0 if is_same else 1
 
 

@@ -1,6 +1,6 @@
 """How long `gamekeeper view` takes to open an episode, and how much memory it holds.
 
-A bundle of 200 episodes, 500 turns, 8 agents with 32 numbers of observation, rewards in two terms,
+A run of 200 episodes, 500 turns, 8 agents with 32 numbers of observation, rewards in two terms,
 masks, infos and positions is recorded once (or taken from --run). `gamekeeper view` runs in a
 process of its own; a client asks for the page, the index and every episode in a random order
 (cold: the server has packed none), then for some again (warm), each from the request to the last
@@ -31,8 +31,8 @@ from urllib.parse import urlsplit
 import numpy as np
 from gymnasium.spaces import Box, Discrete
 
-from gamekeeper.game.tick_env import TickEnv
-from gamekeeper.record.recording import rollout
+from gamekeeper.interface.tick_env import TickEnv
+from gamekeeper.runs.recording import rollout
 
 AGENTS: Final = 8
 NUMBERS: Final = 32
@@ -70,8 +70,8 @@ class Crowd(TickEnv):
         self.sight = np.tile(self.places.ravel(), (AGENTS, 2)).astype(np.float32)
         near = np.linalg.norm(self.places[:, None] - self.places[None], axis=2).mean(axis=1)
         for number, agent in enumerate(self.possible_agents):
-            self.pay(agent, -float(near[number]), term="distance")
-            self.pay(agent, -0.01 * (list(actions.values())[number] != 0), term="effort")
+            self.add_reward(agent, -float(near[number]), term="distance")
+            self.add_reward(agent, -0.01 * (list(actions.values())[number] != 0), term="effort")
         self.now += 1
         if self.now == self.length:
             for agent in self.possible_agents:
@@ -176,10 +176,10 @@ def served(run: Path) -> Iterator[Visit]:
 @contextmanager
 def recording(run: Path, options: argparse.Namespace) -> Iterator[None]:
     """A recording under way, killed at the end."""
-    line = [sys.executable, "-m", "gamekeeper", "record", f"{__file__}:Crowd", "--out", str(run)]
+    line = [sys.executable, "-m", "gamekeeper", "rollout", f"{__file__}:Crowd", "--out", str(run)]
     more = ["--episodes", "1000000", "--kwargs", json.dumps({"turns": options.turns}), "--quiet"]
     with subprocess.Popen([*line, *more], stdout=subprocess.DEVNULL) as process:
-        while not (run / "steps-0000.arrows").exists():
+        while not (run / "agent_steps-0000.arrows").exists():
             time.sleep(PAUSE_S)
         yield
         process.terminate()
@@ -190,9 +190,15 @@ def say(what: str, found: Iterable[tuple[float, int]], pid: int) -> None:
     times, sizes = zip(*found, strict=True)
     p50, p95, most = (round(1e3 * float(t), 2) for t in np.quantile(times, [0.5, 0.95, 1.0]))
     line = {
-        "figure": "view", "what": what, "n": len(times), "p50_ms": p50, "p95_ms": p95,
-        "max_ms": most, "bytes_max": max(sizes), "rss_mb": resident_mb(pid),
-    }  # fmt: skip
+        "figure": "view",
+        "what": what,
+        "n": len(times),
+        "p50_ms": p50,
+        "p95_ms": p95,
+        "max_ms": most,
+        "bytes_max": max(sizes),
+        "rss_mb": resident_mb(pid),
+    }
     sys.stdout.write(json.dumps(line) + "\n")
     sys.stdout.flush()
 

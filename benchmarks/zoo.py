@@ -1,7 +1,7 @@
 """Which foreign environments replay bit for bit: each row of the table in docs/zoo.md.
 
 Prints a JSON line for each row: package and version, environment, API, and `verified` or the cause.
-A row whose package isn't installed says so. Packages that can't live together have lock files of
+A row whose package isn't installed says so. Packages that can't live together have lists of
 their own in requirements/zoo/, one virtual environment each. Recording and replay are processes of
 their own, under different hash seeds, as they would be on two days.
 
@@ -22,9 +22,10 @@ from importlib.metadata import PackageNotFoundError, packages_distributions, ver
 from pathlib import Path
 from typing import Any, Final
 
-from gamekeeper.record.bundle import load
-from gamekeeper.record.replay import replay
-from gamekeeper.run.workers import run_task
+from gamekeeper.rollouts.rollout_plan import RolloutPlan
+from gamekeeper.rollouts.workers import run_task
+from gamekeeper.runs.comparison import replay
+from gamekeeper.runs.load_run import load
 
 EPISODES: Final = 2
 MOST_TURNS: Final = 60
@@ -37,8 +38,8 @@ DRAMATIS: Final = str(Path(__file__).with_name("zoo_factories.py"))
 class Row:
     """One environment of the zoo."""
 
-    lock: str
-    """The lock file in requirements/zoo/."""
+    packages: str
+    """The list in requirements/zoo/ that installs it."""
     module: str
     """What has to be importable."""
     spec: str
@@ -92,7 +93,7 @@ def main() -> int:
     only = parser.parse_args().only
     failed = False
     for row in ROWS:
-        if only and not any(word in f"{row.lock} {row.spec}" for word in only):
+        if only and not any(word in f"{row.packages} {row.spec}" for word in only):
             continue
         line = played(row)
         failed = failed or not (line["verified"] or line["cause"])
@@ -103,9 +104,9 @@ def main() -> int:
 def played(row: Row) -> dict[str, Any]:
     """One row, recorded and replayed where its package is there."""
     shown = row.spec.replace(DRAMATIS, "benchmarks/zoo_factories.py")
-    line: dict[str, Any] = {"lock": row.lock, "env": shown, "kwargs": dict(row.kwargs)}
+    line: dict[str, Any] = {"packages": row.packages, "env": shown, "kwargs": dict(row.kwargs)}
     if importlib.util.find_spec(row.module) is None:
-        cause = f"{row.module} isn't installed: requirements/zoo/{row.lock}.txt"
+        cause = f"{row.module} isn't installed: requirements/zoo/{row.packages}.in"
         return {**line, "verified": None, "cause": cause}
     line["package"] = _package(row.module)
     start = time.monotonic()
@@ -122,14 +123,14 @@ def played(row: Row) -> dict[str, Any]:
 def _replayed(run: Path, tolerance: float | None) -> dict[str, Any]:
     evidence = load(run)
     result = replay(run, allow_import=True, tolerance=tolerance, timeout_s=SILENCE_S)
-    ends = evidence.episodes["end"].to_pylist()
-    odd = evidence.steps["odd"]
+    ends = evidence.episode_table["end"].to_pylist()
+    nonconforming = evidence.agent_steps["nonconforming"]
     line: dict[str, Any] = {
         "api": evidence.manifest["environment"]["api"],
         "agents": len(evidence.manifest["spaces"]),
-        "turns": sum(evidence.episodes["turns"].to_pylist()),
+        "turns": sum(evidence.episode_table["turns"].to_pylist()),
         "ends": ends,
-        "odd": len(odd) - odd.null_count,
+        "nonconforming": len(nonconforming) - nonconforming.null_count,
         "verified": result.verified,
         "within_tolerance": result.within_tolerance,
         "cause": result.cause or result.reason,
@@ -142,14 +143,17 @@ def _replayed(run: Path, tolerance: float | None) -> dict[str, Any]:
 
 def _record(row: Row, run: Path) -> str | None:
     """Records in a process of its own; what went wrong, or None."""
-    plan: dict[str, Any] = {
-        "spec": row.spec, "out": str(run), "env_kwargs": dict(row.kwargs), "policies": {},
-        "episodes": EPISODES, "seed": 0, "options": None, "level": "full", "frames": False,
-        "most_turns": MOST_TURNS,
-        "contract": row.contract and str(Path(__file__).with_name(row.contract)),
-    }  # fmt: skip
-    task = "gamekeeper.record.tasks:record_task"
-    outcome = run_task(task, plan, silence_s=SILENCE_S, hash_seed=HASH_SEED)
+    plan = RolloutPlan(
+        spec=row.spec,
+        env_kwargs=dict(row.kwargs),
+        episodes=EPISODES,
+        most_turns=MOST_TURNS,
+        contract=row.contract and str(Path(__file__).with_name(row.contract)),
+    )
+    task = "gamekeeper.runs.worker_tasks:record_task"
+    outcome = run_task(
+        task, {"plan": plan.to_json(), "out": str(run)}, silence_s=SILENCE_S, hash_seed=HASH_SEED
+    )
     if not isinstance(outcome.value, dict):
         return f"{outcome.status}: {outcome.error}"
     error = outcome.value["error"]

@@ -3,7 +3,7 @@
 Prints a JSON line for each environment: package, version, API, steps, seconds, how many checks came
 to which outcome, and each broken promise with what its program said when it was run in a process of
 its own: `confirmed` where it raised, as it must as long as the fault is there. A row whose package
-isn't installed says so; packages that can't live together have lock files in requirements/zoo/.
+isn't installed says so; packages that can't live together have lists in requirements/zoo/.
 
     python benchmarks/zoo_audit.py [--quick] [--only WORD ...] [--env SPEC ...] [--out FOLDER]
 """
@@ -23,24 +23,43 @@ from importlib.metadata import PackageNotFoundError, packages_distributions, ver
 from pathlib import Path
 from typing import Any, Final
 
-from gamekeeper.audit.front import audit
-from gamekeeper.audit.result import Audit
+from gamekeeper.auditing.audit_process import audit
+from gamekeeper.auditing.result import AuditResult
 from gamekeeper.errors import GamekeeperError
 
 OURS: Final = ("warehouse", "warehouse_turns", "handover", "two_robot_line")
 MPE: Final = (
-    "collect_treasure_v1", "simple_adversary_v3", "simple_crypto_v3", "simple_formation_v1",
-    "simple_line_v1", "simple_push_v3", "simple_reference_v3", "simple_speaker_listener_v4",
-    "simple_spread_v3", "simple_tag_v3", "simple_v3", "simple_world_comm_v3",
-)  # fmt: skip
+    "collect_treasure_v1",
+    "simple_adversary_v3",
+    "simple_crypto_v3",
+    "simple_formation_v1",
+    "simple_line_v1",
+    "simple_push_v3",
+    "simple_reference_v3",
+    "simple_speaker_listener_v4",
+    "simple_spread_v3",
+    "simple_tag_v3",
+    "simple_v3",
+    "simple_world_comm_v3",
+)
 BOTH: Final = (
-    "butterfly/cooperative_pong-v6", "butterfly/knights_archers_zombies-v11",
-    "butterfly/pistonball-v6", "sisl/multiwalker-v9", "sisl/pursuit-v5",
-)  # fmt: skip
+    "butterfly/cooperative_pong-v6",
+    "butterfly/knights_archers_zombies-v11",
+    "butterfly/pistonball-v6",
+    "sisl/multiwalker-v9",
+    "sisl/pursuit-v5",
+)
 TURNS: Final = (
-    "chess-v6", "connect_four-v3", "go-v5", "hanabi-v5", "leduc_holdem-v4", "rps-v2",
-    "texas_holdem-v4", "texas_holdem_no_limit-v6", "tictactoe-v3",
-)  # fmt: skip
+    "chess-v6",
+    "connect_four-v3",
+    "go-v5",
+    "hanabi-v5",
+    "leduc_holdem-v4",
+    "rps-v2",
+    "texas_holdem-v4",
+    "texas_holdem_no_limit-v6",
+    "tictactoe-v3",
+)
 SNIPPET_S: Final = 300.0
 """A program that takes longer shows nothing."""
 OURSELVES: Final = ("SyntaxError", "NameError", "ModuleNotFoundError")
@@ -58,7 +77,7 @@ class Row:
 
 
 def rows() -> Iterator[Row]:
-    """Ours first, then what the first lock file installs, then the rows of the replays."""
+    """Ours first, then what the first list installs, then the rows of the replays."""
     for spec in OURS:
         yield Row("gamekeeper", spec)
     for name in MPE:
@@ -88,7 +107,7 @@ def main() -> int:
         if asked.only and not any(word in row.spec for word in asked.only):
             continue
         line = audited(row, quick=asked.quick, out=asked.out)
-        bad = [each for each in line.get("broken", ()) if each["program"] != "confirmed"]
+        bad = [each for each in line.get("failed", ()) if each["program"] != "confirmed"]
         failed = failed or bool(bad) or bool(line.get("errors")) or "failed" in line
         print(json.dumps(line), flush=True)
     return int(failed)
@@ -117,7 +136,7 @@ def audited(row: Row, *, quick: bool, out: Path | None) -> dict[str, Any]:
         "seconds": round(time.monotonic() - begun_s, 1),
         "slowest": max(found.timings, key=lambda name: found.timings[name]),
         **found.counts,
-        "broken": [_confirmed(found, place, out) for place in range(len(found.broken))],
+        "failed": [_confirmed(found, place, out) for place in range(len(found.failed))],
         "errors": [each.id for each in found.verdicts if each.outcome == "error"],
     }
     if out is not None:
@@ -125,9 +144,9 @@ def audited(row: Row, *, quick: bool, out: Path | None) -> dict[str, Any]:
     return line
 
 
-def _confirmed(found: Audit, place: int, out: Path | None) -> dict[str, Any]:
+def _confirmed(found: AuditResult, place: int, out: Path | None) -> dict[str, Any]:
     """One broken promise, with what became of the program of each finding."""
-    verdict = found.broken[place]
+    verdict = found.failed[place]
     said = []
     for number, finding in enumerate(verdict.findings):
         if out is not None:

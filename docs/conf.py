@@ -24,7 +24,8 @@ myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4
 autodoc_typehints = "description"
 autodoc_member_order = "bysource"
-napoleon_custom_sections = ["Source", ("Twins", "notes_style"), ("Facts", "notes_style")]
+default_role = "code"  # one backtick in a docstring means what it means in Markdown
+napoleon_custom_sections = ["Source", ("Counterfactuals", "notes_style"), ("Facts", "notes_style")]
 
 # The names that these pages refer to, kept here so that a build needs no network.
 intersphinx_mapping = {
@@ -95,7 +96,37 @@ def _toctree(pages: list[str], caption: str = "") -> str:
     return "\n".join(["", "```{toctree}", ":hidden:", *told, "", *pages, "```", ""])
 
 
+def in_rest(app: Sphinx, *about: object) -> None:
+    """Writes the tables and samples of a docstring, which are Markdown, as autodoc reads them."""
+    lines = about[-1]
+    assert isinstance(lines, list)
+    rest: list[str] = []
+    is_sample = is_table = False
+    for line in lines:
+        if line.startswith("```"):
+            is_sample = not is_sample
+            rest += [f".. code-block:: {line[3:]}", ""] if is_sample else [""]
+        elif is_sample:
+            rest.append(f"   {line}")
+        elif line.startswith("|"):
+            rest += _table_row(line, is_first=not is_table)
+        else:
+            rest.append(line)
+        is_table = not is_sample and line.startswith("|")
+    lines[:] = rest
+
+
+def _table_row(line: str, *, is_first: bool) -> list[str]:
+    cells = [cell.strip() for cell in line.strip("|").split("|")]
+    row = [f"   {'-' if place else '* -'} {cell}" for place, cell in enumerate(cells)]
+    row[1:] = [f"  {cell}" for cell in row[1:]]
+    if is_first:
+        return [".. list-table::", *(["   :header-rows: 1", "", *row] if any(cells) else [""])]
+    return [] if set(line) <= set("|- ") else row
+
+
 def setup(app: Sphinx) -> None:
     """Sphinx calls this."""
+    app.connect("autodoc-process-docstring", in_rest, priority=400)  # before napoleon
     app.connect("source-read", within)
     app.connect("source-read", with_contents)

@@ -60,9 +60,13 @@ def experiment(spec: str, *, seed: int, config: ExperimentConfig, **options: Any
     algorithm = MappoConfig.get_from_yaml()
     algorithm.entropy_coef = 0.01
     return Experiment(
-        task=task(spec, **options), algorithm_config=algorithm, model_config=model(),
-        critic_model_config=model(), seed=seed, config=config,
-    )  # fmt: skip
+        task=task(spec, **options),
+        algorithm_config=algorithm,
+        model_config=model(),
+        critic_model_config=model(),
+        seed=seed,
+        config=config,
+    )
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -78,23 +82,35 @@ def main(arguments: list[str] | None = None) -> int:
     check = None if asked.check == "none" else asked.check
     with tempfile.TemporaryDirectory() as folder:
         run = experiment(
-            TASK, seed=asked.seed, config=settings(COPIES, frames, folder), engine="kernel",
+            TASK,
+            seed=asked.seed,
+            config=settings(COPIES, frames, folder),
+            engine="kernel",
             check=check,
-        )  # fmt: skip
+        )
         run.run()
     env = run.task.get_env_fun(1, False, asked.seed, "cpu")()
     episodes = 4 if asked.quick else 50
     evidence = gk.rollout(TASK, policies=policy(run.policy, env), episodes=episodes, seed=1_000)
     env.close()
-    rewards = evidence.steps.group_by(["episode", "agent"]).aggregate([("reward", "sum")])
+    rewards = evidence.agent_steps.group_by(["episode", "agent"]).aggregate([("reward", "sum")])
     result = float(np.mean(rewards["reward_sum"].to_numpy()))
-    print(json.dumps({
-        "example": "benchmarl_spread", "trainer": f"benchmarl {version('benchmarl')}",
-        "task": TASK, "seed": asked.seed, "steps": frames,
-        "seconds": round(time.perf_counter() - began_s, 1),
-        "measure": "an agent's mean return over 50 episodes", "result": round(result, 2),
-        "wanted": WANTED, "reached": result >= WANTED,
-    }))  # fmt: skip
+    print(
+        json.dumps(
+            {
+                "example": "benchmarl_spread",
+                "trainer": f"benchmarl {version('benchmarl')}",
+                "task": TASK,
+                "seed": asked.seed,
+                "steps": frames,
+                "seconds": round(time.perf_counter() - began_s, 1),
+                "measure": "an agent's mean return over 50 episodes",
+                "result": round(result, 2),
+                "wanted": WANTED,
+                "reached": result >= WANTED,
+            }
+        )
+    )
     return 0 if asked.quick or result >= WANTED else 1
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 import gamekeeper as gk
-from gamekeeper.envs.warehouse_policies import reference
+from gamekeeper.tasks.warehouse.warehouse import reference
 
 SPEC = Path(__file__).with_suffix(".toml")
 GUESSED = 0.3

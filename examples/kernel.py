@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from gymnasium.spaces import Box, Discrete
 
-from gamekeeper.kernels import Kernel, draws, rule
+from gamekeeper.kernels import Batch, Kernel, draws, kernel_env, rule
 
 ROBOTS, CELLS, CHARGE = 3, 12, 30
 
@@ -79,13 +79,13 @@ RING = Kernel(
 
 def main() -> None:
     """Plays an episode as PettingZoo has it, then 100 steps of a batch."""
-    env, rng = RING.env(debug=True), np.random.default_rng(0)
+    env, rng = kernel_env(RING, debug=True), np.random.default_rng(0)
     env.reset(seed=0)
     while env.agents:
         env.step({agent: int(rng.integers(3)) for agent in env.agents})
     print(f"one copy: {env.turns} ticks, {env.endings}")
 
-    batch = RING.batch(1024, seed=0)
+    batch = Batch(RING, 1024, seed=0)
     batch.reset()
     paid = 0.0
     for _ in range(100):

@@ -130,7 +130,7 @@ class Mappo:
     def __init__(self, args: Args, seed: int) -> None:
         torch.manual_seed(seed)
         self.args, kernel = args, gk.make(TASK, **KWARGS).kernel
-        self.batch = kernel.batch(args.copies, seed=seed)
+        self.batch = Batch(kernel, args.copies, seed=seed)
         self.batch.reset()
         a = self.batch.arrays
         seen, actions = a.obs.shape[-1], a.masks.shape[-1]
@@ -177,8 +177,19 @@ class Mappo:
             ends = torch.from_numpy(a.terminated | a.truncated)
             if cut.any():  # by the horizon: what would have followed is estimated
                 paid += args.discount * torch.where(cut, self.values(self.look(note=False)[1]), 0.0)
-            rows.append((own, given, masks, live, actions, chance.log_prob(actions), values, paid,
-                         live & ~ends))  # fmt: skip
+            rows.append(
+                (
+                    own,
+                    given,
+                    masks,
+                    live,
+                    actions,
+                    chance.log_prob(actions),
+                    values,
+                    paid,
+                    live & ~ends,
+                )
+            )
             batch.restart()
             own, given = self.look(note=step % 8 == 7)
         self.steps += int(sum(row[3].sum() for row in rows))
@@ -225,7 +236,7 @@ class Mappo:
 def deliveries(robots: Robots, episodes: int, seed: int) -> np.ndarray:
     """How many items each of so many episodes brought to a dock."""
     kernel = gk.make(TASK, **KWARGS).kernel
-    batch = kernel.batch(episodes, seed=seed)
+    batch = Batch(kernel, episodes, seed=seed)
     batch.reset()
     a, term = batch.arrays, list(kernel.terms).index("delivery")
     found, over = np.zeros(episodes), np.zeros(episodes, bool)
@@ -253,13 +264,24 @@ def main() -> int:
     seconds, spent = time.perf_counter() - begun, time.process_time() - busy
     found = deliveries(learner.robots, args.judged, UNSEEN)
     reached = bool(found.mean() >= WANTED)
-    print(json.dumps({
-        "example": "mappo_warehouse", "trainer": f"torch {torch.__version__}", "task": TASK,
-        "seed": options.seed, "critic": "state" if args.sees_state else "own",
-        "steps": learner.steps, "seconds": round(seconds, 1), "cpu_s": round(spent, 1),
-        "measure": f"deliveries of {KWARGS['orders']}, {args.judged} episodes",
-        "result": round(float(found.mean()), 3), "wanted": WANTED, "reached": reached,
-    }))  # fmt: skip
+    print(
+        json.dumps(
+            {
+                "example": "mappo_warehouse",
+                "trainer": f"torch {torch.__version__}",
+                "task": TASK,
+                "seed": options.seed,
+                "critic": "state" if args.sees_state else "own",
+                "steps": learner.steps,
+                "seconds": round(seconds, 1),
+                "cpu_s": round(spent, 1),
+                "measure": f"deliveries of {KWARGS['orders']}, {args.judged} episodes",
+                "result": round(float(found.mean()), 3),
+                "wanted": WANTED,
+                "reached": reached,
+            }
+        )
+    )
     return 0 if reached or options.quick else 1
 
 

@@ -39,7 +39,7 @@ from torch import nn
 from torch.distributions import Categorical
 
 import gamekeeper as gk
-from gamekeeper.core.layout import role
+from gamekeeper.episodes.layout import role
 
 MASK: Final = "action_mask"
 SPREAD: Final = "mpe2.simple_spread_v3:parallel_env"
@@ -227,7 +227,7 @@ def train(args: Args, seed: int, log: Callable[[str, float, int], object]) -> li
             for learner in learners:
                 learner.note(t, obs, paid, infos)
                 sums[:, learner.group.columns] += learner.of(paid[0])
-            over = np.flatnonzero(infos.get("_final_obs", ()))
+            over = np.flatnonzero(infos["over"])
             for agent, totals in zip(agents, sums[over].T, strict=True):
                 returns[f"agent/{agent}"].extend(totals)
                 returns[f"role/{role(agent)}"].extend(totals)
@@ -256,10 +256,14 @@ def logger(folder: Path | None) -> Callable[[str, float, int], object]:
 def judged(args: Args, policy: Any, episodes: int, out: Path | None = None) -> tuple[Any, float]:
     """Evidence of episodes that nobody learnt from, and the mean return of an agent in them."""
     evidence = gk.rollout(
-        args.env, policies=policy, episodes=episodes, seed=1_000_000, out=out,
+        args.env,
+        policies=policy,
+        episodes=episodes,
+        seed=1_000_000,
+        out=out,
         env_kwargs=args.env_kwargs,
-    )  # fmt: skip
-    returns = evidence.steps.group_by(["episode", "agent"]).aggregate([("reward", "sum")])
+    )
+    returns = evidence.agent_steps.group_by(["episode", "agent"]).aggregate([("reward", "sum")])
     return evidence, float(np.mean(returns["reward_sum"]))
 
 
@@ -286,12 +290,21 @@ def main(arguments: list[str] | None = None) -> int:
     evidence, result = judged(args, Learnt(learners), episodes, given.out)
     wanted = WANTED.get(args.env, by_chance)
     line = {
-        "example": "ppo_parallel", "trainer": f"torch {torch.__version__}", "task": args.env,
-        "seed": given.seed, "steps": args.steps, "seconds": round(seconds, 1),
-        "measure": f"return of an agent, mean of {episodes} episodes", "result": round(result, 2),
-        "wanted": round(wanted, 2), "reached": result > wanted, "random": round(by_chance, 2),
-        "engine": args.engine, "cpu_s": round(cpu_s, 1), "fingerprint": evidence.fingerprint,
-    }  # fmt: skip
+        "example": "ppo_parallel",
+        "trainer": f"torch {torch.__version__}",
+        "task": args.env,
+        "seed": given.seed,
+        "steps": args.steps,
+        "seconds": round(seconds, 1),
+        "measure": f"return of an agent, mean of {episodes} episodes",
+        "result": round(result, 2),
+        "wanted": round(wanted, 2),
+        "reached": result > wanted,
+        "random": round(by_chance, 2),
+        "engine": args.engine,
+        "cpu_s": round(cpu_s, 1),
+        "fingerprint": evidence.fingerprint,
+    }
     print(json.dumps(line))
     return 0 if line["reached"] or given.quick else 1
 

@@ -4,7 +4,8 @@ Needs torch for learning (`pip install 'gamekeeper[fast]' torch`), and nothing b
 playing what was learnt:
 
     python examples/ppo_warehouse.py --seeds 0 1 2 --out runs/ppo
-    gamekeeper record warehouse --policy examples/ppo_warehouse.py:Robots --episodes 20 --out runs/p
+    gamekeeper rollout warehouse --policy examples/ppo_warehouse.py:Robots --episodes 20 --out
+    runs/p
 
 The second command plays the weights named by PPO_WAREHOUSE, or the file beside this one.
 
@@ -161,7 +162,7 @@ class Learner:
 
         self.torch, self.settings = torch, settings
         torch.manual_seed(seed)
-        self.batch = kernel.batch(settings.copies, seed=seed)
+        self.batch = Batch(kernel, settings.copies, seed=seed)
         self.batch.reset()
         arrays = self.batch.arrays
         self.length, self.actions = arrays.obs.shape[-1], arrays.masks.shape[-1]
@@ -357,10 +358,12 @@ def main() -> None:
     settings = Settings(env=options.env, env_kwargs=options.kwargs, steps=int(options.steps))
     kernel = gk.make(settings.env, **settings.env_kwargs).kernel
     lines = [{"settings": asdict(settings)}]
-    unseen = kernel.batch(options.episodes, seed=1_000_000)  # episodes that nobody learnt from
-    lines.append(_line("random", played(unseen, legal(0))))
+    not_exercised = Batch(
+        kernel, options.episodes, seed=1_000_000
+    )  # episodes that nobody learnt from
+    lines.append(_line("random", played(not_exercised, legal(0))))
     for seed in options.seeds:
-        learner, few = Learner(kernel, settings, seed), kernel.batch(64, seed=seed + 1)
+        learner, few = Learner(kernel, settings, seed), Batch(kernel, 64, seed=seed + 1)
         begun, busy = time.perf_counter(), time.process_time()
         for update, steps in enumerate(learner.run()):
             if update % 20 == 0:
@@ -373,7 +376,7 @@ def main() -> None:
             "cpu_s": round(time.process_time() - busy),
         }
         learner.save(options.out / f"seed_{seed}.npz")
-        lines.append({"seed": seed, **spent, **_line("learnt", played(unseen, learner.act))})
+        lines.append({"seed": seed, **spent, **_line("learnt", played(not_exercised, learner.act))})
         print(json.dumps(lines[-1]), flush=True)
     text = "\n".join(json.dumps(line) for line in lines)
     (options.out / "results.jsonl").write_text(text + "\n", encoding="utf-8")

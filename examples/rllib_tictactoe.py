@@ -28,9 +28,7 @@ from gamekeeper.adapters import rllib
 
 TASK: Final = "tictactoe"
 LEARNER: Final = "player_1"
-PLAY: Final[rllib.Options] = {
-    "role": LEARNER, "others": {"player_2": "random"}, "flatten": True,
-}  # fmt: skip
+PLAY: Final[rllib.Options] = {"role": LEARNER, "others": {"player_2": "random"}, "flatten": True}
 WANTED: Final = 0.85
 """Mean of +1 for a game won and -1 for one lost; who begins at random has about 0.3."""
 GAMES: Final = 200
@@ -51,12 +49,17 @@ def config(seed: int) -> Any:
             )
         )
         .training(
-            lr=1e-3, train_batch_size_per_learner=2000, minibatch_size=250, num_epochs=6,
-            entropy_coeff=0.01, gamma=0.99, lambda_=0.95,
+            lr=1e-3,
+            train_batch_size_per_learner=2000,
+            minibatch_size=250,
+            num_epochs=6,
+            entropy_coeff=0.01,
+            gamma=0.99,
+            lambda_=0.95,
         )
         .callbacks(rllib.ReturnsCallback)
         .debugging(seed=seed)
-    )  # fmt: skip
+    )
 
 
 def measured(learnt: Any, *, games: int, seed: int) -> float:
@@ -64,7 +67,7 @@ def measured(learnt: Any, *, games: int, seed: int) -> float:
     evidence = gk.rollout(
         TASK, policies={"*": "random", LEARNER: learnt}, episodes=games, seed=seed
     )
-    rows = evidence.steps.to_pylist()
+    rows = evidence.agent_steps.to_pylist()
     return sum(row["reward"] or 0.0 for row in rows if row["agent"] == LEARNER) / games
 
 
@@ -90,13 +93,21 @@ def main() -> int:
     ray.shutdown()
     is_reached = reached >= WANTED
     print(
-        json.dumps({
-            "example": "rllib_tictactoe", "trainer": f"rllib {rllib.VERSION}", "task": TASK,
-            "seed": asked.seed, "steps": steps, "seconds": round(time.monotonic() - begun_s, 1),
-            "measure": "mean return of who begins, against random play",
-            "result": round(reached, 3), "wanted": WANTED, "reached": is_reached,
-        })
-    )  # fmt: skip
+        json.dumps(
+            {
+                "example": "rllib_tictactoe",
+                "trainer": f"rllib {rllib.VERSION}",
+                "task": TASK,
+                "seed": asked.seed,
+                "steps": steps,
+                "seconds": round(time.monotonic() - begun_s, 1),
+                "measure": "mean return of who begins, against random play",
+                "result": round(reached, 3),
+                "wanted": WANTED,
+                "reached": is_reached,
+            }
+        )
+    )
     return 0 if is_reached or asked.quick else 1
 
 

@@ -41,10 +41,19 @@ def learnt(seed: int, steps: int) -> Any:
     torch.set_num_threads(1)
     venv = sb3.vec_env(TASK, 64, role=SIDE, others="random", engine="kernel", seed=seed)
     model = MaskablePPO(
-        "MlpPolicy", venv, n_steps=64, batch_size=256, n_epochs=6, gamma=1.0, gae_lambda=0.95,
-        learning_rate=1e-3, ent_coef=0.01, device="cpu", seed=seed,
+        "MlpPolicy",
+        venv,
+        n_steps=64,
+        batch_size=256,
+        n_epochs=6,
+        gamma=1.0,
+        gae_lambda=0.95,
+        learning_rate=1e-3,
+        ent_coef=0.01,
+        device="cpu",
+        seed=seed,
         **sb3.buffer(venv, masked=True),
-    )  # fmt: skip
+    )
     model.learn(steps)
     venv.close()
     return model
@@ -56,7 +65,7 @@ def result(model: Any, games: int) -> float:
 
     policies = {SIDE: sb3.policy(model), "*": "random"}
     played = gk.rollout(TASK, policies=policies, episodes=games, seed=UNSEEN)
-    rows = played.steps.group_by("agent").aggregate([("reward", "sum")]).to_pylist()
+    rows = played.agent_steps.group_by("agent").aggregate([("reward", "sum")]).to_pylist()
     return next(float(row["reward_sum"]) for row in rows if row["agent"] == SIDE) / games
 
 
@@ -71,13 +80,22 @@ def main() -> int:
     found = result(model, GAMES // 10 if given.quick else GAMES)
     import stable_baselines3
 
-    print(json.dumps({
-        "example": "sb3_tictactoe", "trainer": f"stable-baselines3 {stable_baselines3.__version__}",
-        "task": TASK, "seed": given.seed, "steps": model.num_timesteps,
-        "seconds": round(time.perf_counter() - began_s, 1),
-        "measure": "mean reward against chance", "result": round(found, 3),
-        "wanted": WANTED, "reached": found >= WANTED,
-    }))  # fmt: skip
+    print(
+        json.dumps(
+            {
+                "example": "sb3_tictactoe",
+                "trainer": f"stable-baselines3 {stable_baselines3.__version__}",
+                "task": TASK,
+                "seed": given.seed,
+                "steps": model.num_timesteps,
+                "seconds": round(time.perf_counter() - began_s, 1),
+                "measure": "mean reward against chance",
+                "result": round(found, 3),
+                "wanted": WANTED,
+                "reached": found >= WANTED,
+            }
+        )
+    )
     return 0 if given.quick or found >= WANTED else 1
 
 

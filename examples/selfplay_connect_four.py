@@ -43,8 +43,8 @@ from torch.distributions import Categorical
 import gamekeeper as gk
 from gamekeeper.adapters.decisions import decided
 from gamekeeper.adapters.slots import Slots
-from gamekeeper.core.stats import wilson
-from gamekeeper.envs.connect_four import greedy, reference
+from gamekeeper.statistics.significance import wilson
+from gamekeeper.tasks.connect_four import greedy, reference
 
 PLAYERS: Final = ("player_0", "player_1")
 WANTED: Final = {"random": 0.88, "greedy": 0.75, "reference": 0.18}
@@ -248,9 +248,11 @@ def judged(policy: Any, opponent: Any, games: int, out: Path | None = None) -> l
         evidence = gk.rollout(
             "connect_four",
             policies={player: AnyOpening(policy), other: AnyOpening(opponent)},
-            episodes=games, seed=1_000_000, out=out / player if out else None,
-        )  # fmt: skip
-        steps = evidence.steps.filter(pc.field("agent") == player)
+            episodes=games,
+            seed=1_000_000,
+            out=out / player if out else None,
+        )
+        steps = evidence.agent_steps.filter(pc.field("agent") == player)
         paid = steps.group_by("episode").aggregate([("reward", "sum")])["reward_sum"].to_numpy()
         told = {"as": player, "won": int((paid > 0).sum()), "drawn": int((paid == 0).sum())}
         found.append({**told, "fingerprint": evidence.fingerprint})
@@ -285,13 +287,21 @@ def main(arguments: list[str] | None = None) -> int:
     result = {name: round(told["won"][1], 3) for name, told in found.items()}
     reached = all(result[name] >= wanted for name, wanted in WANTED.items())
     line = {
-        "example": "selfplay_connect_four", "trainer": f"torch {torch.__version__}",
-        "task": "connect_four", "seed": given.seed, "steps": args.moves,
-        "seconds": round(seconds, 1), "cpu_s": round(cpu_s, 1),
+        "example": "selfplay_connect_four",
+        "trainer": f"torch {torch.__version__}",
+        "task": "connect_four",
+        "seed": given.seed,
+        "steps": args.moves,
+        "seconds": round(seconds, 1),
+        "cpu_s": round(cpu_s, 1),
         "measure": "part of games won as either player, lower end of Wilson's 95 % interval",
-        "result": result, "wanted": WANTED, "reached": reached, "games": found,
-        "engine": args.engine, "version": learnt.version,
-    }  # fmt: skip
+        "result": result,
+        "wanted": WANTED,
+        "reached": reached,
+        "games": found,
+        "engine": args.engine,
+        "version": learnt.version,
+    }
     print(json.dumps(line))
     return 0 if reached or given.quick else 1
 

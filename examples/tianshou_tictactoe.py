@@ -55,10 +55,17 @@ def player(env: Any) -> PPO:
         actor=adapter.masked(actor), action_space=env.action_space, deterministic_eval=True
     )
     return PPO(
-        policy=policy, critic=adapter.unmasked(DiscreteCritic(preprocess_net=net())),
-        optim=AdamOptimizerFactory(lr=1e-3), gamma=0.99, gae_lambda=0.95, ent_coef=0.1,
-        vf_coef=0.5, max_grad_norm=0.5, eps_clip=0.2, max_batchsize=8_192,
-    )  # fmt: skip
+        policy=policy,
+        critic=adapter.unmasked(DiscreteCritic(preprocess_net=net())),
+        optim=AdamOptimizerFactory(lr=1e-3),
+        gamma=0.99,
+        gae_lambda=0.95,
+        ent_coef=0.1,
+        vf_coef=0.5,
+        max_grad_norm=0.5,
+        eps_clip=0.2,
+        max_batchsize=8_192,
+    )
 
 
 def points(learnt: Any, games: int) -> float:
@@ -69,7 +76,7 @@ def points(learnt: Any, games: int) -> float:
             TASK, policies={me: learnt, other: "random"}, episodes=games, seed=UNSEEN
         )
         paid = [0.0] * games
-        for row in evidence.steps.to_pylist():
+        for row in evidence.agent_steps.to_pylist():
             paid[row["episode"]] += (row["reward"] or 0.0) if row["agent"] == me else 0.0
         found += [0.5 + one / 2 for one in paid]  # 1 for a win, -1 for a loss
     return sum(found) / len(found)
@@ -109,12 +116,22 @@ def main() -> int:
 
     result = points(adapter.policy(learner, env), judged)
     reached = result >= WANTED
-    print(json.dumps({
-        "example": "tianshou_tictactoe", "trainer": f"tianshou {adapter.VERSION}", "task": TASK,
-        "seed": options.seed, "steps": collector.collect_step, "seconds": round(seconds, 1),
-        "measure": f"points a game, {2 * judged} games", "result": round(result, 3),
-        "wanted": WANTED, "reached": reached,
-    }))  # fmt: skip
+    print(
+        json.dumps(
+            {
+                "example": "tianshou_tictactoe",
+                "trainer": f"tianshou {adapter.VERSION}",
+                "task": TASK,
+                "seed": options.seed,
+                "steps": collector.collect_step,
+                "seconds": round(seconds, 1),
+                "measure": f"points a game, {2 * judged} games",
+                "result": round(result, 3),
+                "wanted": WANTED,
+                "reached": reached,
+            }
+        )
+    )
     return 0 if reached or options.quick else 1
 
 

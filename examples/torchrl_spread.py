@@ -87,9 +87,12 @@ class Learner:
     def batches(self, *, frames: int, total: int) -> Iterator[Any]:
         """What TorchRL's collector collects, [copy, step]."""
         collector = Collector(
-            self.env, self.actor, frames_per_batch=frames, total_frames=total,
+            self.env,
+            self.actor,
+            frames_per_batch=frames,
+            total_frames=total,
             auto_register_policy_transforms=False,
-        )  # fmt: skip
+        )
         try:
             yield from collector
         finally:
@@ -128,9 +131,14 @@ def main(arguments: list[str] | None = None) -> int:
     steps = 3_200 if asked.quick else STEPS
     began_s = time.perf_counter()
     env = adapter.env(
-        TASK, COPIES, engine="kernel", masks=True, flatten=True, seed=asked.seed,
+        TASK,
+        COPIES,
+        engine="kernel",
+        masks=True,
+        flatten=True,
+        seed=asked.seed,
         check=None if asked.check == "none" else asked.check,
-    )  # fmt: skip
+    )
     learner = Learner(env)
     for number, batch in enumerate(learner.batches(frames=COPIES * 25, total=steps)):
         rate = RATE * (1 - number * COPIES * 25 / steps)
@@ -142,14 +150,24 @@ def main(arguments: list[str] | None = None) -> int:
     env.close()
     policy = adapter.policy(learner.actor, env)
     evidence = gk.rollout(TASK, policies=policy, episodes=4 if asked.quick else 50, seed=1_000)
-    rewards = evidence.steps.group_by(["episode", "agent"]).aggregate([("reward", "sum")])
+    rewards = evidence.agent_steps.group_by(["episode", "agent"]).aggregate([("reward", "sum")])
     result = float(np.mean(rewards["reward_sum"].to_numpy()))
-    print(json.dumps({
-        "example": "torchrl_spread", "trainer": f"torchrl {adapter.VERSION}", "task": TASK,
-        "seed": asked.seed, "steps": steps, "seconds": round(time.perf_counter() - began_s, 1),
-        "measure": "an agent's mean return over 50 episodes", "result": round(result, 2),
-        "wanted": WANTED, "reached": result >= WANTED,
-    }))  # fmt: skip
+    print(
+        json.dumps(
+            {
+                "example": "torchrl_spread",
+                "trainer": f"torchrl {adapter.VERSION}",
+                "task": TASK,
+                "seed": asked.seed,
+                "steps": steps,
+                "seconds": round(time.perf_counter() - began_s, 1),
+                "measure": "an agent's mean return over 50 episodes",
+                "result": round(result, 2),
+                "wanted": WANTED,
+                "reached": result >= WANTED,
+            }
+        )
+    )
     return 0 if asked.quick or result >= WANTED else 1
 
 

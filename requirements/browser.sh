@@ -1,13 +1,13 @@
 #!/bin/sh
 # Sees to it that Chromium is there, for `make browser-test`: Debian's package, installed where it is missing and this is root.
 #
-# CHROMIUM=path names another one. Every failure says how to mend it, and exits 1.
+# CHROMIUM=path names another one. Every failure says how to fix it, and exits 1.
 set -eu
 
 chromium=${CHROMIUM:-/usr/bin/chromium}
 
 fail() {
-    printf '\ngamekeeper set-up: %s\n  mend: %s\n' "$1" "$2" >&2
+    printf '\ngamekeeper set-up: %s\n  fix: %s\n' "$1" "$2" >&2
     exit 1
 }
 

@@ -2,15 +2,16 @@
 # Makes a virtual environment and fills it with locked packages; called by the Makefile, with no tool but Python.
 #
 #   setup.sh make VENV             an empty virtual environment, of the newest suitable Python
-#   setup.sh install VENV LOCK     the packages of a lock file, each checked against its hash, and Gamekeeper itself
+#   setup.sh install VENV LOCK     the packages of a lock file (.txt), each checked against its hash, and Gamekeeper itself
+#   setup.sh install VENV LIST     the packages of a list (.in): versions of what is asked for, all else as pip resolves it today
 #
-# PYTHON=path chooses the interpreter. Every failure says what is missing and how to mend it, and exits 1.
+# PYTHON=path chooses the interpreter. Every failure says what is missing and how to fix it, and exits 1.
 set -eu
 
 LOCKED_FOR="3.14 3.13 3.12 3.11"    # newest first: the versions that the lock files were resolved for
 
 fail() {
-    printf '\ngamekeeper set-up: %s\n  mend: %s\n' "$1" "$2" >&2
+    printf '\ngamekeeper set-up: %s\n  fix: %s\n' "$1" "$2" >&2
     exit 1
 }
 
@@ -75,9 +76,11 @@ explain_pip() {
 
 # Runs pip in the environment, quietly; its output is shown when it fails.
 pip_install() {
+    venv=$1
     log=$1/pip.log
-    if ! PIP_USER=0 PIP_DISABLE_PIP_VERSION_CHECK=1 "$1/bin/python" -m pip install --quiet --retries 2 \
-        --no-build-isolation "$2" "$3" ${4:+"$4"} >"$log" 2>&1; then
+    shift
+    if ! PIP_USER=0 PIP_DISABLE_PIP_VERSION_CHECK=1 "$venv/bin/python" -m pip install --quiet --retries 2 \
+        "$@" >"$log" 2>&1; then
         tail -n 25 "$log" >&2
         explain_pip "$log"
     fi
@@ -85,9 +88,17 @@ pip_install() {
 
 install() {
     began=$(date +%s)
-    echo "gamekeeper set-up: installing $(grep -c '^[a-zA-Z]' "$2") locked packages ($2) into $1; the first time takes a minute or two"
-    pip_install "$1" --require-hashes --requirement "$2"
-    pip_install "$1" --no-deps --editable .
+    case "$2" in
+        *.in)
+            echo "gamekeeper set-up: installing what $2 asks for into $1; the first time takes some minutes"
+            pip_install "$1" --requirement "$2"
+            ;;
+        *)
+            echo "gamekeeper set-up: installing $(grep -c '^[a-zA-Z]' "$2") locked packages ($2) into $1; the first time takes a minute or two"
+            pip_install "$1" --no-build-isolation --require-hashes --requirement "$2"
+            pip_install "$1" --no-build-isolation --no-deps --editable .
+            ;;
+    esac
     echo "gamekeeper set-up: done in $(($(date +%s) - began)) s, $(du -sm "$1" | cut -f1) MB in $1"
 }
 

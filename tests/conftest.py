@@ -4,6 +4,7 @@ import itertools
 import os
 import signal
 import sys
+import tempfile
 from collections.abc import Iterator
 from typing import Any
 
@@ -12,10 +13,18 @@ import pytest
 from gymnasium.spaces import Space
 from hypothesis import HealthCheck, settings
 
+from tests.tiers import ROOT, pytest_addoption, pytest_configure
+
+__all__ = ["pytest_addoption", "pytest_configure"]  # hooks, found by their names here
+
 # pygame reads these when it is first imported, so they stand before any environment can be.
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 os.environ.setdefault("SDL_AUDIODRIVER", "dummy")
 os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+
+# Runs that tests record are never among those of whoever runs the tests.
+STATE = tempfile.TemporaryDirectory(prefix="gamekeeper-tests-")
+os.environ["XDG_STATE_HOME"] = STATE.name
 
 # No deadline: speed is measured in benchmarks/. `--hypothesis-profile=explore` looks further.
 settings.register_profile("same", derandomize=True, deadline=None)
@@ -59,12 +68,23 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     return ByFileOrPage(config, log)
 
 
+def pytest_make_parametrize_id(val: object) -> str | None:
+    """A test has the same id in every checkout: a path of this one begins at its root."""
+    return val.replace(f"{ROOT}/", "") if isinstance(val, str) and str(ROOT) in val else None
+
+
 @pytest.fixture(autouse=True, scope="session")
 def interrupts_are_heard() -> Iterator[None]:
     """Ctrl-C comes through, also where a shell started this in the background, ignoring it."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture
+def nothing_is_ours(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No run is remembered as this user's own: all count as somebody else's."""
+    monkeypatch.setenv("XDG_STATE_HOME", os.devnull)
 
 
 SPACES_SEEDED = itertools.count()

@@ -36,12 +36,12 @@ def test_tree_of_errors_is_drawn_as_it_is() -> None:
     )
 
 
-def test_error_says_what_where_and_how_to_mend_it() -> None:
+def test_error_says_what_where_and_how_to_fix_it() -> None:
     """Each part on its line, and those that are missing leave none."""
-    full = GamekeeperError("it broke", where="here", expected="0", seen="1", mend="pay 0")
+    full = GamekeeperError("it broke", where="here", expected="0", actual="1", fix="pay 0")
     assert str(full).splitlines() == [
         "it broke",
-        "  where: here   expected: 0   seen: 1",
-        "  mend: pay 0",
+        "  where: here   expected: 0   actual: 1",
+        "  fix: pay 0",
     ]
     assert str(GamekeeperError("it broke")) == "it broke"

@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
-from gamekeeper.core.verdict import Finding, Verdict
+from gamekeeper.checks.verdict import Finding, Verdict
 from gamekeeper.testing import NOTES, contract_test, settle
 
 pytest_plugins = ["pytester"]
 
-PAID = "gamekeeper.audit.specimens.gk402_paid_after_end"
+PAID = "tests.faults.rewards import PaidAfterEnd"
 SMALL = "quick=True, select=('GK402', 'GK501')"
 
 
@@ -37,14 +37,14 @@ def test_contract_test_has_a_test_for_each_check(apart: pytest.Pytester) -> None
     apart.makepyfile(
         f"""
         from gamekeeper.testing import contract_test
-        from {PAID} import make
+        from {PAID} as make
         TestContract = contract_test(make, {SMALL})
         """
     )
     result = run(apart, "-v")
     result.assert_outcomes(failed=1, passed=1)
     result.stdout.fnmatch_lines(
-        ["*test_promise?GK402-rewards_stop_at_the_end? FAILED*", "*seen: 0.5*", "SEED = *"]
+        ["*test_promise?GK402-rewards_stop_at_the_end? FAILED*", "*actual: 0.5*", "SEED = *"]
     )
 
 
@@ -53,7 +53,7 @@ def test_environments_are_audited_once_in_a_session(apart: pytest.Pytester) -> N
     apart.makepyfile(
         f"""
         from gamekeeper.testing import contract_test
-        from {PAID} import make as original
+        from {PAID} as original
         built = []
         def make():
             built.append(1)
@@ -78,7 +78,7 @@ def test_waivers_are_expected_failures(apart: pytest.Pytester) -> None:
     apart.makepyfile(
         f"""
         from gamekeeper.testing import contract_test
-        from {PAID} import make
+        from {PAID} as make
         TestContract = contract_test(make, contract="rovers.toml", {SMALL})
         """
     )
@@ -93,7 +93,7 @@ def test_waivers_are_expected_failures(apart: pytest.Pytester) -> None:
 def test_command_line_names_environments(apart: pytest.Pytester) -> None:
     """--gamekeeper collects a test for each check, and nothing else of the folder."""
     apart.makepyfile("def test_of_the_folder(): pass")
-    apart.makepyfile(rovers=f"from {PAID} import make")
+    apart.makepyfile(rovers=f"from {PAID} as make")
     line = ["--gamekeeper", "rovers.py:make", "--gamekeeper-quick"]
     result = run(apart, *line, "--gamekeeper-select", "GK402", "-v")
     result.assert_outcomes(failed=1)
@@ -136,9 +136,9 @@ def test_contract_test_refuses_unknown_checks() -> None:
 @pytest.mark.parametrize(
     ("outcome", "exception", "words"),
     [
-        ("broken", pytest.fail.Exception, "GK402 (high): The dead are paid nothing."),
+        ("failed", pytest.fail.Exception, "GK402 (high): The dead are paid nothing."),
         ("error", pytest.fail.Exception, "a fault of the check"),
-        ("unseen", pytest.skip.Exception, "unseen: no play ended"),
+        ("not_exercised", pytest.skip.Exception, "not exercised: no play ended"),
         ("not_applicable", pytest.skip.Exception, "not applicable: no play ended"),
         ("waived", pytest.xfail.Exception, "no play ended"),
     ],
@@ -156,7 +156,7 @@ def test_failure_tells_every_finding(pytestconfig: pytest.Config) -> None:
     """Each place is told, and the program of the first one."""
     found = tuple(Finding(f"turn {k}", "0", "1", "pay 0", f"PLAY = {k}") for k in range(2))
     with pytest.raises(pytest.fail.Exception) as caught:
-        settle(verdict("broken", findings=found), pytestconfig)
+        settle(verdict("failed", findings=found), pytestconfig)
     text = str(caught.value)
     assert "where: turn 1" in text
     assert "PLAY = 0" in text
@@ -166,7 +166,7 @@ def test_failure_tells_every_finding(pytestconfig: pytest.Config) -> None:
 def test_kept_promise_is_silent(pytestconfig: pytest.Config) -> None:
     """Nothing is noted of what is simply kept."""
     before = list(pytestconfig.stash.get(NOTES, []))
-    settle(verdict("kept"), pytestconfig)
+    settle(verdict("passed"), pytestconfig)
     assert pytestconfig.stash.get(NOTES, []) == before
 
 

@@ -18,30 +18,55 @@ from gamekeeper.errors import GamekeeperError
 FAULT: Final = "fault of gamekeeper"
 """What a command says where an exception came out that is none of the house."""
 READING: Final = (
-    "show RUN", "show RUN --json", "show RUN --quiet", "verify RUN", "verify RUN --json",
-    "diff RUN SOUND", "diff SOUND RUN --json", "label RUN", "label RUN --json",
-    "report RUN --out OUT.html", "export RUN --to numpy --out OUT.npz",
-    "query RUN VIEWS", "query RUN STEPS", "query RUN LABELS --json",
+    "show RUN",
+    "show RUN --json",
+    "show RUN --quiet",
+    "verify RUN",
+    "verify RUN --json",
+    "diff RUN SOUND",
+    "diff SOUND RUN --json",
+    "label RUN",
+    "label RUN --json",
+    "report RUN --out OUT.html",
+    "export RUN --to numpy --out OUT.npz",
+    "query RUN VIEWS",
+    "query RUN STEPS",
+    "query RUN LABELS --json",
     "recover RUN",
-)  # fmt: skip
-"""Commands that only read a bundle, or write beside it; nothing of them opens an environment."""
+)
+"""Commands that only read a run, or write beside it; nothing of them opens an environment."""
 SQL: Final = {
     "VIEWS": "SELECT * FROM returns, endings, runs, agents LIMIT 9",
-    "STEPS": "SELECT agent, sum(reward) FROM steps GROUP BY agent",
+    "STEPS": "SELECT agent, sum(reward) FROM agent_steps GROUP BY agent",
     "LABELS": "SELECT * FROM labels, episodes LIMIT 9",
 }
 LINES: Final = (
-    *READING, "show RUN --seed 3 --quiet", "explain GK402", "explain GK999 --json",
-    "list checks --json", "list envs", "verify RUN --fingerprint abc", "replay RUN --tolerance nan",
-    "replay NOWHERE --env nothing.here:env", "contract nothing.here:env --kwargs {}",
-    "run no/such.py:env --episodes 0", "record nowhere --kwargs [1] --out OUT --policy random",
+    *READING,
+    "show RUN --seed 3 --quiet",
+    "explain GK402",
+    "explain GK999 --json",
+    "list checks --json",
+    "list envs",
+    "verify RUN --fingerprint abc",
+    "replay RUN --tolerance nan",
+    "replay NOWHERE --env nothing.here:env",
+    "contract nothing.here:env --kwargs {}",
+    "run no/such.py:env --episodes 0",
+    "record nowhere --kwargs [1] --out OUT --policy random",
     "audit nothing.here:env --select GK4 --ignore GK402 --budget 10 --json",
-    "evaluate nowhere.toml --json --workers 1", "diagnose NOWHERE --json", "attribute NOWHERE",
-    "label RUN exploration --episode 0 --why x", "view NOWHERE --port 70000",
-    "video NOWHERE --episode 0 --out OUT.mp4", "export RUN --to minari --out OUT",
-    "new x --api parallel --out OUT", "query RUN SELECT --out OUT.csv", "--version", "--help",
-)  # fmt: skip
-OPENING: Final = frozenset({"contract", "run", "record", "audit", "replay", "evaluate", "new"})
+    "evaluate nowhere.toml --json --workers 1",
+    "diagnose NOWHERE --json",
+    "attribute NOWHERE",
+    "label RUN exploration --episode 0 --why x",
+    "view NOWHERE --port 70000",
+    "video NOWHERE --episode 0 --out OUT.mp4",
+    "export RUN --to minari --out OUT",
+    "new x --api parallel --out OUT",
+    "query RUN SELECT --out OUT.csv",
+    "--version",
+    "--help",
+)
+OPENING: Final = frozenset({"contract", "run", "rollout", "audit", "replay", "evaluate", "new"})
 """Commands that would open a real environment, or write: their first argument stays as it is."""
 
 

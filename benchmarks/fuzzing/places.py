@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import gamekeeper as gk
-from benchmarks.fuzzing.bundles import Bundle, make_bundles
 from benchmarks.fuzzing.lines import READING, damaged_line, play
+from benchmarks.fuzzing.run_folders import Run, make_runs
 
 Input = tuple[str, bytes, Callable[[], Any]]
 
@@ -24,13 +24,13 @@ class Places:
     def __init__(self, root: Path) -> None:
         self._root = root
         self._made: dict[str, Path] = {}
-        self._kept: dict[str, Bundle] = {}
+        self._kept: dict[str, Run] = {}
         with contextlib.redirect_stderr(io.StringIO()):
-            self._sources = make_bundles(root)
+            self._sources = make_runs(root)
 
     @property
-    def sealed(self) -> Path:
-        """A sealed bundle with a label."""
+    def finalized(self) -> Path:
+        """A finalized run with a label."""
         return self._sources["line"]
 
     @property
@@ -40,28 +40,32 @@ class Places:
             folder = self._root / "source-evaluated"
             with contextlib.redirect_stderr(io.StringIO()):
                 gk.evaluate(
-                    {"name": "small", "environments": {"line": "two_robot_line"},
-                     "policies": {"random": "random", "first": "first-legal"},
-                     "seeds": {"episodes": 2}},
-                    out=folder, workers=0,
-                )  # fmt: skip
+                    {
+                        "name": "small",
+                        "environments": {"line": "two_robot_line"},
+                        "policies": {"random": "random", "first": "first-legal"},
+                        "seeds": {"episodes": 2},
+                    },
+                    out=folder,
+                    workers=0,
+                )
             self._made["evaluated"] = folder
         return self._made["evaluated"]
 
     def of_texts(self) -> Path:
-        """A folder with a bundle, an evaluation and a storage of parts, all to be damaged."""
+        """A folder with a run, an evaluation and a storage of parts, all to be damaged."""
         if "texts" not in self._made:
             folder = self._root / "texts"
-            shutil.copytree(self.sealed, folder / "bundle")
+            shutil.copytree(self.finalized, folder / "run_files")
             shutil.copytree(self.evaluated, folder / "evaluated")
             (folder / "storage" / "parts").mkdir(parents=True)
             self._made["texts"] = folder
         return self._made["texts"]
 
-    def bundle(self, kind: str) -> Bundle:
-        """A bundle to be damaged."""
+    def run_files(self, kind: str) -> Run:
+        """A run to be damaged."""
         if kind not in self._kept:
-            self._kept[kind] = Bundle(self._sources[kind], self._root / f"work-{kind}")
+            self._kept[kind] = Run(self._sources[kind], self._root / f"work-{kind}")
         return self._kept[kind]
 
     def line(self, rng: random.Random) -> Input:
@@ -75,20 +79,20 @@ class Places:
         out.mkdir()
         try:
             with contextlib.chdir(out):
-                play(line, run=self.sealed, sound=self._sources["games"], out=out)
+                play(line, run=self.finalized, sound=self._sources["games"], out=out)
         finally:
             shutil.rmtree(out)
 
     def command(self, rng: random.Random) -> Input:
-        """A sound command line over a damaged bundle."""
+        """A sound command line over a damaged run."""
         kind, number = rng.choice(list(self._sources)), rng.randrange(len(READING))
-        bundle = self.bundle(kind)
-        name, data = (bundle.damage if rng.random() < 0.3 else bundle.alter)(rng)
+        run_files = self.run_files(kind)
+        name, data = (run_files.damage if rng.random() < 0.3 else run_files.alter)(rng)
         label = f"{kind}-{number}-{name}"
         return label, data, lambda: self.command_again(label, data)
 
     def command_again(self, label: str, data: bytes) -> None:
-        """Plays the command over the bundle that `label` names."""
+        """Plays the command over the run that `label` names."""
         kind, number, name = label.split("-", 2)
         line = READING[int(number)].split(" ")
         out, sound = self._root / "out", self._sources["games"]
@@ -100,4 +104,4 @@ class Places:
             finally:
                 shutil.rmtree(out)
 
-        self.bundle(kind).read(name, data, with_hashes=True, by=read)
+        self.run_files(kind).read(name, data, with_hashes=True, by=read)

@@ -1,4 +1,4 @@
-"""Parsers that take one text or one document, without a bundle around it."""
+"""Parsers that take one text or one document, without a run around it."""
 
 from __future__ import annotations
 
@@ -12,70 +12,97 @@ from typing import Any
 
 import gamekeeper as gk
 from gamekeeper.cli._options import json_object
-from gamekeeper.core.contract import Contract
-from gamekeeper.core.contract.failure import Failure
-from gamekeeper.core.space import space_from_json
-from gamekeeper.diagnose.labels import labels
+from gamekeeper.contract import Contract
+from gamekeeper.contract.failure import Failure
+from gamekeeper.diagnosis.labels import labels
+from gamekeeper.episodes.spaces import space_from_json
 from gamekeeper.errors import GamekeeperError
-from gamekeeper.evaluate.evaluate import load_evaluation
-from gamekeeper.evaluate.reading import read_file, read_spec
-from gamekeeper.game.policy import parse_choices
-from gamekeeper.record.files.footer import read_footer
-from gamekeeper.record.files.manifest import MANIFEST, parse_manifest
-from gamekeeper.record.files.messages import batch_sizes, kind_and_body, metadata_size
-from gamekeeper.record.parts.receipt import receipt_of
-from gamekeeper.report.evaluation_text import evaluation_text
-from gamekeeper.run.executors.storage import Storage
+from gamekeeper.evaluation.evaluator import load_evaluation
+from gamekeeper.evaluation.spec_reader import read_file, read_spec
+from gamekeeper.interface.policy import parse_choices
+from gamekeeper.reporting.evaluation_text import evaluation_text
+from gamekeeper.rollouts.executors.storage import Storage
+from gamekeeper.runs.files.folder import MANIFEST
+from gamekeeper.runs.files.manifest import parse_manifest
+from gamekeeper.runs.parts.receipts import receipt_of
+from gamekeeper.runs.untrusted.arrow_messages import batch_sizes, kind_and_body, metadata_size
+from gamekeeper.runs.untrusted.parquet_footer import read_footer
 
 Read = Callable[[bytes], Any]
-TARGETS = ("contract", "contract-data", "spec", "spec-data", "condition", "options", "manifest",
-           "space", "notes", "receipt", "evaluation", "footer")  # fmt: skip
+TARGETS = (
+    "contract",
+    "contract-data",
+    "spec",
+    "spec-data",
+    "condition",
+    "options",
+    "manifest",
+    "space",
+    "notes",
+    "receipt",
+    "evaluation",
+    "footer",
+)
 PLAIN = ("contract-data", "spec-data", "manifest", "space", "notes", "receipt", "evaluation")
 """Those whose inputs are JSON, so that values are altered as well as bytes."""
 PART = "00000000-00000002"
 
 
-def inputs_of(target: str, bundle: Path, evaluated: Path) -> list[bytes]:
+def inputs_of(target: str, run_files: Path, evaluated: Path) -> list[bytes]:
     """Real inputs of a parser.
 
     Args:
-        bundle: a sealed one, with annotations.
+        run: a finalized one, with annotations.
         evaluated: the folder of an evaluation.
     """
     root = Path(gk.__file__).parent
     if target == "contract":
-        return [path.read_bytes() for path in sorted((root / "envs").glob("*.toml"))]
+        return [path.read_bytes() for path in sorted((root / "tasks").rglob("*.toml"))]
     if target == "spec":
-        return [path.read_bytes() for path in sorted((root / "evaluate").glob("suites/*.toml"))]
+        return [path.read_bytes() for path in sorted((root / "evaluation").glob("suites/*.toml"))]
     if target == "contract-data":
-        texts = [_text(data) for data in inputs_of("contract", bundle, evaluated)]
+        texts = [_text(data) for data in inputs_of("contract", run_files, evaluated)]
         return [json.dumps(Contract.parse(text).to_json()).encode() for text in texts]
     if target == "spec-data":
-        specs = [tomllib.loads(_text(data)) for data in inputs_of("spec", bundle, evaluated)]
+        specs = [tomllib.loads(_text(data)) for data in inputs_of("spec", run_files, evaluated)]
         return [json.dumps(spec).encode() for spec in specs]
     if target == "condition":
-        return [b"return < 0.5", b"deliveries >= 3 and not is_over",
-                b"picker.grasp == 'lost' or length > 20"]  # fmt: skip
+        return [
+            b"return < 0.5",
+            b"deliveries >= 3 and not is_over",
+            b"picker.grasp == 'lost' or length > 20",
+        ]
     if target == "options":
-        return [b"random", b"picker=reference", b"a=module:callable",
-                b'{"n": 3, "x": [1, {"y": null}]}']  # fmt: skip
+        return [
+            b"random",
+            b"picker=reference",
+            b"a=module:callable",
+            b'{"n": 3, "x": [1, {"y": null}]}',
+        ]
     if target == "manifest":
-        return [(bundle / MANIFEST).read_bytes()]
+        return [(run_files / MANIFEST).read_bytes()]
     if target == "space":
-        spaces = json.loads((bundle / MANIFEST).read_bytes())["spaces"]
+        spaces = json.loads((run_files / MANIFEST).read_bytes())["spaces"]
         return [json.dumps(space).encode() for space in spaces.values()] + [
             b'{"kind": "Dict", "spaces": {"a": {"kind": "Discrete", "n": 3, "start": 0}}}'
         ]
     if target == "notes":
-        return [(bundle / "annotations.jsonl").read_bytes()]
+        return [(run_files / "annotations.jsonl").read_bytes()]
     if target == "receipt":
-        fields = {"key": PART, "folder": f"parts/{PART}.abc", "first": 0, "episodes": 2, "turns": 9,
-                  "error": None, "schemas": {"steps": "QUJD"}}  # fmt: skip
+        fields = {
+            "key": PART,
+            "folder": f"parts/{PART}.abc",
+            "first": 0,
+            "episodes": 2,
+            "turns": 9,
+            "error": None,
+            "schemas": {"agent_steps": "QUJD"},
+        }
         return [json.dumps(fields).encode()]
     if target == "evaluation":
         return [(evaluated / "evaluation.json").read_bytes()]
     if target == "footer":
-        return [path.read_bytes()[-3000:] for path in sorted(bundle.glob("*.parquet"))]
+        return [path.read_bytes()[-3000:] for path in sorted(run_files.glob("*.parquet"))]
     raise KeyError(target)
 
 
@@ -83,9 +110,9 @@ def reader(target: str, place: Path) -> Read:
     """What reads an input of a target; bytes that are no text are replaced.
 
     Args:
-        place: a folder of its own, with `bundle` and `evaluated` in it.
+        place: a folder of its own, with `run_files` and `evaluated` in it.
     """
-    bundle, evaluated = place / "bundle", place / "evaluated"
+    run_files, evaluated = place / "run_files", place / "evaluated"
     readers: dict[str, Read] = {
         "contract": lambda data: Contract.parse(_text(data), source="fuzz.toml"),
         "spec": lambda data: read_file(_put(place / "spec.toml", data)),
@@ -95,7 +122,7 @@ def reader(target: str, place: Path) -> Read:
         "options": _options,
         "manifest": lambda data: parse_manifest(data, place / MANIFEST),
         "space": lambda data: space_from_json(_plain(data)),
-        "notes": lambda data: (_put(bundle / "annotations.jsonl", data), labels(bundle)),
+        "notes": lambda data: (_put(run_files / "annotations.jsonl", data), labels(run_files)),
         "receipt": lambda data: _receipt(place, data),
         "evaluation": lambda data: _evaluation(evaluated, data),
         "footer": _footer,
@@ -132,7 +159,7 @@ def _receipt(place: Path, data: bytes) -> None:
     found = receipt_of(storage, PART)
     if found is not None:
         storage.path_of(found.folder)
-        for stream in ("episodes", "steps"):
+        for stream in ("episodes", "agent_steps"):
             found.schema(stream)
 
 

@@ -44,7 +44,11 @@ def jumanji(task: str, envs: int) -> Callable[[], int]:
     made = (
         RobotWarehouse(
             generator=Floors(
-                shelf_rows=1, shelf_columns=3, column_height=8, num_agents=4, sensor_range=1,
+                shelf_rows=1,
+                shelf_columns=3,
+                column_height=8,
+                num_agents=4,
+                sensor_range=1,
                 request_queue_size=4,
             ),
             time_limit=500,
@@ -53,7 +57,7 @@ def jumanji(task: str, envs: int) -> Callable[[], int]:
         else LevelBasedForaging(
             generator=Fields(grid_size=8, num_agents=2, num_food=3, fov=8), time_limit=50
         )
-    )  # fmt: skip
+    )
     env = VmapAutoResetWrapper(made)
     first, _ = jax.jit(env.reset)(jax.random.split(jax.random.PRNGKey(0), envs))
     drawn = jax.random.randint(jax.random.PRNGKey(1), (TICKS, envs, AGENTS[task]), 0, ACTIONS[task])
@@ -139,9 +143,7 @@ def main() -> None:
         parser.error(f"{asked.peer} has no {asked.task}")
     if asked.threads:
         one_thread()
-    line = {
-        "task": asked.task, "subject": asked.peer, "envs": asked.envs, "threads": asked.threads,
-    }  # fmt: skip
+    line = {"task": asked.task, "subject": asked.peer, "envs": asked.envs, "threads": asked.threads}
     try:
         with contextlib.redirect_stdout(sys.stderr):  # peers talk as they are imported
             run = make(asked.task, asked.envs)

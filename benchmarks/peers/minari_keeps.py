@@ -1,6 +1,6 @@
 """What Minari's collector keeps of a value that isn't as declared, and of a killed process.
 
-    MINARI_PYTHON benchmarks/peers/minari_keeps.py        # its Python: benchmarks/peers/minari.txt
+    MINARI_PYTHON benchmarks/peers/minari_keeps.py        # its Python: benchmarks/peers/minari.in
 
 Prints a JSON line for each: the declared dtype and the one that is loaded again; episodes that had
 ended before a kill -9, and data sets that Minari lists afterwards.
@@ -60,14 +60,18 @@ def collect(folder: str, episodes: int, form: str) -> Any:
     return env
 
 
-def odd(form: str) -> dict[str, Any]:
+def nonconforming(form: str) -> dict[str, Any]:
     """What is loaded again of values that aren't as declared."""
     with tempfile.TemporaryDirectory() as folder:
         env = collect(folder, 1, form)
         data = env.create_dataset(dataset_id="drifts/x-v0")
         seen = next(iter(data.iterate_episodes())).observations
-        return {"figure": "minari_odd", "format": form, "given": ["float64", 0.1 + 1e-9, 2.0],
-                "loaded": [str(seen.dtype), float(seen[0][0]), float(seen[1][0])]}  # fmt: skip
+        return {
+            "figure": "minari_nonconforming",
+            "format": form,
+            "given": ["float64", 0.1 + 1e-9, 2.0],
+            "loaded": [str(seen.dtype), float(seen[0][0]), float(seen[1][0])],
+        }
 
 
 def killed(form: str) -> dict[str, Any]:
@@ -87,9 +91,13 @@ def killed(form: str) -> dict[str, Any]:
         import minari
 
         files = [p for p in Path(folder).rglob("*") if p.is_file()]
-        return {"figure": "minari_killed", "format": form, "episodes_ended": ended,
-                "datasets_listed": len(minari.list_local_datasets()),
-                "bytes_left": sum(p.stat().st_size for p in files)}  # fmt: skip
+        return {
+            "figure": "minari_killed",
+            "format": form,
+            "episodes_ended": ended,
+            "datasets_listed": len(minari.list_local_datasets()),
+            "bytes_left": sum(p.stat().st_size for p in files),
+        }
 
 
 def main() -> None:
@@ -98,7 +106,7 @@ def main() -> None:
     if sys.argv[1:2] == ["--collect"]:
         collect(sys.argv[2], 1_000_000, sys.argv[3])
     for form in ("hdf5", "arrow"):
-        for figure in (odd, killed):
+        for figure in (nonconforming, killed):
             try:
                 line = figure(form)
             except Exception as error:

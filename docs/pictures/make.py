@@ -31,9 +31,14 @@ def report(folder: Path) -> Path:
 
     run = folder / "lazy-picker"
     gk.rollout(
-        "warehouse", policies={"picker_1": "lazy", "*": "reference"}, episodes=1, seed=0,
-        frames=True, env_kwargs={"render_mode": "rgb_array"}, out=run,
-    )  # fmt: skip
+        "warehouse",
+        policies={"picker_1": "lazy", "*": "reference"},
+        episodes=1,
+        seed=0,
+        frames=True,
+        env_kwargs={"render_mode": "rgb_array"},
+        out=run,
+    )
     return gk.report(run, folder / "report.html", frames_bytes=20_000_000)
 
 
@@ -52,10 +57,14 @@ def photograph(page: Any, address: str, turn: int) -> bytes:
     return bytes(
         page.screenshot(
             full_page=True,
-            clip={"x": box["x"] - 12, "y": box["y"] + page.evaluate("scrollY") - 8,
-                  "width": box["width"] + 24, "height": min(box["height"] + 12, HEIGHT)},
+            clip={
+                "x": box["x"] - 12,
+                "y": box["y"] + page.evaluate("scrollY") - 8,
+                "width": box["width"] + 24,
+                "height": min(box["height"] + 12, HEIGHT),
+            },
         )
-    )  # fmt: skip
+    )
 
 
 def small(png: bytes) -> Image.Image:

@@ -1,4 +1,4 @@
-"""Gamekeeper keeps multi-agent environments honest; `import gamekeeper as gk` for its public names.
+"""Tests, records and reproduces multi-agent environments; `import gamekeeper as gk` for its names.
 
 Names load when they are first used: the import itself brings neither numpy nor anything heavier.
 """
@@ -6,38 +6,82 @@ Names load when they are first used: the import itself brings neither numpy nor 
 from __future__ import annotations
 
 import importlib
-import sys
-from types import ModuleType
 from typing import TYPE_CHECKING, Any, Final
+
+from gamekeeper import errors
+from gamekeeper._version import __version__ as __version__
+from gamekeeper.errors import (
+    ActionError,
+    ContractError,
+    DependencyError,
+    DrawError,
+    EnvError,
+    EvidenceError,
+    GamekeeperError,
+    OrderError,
+    PolicyError,
+    RunError,
+    SpecError,
+    TrustError,
+)
 
 if TYPE_CHECKING:
     from gamekeeper import vector
-    from gamekeeper.adapters.page import report
-    from gamekeeper.audit.front import audit
-    from gamekeeper.core.contract import Contract
-    from gamekeeper.diagnose.attribution.attribute import attribute
-    from gamekeeper.diagnose.diagnose import diagnose
-    from gamekeeper.evaluate.evaluate import evaluate
-    from gamekeeper.game.opening.opened import Env
-    from gamekeeper.game.tick_env import TickEnv
-    from gamekeeper.game.to_aec import to_aec
-    from gamekeeper.game.to_parallel import to_parallel
-    from gamekeeper.game.turn_env import TurnEnv
-    from gamekeeper.record.bundle import load
-    from gamekeeper.record.diff import diff
-    from gamekeeper.record.recording import record, rollout
-    from gamekeeper.record.replay import replay
+    from gamekeeper.auditing.audit_process import audit
+    from gamekeeper.auditing.result import AuditResult
+    from gamekeeper.checks.verdict import Finding, Verdict
+    from gamekeeper.contract import Contract
+    from gamekeeper.diagnosis.attribution.attribution_result import Attribution
+    from gamekeeper.diagnosis.attribution.contributions import attribute
+    from gamekeeper.diagnosis.diagnosis_result import Diagnosis
+    from gamekeeper.diagnosis.failure_causes import diagnose
+    from gamekeeper.episodes.divergence import Divergence
+    from gamekeeper.episodes.episode import Episode, Turn
+    from gamekeeper.episodes.evidence import Evidence
+    from gamekeeper.evaluation.evaluation import Evaluation
+    from gamekeeper.evaluation.evaluator import evaluate
+    from gamekeeper.interface.conversion import to_aec, to_parallel
+    from gamekeeper.interface.env_source import Env
+    from gamekeeper.interface.tick_env import TickEnv
+    from gamekeeper.interface.turn_env import TurnEnv
+    from gamekeeper.runs.comparison import Replay, diff, replay
+    from gamekeeper.runs.load_run import load
+    from gamekeeper.runs.recording import record, rollout
+    from gamekeeper.viewing.report_file import report
 
-__version__ = "0.1.0"
 __all__ = [
+    "ActionError",
+    "Attribution",
+    "AuditResult",
     "Contract",
+    "ContractError",
+    "DependencyError",
+    "Diagnosis",
+    "Divergence",
+    "DrawError",
+    "EnvError",
+    "Episode",
+    "Evaluation",
+    "Evidence",
+    "EvidenceError",
+    "Finding",
+    "GamekeeperError",
+    "OrderError",
+    "PolicyError",
+    "Replay",
+    "RunError",
+    "SpecError",
     "TickEnv",
+    "TrustError",
+    "Turn",
     "TurnEnv",
+    "Verdict",
     "attribute",
     "audit",
     "diagnose",
     "diff",
     "draft_contract",
+    "errors",
     "evaluate",
     "load",
     "make",
@@ -51,44 +95,55 @@ __all__ = [
 ]
 
 _HOMES: Final = {
-    "Contract": "gamekeeper.game.contract_file",  # importing it gives Contract its `load`
-    "TickEnv": "gamekeeper.game.tick_env",
-    "TurnEnv": "gamekeeper.game.turn_env",
-    "attribute": "gamekeeper.diagnose.attribution.attribute",
-    "audit": "gamekeeper.audit.front",
-    "diagnose": "gamekeeper.diagnose.diagnose",
-    "diff": "gamekeeper.record.diff",
-    "evaluate": "gamekeeper.evaluate.evaluate",
-    "load": "gamekeeper.record.bundle",
-    "record": "gamekeeper.record.recording",
-    "replay": "gamekeeper.record.replay",
-    "report": "gamekeeper.adapters.page",
-    "rollout": "gamekeeper.record.recording",
-    "to_aec": "gamekeeper.game.to_aec",
-    "to_parallel": "gamekeeper.game.to_parallel",
+    "Attribution": "gamekeeper.diagnosis.attribution.attribution_result",
+    "AuditResult": "gamekeeper.auditing.result",
+    "Contract": "gamekeeper.contract",
+    "Diagnosis": "gamekeeper.diagnosis.diagnosis_result",
+    "Divergence": "gamekeeper.episodes.divergence",
+    "Evaluation": "gamekeeper.evaluation.evaluation",
+    "Evidence": "gamekeeper.episodes.evidence",
+    "Finding": "gamekeeper.checks.verdict",
+    "Replay": "gamekeeper.runs.comparison",
+    "TickEnv": "gamekeeper.interface.tick_env",
+    "Episode": "gamekeeper.episodes.episode",
+    "Turn": "gamekeeper.episodes.episode",
+    "TurnEnv": "gamekeeper.interface.turn_env",
+    "Verdict": "gamekeeper.checks.verdict",
+    "attribute": "gamekeeper.diagnosis.attribution.contributions",
+    "audit": "gamekeeper.auditing.audit_process",
+    "diagnose": "gamekeeper.diagnosis.failure_causes",
+    "diff": "gamekeeper.runs.comparison",
+    "evaluate": "gamekeeper.evaluation.evaluator",
+    "load": "gamekeeper.runs.load_run",
+    "record": "gamekeeper.runs.recording",
+    "replay": "gamekeeper.runs.comparison",
+    "report": "gamekeeper.viewing.report_file",
+    "rollout": "gamekeeper.runs.recording",
+    "to_aec": "gamekeeper.interface.conversion",
+    "to_parallel": "gamekeeper.interface.conversion",
 }
-"""The module that holds a name which loads when it is first used."""
-_ROOMS: Final = ("vector",)
-"""Rooms that are public as they are: `gk.vector.make`."""
+"""The module of each name, which is loaded when the name is first used."""
+_PACKAGES: Final = ("vector",)
+"""Packages that are public themselves: `gk.vector.make`."""
 
 
 def make(spec: object, /, *, slim: bool = True, **kwargs: Any) -> Env:
-    """A live AECEnv or ParallelEnv from an id, `module:factory`, `file.py:factory` or a factory.
+    """Makes an AECEnv or ParallelEnv from an id, `module:factory`, `file.py:factory` or a factory.
 
-    `parallel:` or `aec:` in front of a text asks for an API. Where PettingZoo's own wrappers and
-    converters stand around the rules, one face with the same promises takes their place and is
-    faster; `gamekeeper show ENV` says what is replaced.
+    `parallel:` or `aec:` in front of a text selects the API. PettingZoo's own wrappers and
+    converters around the rules are replaced by one faster wrapper with the same promises;
+    `gamekeeper show ENV` lists those that are replaced.
 
     Args:
-        spec: what to open.
-        slim: False: as it ships.
-        **kwargs: handed to the factory.
+        spec: the environment.
+        slim: False: keep all wrappers.
+        **kwargs: keyword arguments of the factory.
     Raises:
-        SpecError: nothing can be opened under that name; says what was looked for.
+        SpecError: the environment can't be opened; the error names the places that were searched.
     """
-    from gamekeeper.game.converting import slim as slimming
-    from gamekeeper.game.open import open_env
-    from gamekeeper.game.opening.origins import remember
+    from gamekeeper.interface import slim as slimming
+    from gamekeeper.interface.identity import remember
+    from gamekeeper.interface.opening import open_env
 
     opened = open_env(spec, **kwargs)
     env = slimming.slim(opened.env) if slim else opened.env
@@ -97,70 +152,34 @@ def make(spec: object, /, *, slim: bool = True, **kwargs: Any) -> Env:
 
 
 def draft_contract(spec: object, /, **kwargs: Any) -> Contract:
-    """The contract as far as the environment shows it before its first step.
+    """Drafts a contract as far as the environment shows it before its first step.
 
-    What stays undeclared, `gamekeeper contract ENV` asks for by name.
+    `gamekeeper contract ENV` lists the declarations that are missing.
 
     Args:
-        spec: what to open; an environment object stays open.
-        **kwargs: handed to the factory.
+        spec: the environment; an environment object stays open.
+        **kwargs: keyword arguments of the factory.
     Raises:
-        SpecError: nothing can be opened under that name.
+        SpecError: the environment can't be opened.
     """
-    from gamekeeper.game import draft
-    from gamekeeper.game.open import open_env
+    from gamekeeper.interface import contract_draft
+    from gamekeeper.interface.opening import open_env
 
     opened = open_env(spec, **kwargs)
     try:
-        return draft.draft_contract(opened.env)
+        return contract_draft.draft_contract(opened.env)
     finally:
         if opened.make is not None:
             opened.env.close()
 
 
 def __getattr__(name: str) -> Any:
-    if name in _ROOMS:
+    if name in _PACKAGES:
         return importlib.import_module(f"{__name__}.{name}")
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(importlib.import_module(_HOMES[name]), name)
-    # A room of that name stands here already, put by the import above: it is called in its place.
-    return globals().setdefault(name, value)
+    return globals().setdefault(name, getattr(importlib.import_module(_HOMES[name]), name))
 
 
 def __dir__() -> list[str]:
     return sorted([*__all__, "__version__"])
-
-
-class _Room(ModuleType):
-    """A package that bears the name of a public function, and is that function when called."""
-
-    @property
-    def _function(self) -> Any:
-        name = self.__name__.rpartition(".")[2]
-        return getattr(importlib.import_module(_HOMES[name]), name)
-
-    @property
-    def __signature__(self) -> Any:
-        import inspect
-
-        return inspect.signature(self._function)
-
-    def __call__(self, *arguments: Any, **options: Any) -> Any:
-        return self._function(*arguments, **options)
-
-
-class _Front(ModuleType):
-    """This module; a package inside it that is put where a function is expected can be called.
-
-    Importing `gamekeeper.record.bundle` sets the attribute `record` here, over any function of
-    that name: `gk.record(env, path)` must work whatever was imported before.
-    """
-
-    def __setattr__(self, name: str, value: object) -> None:
-        if name in _HOMES and type(value) is ModuleType:
-            value.__class__ = _Room
-        super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Front

@@ -7,10 +7,10 @@ GamekeeperError
 ├── ActionError (ValueError)        an action is outside its space, or from an agent not in turn
 ├── OrderError (AttributeError)     a call came before reset or after the end
 ├── EnvError (RuntimeError)         the environment raised, hung or died while Gamekeeper ran it
-├── DrawError (ValueError)          a seed can't name random numbers, or nothing can be drawn
+├── DrawError (ValueError)          a seed can't be used, or a random choice has no options
 ├── EvidenceError (ValueError)      evidence can't be written, read or trusted
-│   └── BundleError (OSError)       the files of a bundle are missing, damaged or in the way
-├── TrustError (PermissionError)    evidence asks for code that nobody allowed to run
+│   └── RunError (OSError)          the files of a run are missing, damaged or in the way
+├── TrustError (PermissionError)    a run names code that the user hasn't allowed
 └── DependencyError (ImportError)   a package of an extra isn't installed
 """
 
@@ -18,29 +18,29 @@ from __future__ import annotations
 
 
 class GamekeeperError(Exception):
-    """Says what went wrong, where, what was expected against seen, and how to mend it.
+    """Names the failure, its place, the expected and the actual value, and a fix.
 
     Args:
-        what: one sentence, without a full stop.
-        where: file and line, trace and turn, or the name of an argument.
-        expected: what would have been right.
-        seen: what was there instead.
-        mend: what the user can do about it.
+        what: the failure in one sentence, without a full stop.
+        where: file and line, episode and turn, or the name of an argument.
+        expected: the right value.
+        actual: the value that was found.
+        fix: an action of the user that solves it.
     """
 
     def __init__(
-        self, what: str, *, where: str = "", expected: str = "", seen: str = "", mend: str = ""
+        self, what: str, *, where: str = "", expected: str = "", actual: str = "", fix: str = ""
     ) -> None:
-        self.what, self.where, self.expected, self.seen, self.mend = (
+        self.what, self.where, self.expected, self.actual, self.fix = (
             what,
             where,
             expected,
-            seen,
-            mend,
+            actual,
+            fix,
         )
-        places = [("where", where), ("expected", expected), ("seen", seen)]
+        places = [("where", where), ("expected", expected), ("actual", actual)]
         middle = "   ".join(f"{name}: {text}" for name, text in places if text)
-        lines = [what, f"  {middle}" if middle else "", f"  mend: {mend}" if mend else ""]
+        lines = [what, f"  {middle}" if middle else "", f"  fix: {fix}" if fix else ""]
         super().__init__("\n".join(line for line in lines if line))
 
 
@@ -69,19 +69,19 @@ class EnvError(GamekeeperError, RuntimeError):
 
 
 class DrawError(GamekeeperError, ValueError):
-    """A seed can't name random numbers, or a draw has nothing to choose from."""
+    """A seed can't be used, or a random choice has no options."""
 
 
 class EvidenceError(GamekeeperError, ValueError):
     """Evidence can't be written, read or trusted."""
 
 
-class BundleError(EvidenceError, OSError):
-    """The files of a bundle are missing, damaged or in the way."""
+class RunError(EvidenceError, OSError):
+    """The files of a run are missing, damaged or in the way."""
 
 
 class TrustError(GamekeeperError, PermissionError):
-    """Evidence asks for code that nobody allowed to run."""
+    """A run names code that the user hasn't allowed."""
 
 
 class DependencyError(GamekeeperError, ImportError):

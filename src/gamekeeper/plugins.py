@@ -1,4 +1,4 @@
-"""What extends Gamekeeper: built-ins by walking a package, third parties by entry points."""
+"""Plug-ins: built-ins by walking a package, third parties' by entry points."""
 
 from __future__ import annotations
 
@@ -7,25 +7,27 @@ import importlib
 import pkgutil
 import sys
 import traceback
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import MappingProxyType
+from typing import TypeVar
 
+Part = TypeVar("Part")
 Installed = tuple[tuple[str, int], ...]
-"""The places that modules come from, each with the time of its last change in nanoseconds."""
+"""The places of modules, each with the time of its last change in nanoseconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class BrokenPlugin:
-    """A third party's plug-in that is left out, and why; it stops nobody else."""
+    """A third party's plug-in that is left out, with the reason; the others still load."""
 
     name: str
     group: str
     origin: str
-    """The distribution it comes from and the object it names: `farm-envs 1.2 (farm.opener)`."""
+    """Its distribution and the object that it names: `farm-envs 1.2 (farm.opener)`."""
     error: str
     traceback: str = ""
 
@@ -41,9 +43,15 @@ class Plugins:
     found: Mapping[str, object]
     broken: tuple[BrokenPlugin, ...] = ()
 
+    def parts(self, kind: type[Part]) -> Iterator[tuple[str, Part]]:
+        """Every object of a class that a plug-in is, or holds as a module, with its name."""
+        for origin, part in self.found.items():
+            own = [part] if isinstance(part, kind) else getattr(part, "__dict__", {}).values()
+            yield from ((origin, each) for each in own if isinstance(each, kind))
 
-def load(group: str, package: str | None = None) -> Plugins:
-    """Every module of a built-in package, and what entry points of a group name.
+
+def load(group: str, *packages: str) -> Plugins:
+    """Every module of the built-in packages, and what entry points of a group name.
 
     A built-in is a module, under the last part of its name; modules whose name starts with an
     underscore are none. An entry point's object is whatever it names. What it prints goes to
@@ -52,8 +60,7 @@ def load(group: str, package: str | None = None) -> Plugins:
 
     Args:
         group: the group of entry points, such as `gamekeeper.openers`.
-        package: the package with the built-ins, such as `gamekeeper.game.openers`; None: there are
-            none.
+        *packages: those with the built-ins, such as `gamekeeper.checks`, and packages in them.
 
     Raises:
         ImportError: a built-in can't be imported; that is a fault of this installation, so it is
@@ -61,8 +68,9 @@ def load(group: str, package: str | None = None) -> Plugins:
     """
     found: dict[str, object] = {}
     broken: list[BrokenPlugin] = []
-    for name in [] if package is None else _modules(package):
-        found[name] = importlib.import_module(f"{package}.{name}")
+    for package in packages:
+        for name in modules(package):
+            found[name.rpartition(".")[2]] = importlib.import_module(f"{package}.{name}")
     for entry in _entries(group, installed()):
         if entry.name in found:
             broken.append(_broken(entry, "its name is taken; names need their own prefix"))
@@ -73,12 +81,12 @@ def load(group: str, package: str | None = None) -> Plugins:
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # also SystemExit: foreign code, run only to look at it
-            broken.append(_broken(entry, _said(error), "".join(traceback.format_exception(error))))
+            broken.append(_broken(entry, _text(error), "".join(traceback.format_exception(error))))
     return Plugins(MappingProxyType(found), tuple(broken))
 
 
 def one(group: str, name: str) -> object | None:
-    """What an entry point of this name is, of the first distribution by its value; None: nobody's.
+    """Loads the entry point of this name, the first by its value; None: there is none.
 
     Nothing else of the group is loaded.
     """
@@ -87,11 +95,16 @@ def one(group: str, name: str) -> object | None:
     return None if first is None else first.load()
 
 
-def installed() -> Installed:
-    """What stands for everything installed: another value once something came, changed or went.
+def names(group: str) -> frozenset[str]:
+    """The names of a group's entry points; nothing of it is loaded."""
+    return frozenset(entry.name for entry in _entries(group, installed()))
 
-    What is read of distributions is kept for one such value, as reading all of them takes 5 ms and
-    more, which is what opening a small environment takes otherwise.
+
+def installed() -> Installed:
+    """A value that changes once a package is installed, changed or removed.
+
+    Entry points are cached by this value, as reading those of all distributions takes 5 ms and
+    more, about as long as opening a small environment.
     """
     return tuple((place, _changed_ns(place)) for place in sys.path)
 
@@ -109,9 +122,14 @@ def _entries(group: str, there: Installed) -> tuple[EntryPoint, ...]:
     return tuple(sorted(found, key=lambda entry: (entry.name, entry.value)))
 
 
-def _modules(package: str) -> list[str]:
-    names = [info.name for info in pkgutil.iter_modules(importlib.import_module(package).__path__)]
-    return sorted(name for name in names if not name.startswith("_"))
+def modules(package: str) -> list[str]:
+    """Names of a package's plug-ins, dotted below it: modules without a leading underscore."""
+    infos = list(pkgutil.iter_modules(importlib.import_module(package).__path__))
+    public = [info for info in infos if not info.name.startswith("_")]
+    names = [info.name for info in public if not info.ispkg]
+    for folder in [info.name for info in public if info.ispkg]:
+        names += [f"{folder}.{name}" for name in modules(f"{package}.{folder}")]
+    return sorted(names)
 
 
 def _broken(entry: EntryPoint, error: str, trace: str = "") -> BrokenPlugin:
@@ -119,6 +137,6 @@ def _broken(entry: EntryPoint, error: str, trace: str = "") -> BrokenPlugin:
     return BrokenPlugin(entry.name, entry.group, f"{owner} ({entry.value})", error, trace)
 
 
-def _said(error: BaseException) -> str:
+def _text(error: BaseException) -> str:
     # The text of a foreign exception may itself raise; traceback copes with that.
     return "".join(traceback.format_exception_only(error)).strip()

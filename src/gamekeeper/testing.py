@@ -2,8 +2,9 @@
 
 In a test file, `TestContract = contract_test(make_env)`; on the command line,
 `pytest --gamekeeper my_env.py:make`. An environment is audited once in a session, when its first
-test runs. Broken fails with the finding and the program that shows it; unseen and not applicable
-are skipped with the reason; waived is an expected failure with the contract's reason.
+test runs. A failed check fails with its finding and a program that shows it; one that was not
+exercised or isn't applicable is skipped with the reason; a waived one is an expected failure with
+the contract's reason.
 """
 
 from __future__ import annotations
@@ -19,8 +20,8 @@ import pytest
 from gamekeeper.errors import GamekeeperError
 
 if TYPE_CHECKING:
-    from gamekeeper.core.contract import Contract
-    from gamekeeper.core.verdict import Verdict
+    from gamekeeper.checks.verdict import Verdict
+    from gamekeeper.contract import Contract
 
 __all__ = ["contract_test"]
 
@@ -31,10 +32,10 @@ AUDITS: Final = pytest.StashKey[dict[str, Any]]()
 
 @dataclass(frozen=True, slots=True)
 class _Asked:
-    """An audit that tests ask for, once in a session.
+    """An audit that tests need, made once in a session.
 
     Attributes:
-        spec: what to audit.
+        spec: the environment.
         options: of `gk.audit`.
     """
 
@@ -43,33 +44,33 @@ class _Asked:
 
     @property
     def key(self) -> str:
-        """Equal for equal audits; a callable is known by itself."""
+        """Equal for equal audits; a callable is identified by its id."""
         name = self.spec if isinstance(self.spec, str) else f"{id(self.spec)}"
         return json.dumps([name, self.options], default=repr, sort_keys=True)
 
     def ids(self) -> list[str]:
-        """The checks that will be asked, each with its name: `GK402-rewards_stop_at_the_end`.
+        """The selected checks, each with its name: `GK402-rewards_stop_at_the_end`.
 
         Raises:
-            EvidenceError: no check begins like what is selected or ignored.
+            EvidenceError: a selected or ignored beginning of ids has no check.
         """
-        from gamekeeper.audit.check import selected
+        from gamekeeper.checks.check import selected
 
         chosen = selected(tuple(self.options["select"]), tuple(self.options["ignore"]))
         return [f"{each.id}-{each.name}" for each in chosen.values()]
 
     def verdict(self, test: str, config: pytest.Config) -> Verdict:
-        """The verdict of the check that a test is called after."""
+        """The verdict of the check in a test's name."""
         found = config.stash.setdefault(AUDITS, {})
         if self.key not in found:
-            from gamekeeper.audit.front import audit
+            from gamekeeper.auditing.audit_process import audit
 
             try:
                 found[self.key] = audit(self.spec, **self.options)
             except GamekeeperError as error:
                 found[self.key] = error
                 raise
-        if isinstance(found[self.key], GamekeeperError):  # told in full by the test that met it
+        if isinstance(found[self.key], GamekeeperError):  # shown in full by the first test
             pytest.skip(f"not audited: {found[self.key].what}")
         verdict: Verdict = found[self.key].of(test.partition("-")[0])
         return verdict
@@ -89,22 +90,26 @@ def contract_test(
     """A test class with a test for each check, for a test file: `TestContract = ...`.
 
     Args:
-        make_env: a factory, or text that names one (`my_env.py:make`); what is named by text runs
-            in a process of its own, so that a crash or a hang fails a test and not the session.
-        contract: what is declared; None: what lies beside the environment, if anything.
-        budget: environment steps; 20,000 unless told.
-        quick: 3,000 environment steps.
-        seed: of the plays.
+        make_env: a factory, or its name (`my_env.py:make`); with a name, the environment runs in a
+            process of its own, so that a crash or a hang fails a test and not the session.
+        contract: contract or file; None: the file beside the environment's, if there is one.
+        budget: environment steps; None: 20,000.
+        quick: limits the budget to 3,000 environment steps.
+        seed: of the episodes.
         select: only checks whose ids begin so.
         ignore: all checks but those whose ids begin so.
-        env_kwargs: handed to the factory.
+        env_kwargs: keyword arguments of the factory.
     Raises:
-        EvidenceError: no check begins like `select` or `ignore`.
+        EvidenceError: `select` or `ignore` has an id that isn't the beginning of a check's.
     """
     options: dict[str, Any] = {
-        "contract": contract, "quick": quick, "seed": seed, "select": list(select),
-        "ignore": list(ignore), "env_kwargs": dict(env_kwargs or {}),
-    }  # fmt: skip
+        "contract": contract,
+        "quick": quick,
+        "seed": seed,
+        "select": list(select),
+        "ignore": list(ignore),
+        "env_kwargs": dict(env_kwargs or {}),
+    }
     asked = _Asked(make_env, options if budget is None else {**options, "budget": budget})
 
     class TestContract:
@@ -112,35 +117,35 @@ def contract_test(
 
         @pytest.mark.parametrize("check", asked.ids())
         def test_promise(self, check: str, request: pytest.FixtureRequest) -> None:
-            """The environment keeps this promise, as far as it was seen."""
+            """The environment passes this check."""
             settle(asked.verdict(check, request.config), request.config)
 
     return TestContract
 
 
 def settle(verdict: Verdict, config: pytest.Config) -> None:
-    """Passes, fails, skips or expects the failure, as the verdict says."""
+    """Passes, fails, skips or expects the failure, by the verdict."""
     __tracebackhide__ = True
-    if verdict.outcome == "broken":
-        pytest.fail(_told(verdict), pytrace=False)
+    if verdict.outcome == "failed":
+        pytest.fail(_failure_text(verdict), pytrace=False)
     elif verdict.outcome == "error":
         pytest.fail(f"a fault of the check, not of the environment\n{verdict.reason}", False)
     elif verdict.outcome == "waived":
         pytest.xfail(verdict.reason)
-    elif verdict.outcome in ("unseen", "not_applicable"):
+    elif verdict.outcome in ("not_exercised", "not_applicable"):
         pytest.skip(f"{verdict.outcome.replace('_', ' ')}: {verdict.reason}")
     elif verdict.reason:
         config.stash.setdefault(NOTES, []).append(f"{verdict.id}: {verdict.reason}")
 
 
-def _told(verdict: Verdict) -> str:
-    """The claim, then where it is broken, and the program that shows the first place."""
+def _failure_text(verdict: Verdict) -> str:
+    """The claim, then all findings, and the program of the first one."""
     lines = [f"{verdict.id} ({verdict.severity}): {verdict.claim}"]
     for each in verdict.findings:
         lines += ["", f"  where: {each.where}", f"  expected: {each.expected}"]
-        lines += [f"  seen: {each.seen}", f"  mend: {each.mend}"]
+        lines += [f"  actual: {each.actual}", f"  fix: {each.fix}"]
     for each in verdict.findings[:1]:
-        lines += ["", each.reproduce.rstrip()]
+        lines += ["", each.reproducer.rstrip()]
     return "\n".join(lines)
 
 
@@ -151,14 +156,20 @@ class _Environment(pytest.Collector):
 
     @classmethod
     def named(cls, session: pytest.Session, spec: str) -> _Environment:
-        """The collector of what `--gamekeeper` names."""
+        """Makes the collector of an environment that `--gamekeeper` names."""
         collector: _Environment = cls.from_parent(session, name=spec, nodeid=spec)
         get = session.config.getoption
-        options = {"quick": get("gamekeeper_quick"), "contract": get("gamekeeper_contract")}
-        collector.asked = _Asked(spec, {
-            **options, "seed": 0, "ignore": get("gamekeeper_ignore"),
-            "select": get("gamekeeper_select"), "env_kwargs": {},
-        })  # fmt: skip
+        collector.asked = _Asked(
+            spec,
+            {
+                "quick": get("gamekeeper_quick"),
+                "contract": get("gamekeeper_contract"),
+                "seed": 0,
+                "ignore": get("gamekeeper_ignore"),
+                "select": get("gamekeeper_select"),
+                "env_kwargs": {},
+            },
+        )
         return collector
 
     def collect(self) -> Iterable[pytest.Item]:
@@ -167,7 +178,7 @@ class _Environment(pytest.Collector):
             yield _Promise.from_parent(self, name=name)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """An error of ours says what is wrong, without its traceback."""
+        """Shows errors of Gamekeeper without their traceback."""
         if isinstance(excinfo.value, GamekeeperError):
             return f"{OPTION} {self.name}: {excinfo.value}"
         return super().repr_failure(excinfo)
@@ -177,18 +188,18 @@ class _Promise(pytest.Item):
     """One check of an environment that the command line names."""
 
     def runtest(self) -> None:
-        """Passes or not as the audit's verdict says."""
+        """Passes or fails by the audit's verdict."""
         assert isinstance(self.parent, _Environment)  # pytest built it so
         settle(self.parent.asked.verdict(self.name, self.config), self.config)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException], style: Any = None) -> Any:
-        """An error of ours says what is wrong, without its traceback."""
+        """Shows errors of Gamekeeper without their traceback."""
         if isinstance(excinfo.value, GamekeeperError):
             return f"{type(excinfo.value).__name__}: {excinfo.value}"
         return super().repr_failure(excinfo)
 
     def reportinfo(self) -> tuple[PathLike[str] | str, int | None, str]:
-        """How the test is called in reports."""
+        """The name of the test in reports."""
         return self.path, None, self.name
 
 
@@ -196,21 +207,39 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """The options of the plug-in."""
     group = parser.getgroup("gamekeeper", "contract tests of multi-agent environments")
     options: list[tuple[str, dict[str, Any]]] = [
-        (OPTION, {"metavar": "ENV", "help": "Collect a test for each check of ENV. Repeatable; "
-                  "without paths on the command line nothing else is collected."}),
-        ("--gamekeeper-select", {"metavar": "ID", "help": "Only checks whose ids begin so."}),
-        ("--gamekeeper-ignore", {"metavar": "ID", "help": "All checks but those."}),
-    ]  # fmt: skip
+        (
+            OPTION,
+            {
+                "metavar": "ENV",
+                "help": "Collect a test for each check of ENV. Repeatable; without paths on the "
+                "command line other tests aren't collected (default: none).",
+            },
+        ),
+        (
+            "--gamekeeper-select",
+            {"metavar": "ID", "help": "Only checks whose ids begin with ID (default: all)."},
+        ),
+        (
+            "--gamekeeper-ignore",
+            {"metavar": "ID", "help": "Skip checks whose ids begin with ID (default: none)."},
+        ),
+    ]
     for name, settings in options:
         group.addoption(name, action="append", default=[], **settings)
-    group.addoption("--gamekeeper-contract", metavar="FILE", help="The contract of ENV.")
     group.addoption(
-        "--gamekeeper-quick", action="store_true", help="A budget of 3,000 steps, not 20,000."
+        "--gamekeeper-contract",
+        metavar="FILE",
+        help="Contract of ENV (default: the file beside the environment's, if there is one).",
+    )
+    group.addoption(
+        "--gamekeeper-quick",
+        action="store_true",
+        help="Limit the budget to 3,000 environment steps (default: 20,000).",
     )
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Where only environments are named, what else lies in the folder isn't collected."""
+    """Collects only environments where the command line has no paths."""
     if config.getoption("gamekeeper") and config.args_source is not config.ArgsSource.ARGS:
         config.args = []
 
@@ -228,7 +257,7 @@ def pytest_collection_modifyitems(session: pytest.Session, items: list[pytest.It
 
 
 def pytest_terminal_summary(terminalreporter: Any, config: pytest.Config) -> None:
-    """Says which waivers nothing needs any more."""
+    """Shows waivers that are no longer needed."""
     notes = config.stash.get(NOTES, [])
     if notes:
         terminalreporter.section("gamekeeper: waivers")

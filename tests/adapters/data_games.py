@@ -8,6 +8,9 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Discrete, MultiDiscrete, Text
 from pettingzoo import ParallelEnv
 
+import gamekeeper as gk
+from gamekeeper.contract import Contract, RewardTerm
+
 DAY, NIGHT, SPARE = "day_0", "night_0", "spare_0"
 LAST = 6
 
@@ -17,8 +20,8 @@ class Shift(ParallelEnv):
 
     metadata = {"name": "shift_v0", "render_modes": ["ansi"]}  # noqa: RUF012  # PettingZoo's way
 
-    def __init__(self, odd: str = "", render_mode: str | None = None) -> None:
-        self.odd, self.render_mode = odd, render_mode
+    def __init__(self, nonconforming: str = "", render_mode: str | None = None) -> None:
+        self.nonconforming, self.render_mode = nonconforming, render_mode
         self.possible_agents = [NIGHT, DAY, SPARE]
         picture = Box(0, 255, (40, 32, 3), np.uint8)
         self.observation_spaces = {
@@ -27,8 +30,10 @@ class Shift(ParallelEnv):
             SPARE: Box(-1e9, 1e9, (4,), np.float32),
         }
         self.action_spaces = {
-            DAY: Discrete(3), NIGHT: MultiDiscrete([2, 5]), SPARE: Discrete(3, start=1),
-        }  # fmt: skip
+            DAY: Discrete(3),
+            NIGHT: MultiDiscrete([2, 5]),
+            SPARE: Discrete(3, start=1),
+        }
 
     def observation_space(self, agent: str) -> Any:
         return self.observation_spaces[agent]
@@ -63,7 +68,7 @@ class Shift(ParallelEnv):
 
     def _seen(self, agents: list[str]) -> dict[str, Any]:
         numbers = self.rng.normal(size=4).astype(np.float32)
-        if self.odd == "observation" and self.tick == 1:
+        if self.nonconforming == "observation" and self.tick == 1:
             numbers = numbers.astype(np.float64)
         picture = self.rng.integers(0, 256, (40, 32, 3), np.uint8)
         night = {"picture": picture, "word": f"tick{self.tick}", "count": 3 + self.tick}
@@ -79,4 +84,10 @@ class Shift(ParallelEnv):
 
 def rows_of(evidence: Any, agent: str) -> list[dict[str, Any]]:
     """The rows of one agent, as plain values."""
-    return [row for row in evidence.steps.to_pylist() if row["agent"] == agent]
+    return [row for row in evidence.agent_steps.to_pylist() if row["agent"] == agent]
+
+
+def of_terms(**options: Any) -> Any:
+    """Evidence of a game that pays without saying by which of the terms that its contract names."""
+    terms = {name: RewardTerm(kind="individual") for name in ("care", "speed")}
+    return gk.rollout(Shift, episodes=2, contract=Contract(rewards=terms), **options)

@@ -34,7 +34,7 @@ class Late(gk.TickEnv):
     def tick(self, actions: Any) -> None:
         self.clock += 1
         for agent, action in actions.items():
-            self.pay(agent, float(action))
+            self.add_reward(agent, float(action))
         if self.clock == 2:
             self.join("guest_0")
         if self.clock == 5:
@@ -72,9 +72,12 @@ class Leaky(ParallelEnv):
         self.left -= 1
         agents = self.agents
         told = (
-            self._seen(), dict.fromkeys(agents, 0.0), dict.fromkeys(agents, False),
-            dict.fromkeys(agents, self.left == 0), {a: {} for a in agents},
-        )  # fmt: skip
+            self._seen(),
+            dict.fromkeys(agents, 0.0),
+            dict.fromkeys(agents, False),
+            dict.fromkeys(agents, self.left == 0),
+            {a: {} for a in agents},
+        )
         if self.left == 0:
             self.agents = []
         return told

@@ -24,9 +24,10 @@ def episode_of(env: Any) -> Any:
     from ray.rllib.env.multi_agent_episode import MultiAgentEpisode
 
     return MultiAgentEpisode(
-        observation_space=env.observation_spaces, action_space=env.action_spaces,
+        observation_space=env.observation_spaces,
+        action_space=env.action_spaces,
         agent_to_module_mapping_fn=lambda agent, episode: "one",
-    )  # fmt: skip
+    )
 
 
 def first_legal(env: Any, agent: str, observation: Any) -> Any:
@@ -79,7 +80,7 @@ def config(spec: str, **options: Any) -> Any:
 
 def noted_steps(monkeypatch: pytest.MonkeyPatch) -> dict[Any, list[Any]]:
     """By copy, episode and agent: each action that the adapter gets, with its pay."""
-    from gamekeeper.adapters.rllib import env as room
+    from gamekeeper.adapters.rllib import rllib_env as room
 
     done: dict[Any, list[Any]] = {}
     step = room.AgentsEnv.step
@@ -143,7 +144,7 @@ class Ends(gk.TickEnv):
             if at == self.tick_count:
                 self.join(agent)
         for agent in actions:
-            self.pay(agent, 1.0)
+            self.add_reward(agent, 1.0)
             at, how = self.plan[agent]
             if at == self.tick_count:
                 (self.terminate if how == "term" else self.truncate)(agent, "plan")

@@ -17,7 +17,7 @@ class Stream:
     """One agent in one episode.
 
     `seen`, `masks`, `did` by decision; `paid` what came between it and the next one; `before` what
-    was paid before the first; `final` what was seen last; `ends_last`: nobody acted after its end.
+    was paid before the first; `final` what was seen last.
     """
 
     seen: list[Any] = field(default_factory=list)
@@ -27,7 +27,6 @@ class Stream:
     before: float = 0.0
     end: tuple[bool, bool] = (False, False)
     final: Any = None
-    ends_last: bool = True
 
     def pay(self, reward: float) -> None:
         """To the last decision."""
@@ -40,9 +39,13 @@ class Stream:
 def chosen(space: spaces.Space[Any], seen: Any, mask: Any) -> Any:
     """An action that what is seen decides, among those that are legal."""
     number = int(sum(float(np.sum(part)) for part in _parts(seen)))
-    flags = np.ones(spaces.flatdim(space), bool) if mask is None else np.concatenate(
-        [np.asarray(part, bool) for part in (mask if isinstance(mask, tuple) else (mask,))]
-    )  # fmt: skip
+    flags = (
+        np.ones(spaces.flatdim(space), bool)
+        if mask is None
+        else np.concatenate(
+            [np.asarray(part, bool) for part in (mask if isinstance(mask, tuple) else (mask,))]
+        )
+    )
     if isinstance(space, spaces.Discrete):
         legal = np.flatnonzero(flags)
         return int(legal[number % len(legal)])
@@ -90,13 +93,11 @@ def of_trace(trace: Any, agent: str) -> Stream | None:
             stream.paid.append(turn.rewards.get(agent, 0.0))
         if agent in turn.observations and turn.observations[agent] is not None:
             stream.final = bare(turn.observations[agent])
-        if agent in turn.received:
+        if agent in turn.cumulative_reward:
             stream.end = bool(turn.terminated[agent]), bool(turn.truncated[agent])
             last = turn.index
     if last is None:
         return None
-    later = [turn.actions for turn in turns if turn.index > last]
-    stream.ends_last = all(action is None for acts in later for action in acts.values())
     return stream
 
 
@@ -131,17 +132,26 @@ def played(slots: Any, steps: int, choose: Callable[..., Any] = chosen) -> Told:
     for _ in range(steps):
         masks, acting = slots.masks.copy(), slots.acting.copy()
         has_masks = masks.shape[1] > 0
-        actions = np.array([
-            choose(slots.action_space, _row(obs, slot), _mask(slots, masks[slot], has_masks))
-            for slot in range(slots.count)
-        ])  # fmt: skip
+        actions = np.array(
+            [
+                choose(slots.action_space, _row(obs, slot), _mask(slots, masks[slot], has_masks))
+                for slot in range(slots.count)
+            ]
+        )
         step = slots.step(actions)
         assert np.array_equal(acting, slots.acted)
-        told.append({
-            "obs": obs, "masks": masks if has_masks else [None] * slots.count, "actions": actions,
-            "acted": acting, "rewards": step.rewards, "terminated": step.terminated,
-            "truncated": step.truncated, "final": step.final,
-        })  # fmt: skip
+        told.append(
+            {
+                "obs": obs,
+                "masks": masks if has_masks else [None] * slots.count,
+                "actions": actions,
+                "acted": acting,
+                "rewards": step.rewards,
+                "terminated": step.terminated,
+                "truncated": step.truncated,
+                "final": step.final,
+            }
+        )
         obs = step.obs
     return told
 

@@ -51,9 +51,12 @@ def ran(algorithm: Any, spec: str, folder: Path, **options: Any) -> Any:
     config.create_json = True
     options = {"check": None, "max_steps": 30, **options}
     run = Experiment(
-        task=task(spec, **options), algorithm_config=algorithm.get_from_yaml(),
-        model_config=model(), seed=0, config=config,
-    )  # fmt: skip
+        task=task(spec, **options),
+        algorithm_config=algorithm.get_from_yaml(),
+        model_config=model(),
+        seed=0,
+        config=config,
+    )
     run.run()
     return run
 
@@ -67,10 +70,13 @@ def ran(algorithm: Any, spec: str, folder: Path, **options: Any) -> Any:
         ("IqlConfig", "warehouse", {"role": "picker", "others": {"carrier": "reference"}}),
         ("MappoConfig", FOUR, {}),
         ("IppoConfig", "late", {}),
-        ("MaddpgConfig", "mpe2.simple_spread_v3:parallel_env",
-         {"env_kwargs": {"continuous_actions": True}}),
+        (
+            "MaddpgConfig",
+            "mpe2.simple_spread_v3:parallel_env",
+            {"env_kwargs": {"continuous_actions": True}},
+        ),
     ],
-)  # fmt: skip
+)
 def test_experiment_runs(
     algorithm: str, spec: str, options: dict[str, Any], tmp_path: Path
 ) -> None:
@@ -104,8 +110,9 @@ def test_groups_are_told_apart() -> None:
     made = task(TAG, check=None, max_steps=25)
     env = made.get_env_fun(3, False, 7, "cpu")()
     assert made.group_map(env) == {
-        "adversary": ["adversary_0", "adversary_1", "adversary_2"], "agent": ["agent_0"],
-    }  # fmt: skip
+        "adversary": ["adversary_0", "adversary_1", "adversary_2"],
+        "agent": ["agent_0"],
+    }
     assert made.observation_spec(env)["adversary", "observation"].shape == (3, 16)
     assert made.action_mask_spec(env)["agent", "action_mask"].shape == (1, 5)
     assert made.action_spec(env)["adversary", "action"].shape == (3,)
@@ -120,7 +127,7 @@ def test_seeds_are_the_experiments() -> None:
     made = task("warehouse", check=None, engine="kernel")
     env = made.get_env_fun(2, False, 7, "cpu")()
     seen = env.reset()["picker", "observation"]
-    traces = list(gk.rollout("warehouse", policies="noop", episodes=2, seed=7).traces)
+    traces = list(gk.rollout("warehouse", policies="noop", episodes=2, seed=7).episodes)
     for copy, trace in enumerate(traces):
         first = next(iter(trace.turns))
         np.testing.assert_array_equal(
@@ -142,13 +149,14 @@ def test_each_agents_return_is_logged() -> None:
     batch = whole.rollout(made.max_steps(env) + 2, break_when_any_done=False)
     told = made.log_info(batch)
     assert set(told) == {
-        "collection/picker/picker/episode_return", "collection/carrier/carrier/episode_return",
-    }  # fmt: skip
+        "collection/picker/picker/episode_return",
+        "collection/carrier/carrier/episode_return",
+    }
     env.close()
 
 
 def test_what_benchmarl_cant_is_refused() -> None:
-    """Objects, mixed actions, no horizon, broken contracts: each says how to mend it."""
+    """Objects, mixed actions, no horizon, broken contracts: each says how to fix it."""
     from gamekeeper.adapters.benchmarl import task
 
     with pytest.raises(SpecError, match="is saved"):

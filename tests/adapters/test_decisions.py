@@ -38,9 +38,15 @@ def test_decided_is_the_usual_estimate_where_everybody_acts(seed: int, steps: in
     rewards, values, ends, last = drawn(seed, steps)
     acted = np.ones((steps, 1), bool)
     found, valid = decided(
-        rewards[:, None], values[:, None], acted, ends[:, None], np.array([last]), np.array([True]),
-        gamma=GAMMA, trace=TRACE,
-    )  # fmt: skip
+        rewards[:, None],
+        values[:, None],
+        acted,
+        ends[:, None],
+        np.array([last]),
+        np.array([True]),
+        gamma=GAMMA,
+        trace=TRACE,
+    )
     assert valid.all()
     np.testing.assert_allclose(usual(rewards, values, ends, last), found[:, 0], atol=1e-12)
 
@@ -51,9 +57,15 @@ def test_decided_gives_a_reward_to_the_last_action(seed: int, acts: list[bool]) 
     rewards, values, _, last = drawn(seed, len(acts))
     acted, ends = np.array(acts), np.zeros(len(acts), bool)
     found, valid = decided(
-        rewards[:, None], values[:, None], acted[:, None], ends[:, None],
-        np.array([last]), np.array([True]), gamma=GAMMA, trace=TRACE,
-    )  # fmt: skip
+        rewards[:, None],
+        values[:, None],
+        acted[:, None],
+        ends[:, None],
+        np.array([last]),
+        np.array([True]),
+        gamma=GAMMA,
+        trace=TRACE,
+    )
     places = np.flatnonzero(acted)
     bounds = [*places.tolist(), len(acts)]
     sums = [rewards[a:b].sum() for a, b in itertools.pairwise(bounds)]
@@ -67,9 +79,15 @@ def test_decided_leaves_out_what_is_still_open() -> None:
     acted = np.array([[True], [True], [False]])
     zeros = np.zeros((3, 1))
     _, valid = decided(
-        zeros, zeros, acted, zeros.astype(bool), np.zeros(1), np.array([False]),
-        gamma=GAMMA, trace=TRACE,
-    )  # fmt: skip
+        zeros,
+        zeros,
+        acted,
+        zeros.astype(bool),
+        np.zeros(1),
+        np.array([False]),
+        gamma=GAMMA,
+        trace=TRACE,
+    )
     assert valid[:, 0].tolist() == [True, False, False]
 
 

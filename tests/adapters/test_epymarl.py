@@ -35,10 +35,14 @@ def played(env: Any, **reset: Any) -> list[dict[str, Any]]:
         obs, reward, terminated, truncated, info = env.step(first_legal(env))
         over = terminated or truncated
         row |= {
-            "after": obs, "reward": reward, "rewards": env.rewards.copy(), "info": info,
-            "terminated": terminated, "truncated": truncated,
+            "after": obs,
+            "reward": reward,
+            "rewards": env.rewards.copy(),
+            "info": info,
+            "terminated": terminated,
+            "truncated": truncated,
             "ends": (env.terminations.copy(), env.truncations.copy()),
-        }  # fmt: skip
+        }
         told.append(row)
     return told
 
@@ -55,10 +59,10 @@ def played(env: Any, **reset: Any) -> list[dict[str, Any]]:
 )
 def test_trace_is_the_same_seen_through_it(spec: str, kwargs: Any, limit: int | None) -> None:
     """Observations of who acted, rewards of everybody, who ended how: turn by turn."""
-    env = made(spec, env_kwargs=kwargs, time_limit=limit, seed=5, common_reward=False)
+    env = made(spec, env_kwargs=kwargs, time_limit=limit, seed=5, common_reward=None)
     told = played(env)
     evidence = gk.rollout(spec, policies="first-legal", episodes=1, seed=5, env_kwargs=kwargs)
-    trace = next(iter(evidence.traces))
+    trace = next(iter(evidence.episodes))
     turns = [t for t in trace.turns if any(a is not None for a in t.actions.values())]
     assert len(turns) == len(told)
     for turn, row in zip(turns, told, strict=True):
@@ -90,8 +94,12 @@ def test_sizes_are_those_of_what_is_given() -> None:
     env.reset()
     told = env.get_env_info()
     assert told == {
-        "state_shape": 221, "obs_shape": 83, "n_actions": 6, "n_agents": 4, "episode_limit": 200,
-    }  # fmt: skip
+        "state_shape": 221,
+        "obs_shape": 83,
+        "n_actions": 6,
+        "n_agents": 4,
+        "episode_limit": 200,
+    }
     assert env.get_state().shape == (221,)
     assert env.get_state().dtype == np.float32
     assert [row.shape for row in env.get_obs()] == [(83,)] * 4
@@ -160,10 +168,10 @@ def test_truncation_stays_apart_from_termination() -> None:
     assert short[-1]["ends"][1].all()
 
 
-class Crossing(gk.TickEnv):
+class EnvStep(gk.TickEnv):
     """Whoever is there at first ends in the second tick, in which another comes."""
 
-    metadata = {"name": "crossing_v0"}  # noqa: RUF012  # PettingZoo declares it so
+    metadata = {"name": "env_step_v0"}  # noqa: RUF012  # PettingZoo declares it so
 
     def __init__(self) -> None:
         super().__init__()
@@ -189,21 +197,19 @@ class Crossing(gk.TickEnv):
 
 def test_time_limit_truncates_who_is_there_as_it_cuts() -> None:
     """Not who was terminated in that very step, but who came in it."""
-    env = made(Crossing, time_limit=2)
+    env = made(EnvStep, time_limit=2)
     last = played(env)[-1]
-    assert [flags.tolist() for flags in last["ends"]] == [
-        [True, False, False],
-        [False, True, True],
-    ]
+    assert [flags.tolist() for flags in last["ends"]] == [[True, False, False], [False, True, True]]
     assert (last["terminated"], last["truncated"]) == (False, True)
     env.close()
 
 
 def test_common_reward_is_the_sum_or_the_mean() -> None:
     """Over all agents, whoever is there; else a reward for each."""
-    one, two = (played(made("warehouse", env_kwargs=TIRED, **o))
-                for o in ({}, {"reward_scalarisation": "mean"}))  # fmt: skip
-    each = played(made("warehouse", env_kwargs=TIRED, common_reward=False))
+    one, two = (
+        played(made("warehouse", env_kwargs=TIRED, **o)) for o in ({}, {"common_reward": "mean"})
+    )
+    each = played(made("warehouse", env_kwargs=TIRED, common_reward=None))
     for summed, mean, row in zip(one, two, each, strict=True):
         assert summed["reward"] == pytest.approx(sum(row["reward"]))
         assert mean["reward"] == pytest.approx(sum(row["reward"]) / 4)
@@ -240,12 +246,12 @@ def test_refused_environment_is_closed() -> None:
     """What was opened for a wish that can't be met doesn't stay open."""
     closed: list[str] = []
 
-    class Noted(Crossing):
+    class Noted(EnvStep):
         def close(self) -> None:
             closed.append("noted")
             super().close()
 
-    with pytest.raises(SpecError, match="has the role"):
+    with pytest.raises(SpecError, match="with the role"):
         made(Noted, time_limit=2, role="pilot")
     assert closed == ["noted"]
 
@@ -280,11 +286,18 @@ def test_state_can_be_everybodys_observations() -> None:
 
 def test_registry_calls_it_as_it_calls_gymma(monkeypatch: pytest.MonkeyPatch) -> None:
     """With what EPyMARL's configuration holds, the rest for the environment."""
-    monkeypatch.setattr("gamekeeper.adapters.epymarl.front.checked", lambda *_, **__: None)
+    monkeypatch.setattr("gamekeeper.adapters.epymarl.checked", lambda *_, **__: None)
     env = gymma(
-        key="warehouse", time_limit=7, pretrained_wrapper=None, seed=2, common_reward=True,
-        reward_scalarisation="sum", pickers=1, carriers=1, debug=True,
-    )  # fmt: skip
+        key="warehouse",
+        time_limit=7,
+        pretrained_wrapper=None,
+        seed=2,
+        common_reward=True,
+        reward_scalarisation="sum",
+        pickers=1,
+        carriers=1,
+        debug=True,
+    )
     assert env.get_env_info()["episode_limit"] == 7
     assert len(played(env)) == 7
     with pytest.raises(SpecError, match="EPyMARL's own"):
@@ -338,16 +351,16 @@ def test_actions_are_counted_from_0() -> None:
 
 
 def test_what_cant_be_is_refused() -> None:
-    """Each says where, and how to mend it."""
+    """Each says where, and how to fix it."""
     with pytest.raises(SpecError, match="numbered actions"):
         made(Shifted(spaces.Box(0, 1, (2,), np.float32)), time_limit=3)
-    with pytest.raises(SpecError, match="how many steps"):
+    with pytest.raises(SpecError, match="number of steps"):
         made(Shifted(spaces.Discrete(3)))
     with pytest.raises(SpecError, match="no policy"):
         made("warehouse", role="picker")
-    with pytest.raises(SpecError, match="nobody else"):
+    with pytest.raises(SpecError, match="all agents learn"):
         made("warehouse", others="random")
-    with pytest.raises(SpecError, match="has the role"):
+    with pytest.raises(SpecError, match="with the role"):
         made("warehouse", role="pilot")
     with pytest.raises(SpecError, match="no such state"):
         made("two_robot_line", state="all")
@@ -367,7 +380,7 @@ def test_environment_is_audited_first(monkeypatch: pytest.MonkeyPatch) -> None:
     """What it is made with too; `check=None` lets it pass."""
     asked: list[Any] = []
     monkeypatch.setattr(
-        "gamekeeper.adapters.epymarl.front.checked",
+        "gamekeeper.adapters.epymarl.checked",
         lambda spec, check, *, env_kwargs: asked.append((spec, check, env_kwargs)),
     )
     multi_agent_env("two_robot_line", env_kwargs={"n": 4}).close()

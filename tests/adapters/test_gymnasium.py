@@ -16,7 +16,7 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics
 import gamekeeper as gk
 from gamekeeper.adapters.gymnasium import joint, single_agent, vector
 from gamekeeper.errors import SpecError
-from gamekeeper.game.policy import EVERYONE
+from gamekeeper.interface.policy import EVERYONE
 from tests.adapters.streams import ByWhatIsSeen, Stream, bare, chosen, of_trace, same
 
 SPREAD = "mpe2.simple_spread_v3:parallel_env"
@@ -75,12 +75,14 @@ def test_single_agent_shows_what_is_recorded(spec: str, agent: str, others: Any)
     mine = ByWhatIsSeen(env.action_space)
     named = others if isinstance(others, dict) else {EVERYONE: others}
     played = gk.rollout(spec, policies={**named, agent: mine}, episodes=1, seed=3)
-    recorded = of_trace(next(iter(played.traces)), agent)
+    recorded = of_trace(next(iter(played.episodes)), agent)
     assert recorded is not None
     recorded.before = 0.0  # lost, as its table says
 
-    env._cast = _Began(env._cast, run=3)  # else the others draw as in a run of the episode's seed
-    observation, info = env.reset(seed=int(played.episodes.to_pylist()[0]["seed"]))
+    env._policies = _Began(
+        env._policies, run=3
+    )  # else the others draw as in a run of the episode's seed
+    observation, info = env.reset(seed=int(played.episode_table.to_pylist()[0]["seed"]))
     stream = Stream()
     while True:
         mask = info.get("action_mask")
@@ -103,22 +105,22 @@ def _flat(mask: Any) -> Any:
 
 
 class _Began:
-    """A cast that plays episode 0 of a run, whatever it is told."""
+    """Policies that play episode 0 of a run, whatever they are told."""
 
-    def __init__(self, cast: Any, run: int) -> None:
-        self.act, self._cast, self._run = cast.act, cast, run
+    def __init__(self, policies: Any, run: int) -> None:
+        self.act, self._policies, self._run = policies.act, policies, run
 
     def begin(self, seed: int, episode: int) -> None:
-        self._cast.begin(self._run, episode)
+        self._policies.begin(self._run, episode)
 
 
 def test_single_agent_names_who_has_no_policy() -> None:
     """Nobody is played by chance without being told."""
-    with pytest.raises(SpecError, match="has no policy"):
+    with pytest.raises(SpecError, match="have no policy"):
         single_agent("two_robot_line", "picker")
-    with pytest.raises(SpecError, match="has no policy"):
+    with pytest.raises(SpecError, match="have no policy"):
         single_agent("warehouse", "picker_0", others={"carrier": "reference"})
-    with pytest.raises(SpecError, match="nobody is called"):
+    with pytest.raises(SpecError, match="no agent called"):
         single_agent("two_robot_line", "pilot", others="random")
 
 
@@ -159,8 +161,8 @@ def test_joint_shows_what_is_recorded(spec: str) -> None:
     env = joint(spec)
     policies = {a: ByWhatIsSeen(env.action_space[str(a)]) for a in env.agents}
     played = gk.rollout(spec, policies=policies, episodes=1, seed=4)
-    turns = list(next(iter(played.traces)).turns)
-    observation, info = env.reset(seed=int(played.episodes.to_pylist()[0]["seed"]))
+    turns = list(next(iter(played.episodes)).turns)
+    observation, info = env.reset(seed=int(played.episode_table.to_pylist()[0]["seed"]))
     for now, then in itertools.pairwise(turns):
         for agent, seen in now.observations.items():
             if agent in now.live:
@@ -199,7 +201,7 @@ def test_vector_counts_as_gymnasiums_own_wrapper_does(mode: Any) -> None:
     """Returns and lengths of every agent's episodes are those of the recorded run."""
     evidence = gk.rollout(SPREAD, policies=lambda *told: 0, episodes=4, seed=2)
     truth = [
-        [sum(turn.rewards.get(agent, 0.0) for turn in trace.turns) for trace in evidence.traces]
+        [sum(turn.rewards.get(agent, 0.0) for turn in trace.turns) for trace in evidence.episodes]
         for agent in ("agent_0", "agent_1", "agent_2")
     ]
     venv = vector(SPREAD, 2, autoreset=mode, seed=2)
@@ -221,7 +223,7 @@ def test_vector_counts_as_gymnasiums_own_wrapper_does(mode: Any) -> None:
 
 def test_vector_keeps_each_agents_own_end() -> None:
     """Terminated apart from truncated, the last observation beside it, seeds by run."""
-    venv = vector(f"{WORLDS}:Walk", 3, seed=8)
+    venv = vector(f"{WORLDS}:Walk", 3, seed=8, absent="zeros")
     obs, infos = venv.reset()
     again, _ = venv.reset(seed=8)
     assert np.array_equal(obs, again)
@@ -233,8 +235,43 @@ def test_vector_keeps_each_agents_own_end() -> None:
         fell, cut = fell + terminated.sum(), cut + truncated.sum()
         assert not (terminated & truncated).any()
         assert not obs[~infos["live"] & ~terminated & ~truncated].any()
-        for place in np.flatnonzero(infos.get("_final_obs", ())):
+        ended = terminated | truncated
+        assert np.array_equal(ended, infos.get("_final_obs", np.zeros_like(ended)))
+        for place in np.flatnonzero(ended):
             assert infos["final_obs"][place].shape == (2,)
     assert fell
     assert cut
+    venv.close()
+
+
+def test_vector_refuses_who_ends_before_its_copy() -> None:
+    """Gymnasium's wrappers would count the steps in between, and learners learn from them."""
+    venv = RecordEpisodeStatistics(vector(f"{WORLDS}:Early", 2))
+    venv.reset()
+    for _ in range(3):
+        venv.step(np.zeros(4, int))
+    with pytest.raises(SpecError, match=r"copy 0, agent 'a'(.|\n)*absent='zeros'"):
+        venv.step(np.zeros(4, int))
+    venv.close()
+    late = vector("warehouse", 1)
+    with pytest.raises(SpecError, match="plays on"):
+        late.reset()
+    late.close()
+    with pytest.raises(SpecError, match="refuse or zeros"):
+        vector(f"{WORLDS}:Early", 2, absent="hidden")
+
+
+@pytest.mark.parametrize("mode", ["same_step", "next_step"])
+def test_vector_gives_who_ends_early_its_last_observation(mode: Any) -> None:
+    """In the step that ended it, and nobody else's; then zeros until its copy begins anew."""
+    venv = vector(f"{WORLDS}:Early", 1, absent="zeros", autoreset=mode)
+    venv.reset()
+    finals = []
+    for step in range(1, 11):
+        _, rewards, terminated, truncated, infos = venv.step(np.zeros(2, int))
+        for place in np.flatnonzero(infos.get("_final_obs", ())):
+            assert (terminated | truncated)[place]
+            finals.append((step, int(place), float(infos["final_obs"][place][0]), rewards[place]))
+        assert infos["live"][0] == (step < 4 or (step == 10 and mode == "same_step"))
+    assert finals == [(4, 0, 4.0, 10.0), (10, 1, 10.0, 0.0)]
     venv.close()

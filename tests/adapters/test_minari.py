@@ -13,8 +13,8 @@ import pytest
 from gymnasium import spaces
 
 import gamekeeper as gk
-from gamekeeper.errors import BundleError, EvidenceError
-from tests.adapters.data_games import DAY, NIGHT, SPARE, Shift, rows_of
+from gamekeeper.errors import EvidenceError, RunError
+from tests.adapters.data_games import DAY, NIGHT, SPARE, Shift, of_terms, rows_of
 from tests.cli.lines import document, said
 
 pytestmark = pytest.mark.trainer
@@ -76,7 +76,7 @@ def test_data_set_holds_each_agents_decisions(spec: Any, tmp_path: Path) -> None
     sets, written = exported(evidence, tmp_path)
     for agent in written.agents:
         dataset, places = sets[agent], iter(range(99))
-        for trace in evidence.traces:
+        for trace in evidence.episodes:
             turns = [t for t in trace.turns if agent in t.actions and t.actions[agent] is not None]
             if not turns:  # a spare that nobody needed
                 continue
@@ -117,7 +117,7 @@ def test_pictures_are_kept_to_the_bit(tmp_path: Path) -> None:
     """Minari's own default is JPEG, which would change them; texts and counts stay too."""
     evidence = gk.rollout(Shift, episodes=1)
     sets, _ = exported(evidence, tmp_path)
-    turns = list(next(evidence.traces).turns)
+    turns = list(next(evidence.episodes).turns)
     pictures = np.stack([turn.observations[NIGHT]["picture"] for turn in turns])
     np.testing.assert_array_equal(pictures, sets[NIGHT][0].observations["picture"])
 
@@ -161,7 +161,9 @@ def test_joint_data_set_is_read_as_the_same_evidence(spec: Any, tmp_path: Path) 
     _, written = exported(evidence, tmp_path)
     again = load(tmp_path / written.parts[-1])
     assert written.parts[-1].endswith("joint-v0")
-    for one, two in zip(evidence.traces, again.traces, strict=True):
+    imported = again.manifest["environment"]["imported"]
+    assert imported["recorded"]["fingerprint"] == evidence.fingerprint != again.fingerprint
+    for one, two in zip(evidence.episodes, again.episodes, strict=True):
         for name in ("seed", "end", "turns", "endings", "policies", "action_types"):
             assert one.header[name] == two.header[name]
         assert one.steps.to_pylist() == two.steps.to_pylist()
@@ -181,7 +183,7 @@ def test_agent_of_ours_is_read_as_its_own_decisions(tmp_path: Path) -> None:
         for name in ("obs", "action", "mask", "terminated", "truncated", "info"):
             assert one[name] == two[name], name
     assert again.path == tmp_path / "run"
-    assert again.manifest["status"] == "sealed"
+    assert again.manifest["status"] == "finalized"
     imported = again.manifest["environment"]["imported"]
     assert imported["recorded"]["fingerprint"] == evidence.fingerprint
     assert "the other agents" in imported["lacks"]
@@ -199,9 +201,12 @@ def foreign(out: Path, observation: Any, action: Any, **columns: Any) -> str:
         warnings.simplefilter("ignore")  # it warns of every part of the metadata that isn't given
         patch.setenv("MINARI_DATASETS_PATH", str(out))
         minari.create_dataset_from_buffers(
-            "theirs/set-v3", [EpisodeBuffer(**{**told, **columns})], observation_space=observation,
-            action_space=action, author="Ada",
-        )  # fmt: skip
+            "theirs/set-v3",
+            [EpisodeBuffer(**{**told, **columns})],
+            observation_space=observation,
+            action_space=action,
+            author="Ada",
+        )
     return "theirs/set-v3"
 
 
@@ -211,16 +216,20 @@ def test_data_set_of_others_is_one_agent(tmp_path: Path, monkeypatch: pytest.Mon
 
     seen = np.arange(6, dtype=np.float32).reshape(3, 2)
     name = foreign(
-        tmp_path, spaces.Box(-9, 9, (2,), np.float32), spaces.Discrete(4), observations=seen,
-        actions=np.array([2, 3]), infos={"speed": np.array([0.5, 0.25, 0.125])},
-    )  # fmt: skip
+        tmp_path,
+        spaces.Box(-9, 9, (2,), np.float32),
+        spaces.Discrete(4),
+        observations=seen,
+        actions=np.array([2, 3]),
+        infos={"speed": np.array([0.5, 0.25, 0.125])},
+    )
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     evidence = load(name, agent="cart")
-    trace = next(evidence.traces)
+    trace = next(evidence.episodes)
     turns = list(trace.turns)
     assert [turn.actions.get("cart") for turn in turns] == [2, 3, None]
     np.testing.assert_array_equal(seen, [turn.observations["cart"] for turn in turns])
-    assert [turn.received["cart"] for turn in turns] == [0.0, 1.0, 2.0]
+    assert [turn.cumulative_reward["cart"] for turn in turns] == [0.0, 1.0, 2.0]
     assert [turn.infos["cart"]["speed"] for turn in turns] == [0.5, 0.25, 0.125]
     assert turns[-1].terminated["cart"]
     assert trace.seed is None
@@ -231,16 +240,19 @@ def test_data_set_of_others_is_one_agent(tmp_path: Path, monkeypatch: pytest.Mon
     assert evidence.summary.agents["cart"].return_mean == 3.0
 
 
-def test_value_of_another_dtype_is_odd(tmp_path: Path) -> None:
+def test_value_of_another_dtype_is_nonconforming(tmp_path: Path) -> None:
     """A data set whose values aren't of its space is read as it is: nothing is coerced."""
     from gamekeeper.adapters.minari import load
 
     name = foreign(
-        tmp_path, spaces.Box(-9, 9, (2,), np.float32), spaces.Discrete(4),
-        observations=np.zeros((3, 2), np.float64), actions=np.array([2, 3]),
-    )  # fmt: skip
-    turn = next(iter(next(load(tmp_path / name).traces).turns))
-    assert turn.odd["agent"]["obs"]["type"] == "numpy.ndarray"
+        tmp_path,
+        spaces.Box(-9, 9, (2,), np.float32),
+        spaces.Discrete(4),
+        observations=np.zeros((3, 2), np.float64),
+        actions=np.array([2, 3]),
+    )
+    turn = next(iter(next(load(tmp_path / name).episodes).turns))
+    assert turn.nonconforming["agent"]["obs"]["type"] == "numpy.ndarray"
     assert turn.observations["agent"].dtype == np.float64
 
 
@@ -251,14 +263,19 @@ def test_dict_spaces_of_others_can_be_agents(tmp_path: Path) -> None:
     both = {name: spaces.Discrete(5) for name in ("a", "b")}
     columns = {"a": np.array([1, 2, 3]), "b": np.array([4, 3, 2])}
     name = foreign(
-        tmp_path, spaces.Dict(both), spaces.Dict(both), observations=columns,
+        tmp_path,
+        spaces.Dict(both),
+        spaces.Dict(both),
+        observations=columns,
         actions={key: column[:2] for key, column in columns.items()},
-    )  # fmt: skip
+    )
     evidence = load(tmp_path / name, joint=True)
-    rows = evidence.steps.to_pylist()
+    rows = evidence.agent_steps.to_pylist()
     assert {row["agent"] for row in rows} == {"a", "b"}
-    assert {(row["order"], row["reward"], row["received"]) for row in rows} == {(None, None, None)}
-    turn = next(iter(next(evidence.traces).turns))
+    assert {(row["order"], row["reward"], row["cumulative_reward"]) for row in rows} == {
+        (None, None, None)
+    }
+    turn = next(iter(next(evidence.episodes).turns))
     assert (turn.actions["b"], turn.infos["b"]) == (4, {"joint_reward": 1.0})
     assert "the order of actions" in evidence.manifest["environment"]["imported"]["lacks"]
     with pytest.raises(EvidenceError, match="an entry for each agent"):
@@ -268,9 +285,12 @@ def test_dict_spaces_of_others_can_be_agents(tmp_path: Path) -> None:
 def foreign_box(out: Path) -> Path:
     """A data set whose spaces are no Dict."""
     name = foreign(
-        out, spaces.Box(-9, 9, (2,), np.float32), spaces.Discrete(4),
-        observations=np.zeros((3, 2), np.float32), actions=np.array([2, 3]),
-    )  # fmt: skip
+        out,
+        spaces.Box(-9, 9, (2,), np.float32),
+        spaces.Discrete(4),
+        observations=np.zeros((3, 2), np.float32),
+        actions=np.array([2, 3]),
+    )
     return out / name
 
 
@@ -294,14 +314,14 @@ def test_damaged_data_set_leaves_no_evidence(tmp_path: Path) -> None:
     path = folder / "data" / "main_data.hdf5"
     path.write_bytes(path.read_bytes()[:600])
     for out in (None, tmp_path / "run"):
-        with pytest.raises(BundleError, match="can't be read") as told:
+        with pytest.raises(RunError, match="can't be read") as told:
             load(folder, out)
         assert str(folder) in told.value.where
     assert not (tmp_path / "run").exists()
 
 
 def test_what_minari_cannot_hold_is_refused(tmp_path: Path) -> None:
-    """Odd values, digests, spaces without a fixed shape, joint turns: each with a mend."""
+    """Odd values, digests, spaces without a fixed shape, joint turns: each with a fix."""
     from gamekeeper.adapters.minari import export
 
     class Long(Shift):
@@ -309,9 +329,9 @@ def test_what_minari_cannot_hold_is_refused(tmp_path: Path) -> None:
             super().__init__()
             self.observation_spaces[DAY] = spaces.Sequence(spaces.Discrete(3))
 
-    odd = gk.rollout(lambda: Shift(odd="observation"), episodes=1)
+    nonconforming = gk.rollout(lambda: Shift(nonconforming="observation"), episodes=1)
     with pytest.raises(EvidenceError, match="isn't of its space") as told:
-        export(odd, tmp_path / "data")
+        export(nonconforming, tmp_path / "data")
     assert "turn 1" in told.value.where
     with pytest.raises(EvidenceError, match="Minari can't hold a space"):
         export(gk.rollout(Long, episodes=1), tmp_path / "data")
@@ -321,13 +341,13 @@ def test_what_minari_cannot_hold_is_refused(tmp_path: Path) -> None:
     with pytest.raises(EvidenceError, match="can't be one data set"):
         export(gk.rollout("handover", episodes=1), tmp_path / "data", joint=True)
     with pytest.raises(EvidenceError, match="no folder"):
-        export(odd)
+        export(nonconforming)
     assert not (tmp_path / "data").exists()
 
 
 def test_data_sets_grow_part_by_part(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """However little waits in memory, the data sets are the same."""
-    from gamekeeper.adapters.minari import sets
+    from gamekeeper.adapters.minari import minari_agents as sets
 
     evidence = gk.rollout("handover", episodes=5, seed=2)
     whole, _ = exported(evidence, tmp_path / "a")
@@ -349,7 +369,7 @@ def test_data_sets_grow_part_by_part(tmp_path: Path, monkeypatch: pytest.MonkeyP
 def test_command_writes_and_reads_data_sets(
     tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """`export RUN --to minari`, then `export minari:ID --to bundle`; what exists stays."""
+    """`export RUN --to minari`, then `export minari:ID --to run`; what exists stays."""
     run, data = tmp_path / "demo", tmp_path / "data"
     gk.rollout("two_robot_line", episodes=2, out=run)
     code, found = document(capfd, "export", run, "--to", "minari", "--out", data)
@@ -358,8 +378,8 @@ def test_command_writes_and_reads_data_sets(
     assert said(capfd, "export", run, "--to", "minari", "--out", data)[0] == 2
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(data))
     back = tmp_path / "back"
-    code, found = document(capfd, "export", f"minari:{names[2]}", "--to", "bundle", "--out", back)
-    assert (code, found["status"], found["imported"]["dataset_id"]) == (0, "sealed", names[2])
+    code, found = document(capfd, "export", f"minari:{names[2]}", "--to", "run", "--out", back)
+    assert (code, found["status"], found["imported"]["dataset_id"]) == (0, "finalized", names[2])
     returns, again = (
         {
             name: (each.return_mean, each.length_mean)
@@ -381,6 +401,18 @@ def test_broken_export_leaves_nothing(tmp_path: Path) -> None:
     evidence = gk.rollout("two_robot_line", episodes=1)
     export(evidence, tmp_path, agents=["carrier"], say=lambda _: None)
     before = sorted(path.name for path in (tmp_path / "two_robot_line_v0").iterdir())
-    with pytest.raises(BundleError, match="a data set of that id"):
+    with pytest.raises(RunError, match="a data set of that id"):
         export(evidence, tmp_path, say=lambda _: None)
     assert before == sorted(path.name for path in (tmp_path / "two_robot_line_v0").iterdir())
+
+
+def test_terms_that_nothing_tells_are_unknown_there_and_back(tmp_path: Path) -> None:
+    """NaN in the data sets, with a word; null again in evidence, row by row."""
+    from gamekeeper.adapters.minari import load
+
+    sets, written = exported(evidence := of_terms(policies="first-legal", seed=5), tmp_path)
+    assert np.isnan(sets[DAY][0].infos["terms"]["care"][1:]).all()
+    assert any("by which terms" in each for each in written.lost)
+    back = [load(tmp_path / part).agent_steps.to_pylist() for part in written.parts]
+    assert back[-1] == evidence.agent_steps.to_pylist()
+    assert {row["reward.care"] for row in back[1]} == {None}

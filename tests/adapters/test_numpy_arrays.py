@@ -12,11 +12,11 @@ import pytest
 
 import gamekeeper as gk
 from gamekeeper.adapters import spool
-from gamekeeper.adapters.numpy_arrays import export, prefix_of, texts
-from gamekeeper.core import tables
-from gamekeeper.errors import BundleError, EvidenceError
-from tests.adapters.data_games import DAY, NIGHT, SPARE, Shift, rows_of
-from tests.record.reseal import reseal_table
+from gamekeeper.adapters.numpy_arrays import decisions, export, prefix_of, texts
+from gamekeeper.episodes import tables
+from gamekeeper.errors import EvidenceError, RunError
+from tests.adapters.data_games import DAY, NIGHT, SPARE, Shift, of_terms, rows_of
+from tests.runs.finalize_again import finalize_again_table
 
 TAG = "mpe2.simple_tag_v3:parallel_env"
 
@@ -35,9 +35,9 @@ def test_arrays_hold_every_row_of_the_trace(spec: Any, tmp_path: Path) -> None:
     """Observations, actions, rewards, ends and masks stand as the trace has them, row by row."""
     evidence = gk.rollout(spec, episodes=2, seed=3)
     arrays, written = exported(evidence, tmp_path / "run")
-    assert written.rows == evidence.steps.num_rows
+    assert written.rows == evidence.agent_steps.num_rows
     places = dict.fromkeys(written.agents, 0)
-    for trace in evidence.traces:
+    for trace in evidence.episodes:
         for turn in trace.turns:
             for agent in turn.agents:
                 row, head = places[agent], f"{agent}/"
@@ -52,7 +52,10 @@ def test_arrays_hold_every_row_of_the_trace(spec: Any, tmp_path: Path) -> None:
                 for name in ("terminated", "truncated"):
                     assert arrays[head + name][row] == getattr(turn, name).get(agent, False)
                 assert arrays[head + "reward"][row] == turn.rewards.get(agent, 0.0)
-                assert arrays[head + "received"][row] == turn.received.get(agent, 0.0)
+                assert arrays[head + "reward.valid"][row] == (agent in turn.rewards)
+                assert arrays[head + "cumulative_reward"][row] == turn.cumulative_reward.get(
+                    agent, 0.0
+                )
                 order = turn.order.index(agent) if agent in turn.order else -1
                 assert arrays[head + "order"][row] == order
                 if agent in turn.masks and head + "mask" in arrays:
@@ -63,7 +66,7 @@ def test_arrays_hold_pictures_texts_and_states(tmp_path: Path) -> None:
     """Each leaf of a Dict space is an array of its own dtype and shape; `texts` reads texts."""
     evidence = gk.rollout(Shift, episodes=1)
     arrays, _ = exported(evidence, tmp_path / "run")
-    turns = list(next(evidence.traces).turns)
+    turns = list(next(evidence.episodes).turns)
     seen = [turn.observations[NIGHT] for turn in turns]
     assert arrays[f"{NIGHT}/obs.picture"].dtype == np.uint8
     for row, value in enumerate(seen):
@@ -85,7 +88,7 @@ def test_metadata_says_what_the_run_was(tmp_path: Path) -> None:
     assert about["fingerprint"] == evidence.fingerprint
     assert about["environment"]["source_digest"]
     assert (about["seed"], about["agents"]["picker"]) == (7, "picker")
-    header = evidence.episodes.to_pydict()
+    header = evidence.episode_table.to_pydict()
     assert arrays["episodes/seed"].tolist() == header["seed"]
     assert texts(arrays, "episodes/fingerprint") == header["fingerprint"]
     assert texts(arrays, "episodes/end") == header["end"]
@@ -94,7 +97,7 @@ def test_metadata_says_what_the_run_was(tmp_path: Path) -> None:
 def test_arrays_are_the_same_whatever_waits_in_memory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Memory or bundle, all at once or part by part: equal evidence gives equal bytes."""
+    """Memory or run, all at once or part by part: equal evidence gives equal bytes."""
     kept = gk.rollout("handover", episodes=4, seed=1)
     gk.rollout("handover", episodes=4, seed=1, out=tmp_path / "run")
     at_once = Path(exported(kept, tmp_path / "a")[1].path).read_bytes()
@@ -103,9 +106,9 @@ def test_arrays_are_the_same_whatever_waits_in_memory(
     with np.load(tmp_path / "a.npz") as one, np.load(tmp_path / "b.npz") as two:
         for name in set(one) - {"metadata"}:
             np.testing.assert_array_equal(one[name], two[name])
-    status = b'"status": "sealed"'  # of the bundle alone; all else is the same
+    status = b'"status": "finalized"'  # of the run alone; all else is the same
     assert len(at_once) == pytest.approx(len(apart), abs=len(status) * 4)
-    assert exported(tmp_path / "run", tmp_path / "c")[1].rows == kept.steps.num_rows
+    assert exported(tmp_path / "run", tmp_path / "c")[1].rows == kept.agent_steps.num_rows
     assert (tmp_path / "c.npz").read_bytes() == apart
 
 
@@ -122,14 +125,14 @@ def test_arrays_are_the_same_whatever_is_read_at_a_time(
     assert at_once == apart
 
 
-def test_value_that_is_odd_is_kept_as_it_was(tmp_path: Path) -> None:
-    """What isn't of its space is no array's element: it stands in `odd`, and `.valid` says so."""
-    evidence = gk.rollout(lambda: Shift(odd="observation"), episodes=1)
+def test_value_that_is_nonconforming_is_kept_as_it_was(tmp_path: Path) -> None:
+    """A value outside its space stands in `nonconforming`, in no array, as `.valid` says."""
+    evidence = gk.rollout(lambda: Shift(nonconforming="observation"), episodes=1)
     arrays, _ = exported(evidence, tmp_path / "run")
     row = arrays[f"{DAY}/turn"].tolist().index(1)
     assert not arrays[f"{DAY}/obs.valid"][row]
     assert not arrays[f"{DAY}/obs"][row].any()
-    kept = json.loads(str(texts(arrays, f"{DAY}/odd")[row]))["obs"]["value"]
+    kept = json.loads(str(texts(arrays, f"{DAY}/nonconforming")[row]))["obs"]["value"]
     assert kept["dtype"] == "<f8"
 
 
@@ -146,11 +149,11 @@ def test_run_of_digests_says_that_observations_are_lost(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("spec", "level", "column", "values"),
     [
-        ("two_robot_line", "full", "received", pa.nulls(1)),
+        ("two_robot_line", "full", "cumulative_reward", pa.nulls(1)),
         ("two_robot_line", "full", "info", pa.array([1.5])),
-        ("two_robot_line", "full", "odd", None),
+        ("two_robot_line", "full", "nonconforming", None),
         ("two_robot_line", "full", "agent", pa.array([7])),
-        ("tictactoe", "full", "mask", pa.array([b"1"])),
+        ("tictactoe", "full", "action_mask", pa.array([b"1"])),
         ("tictactoe", "full", "info", pa.array(['{"action_mask": "[1]"}'])),
         ("two_robot_line", "digest", "digest", pa.array([b"short"])),
         ("two_robot_line", "digest", "digest", pa.nulls(1, pa.binary())),
@@ -159,15 +162,15 @@ def test_run_of_digests_says_that_observations_are_lost(tmp_path: Path) -> None:
 def test_columns_that_say_what_cannot_be_are_refused(
     spec: str, level: str, column: str, values: Any, tmp_path: Path
 ) -> None:
-    """A table that was altered, and its bundle sealed again, is an error that says so."""
-    steps = gk.rollout(spec, episodes=1, level=level, out=tmp_path / "run").steps
+    """A table that was altered, and its run finalized again, is an error that says so."""
+    steps = gk.rollout(spec, episodes=1, level=level, out=tmp_path / "run").agent_steps
     place = steps.schema.get_field_index(column)
     if values is None:
         steps = steps.remove_column(place)
     else:
         others = pa.concat_arrays([values] * len(steps))
         steps = steps.set_column(place, column, others)
-    reseal_table(tmp_path / "run", "steps", steps)
+    finalize_again_table(tmp_path / "run", "agent_steps", steps)
     with pytest.raises(EvidenceError):
         export(tmp_path / "run", tmp_path / "out")
     assert not (tmp_path / "out.npz").exists()
@@ -186,7 +189,7 @@ def test_only_those_who_are_asked_for_are_exported(tmp_path: Path) -> None:
     assert written.agents == ("carrier",)
     assert not [name for name in arrays if name.startswith("picker/")]
     assert written.rows == len(rows_of(evidence, "carrier"))
-    with pytest.raises(EvidenceError, match="nobody is called 'wolf'"):
+    with pytest.raises(EvidenceError, match="the run has no agent called 'wolf'"):
         export(evidence, tmp_path / "other", agents=["wolf"])
     assert not (tmp_path / "other.npz").exists()
 
@@ -197,7 +200,7 @@ def test_nothing_is_written_over_or_left_behind(
     """A file that is there stays; an export that fails leaves nothing."""
     evidence = gk.rollout("two_robot_line", episodes=1)
     (tmp_path / "run.npz").write_text("mine")
-    with pytest.raises(BundleError, match="something lies"):
+    with pytest.raises(RunError, match="something lies"):
         export(evidence, tmp_path / "run")
     assert (tmp_path / "run.npz").read_text() == "mine"
 
@@ -205,7 +208,7 @@ def test_nothing_is_written_over_or_left_behind(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(spool.Spool, "write", fail)
-    with pytest.raises(BundleError, match="No space left"):
+    with pytest.raises(RunError, match="No space left"):
         export(evidence, tmp_path / "other")
     assert [path.name for path in tmp_path.iterdir()] == ["run.npz"]
 
@@ -218,3 +221,42 @@ def test_name_of_an_agent_is_safe_in_an_archive(agent: str) -> None:
     assert not {"/", "\\"} & set(prefix)
     assert prefix.strip(".")
     assert prefix not in ("state", "episodes", "metadata")
+
+
+@pytest.mark.parametrize("spec", ["handover", "tictactoe", "warehouse", Shift])
+def test_decisions_are_paid_until_the_next(spec: Any, tmp_path: Path) -> None:
+    """What is paid while others act belongs to the last decision, in its own episode."""
+    policies = "reference" if spec == "handover" else "first-legal"
+    evidence = gk.rollout(spec, episodes=4, seed=3, policies=policies)
+    arrays, written = exported(evidence, tmp_path / "run")
+    for agent in written.agents:
+        rows, paid = decisions(arrays, agent)
+        expected: list[float] = []
+        for trace in evidence.episodes:
+            is_open = False
+            for turn in trace.turns:
+                if turn.actions.get(agent) is not None:
+                    expected.append(0.0)
+                    is_open = True
+                if is_open:
+                    expected[-1] += turn.rewards.get(agent, 0.0)
+        np.testing.assert_allclose(paid, expected)
+        assert arrays[f"{agent}/action.valid"][rows].all()
+
+
+def test_decisions_of_a_giver_are_paid_what_the_receiver_delivers(tmp_path: Path) -> None:
+    """Deliveries are made in the other's turns: none would be the giver's own."""
+    evidence = gk.rollout("handover", episodes=4, seed=3, policies="reference")
+    arrays, _ = exported(evidence, tmp_path / "run")
+    rows, paid = decisions(arrays, "giver_0", "reward.delivery")
+    assert paid.sum() == pytest.approx(arrays["giver_0/reward.delivery"].sum())
+    assert paid.sum() > arrays["giver_0/reward.delivery"][rows].sum()
+
+
+def test_terms_that_nothing_tells_are_no_numbers(tmp_path: Path) -> None:
+    """0.0 would say that a reward was paid by none of its terms; the loss is said."""
+    evidence = of_terms()
+    arrays, written = exported(evidence, tmp_path / "run")
+    was_paid = [row["reward"] is not None for row in rows_of(evidence, DAY)]
+    np.testing.assert_array_equal(np.isnan(arrays[f"{DAY}/reward.care"]), was_paid)
+    assert any("by which terms" in each for each in written.lost)

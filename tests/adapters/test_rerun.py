@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import gamekeeper as gk
-from gamekeeper.errors import BundleError, EvidenceError
+from gamekeeper.errors import EvidenceError, RunError
 from tests.adapters.data_games import DAY, NIGHT, SPARE, Shift
 from tests.cli.lines import document, said
 
@@ -22,7 +22,7 @@ def exported(run: Any, out: Path, **options: Any) -> Any:
     """What the recording of a run holds, by entity: rows as dictionaries; and the export."""
     from rerun.chunk import RrdReader
 
-    from gamekeeper.adapters.rerun import export
+    from gamekeeper.adapters.exporters.rerun import export
 
     told: list[str] = []
     written = export(run, out, say=told.append, **options)
@@ -32,8 +32,10 @@ def exported(run: Any, out: Path, **options: Any) -> Any:
     found: dict[str, list[dict[str, Any]]] = {}
     for chunk in reader.stream():
         rows = found.setdefault(chunk.entity_path, [])
-        rows += [{k.rpartition(":")[2]: v for k, v in row.items()}
-                 for row in chunk.to_record_batch().to_pylist()]  # fmt: skip
+        rows += [
+            {k.rpartition(":")[2]: v for k, v in row.items()}
+            for row in chunk.to_record_batch().to_pylist()
+        ]
         assert chunk.is_static or set(chunk.timeline_names) == set(LINES)
     for rows in found.values():
         rows.sort(key=lambda row: row.get("run_turn", 0))
@@ -44,9 +46,11 @@ def series(found: Any, path: str) -> dict[tuple[int, int], Any]:
     """A series by episode and turn: a number, or a list where each point has several."""
     points = found.get(path, [])
     return {
-        (row["episode"], row["turn"]): row["scalars"][0] if len(row["scalars"]) == 1
-        else row["scalars"] for row in points
-    }  # fmt: skip
+        (row["episode"], row["turn"]): row["scalars"][0]
+        if len(row["scalars"]) == 1
+        else row["scalars"]
+        for row in points
+    }
 
 
 def logged(found: Any, path: str) -> dict[tuple[int, int], str]:
@@ -59,12 +63,12 @@ def test_recording_holds_the_trace_as_series(spec: Any, tmp_path: Path) -> None:
     """Rewards, returns, actions, orders and observations of each agent stand at their turns."""
     evidence = gk.rollout(spec, episodes=2, seed=3)
     found, written = exported(evidence, tmp_path / "run")
-    assert written.rows == evidence.steps.num_rows
+    assert written.rows == evidence.agent_steps.num_rows
     for agent in written.agents:
         expected: dict[str, dict[Any, Any]] = {
             name: {} for name in ("reward", "return", "action", "order", "obs")
         }
-        for trace in evidence.traces:
+        for trace in evidence.episodes:
             so_far = 0.0
             for turn in trace.turns:
                 key = trace.episode, turn.index
@@ -97,7 +101,7 @@ def test_recording_shows_pictures_ends_infos_and_states(tmp_path: Path) -> None:
     """Observations that are pictures are images; ends, infos and texts are logs."""
     evidence = gk.rollout(Shift, episodes=1)
     found, _ = exported(evidence, tmp_path / "run")
-    turns = list(next(evidence.traces).turns)
+    turns = list(next(evidence.episodes).turns)
     images = found[f"/agents/{NIGHT}/obs/picture"]
     assert len(images) == len(turns)
     for row, turn in zip(images, turns, strict=True):
@@ -120,7 +124,7 @@ def test_recording_shows_terms_reasons_frames_and_tensors(tmp_path: Path) -> Non
     pytest.importorskip("PIL", reason="frames are kept with Pillow")
     evidence = gk.rollout("warehouse", episodes=1, frames=True, out=tmp_path / "run")
     found, written = exported(tmp_path / "run", tmp_path / "run")
-    turns = list(next(evidence.traces).turns)
+    turns = list(next(evidence.episodes).turns)
     paid = {(0, t.index): t.terms["picker_0"]["energy"] for t in turns if "picker_0" in t.terms}
     assert series(found, "/agents/picker_0/terms/energy") == paid
     assert "battery" in " ".join(logged(found, "/agents/picker_0/end").values())
@@ -134,9 +138,11 @@ def test_recording_shows_terms_reasons_frames_and_tensors(tmp_path: Path) -> Non
     assert written.lost == ()
 
 
-def test_odd_values_and_failures_are_logged(tmp_path: Path) -> None:
+def test_nonconforming_values_and_failures_are_logged(tmp_path: Path) -> None:
     """What isn't of its space has no point; it stands in a log as it was."""
-    found, _ = exported(gk.rollout(lambda: Shift(odd="observation"), episodes=1), tmp_path / "run")
+    found, _ = exported(
+        gk.rollout(lambda: Shift(nonconforming="observation"), episodes=1), tmp_path / "run"
+    )
     assert "<f8" in logged(found, f"/agents/{DAY}/odd")[0, 1]
     assert (0, 1) not in series(found, f"/agents/{DAY}/obs")
 
@@ -147,9 +153,9 @@ def test_recording_says_what_it_lacks_and_keeps_what_is_there(tmp_path: Path) ->
     found, written = exported(tmp_path / "run", tmp_path / "run", agents=["carrier"])
     assert "digest" in written.lost[0]
     assert not [path for path in found if "picker" in path or path.endswith("/obs")]
-    with pytest.raises(BundleError, match="something lies"):
+    with pytest.raises(RunError, match="something lies"):
         exported(tmp_path / "run", tmp_path / "run")
-    with pytest.raises(EvidenceError, match="nobody is called"):
+    with pytest.raises(EvidenceError, match="no agent called"):
         exported(tmp_path / "run", tmp_path / "other", agents=["wolf"])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run", "run.rrd"]
 

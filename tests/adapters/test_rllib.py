@@ -15,8 +15,8 @@ import pytest
 from gymnasium.spaces import Discrete
 
 import gamekeeper as gk
-from gamekeeper.core.seeds import episode_seed
 from gamekeeper.errors import ActionError, ContractError, PolicyError, SpecError
+from gamekeeper.randomness.seeds import episode_seed
 from tests.adapters.rllib_books import (
     Ends,
     FirstLegal,
@@ -57,7 +57,7 @@ BATTERY = {"battery": 12}
 def test_trace_is_the_same_seen_through_rllib(spec: str, kwargs: dict[str, Any]) -> None:
     """Each agent's rows, in RLlib's own book: observations, actions, pay, last sight, end."""
     trace = next(
-        gk.rollout(spec, policies=FirstLegal(), episodes=1, seed=5, env_kwargs=kwargs).traces
+        gk.rollout(spec, policies=FirstLegal(), episodes=1, seed=5, env_kwargs=kwargs).episodes
     )
     env = made(spec, seed=5, env_kwargs=kwargs)
     book = played(env)
@@ -67,7 +67,7 @@ def test_trace_is_the_same_seen_through_rllib(spec: str, kwargs: dict[str, Any])
     for agent, one in book.agent_episodes.items():
         rows = [turn for turn in trace.turns if turn.actions.get(agent) is not None]
         recorded = [bare(turn.observations[agent]) for turn in rows]
-        last = [turn for turn in trace.turns if agent in turn.received][-1]
+        last = [turn for turn in trace.turns if agent in turn.cumulative_reward][-1]
         recorded.append(bare(last.observations[agent]))
         for seen, shown in zip(recorded, one.get_observations(), strict=True):
             np.testing.assert_array_equal(seen, bare(shown))
@@ -88,7 +88,7 @@ def ended(row: dict[str, Any]) -> bool:
 def test_each_turn_is_paid_to_who_earned_it() -> None:
     """AEC: one agent is observed at a time, and its pay stands beside its own last action."""
     env = made("handover", seed=2)
-    trace = next(gk.rollout("handover", policies=FirstLegal(), episodes=1, seed=2).traces)
+    trace = next(gk.rollout("handover", policies=FirstLegal(), episodes=1, seed=2).episodes)
     observations, _ = env.reset()
     given: dict[str, list[float]] = {}
     is_over = False
@@ -100,10 +100,12 @@ def test_each_turn_is_paid_to_who_earned_it() -> None:
         for agent, paid in rewards.items():
             given.setdefault(agent, []).append(paid)
         is_over = terms["__all__"] or truncs["__all__"]
-    for agent, received in given.items():
-        told = [turn.received[agent] for turn in trace.turns if agent in turn.received]
+    for agent, cumulative_reward in given.items():
+        told = [
+            turn.cumulative_reward[agent] for turn in trace.turns if agent in turn.cumulative_reward
+        ]
         told = [reward for reward in told if reward is not None]
-        assert received == pytest.approx(told[-len(received) :])
+        assert cumulative_reward == pytest.approx(told[-len(cumulative_reward) :])
     env.close()
 
 
@@ -185,7 +187,7 @@ def test_roles_have_modules_of_their_own(spec: str) -> None:
 def test_others_play_inside() -> None:
     """One role learns; the others follow their policies, the episode is the one of a rollout."""
     policies = {"carrier": "reference", "picker": FirstLegal()}
-    trace = next(gk.rollout("warehouse", policies=policies, episodes=1, seed=4).traces)
+    trace = next(gk.rollout("warehouse", policies=policies, episodes=1, seed=4).episodes)
     env = made("warehouse", role="picker", others={"carrier": "reference"}, seed=4)
     book = played(env)
     assert {agent.split("_")[0] for agent in book.agent_ids} == {"picker"}
@@ -210,7 +212,7 @@ def test_seeds_are_those_of_a_rollout() -> None:
     env = made("warehouse", seed=7)
     seen = [env.reset()[0] for _ in range(3)]
     again = [env.reset(seed=7)[0], env.reset()[0], env.reset()[0]]
-    traces = list(gk.rollout("warehouse", policies="noop", episodes=3, seed=7).traces)
+    traces = list(gk.rollout("warehouse", policies="noop", episodes=3, seed=7).episodes)
     for trace, one, two in zip(traces, seen, again, strict=True):
         assert episode_seed(7, trace.episode) == trace.seed
         first = next(iter(trace.turns)).observations
@@ -246,13 +248,13 @@ def test_env_runners_play_disjoint_episodes() -> None:
 
 
 @pytest.mark.parametrize(
-    ("call", "says", "mend"),
+    ("call", "says", "fix"),
     [
         (lambda rllib: rllib.multi_agent_env("tag", role="wolf", check=None), "wolf", "adversary"),
         (lambda rllib: rllib.multi_agent_env("tag", role="agent", check=None), "policy", "others="),
         (
             lambda rllib: rllib.multi_agent_env("tag", others="random", check=None),
-            "everybody learns",
+            "all agents learn",
             "name the role",
         ),
         (lambda rllib: rllib.modules("two_robot_line"), "don't read", "flatten=True"),
@@ -260,13 +262,13 @@ def test_env_runners_play_disjoint_episodes() -> None:
         (lambda rllib: rllib.multi_agent_env("tag", check="slow"), "no such check", "quick"),
     ],
 )
-def test_what_is_refused_says_how_to_mend_it(call: Any, says: str, mend: str) -> None:
+def test_what_is_refused_says_how_to_fix_it(call: Any, says: str, fix: str) -> None:
     """What, where, and what would do."""
     from gamekeeper.adapters import rllib
 
     with pytest.raises((SpecError, PolicyError), match=says) as caught:
         call(rllib)
-    assert mend in str(caught.value)
+    assert fix in str(caught.value)
 
 
 def test_actions_of_the_wrong_agents_are_refused() -> None:
@@ -295,7 +297,7 @@ def test_broken_environment_isnt_trained_on() -> None:
     from gamekeeper.adapters import rllib
 
     with pytest.raises(ContractError, match="breaks its contract"):
-        rllib.register("gamekeeper.audit.specimens.gk502_one_ends_all:make")
+        rllib.register("tests.faults.endings:OneEndsAll")
 
 
 # -- with RLlib's own runners and learners
@@ -307,9 +309,12 @@ def cluster() -> Iterator[None]:
     import ray
 
     ray.init(
-        num_cpus=1, include_dashboard=False, log_to_driver=False, logging_level="ERROR",
+        num_cpus=1,
+        include_dashboard=False,
+        log_to_driver=False,
+        logging_level="ERROR",
         _node_ip_address="127.0.0.1",
-    )  # fmt: skip
+    )
     yield
     ray.shutdown()
 
@@ -357,10 +362,10 @@ def test_ppo_trains_and_its_checkpoint_plays(cluster: None, tmp_path: Path) -> N
 
     named = f"rllib:{tmp_path / 'run'}"
     evidence = gk.rollout("handover", policies=named, episodes=2, seed=0)
-    assert kept in evidence.episodes.to_pylist()[0]["policies"]
+    assert kept in evidence.episode_table.to_pylist()[0]["policies"]
     legal = [
         info["action_mask"][turn.actions[agent]]
-        for trace in evidence.traces
+        for trace in evidence.episodes
         for turn in trace.turns
         for agent, info in turn.infos.items()
         if turn.actions.get(agent) is not None
@@ -375,8 +380,10 @@ def test_example_runs() -> None:
     """A few steps of it; its page tells what it reaches."""
     ran = subprocess.run(
         [sys.executable, "examples/rllib_tictactoe.py", "--quick"],
-        check=True, capture_output=True, text=True,
-    )  # fmt: skip
+        check=True,
+        capture_output=True,
+        text=True,
+    )
     assert json.loads(ran.stdout.splitlines()[-1])["trainer"].startswith("rllib 2.60")
 
 
@@ -390,8 +397,11 @@ def test_order_of_agents_doesnt_hang_on_the_hash_seed() -> None:
     )
     ran = subprocess.run(
         [sys.executable, "-c", f"{code}\nprint(said)"],
-        check=True, capture_output=True, text=True, env={**os.environ, "PYTHONHASHSEED": "1"},
-    )  # fmt: skip
+        check=True,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONHASHSEED": "1"},
+    )
     here: dict[str, Any] = {}
     exec(code, here)
     assert str(here["said"]) == ran.stdout.strip()

@@ -44,9 +44,12 @@ class _AsSlots:
         cut = np.array([info.get("TimeLimit.truncated", False) for info in infos])
         assert all(bool(info) == bool(done) for info, done in zip(infos, dones, strict=True))
         return SimpleNamespace(
-            obs=obs, rewards=rewards, truncated=cut, terminated=dones & ~cut,
+            obs=obs,
+            rewards=rewards,
+            truncated=cut,
+            terminated=dones & ~cut,
             final={slot: info["terminal_observation"] for slot, info in enumerate(infos) if info},
-        )  # fmt: skip
+        )
 
 
 @pytest.mark.parametrize(
@@ -68,7 +71,7 @@ def test_trace_is_the_same_seen_through_the_vec_env(spec: str, role: Any, others
     mine = ByWhatIsSeen(venv.action_space)
     named = others if isinstance(others, dict) else {"*": others or mine}
     policies = {**named, **dict.fromkeys(venv.slots.learners, mine)}
-    traces = list(gk.rollout(spec, policies=policies, episodes=2, seed=5).traces)
+    traces = list(gk.rollout(spec, policies=policies, episodes=2, seed=5).episodes)
     longest = max(len(list(trace.turns)) for trace in traces)
     try:
         told = streams.played(_AsSlots(venv), longest)
@@ -80,8 +83,6 @@ def test_trace_is_the_same_seen_through_the_vec_env(spec: str, role: Any, others
             recorded = of_trace(trace, str(agent))
             if recorded is None:  # a spare that nobody needed
                 continue
-            if venv.slots.venv.api == "aec" and not recorded.ends_last and recorded.seen:
-                recorded.final = recorded.seen[-1]  # changed, as the table says
             if recorded.end == (True, True):
                 recorded.end = (True, False)  # `TimeLimit.truncated` is of who wasn't terminated
             found = of_slots(told, copy * len(venv.slots.learners) + learner)[0]
@@ -113,7 +114,7 @@ def test_attributes_are_those_of_slots() -> None:
         "adversary_0",
     ]
     assert venv.get_attr("role", [0]) == ["adversary"]
-    with pytest.raises(SpecError, match="nothing is set"):
+    with pytest.raises(SpecError, match="no attribute is set"):
         venv.set_attr("render_mode", None)
     with pytest.raises(AttributeError, match="known is"):
         venv.env_method("state")
@@ -140,9 +141,15 @@ def test_ppo_trains(spec: str, tmp_path: Path) -> None:
     masked = venv.has_attr("action_masks")
     kind = MaskablePPO if masked else PPO
     model = kind(
-        "MlpPolicy", venv, n_steps=32, batch_size=64, n_epochs=1, device="cpu", seed=0,
+        "MlpPolicy",
+        venv,
+        n_steps=32,
+        batch_size=64,
+        n_epochs=1,
+        device="cpu",
+        seed=0,
         **sb3.buffer(venv, masked=masked),
-    )  # fmt: skip
+    )
     before = sb3.policy(model).version
     model.learn(venv.num_envs * 64)
     assert sb3.policy(model).version != before
@@ -150,7 +157,7 @@ def test_ppo_trains(spec: str, tmp_path: Path) -> None:
     venv.close()
 
     evidence = gk.rollout(spec, policies=f"sb3:{tmp_path / 'model.zip'}", episodes=1, seed=0)
-    named = evidence.episodes.to_pylist()[0]["policies"]
+    named = evidence.episode_table.to_pylist()[0]["policies"]
     assert f"{venv.num_envs * 64} steps" in named
 
 
@@ -162,9 +169,15 @@ def test_buffer_keeps_what_was_decided() -> None:
 
     venv = made(FOUR, 3)
     model = MaskablePPO(
-        "MlpPolicy", venv, n_steps=40, batch_size=16, n_epochs=1, device="cpu", seed=0,
+        "MlpPolicy",
+        venv,
+        n_steps=40,
+        batch_size=16,
+        n_epochs=1,
+        device="cpu",
+        seed=0,
         **sb3.buffer(venv, masked=True),
-    )  # fmt: skip
+    )
     model.learn(venv.num_envs * 40)
     kept = model.rollout_buffer.buffer_size
     assert 3 * 40 - 3 <= kept <= 3 * 40
@@ -189,7 +202,7 @@ def test_saved_model_doesnt_hold_its_environment(engine: str, tmp_path: Path) ->
             json.loads(file.read("data"))["rollout_buffer_kwargs"][":serialized:"]
         )
     try:
-        with pytest.raises(SpecError, match="doesn't know who acted"):
+        with pytest.raises(SpecError, match="doesn't know which agents acted"):
             PPO.load(path, env=venv, device="cpu").learn(32)
         again = PPO.load(path, env=venv, device="cpu", **sb3.buffer(venv))
         again.learn(32, reset_num_timesteps=False)
@@ -265,8 +278,9 @@ def test_truncation_is_bootstrapped_and_termination_isnt() -> None:
     kept: list[Any] = []
     compute = model.rollout_buffer.compute_returns_and_advantage
     model.rollout_buffer.compute_returns_and_advantage = lambda **told: (
-        kept.append(model.rollout_buffer.rewards.copy()), compute(**told),
-    )  # fmt: skip
+        kept.append(model.rollout_buffer.rewards.copy()),
+        compute(**told),
+    )
     model.learn(40 * venv.num_envs)
     added = kept[0] - np.array(paid)[:40]
     flags = np.array(ends[:40], object)
@@ -296,9 +310,15 @@ def test_callbacks_evaluate_and_record(tmp_path: Path) -> None:
     evaluates = sb3.EvalCallback(TAG, every=128, best_path=tmp_path / "best", **one)
     records = sb3.RecordCallback(TAG, tmp_path / "runs", every=128, **one)
     model = PPO(
-        "MlpPolicy", venv, n_steps=32, batch_size=64, n_epochs=1, device="cpu", seed=0,
+        "MlpPolicy",
+        venv,
+        n_steps=32,
+        batch_size=64,
+        n_epochs=1,
+        device="cpu",
+        seed=0,
         **sb3.buffer(venv),
-    )  # fmt: skip
+    )
     model.learn(venv.num_envs * 64, callback=[evaluates, records])
     venv.close()
 
@@ -308,7 +328,7 @@ def test_callbacks_evaluate_and_record(tmp_path: Path) -> None:
     assert {len(values) for values in returns.values()} == {2}
     assert (tmp_path / "best.zip").exists()
     runs = sorted((tmp_path / "runs").iterdir())
-    versions = {gk.load(run).episodes.to_pylist()[0]["policies"] for run in runs}
+    versions = {gk.load(run).episode_table.to_pylist()[0]["policies"] for run in runs}
     assert len(versions) == len(runs) >= 3
     assert gk.replay(runs[-1]).verified
 

@@ -11,7 +11,7 @@ import pytest
 
 import gamekeeper as gk
 from gamekeeper.errors import PolicyError, SpecError
-from tests.adapters.tianshou_play import TIRED, Echo, first_legal, made
+from tests.adapters.tianshou_play import LEAVES, TIRED, Echo, first_legal, made
 
 pytestmark = [
     pytest.mark.trainer,
@@ -31,9 +31,9 @@ def collected(env: Any, episodes: int) -> tuple[Any, Any]:
     return stats, collector.buffer
 
 
-def rows(buffer: Any, seat: int) -> Any:
-    """What a seat's part of a buffer holds, in the order in which it came."""
-    part = buffer.buffers[seat]
+def rows(buffer: Any, slot: int) -> Any:
+    """What a slot's part of a buffer holds, in the order in which it came."""
+    part = buffer.buffers[slot]
     return part[np.arange(len(part))] if len(part) else None
 
 
@@ -50,6 +50,7 @@ def bare(observation: Any) -> Any:
         ("speaker_listener", {}),
         ("tictactoe", {}),
         ("handover", {"debug": True}),
+        (LEAVES, {}),
     ],
 )
 def test_trace_is_the_same_seen_through_it(spec: str, kwargs: Any) -> None:
@@ -59,11 +60,11 @@ def test_trace_is_the_same_seen_through_it(spec: str, kwargs: Any) -> None:
     env = made(spec, 1, env_kwargs=kwargs, seed=5, **options)
     stats, buffer = collected(env, 1)
     evidence = gk.rollout(spec, policies="first-legal", episodes=1, seed=5, env_kwargs=kwargs)
-    trace = next(iter(evidence.traces))
+    trace = next(iter(evidence.episodes))
     ends = trace.steps.to_pylist()
-    for seat, agent in enumerate(env.seats.learners):
+    for slot, agent in enumerate(env.slots.learners):
         mine = [t for t in trace.turns if t.actions.get(agent) is not None]
-        found = rows(buffer, seat)
+        found = rows(buffer, slot)
         if not mine:
             assert found is None
             continue
@@ -76,7 +77,10 @@ def test_trace_is_the_same_seen_through_it(spec: str, kwargs: Any) -> None:
         paid = sum(float(turn.rewards.get(agent, 0.0)) for turn in trace.turns)
         rewards = found.rew.sum(-1) if several else found.rew
         assert rewards.sum() == pytest.approx(paid)
-        assert stats.returns[0, seat] == pytest.approx(paid)
+        assert stats.returns[0, slot] == pytest.approx(paid)
+        last = [t.observations[agent] for t in trace.turns if agent in t.observations][-1]
+        after = found.obs_next if isinstance(found.obs_next, np.ndarray) else found.obs_next.obs
+        np.testing.assert_array_equal(bare(last), after[-1][: len(bare(last))])
         assert not found.done[:-1].any()
         assert found.terminated[-1] == any(r["terminated"] for r in ends if r["agent"] == agent)
         assert found.truncated[-1] == any(r["truncated"] for r in ends if r["agent"] == agent)
@@ -87,8 +91,8 @@ def test_what_follows_a_decision_is_what_its_agent_saw_then() -> None:
     """Not what the other player sees, as in Tianshou's own collector."""
     env = made("tictactoe", 1)
     _, buffer = collected(env, 1)
-    for seat in range(2):
-        found = rows(buffer, seat)
+    for slot in range(2):
+        found = rows(buffer, slot)
         np.testing.assert_array_equal(found.obs_next.obs[:-1], found.obs.obs[1:])
         np.testing.assert_array_equal(found.obs_next.mask[:-1], found.obs.mask[1:])
     env.close()
@@ -98,7 +102,7 @@ def test_reward_belongs_to_who_earned_it() -> None:
     """Who loses is paid while the other moves: that stands with its own last move."""
     env = made("tictactoe", 1)
     stats, buffer = collected(env, 1)
-    last = [float(rows(buffer, seat).rew[-1]) for seat in range(2)]
+    last = [float(rows(buffer, slot).rew[-1]) for slot in range(2)]
     assert last == stats.returns[0].tolist()
     assert sorted(last) == [-1.0, 1.0]
     env.close()
@@ -110,8 +114,8 @@ def test_late_and_dead_agents_have_rows_for_their_decisions_only() -> None:
     stats, buffer = collected(env, 1)
     lengths = [len(part) for part in buffer.buffers]
     assert all(0 < length < stats.lens[0] for length in lengths)
-    assert all(rows(buffer, seat).done[-1] for seat, n in enumerate(lengths) if n)
-    assert not any(rows(buffer, seat).done[:-1].any() for seat, n in enumerate(lengths) if n)
+    assert all(rows(buffer, slot).done[-1] for slot, n in enumerate(lengths) if n)
+    assert not any(rows(buffer, slot).done[:-1].any() for slot, n in enumerate(lengths) if n)
     env.close()
 
 
@@ -178,22 +182,22 @@ def test_steps_are_decisions_and_lengths_those_of_copies() -> None:
 def test_refused_environment_is_closed() -> None:
     """What was opened for a wish that can't be met doesn't stay open."""
     before = Echo.closed
-    with pytest.raises(SpecError, match="has the role"):
+    with pytest.raises(SpecError, match="with the role"):
         made(Echo, 2, role="pilot")
     assert Echo.closed - before >= 2
 
 
 def test_one_role_learns_while_others_follow() -> None:
-    """Only its agents have seats; the others play as they were told."""
+    """Only its agents have slots; the others play as they were told."""
     env = made("warehouse", role="picker", others={"carrier": "reference"}, env_kwargs=TIRED)
     stats, _ = collected(env, 2)
-    assert env.seats.learners == ["picker_0", "picker_1"]
+    assert env.slots.learners == ["picker_0", "picker_1"]
     assert stats.returns.shape == (2, 2)
     env.close()
 
 
 def test_what_cant_be_is_refused() -> None:
-    """Each says where, and how to mend it."""
+    """Each says where, and how to fix it."""
     import torch
     from tianshou.algorithm.algorithm_base import Policy
     from tianshou.data import Batch, Collector, ReplayBuffer
@@ -205,7 +209,7 @@ def test_what_cant_be_is_refused() -> None:
     env = made("two_robot_line")
     theirs = Collector(first_legal(env), env)
     theirs.reset()
-    with pytest.raises(SpecError, match="every seat for an environment"):
+    with pytest.raises(SpecError, match="every slot for an environment"):
         theirs.collect(n_step=4)
     with pytest.raises(SpecError, match="part of the buffer"):
         tianshou.Collector(first_legal(env), env, ReplayBuffer(10))
@@ -227,7 +231,7 @@ def test_what_cant_be_is_refused() -> None:
     with pytest.raises(SpecError, match="hidden state"):
         collector.collect(n_step=4)
     tag = made("warehouse", role="picker", others="random", env_kwargs=TIRED)
-    with pytest.raises(PolicyError, match="didn't learn"):
+    with pytest.raises(PolicyError, match="that learnt"):
         tianshou.policy(first_legal(tag), tag)(None, "carrier_0", {}, None)
 
 

@@ -32,7 +32,7 @@ def ppo(env: Any, hidden: int = 8, lr: float = 1e-3, **options: Any) -> Any:
     nets = [Net(state_shape=shape, hidden_sizes=[hidden]) for _ in range(2)]
     actor: Any = DiscreteActor(preprocess_net=nets[0], action_shape=actions, softmax_output=False)
     critic: Any = DiscreteCritic(preprocess_net=nets[1])
-    if env.seats.masks is not None:
+    if env.slots.masks is not None:
         actor, critic = masked(actor), unmasked(critic)
     policy = DiscreteActorPolicy(actor=actor, action_space=env.action_space, **options)
     return PPO(policy=policy, critic=critic, optim=AdamOptimizerFactory(lr=lr))
@@ -79,7 +79,7 @@ def test_ppo_trains(spec: str, algorithms: str, kwargs: Any) -> None:
     learnt = tianshou.policy(learner, env)
     assert learnt.version != before
     evidence = gk.rollout(spec, policies=learnt, episodes=1, seed=0, env_kwargs=kwargs)
-    assert learnt.version in evidence.episodes.to_pylist()[0]["policies"]
+    assert learnt.version in evidence.episode_table.to_pylist()[0]["policies"]
 
 
 def test_parts_of_a_policy_know_that_they_are_learning() -> None:
@@ -125,7 +125,7 @@ def test_each_part_learns_what_is_its_own() -> None:
         )
     )
     evidence = gk.rollout(Echo, policies=tianshou.policy(learner, env), episodes=25, seed=9)
-    paid = [row["reward"] for row in evidence.steps.to_pylist() if row["reward"] is not None]
+    paid = [row["reward"] for row in evidence.agent_steps.to_pylist() if row["reward"] is not None]
     assert sum(paid) >= 48  # of 50; chance has 12
     env.close()
 
@@ -181,4 +181,4 @@ def test_dqn_trains_on_masks() -> None:
     assert len(kept) >= 40
     assert kept.obs.mask[np.arange(len(kept)), kept.act].all()
     evidence = gk.rollout("tictactoe", policies=tianshou.policy(learner, env), episodes=1, seed=0)
-    assert len(list(evidence.traces)) == 1
+    assert len(list(evidence.episodes)) == 1

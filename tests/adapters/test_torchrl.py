@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 import gamekeeper as gk
-from gamekeeper.core.seeds import episode_seed
 from gamekeeper.errors import ActionError, ContractError, PolicyError, SpecError
+from gamekeeper.randomness.seeds import episode_seed
 from tests.adapters.torchrl_views import (
     FOUR,
     LATE,
     LEAKY,
+    LEAVES,
     TAG,
     Same,
     compare,
@@ -71,6 +72,8 @@ def test_env_passes_torchrls_own_check(spec: str, options: dict[str, Any]) -> No
         (FOUR, "serial"),
         (TAG, "serial"),
         ("late", "serial"),
+        (LEAVES, "serial"),
+        (LEAVES, "process"),
     ],
 )
 def test_trace_is_the_same_seen_through_groups(spec: str, engine: str) -> None:
@@ -79,13 +82,12 @@ def test_trace_is_the_same_seen_through_groups(spec: str, engine: str) -> None:
     env = made(spec, 2, seed=5, engine=engine)
     batch = env.rollout(260, first_legal(env), break_when_any_done=False)
     n = next(iter(env.full_action_spec.values(True, True))).space.n
-    traces = list(gk.rollout(spec, policies=Same(n), episodes=2, seed=5).traces)
+    traces = list(gk.rollout(spec, policies=Same(n), episodes=2, seed=5).episodes)
     for copy, trace in enumerate(traces):
         for group, agents in env.group_map.items():
             for place, agent in enumerate(agents):
                 after = batch["next"][copy]
-                ends = after["done"][:, 0] | (env.venv.api == "parallel")
-                compare(batch[copy][group][:, place], after[group][:, place], trace, agent, ends)
+                compare(batch[copy][group][:, place], after[group][:, place], trace, agent)
     env.close()
 
 
@@ -251,11 +253,11 @@ def test_wrong_use_says_what_and_where() -> None:
     """Roles that nobody has, others without a policy, actions of another shape, some copies."""
     import torch
 
-    with pytest.raises(SpecError, match="nobody has the role"):
+    with pytest.raises(SpecError, match="no agent with the role"):
         made(TAG, role="wolf")
     with pytest.raises(SpecError, match="no policy"):
         made(TAG, role="adversary")
-    with pytest.raises(SpecError, match="everybody learns"):
+    with pytest.raises(SpecError, match="all agents learn"):
         made(TAG, others="random")
     env = made("two_robot_line", 2)
     tensordict = env.rand_action(env.reset())
@@ -285,7 +287,7 @@ def test_others_play_inside() -> None:
     trace = next(
         gk.rollout(
             "warehouse", policies={"picker": Same(n), "carrier": "reference"}, episodes=1, seed=3
-        ).traces
+        ).episodes
     )
     own = batch[0]["picker"][:, 0]
     acts = [turn for turn in trace.turns if turn.actions.get("picker_0") is not None][:80]
@@ -314,11 +316,15 @@ def test_advantages_are_torchrls_where_everybody_acts() -> None:
     for group in env.group_map:
         after = batch["next", group]
         parts = [
-            part.squeeze(2) for part in (
-                batch[group, "state_value"], after["state_value"], after["reward"], after["done"],
+            part.squeeze(2)
+            for part in (
+                batch[group, "state_value"],
+                after["state_value"],
+                after["reward"],
+                after["done"],
                 after["terminated"],
             )
-        ]  # fmt: skip
+        ]
         expected, _ = generalized_advantage_estimate(0.9, 0.8, *parts)
         np.testing.assert_allclose(
             expected.numpy(), batch[group, "advantage"].squeeze(2).numpy(), atol=1e-5
@@ -350,8 +356,7 @@ def test_advantages_credit_the_last_decision() -> None:
 
 
 @pytest.mark.parametrize(
-    ("spec", "options"),
-    [("warehouse", {"engine": "kernel"}), (FOUR, {}), (TAG, {})],
+    ("spec", "options"), [("warehouse", {"engine": "kernel"}), (FOUR, {}), (TAG, {})]
 )
 def test_ppo_trains_and_plays(spec: str, options: dict[str, Any]) -> None:
     """Collector and PPO loss of TorchRL, a few updates; the actor's version names its weights."""
@@ -370,7 +375,7 @@ def test_ppo_trains_and_plays(spec: str, options: dict[str, Any]) -> None:
     assert len(told) == 3
     env.close()
     evidence = gk.rollout(spec, policies=policy, episodes=1, seed=0)
-    assert policy.version in evidence.episodes.to_pylist()[0]["policies"]
+    assert policy.version in evidence.episode_table.to_pylist()[0]["policies"]
 
 
 def test_policy_acts_as_in_the_env() -> None:
@@ -386,11 +391,11 @@ def test_policy_acts_as_in_the_env() -> None:
     actor = Learner(env).actor
     with set_exploration_type(ExplorationType.DETERMINISTIC):
         batch = env.rollout(25, actor, break_when_any_done=False)
-    trace = next(gk.rollout(TAG, policies=torchrl.policy(actor, env), episodes=1, seed=4).traces)
+    trace = next(gk.rollout(TAG, policies=torchrl.policy(actor, env), episodes=1, seed=4).episodes)
     for group, agents in env.group_map.items():
         for place, agent in enumerate(agents):
             played = [t.actions[agent] for t in trace.turns if t.actions.get(agent) is not None]
             assert played == batch[0][group, "action"][: len(played), place].tolist()
-    with pytest.raises(PolicyError, match="nobody called"):
+    with pytest.raises(PolicyError, match="no agent called"):
         torchrl.policy(actor, env)(np.zeros(16), "wolf_0", {}, np.random.default_rng(0))
     env.close()

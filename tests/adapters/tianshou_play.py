@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from gymnasium import spaces
 import gamekeeper as gk
 
 SPREAD = "mpe2.simple_spread_v3:parallel_env"
+LEAVES = f"{Path(__file__).parents[1] / 'vector' / 'worlds.py'}:Leaves"
 TIRED = {"pickers": 1, "carriers": 1, "battery": 12, "horizon": 40, "debug": True}
 """Robots that run empty one by one, each followed by a spare."""
 
@@ -46,8 +48,10 @@ class Echo(gk.TickEnv):
     def __init__(self) -> None:
         super().__init__()
         self.possible_agents = ["a_0", "a_1"]
-        seen = {"observation": spaces.Box(0, 1, (4,), np.float32),
-                "action_mask": spaces.MultiBinary(6)}  # fmt: skip
+        seen = {
+            "observation": spaces.Box(0, 1, (4,), np.float32),
+            "action_mask": spaces.MultiBinary(6),
+        }
         self.observation_spaces = dict.fromkeys(self.possible_agents, spaces.Dict(seen))
         self.action_spaces = dict.fromkeys(self.possible_agents, spaces.Discrete(6))
 
@@ -56,7 +60,7 @@ class Echo(gk.TickEnv):
 
     def tick(self, actions: Any) -> None:
         for place, (agent, action) in enumerate(actions.items()):
-            self.pay(agent, float(action == (self.told[agent] + place) % 4))
+            self.add_reward(agent, float(action == (self.told[agent] + place) % 4))
             self.terminate(agent)
 
     def observe(self, agent: Any) -> Any:

@@ -11,6 +11,7 @@ import pytest
 TAG = "mpe2.simple_tag_v3:parallel_env"
 FOUR = "pettingzoo.classic.connect_four_v3:env"
 LATE = f"{Path(__file__).with_name('late_joins.py')}:Late"
+LEAVES = f"{Path(__file__).parents[1] / 'vector' / 'worlds.py'}:Leaves"
 LEAKY = f"{Path(__file__).with_name('late_joins.py')}:Leaky"
 
 
@@ -53,12 +54,9 @@ def bare(observation: Any) -> Any:
     return observation["observation"] if isinstance(observation, dict) else observation
 
 
-def compare(own: Any, after: Any, trace: Any, agent: str, tells_last: Any) -> None:
-    """A stream of one agent's steps holds what its rows do.
-
-    `tells_last`, by step: in an AEC environment the last is told with the copy's end.
-    """
-    given = [turn for turn in trace.turns if agent in turn.received]
+def compare(own: Any, after: Any, trace: Any, agent: str) -> None:
+    """A stream of one agent's steps holds what its rows do, its last observation too."""
+    given = [turn for turn in trace.turns if agent in turn.cumulative_reward]
     if not given:  # a spare that nobody needed
         return
     acts = [turn for turn in given if turn.actions.get(agent) is not None]
@@ -78,7 +76,6 @@ def compare(own: Any, after: Any, trace: Any, agent: str, tells_last: Any) -> No
         if row["agent"] == agent and (row["terminated"] or row["truncated"])
     ]
     assert flags[0] == (bool(after["terminated"][end]), bool(after["truncated"][end]))
-    if tells_last[end]:
-        np.testing.assert_array_equal(
-            bare(given[-1].observations[agent]), after["observation"][end].numpy()
-        )
+    np.testing.assert_array_equal(
+        bare(given[-1].observations[agent]), after["observation"][end].numpy()
+    )

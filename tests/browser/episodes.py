@@ -1,19 +1,20 @@
 """Packed episodes made by hand, and pages of them: what the browser's tests open."""
 
+import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from gamekeeper.report.page.data import Block, Page, RunCard, Section
-from gamekeeper.report.page.pack import deflated
-from gamekeeper.report.page.render import render
+from gamekeeper.reporting.page.packed_episode import deflated, in_base64
+from gamekeeper.reporting.page.page_data import Page, PageBlock, PageSection, RunCard
+from gamekeeper.reporting.page.page_html import render
 
 Packed = dict[str, Any]
 
 
-def seats(count: int, roles: Sequence[str] = ("picker", "carrier")) -> list[Packed]:
+def roster(count: int, roles: Sequence[str] = ("picker", "carrier")) -> list[Packed]:
     """Agents by turns of each role, `picker_0`, `carrier_0`, `picker_1`, …, whose nothing is 0."""
     return [
         {"name": f"{role}_{i // len(roles)}", "role": role, "noop": 0}
@@ -31,16 +32,16 @@ def parallel_episode(
     acts = np.repeat(np.arange(turns + 1) < turns, agents)
     action = rng.integers(0, 5, rows)
     reward = np.round(rng.normal(0, 1, rows) * (rng.random(rows) < 0.3), 3)
-    received = np.concatenate([np.zeros(agents), reward[:-agents]])
+    cumulative_reward = np.concatenate([np.zeros(agents), reward[:-agents]])
     ended = ~acts
     return {
-        **_header(run, episode, seed, "parallel", turns, seats(agents)),
+        **_header(run, episode, seed, "parallel", turns, roster(agents)),
         "rows": {
             "turn": np.repeat(np.arange(turns + 1), agents).tolist(),
             "agent": np.tile(np.arange(agents), turns + 1).tolist(),
             "order": _where(acts, np.tile(np.arange(agents), turns + 1)),
             "action": _where(acts, action),
-            "received": received.tolist(),
+            "cumulative_reward": cumulative_reward.tolist(),
             "reward": _where(acts, reward),
             "terms": {"delivery": _where(acts, np.maximum(reward, 0))},
             "terminated": ended.astype(int).tolist(),
@@ -50,8 +51,8 @@ def parallel_episode(
         },
         "values": [0, 1, 2, 3, 4, [1, 1, 0, 1, 1], {"position": [1, 2]}],
         "endings": {
-            seat["name"]: {"turn": turns, "how": "terminated", "reason": "cleared"}
-            for seat in seats(agents)
+            member["name"]: {"turn": turns, "how": "terminated", "reason": "cleared"}
+            for member in roster(agents)
         },
         "marks": [
             {"turn": turns // 3, "kind": "failure", "agent": "picker_0", "text": "dropped it"},
@@ -63,7 +64,7 @@ def parallel_episode(
 
 def aec_episode(*, turns: int = 12, run: str = "b", episode: int = 0) -> Packed:
     """An episode of two who act by turns, drawn as cells."""
-    names = seats(2, ("player",))
+    names = roster(2, ("player",))
     return {
         **_header(run, episode, 5, "aec", turns, names),
         "rows": {
@@ -71,7 +72,7 @@ def aec_episode(*, turns: int = 12, run: str = "b", episode: int = 0) -> Packed:
             "agent": [turn % 2 for turn in range(turns)],
             "order": [0] * turns,
             "action": [turn % 3 for turn in range(turns)],
-            "received": [0] * turns,
+            "cumulative_reward": [0] * turns,
             "reward": [0] * (turns - 1) + [1],
             "terms": {},
             "terminated": [0] * turns,
@@ -88,34 +89,52 @@ def aec_episode(*, turns: int = 12, run: str = "b", episode: int = 0) -> Packed:
 def map_of(packed: Mapping[str, Any]) -> Packed:
     """A drawing in which each agent goes its way, a step a turn."""
     tracks = {
-        seat["name"]: [[turn, (turn * (i + 1)) % 10, (turn + i) % 8] for turn in range(20)]
-        for i, seat in enumerate(packed["agents"])
+        member["name"]: [[turn, (turn * (i + 1)) % 10, (turn + i) % 8] for turn in range(20)]
+        for i, member in enumerate(packed["agents"])
     }
     return {"kind": "map", "extent": [0, 10, 0, 8], "tracks": tracks}
 
 
 def page_of(
-    episodes: Iterable[Packed], *, charts: Sequence[Any] = (), is_view: bool = False, **extra: Any
+    episodes: Iterable[Packed],
+    *,
+    charts: Sequence[Any] = (),
+    is_view: bool = False,
+    agents: tuple[tuple[str, str], ...] = (),
+    **extra: Any,
 ) -> str:
-    """A page with these episodes in it, and with charts."""
-    every = list(episodes)
+    """A page with these episodes in it, and with charts; `agents`: names and roles of the runs."""
+    every = [summed(packed) for packed in episodes]
     runs = tuple(
-        RunCard(key, f"runs/{key}", "sealed", "parallel", "made by hand", len(every), "0")
+        RunCard(
+            key, f"runs/{key}", "finalized", "parallel", "made by hand", len(every), "0", agents
+        )
         for key in dict.fromkeys(packed["run"] for packed in every)
     )
-    sections = (Section("player", "Player"),)
+    sections = (PageSection("player", "Player"),)
     if charts:
-        sections += (Section("charts", "Charts", (Block(charts=tuple(charts)),)),)
+        sections += (PageSection("charts", "Charts", (PageBlock(charts=tuple(charts)),)),)
     page = Page("Episodes made by hand", "For the browser's tests.", runs, sections)
     entries = tuple(entry_of(packed) for packed in every)
     held = {} if is_view else {(p["run"], p["episode"]): deflated(p) for p in every}
     return render(replace(page, episodes=entries, packed=held, is_view=is_view, extra=extra))
 
 
+def summed(packed: Packed) -> Packed:
+    """The episode with a checksum of the rows of each turn."""
+    rows = {**packed["rows"], **packed["rows"]["terms"]}
+    columns = [values for name, values in rows.items() if name != "terms"]
+    by_turn: dict[int, list[Any]] = {}
+    for row in zip(*columns, strict=True):
+        by_turn.setdefault(row[0], []).append(row)
+    sums = [zlib.crc32(repr(by_turn.get(turn)).encode()) for turn in range(max(by_turn) + 1)]
+    return {**packed, "checksums": in_base64(np.array(sums, "<u4").tobytes())}
+
+
 def entry_of(packed: Mapping[str, Any]) -> Packed:
     """A packed episode as the page's list has it."""
     rewards = zip(packed["rows"]["agent"], packed["rows"]["reward"], strict=True)
-    returns = dict.fromkeys((seat["name"] for seat in packed["agents"]), 0.0)
+    returns = dict.fromkeys((member["name"] for member in packed["agents"]), 0.0)
     for agent, reward in rewards:
         returns[packed["agents"][agent]["name"]] += reward or 0.0
     kept = {name: packed[name] for name in ("run", "episode", "seed", "turns", "end", "error")}

@@ -18,12 +18,12 @@ NAMES = [MARKUP, TURNED, "__proto__", "constructor"]
 def hostile_episode() -> Any:
     """An episode in which every text is hostile."""
     packed = copy.deepcopy(parallel_episode())
-    for seat, name in zip(packed["agents"], NAMES, strict=True):
-        seat.update(name=name, role=MARKUP)
+    for member, name in zip(packed["agents"], NAMES, strict=True):
+        member.update(name=name, role=MARKUP)
     packed["values"] = [0, MARKUP, TURNED, {"__proto__": MARKUP}, [MARKUP], MARKUP, {MARKUP: 1}]
     packed["endings"] = {NAMES[0]: {"turn": 60, "how": "terminated", "reason": MARKUP}}
     packed["rows"]["terms"] = {MARKUP: packed["rows"]["reward"]}
-    packed["rows"]["odd"] = [5] * len(packed["rows"]["turn"])
+    packed["rows"]["nonconforming"] = [5] * len(packed["rows"]["turn"])
     kinds = ["label", "failure", MARKUP]
     packed["marks"] = [{"turn": 9, "kind": k, "agent": MARKUP, "text": MARKUP} for k in kinds]
     packed["drawing_note"] = MARKUP

@@ -29,6 +29,24 @@ def test_player_begins_where_it_failed(open_page: Open) -> None:
     assert turn_of(opened(open_page, aec_episode())) == 0
 
 
+def test_player_begins_where_it_broke_off(open_page: Open) -> None:
+    """An error at the last turn is where it opens; so is the last turn that a killed run kept."""
+    mark = {"turn": 11, "kind": "error", "agent": None, "text": "ValueError: no"}
+    failed = {**aec_episode(), "end": "failed", "error": "ValueError: no", "marks": [mark]}
+    assert turn_of(opened(open_page, failed)) == 11
+    page = opened(open_page, {**aec_episode(), "end": "open"})
+    assert turn_of(page) == 11
+    assert "no end: still recorded, or killed" in page.locator(".deck-facts").inner_text()
+
+
+def test_agents_that_act_together_have_no_order(open_page: Open) -> None:
+    """A tick's actions are those of a dictionary: no place among them is shown."""
+    page = opened(open_page, parallel_episode())
+    heads = page.locator(".turn-table thead th").all_inner_texts()
+    assert heads[:3] == ["agent", "action", "reward"]
+    assert "order" not in heads
+
+
 @pytest.mark.parametrize(
     ("keys", "turn"),
     [
@@ -98,20 +116,19 @@ def test_pointing_at_lanes_chooses_a_turn(open_page: Open) -> None:
 
 
 def test_table_tells_what_stands_under_the_cursor(open_page: Open) -> None:
-    """Each agent's row holds its order, action, rewards, mask and info of exactly this turn."""
+    """Each agent's row holds its action, rewards, mask and info of exactly this turn."""
     packed = parallel_episode()
     page = opened(open_page, packed, address="#play:a/0/7")
     cells = page.locator(".turn-table tbody tr").first.locator("th, td").all_inner_texts()
     first = 7 * 4
     rows = packed["rows"]
-    paid, received = rows["reward"][first], rows["received"][first]
+    paid, cumulative_reward = rows["reward"][first], rows["cumulative_reward"][first]
     action = rows["action"][first]
     shown = [text.replace("\N{MINUS SIGN}", "-") for text in cells]
-    assert shown[:2] == ["picker_0", "1"]
-    assert shown[2] == (f"{action} ·" if action == 0 else str(action))
-    assert [float(shown[3]), float(shown[5])] == [paid, received]
-    assert shown[7:] == ["no", "4 of 5: 0, 1, 3, 4", '{"position":[1,2]}']
-    assert float(shown[6]) == pytest.approx(sum(rows["reward"][: first + 1 : 4]), abs=1e-4)
+    assert shown[:2] == ["picker_0", f"{action} ·" if action == 0 else str(action)]
+    assert [float(shown[2]), float(shown[4])] == [paid, cumulative_reward]
+    assert shown[6:] == ["no", "4 of 5: 0, 1, 3, 4", '{"position":[1,2]}']
+    assert float(shown[5]) == pytest.approx(sum(rows["reward"][: first + 1 : 4]), abs=1e-4)
 
 
 def test_slider_says_the_turn(open_page: Open) -> None:
@@ -142,7 +159,7 @@ def test_list_sorts_by_a_column(open_page: Open) -> None:
     episodes = [parallel_episode(episode=k, seed=k, turns=10 + 7 * k % 11) for k in range(9)]
     page = opened(open_page, *episodes)
     page.locator(".episode-list summary").click()
-    heading = page.get_by_role("columnheader", name="turns")
+    heading = page.get_by_role("columnheader", name="steps")
     shown = page.locator(".episode-list tbody tr td:nth-child(5)")
     turns = sorted(packed["turns"] for packed in episodes)
     heading.get_by_role("button").click()

@@ -1,6 +1,7 @@
 """The pages of `gamekeeper report` and `gamekeeper view`, of runs that were played."""
 
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -10,8 +11,8 @@ from typing import Any
 import pytest
 
 import gamekeeper as gk
-from gamekeeper.adapters.page import report
-from tests.browser.test_surroundings import serious
+from gamekeeper.viewing.report_file import report
+from tests.browser.test_surroundings import faults
 from tests.browser.waits import Open, expect, turn_of
 
 pytestmark = pytest.mark.browser
@@ -49,19 +50,31 @@ def test_report_of_two_runs_plays_and_compares(
     page.keyboard.press("End")
     page.keyboard.press("ArrowLeft")
     assert turn_of(page) == int(page.locator(".scrub").get_attribute("max")) - 1
-    page.get_by_label("Two episodes beside each other").select_option(index=1)
+    page.get_by_label("Compare two episodes").select_option(index=1)
     expect(page.locator(".deck")).to_have_count(2)
     expect(page.locator(".parted")).to_contain_text("First difference: turn")
     assert page.evaluate("document.documentElement.scrollWidth") == width
 
 
 def test_report_is_accessible(open_page: Open, runs: tuple[Path, Path], tmp_path: Path) -> None:
-    """axe-core finds nothing serious in a whole report, what is folded unfolded."""
+    """axe-core finds nothing in a whole report of two runs, what is folded unfolded."""
     file = report(runs[0], tmp_path / "report.html", others=[runs[1]])
     page = open_page(file.read_text(encoding="utf-8"), bypass_csp=True)
     page.wait_for_selector("#gk-player[data-turn]")
     page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
-    assert serious(page) == []
+    assert faults(page) == []
+
+
+def test_report_of_turns_is_accessible(open_page: Open, tmp_path: Path) -> None:
+    """Nor in one of a game in turns, where an observation is drawn that nobody was given yet."""
+    gk.rollout("handover", episodes=1, out=tmp_path / "run")
+    file = report(tmp_path / "run", tmp_path / "report.html")
+    page = open_page(file.read_text(encoding="utf-8"), address="#play:a/0/0", bypass_csp=True)
+    page.wait_for_selector("#gk-player[data-turn]")
+    expect(page.locator(".cells-part canvas").nth(2)).to_have_attribute(
+        "aria-label", re.compile("nothing yet")
+    )
+    assert faults(page) == []
 
 
 def test_report_fits_on_paper(open_page: Open, runs: tuple[Path, Path], tmp_path: Path) -> None:
@@ -75,6 +88,19 @@ def test_report_fits_on_paper(open_page: Open, runs: tuple[Path, Path], tmp_path
     assert turn_of(page) == 0
     assert page.locator("details:not([open])").count() == 0
     assert page.evaluate("document.documentElement.scrollWidth") == 760
+
+
+@pytest.mark.parametrize("path", ["", "report"])
+def test_view_is_accessible(chromium: Any, served: str, path: str) -> None:
+    """axe-core finds nothing in either served page."""
+    context = chromium.new_context(viewport={"width": 1200, "height": 900}, bypass_csp=True)
+    page = context.new_page()
+    page.goto(served)
+    page.goto(page.url.split("#")[0] + path)
+    page.wait_for_selector("#gk-player[data-turn]")
+    found = faults(page)
+    context.close()
+    assert found == []
 
 
 def test_view_opens_any_episode(chromium: Any, served: str) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tests.browser.episodes import entry_of, page_of, parallel_episode
+from tests.browser.episodes import entry_of, page_of, parallel_episode, summed
 from tests.browser.waits import expect, turn_of
 
 pytestmark = pytest.mark.browser
@@ -18,7 +18,7 @@ class Shown:
     """What the server has: one run whose only episode is still recorded."""
 
     def __init__(self) -> None:
-        self.episode = {**parallel_episode(turns=100), "end": "open", "marks": []}
+        self.episode = summed({**parallel_episode(turns=100), "end": "open", "marks": []})
         self.status = "open"
         self.page = page_of([self.episode], is_view=True)
         self.asked: list[str] = []
@@ -34,7 +34,7 @@ class Shown:
             run = {"key": "a", "name": "runs/a", "status": self.status, "episodes": 1}
             news = {"version": "1", "runs": [run], "episodes": [entry_of(self.episode)]}
             return 200, "application/json", json.dumps(news)
-        error = {"what": "no such <b>episode</b>", "where": path, "mend": "ask for another"}
+        error = {"what": "no such <b>episode</b>", "where": path, "fix": "ask for another"}
         return 404, "application/json", json.dumps({"error": error})
 
 
@@ -67,15 +67,15 @@ def shown(chromium: Any) -> Iterator[tuple[Shown, Any]]:
 
 def grow(things: Shown, turns: int, end: str) -> None:
     """The recording goes on."""
-    things.episode = {**parallel_episode(turns=turns), "end": end, "marks": []}
-    things.status = "open" if end == "open" else "sealed"
+    things.episode = summed({**parallel_episode(turns=turns), "end": end, "marks": []})
+    things.status = "open" if end == "open" else "finalized"
 
 
 def test_served_page_asks_for_its_episode(shown: tuple[Shown, Any]) -> None:
-    """The episode is fetched, not held in the page; the list is there at once."""
+    """The episode is fetched, not held in the page, and opens where its recording is."""
     things, page = shown
     page.wait_for_selector("#gk-player[data-turn]")
-    assert turn_of(page) == 0
+    assert turn_of(page) == 100
     assert "/episode/a/0" in things.asked
     expect(page.locator(".deck-facts")).to_contain_text("still recorded")
     assert page.locator(".episode-list tbody tr").count() == 1
@@ -86,10 +86,10 @@ def test_served_page_follows_a_recording(shown: tuple[Shown, Any]) -> None:
     things, page = shown
     page.wait_for_selector("#gk-player[data-turn]")
     page.locator(".scrub").focus()
-    page.keyboard.press("ArrowRight")
+    page.keyboard.press("ArrowLeft")
     page.get_by_role("button", name="Show fewer turns").click()
     grow(things, 200, "open")
-    expect(page.locator(".where")).to_have_text("1 / 200")
+    expect(page.locator(".where")).to_have_text("99 / 200")
     assert page.evaluate("gamekeeper.player.decks[0].lanes.zoom") == 2
     page.get_by_label("follow the recording").check()
     grow(things, 300, "ended")
@@ -101,6 +101,6 @@ def test_served_page_tells_what_the_server_complains_of(shown: tuple[Shown, Any]
     """An episode that cannot be had is told in the server's words, as text."""
     _, page = shown
     page.wait_for_selector("#gk-player[data-turn]")
-    page.evaluate("gamekeeper.player.open({run: 'a', episode: 7})")
+    page.evaluate("gamekeeper.player.open([{run: 'a', episode: 7}])")
     trouble = page.get_by_role("alert")
     expect(trouble).to_contain_text("no such <b>episode</b>; /episode/a/7; ask for another")

@@ -1,4 +1,4 @@
-"""`gamekeeper view` in a browser: the token goes, a recording is followed until it is sealed."""
+"""`gamekeeper view` in a browser: the token goes, a recording is followed until it is finalized."""
 
 import threading
 from collections.abc import Iterator
@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from gamekeeper.adapters.view.view import View
-from gamekeeper.record.recording import record
-from tests.adapters.view.growing import Walk
+from gamekeeper.runs.recording import record
+from gamekeeper.viewing.viewer import Viewer
 from tests.browser.waits import expect
+from tests.viewing.view.growing import Walk
 
 pytestmark = pytest.mark.browser
 
@@ -35,7 +35,7 @@ def walk(env: Any, turns: int) -> None:
 def test_view_follows_a_recording_to_its_end(chromium: Any, env: Any, tmp_path: Path) -> None:
     """The list and the player go on as rows come; the address holds no token; nothing complains."""
     complaints: list[str] = []
-    with View([tmp_path / "run"]) as view:
+    with Viewer([tmp_path / "run"]) as view:
         context = chromium.new_context(viewport={"width": 1200, "height": 900})
         page = context.new_page()
         page.on("console", lambda message: complaints.append(f"{message.type}: {message.text}"))
@@ -47,7 +47,7 @@ def test_view_follows_a_recording_to_its_end(chromium: Any, env: Any, tmp_path: 
         assert (cookie["httpOnly"], cookie["sameSite"]) == (True, "Strict")
         expect(page.locator("#player")).to_contain_text("still recorded")
         walk(env, 30)
-        expect(page.locator("#player")).to_contain_text("50 turns", timeout=30_000)
+        expect(page.locator("#player")).to_contain_text("50 steps", timeout=30_000)
         env.close()
         expect(page.locator("#player")).not_to_contain_text("still recorded", timeout=30_000)
         page.get_by_role("link", name="Whole report").click()
@@ -69,7 +69,10 @@ def test_page_of_another_server_gets_nothing(chromium: Any, env: Any, tmp_path: 
         def log_message(self, *given: Any) -> None:
             pass
 
-    with View([tmp_path / "run"]) as view, ThreadingHTTPServer(("127.0.0.1", 0), Foreign) as other:
+    with (
+        Viewer([tmp_path / "run"]) as view,
+        ThreadingHTTPServer(("127.0.0.1", 0), Foreign) as other,
+    ):
         threading.Thread(target=other.serve_forever, daemon=True).start()
         statuses: list[int] = []
         context = chromium.new_context()

@@ -33,7 +33,7 @@ def failing(how: str, out: Path) -> list[object]:
     """
     settings = {"how": how, "after": str(out), "length": 10**9, "tick_s": 0.001}
     patience = ["--timeout", "5"] if how == "hang" else []
-    return ["record", *rough(**settings), "--out", out, *patience]
+    return ["rollout", *rough(**settings), "--out", out, *patience]
 
 
 def said(capture: pytest.CaptureFixture[str], *line: object) -> tuple[int, str, str]:

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 import gamekeeper as gk
-from gamekeeper.cli import _against
-from gamekeeper.run.watch import Outcome
+from gamekeeper.cli import _worker
+from gamekeeper.rollouts.workers import TaskOutcome
 from tests.cli.lines import LINE, document, said
 from tests.surface.sources import ROOT
 
@@ -37,12 +37,12 @@ def run(env: str, tmp_path: Path) -> Path:
 def here(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a worker would look at is looked at in this process: a worker takes a second."""
 
-    def run_here(task: str, arguments: Any, *, silence_s: float) -> Outcome:
+    def run_here(task: str, arguments: Any, *, silence_s: float) -> TaskOutcome:
         module, _, name = task.partition(":")
         run = getattr(importlib.import_module(module), name)
-        return Outcome("done", run(lambda **fields: None, **arguments), None, None, 0.0)
+        return TaskOutcome("done", run(lambda **fields: None, **arguments), None, None, 0.0)
 
-    monkeypatch.setattr(_against, "run_task", run_here)
+    monkeypatch.setattr(_worker, "run_task", run_here)
 
 
 def status(rows: list[dict[str, Any]]) -> dict[str, str]:
@@ -62,7 +62,7 @@ def test_against_holds_where_nothing_changed(
         assert what in told
     code, out, err = said(capfd, "show", run, "--against", env)
     assert (code, err) == (0, "")
-    assert out.startswith("holds: nothing that it hangs on has changed")
+    assert out.startswith("holds: its environment and policies are unchanged")
     assert max(map(len, out.splitlines())) <= 80
 
 
@@ -78,11 +78,12 @@ def test_against_names_what_is_stale_and_how_to_measure_it(
     stale = [row for row in found["rows"] if row["status"] == "stale"]
     assert [row["what"] for row in stale] == ["source"]
     assert stale[0]["recorded"] != stale[0]["now"]
-    assert found["commands"] == [f"gamekeeper record {env} --episodes 2 --seed 0 --out {run}-again"]
+    again = f"--policy random --episodes 2 --seed 0 --out {run}-again"
+    assert found["commands"] == [f"gamekeeper rollout {env} {again}"]
     code, out, _ = said(capfd, "show", run, "--against", env)
     assert code == 1
     assert out.startswith("stale: 1 of ")
-    assert f"gamekeeper record {env}" in out
+    assert f"gamekeeper rollout {env}" in out
 
 
 @pytest.mark.usefixtures("here")
@@ -96,7 +97,7 @@ def test_against_tells_arguments_and_another_game(
         assert told[what] == "stale"
     spaces = next(row for row in found["rows"] if row["what"] == "spaces")
     assert spaces["now"] == "2 are gone: carrier, picker"
-    assert [line.split()[1] for line in found["commands"]] == ["record", "audit"]
+    assert [line.split()[1] for line in found["commands"]] == ["rollout", "audit"]
 
 
 @pytest.mark.usefixtures("here")
@@ -117,15 +118,15 @@ def test_against_leaves_another_version_to_a_replay(
     run: Path, env: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """Another NumPy may change nothing: exit code 2, and the replay that tells."""
-    from tests.record.reseal import reseal
+    from tests.runs.finalize_again import finalize_again
 
     manifest = json.loads((run / "manifest.json").read_text())
     manifest["environment"]["versions"]["numpy"] = "1.0.0"
-    reseal(run, environment=manifest["environment"])
+    finalize_again(run, environment=manifest["environment"])
     code, found = document(capfd, "show", run, "--against", env)
     assert (code, found["status"], found["holds"]) == (2, "unknown", None)
     assert found["commands"] == [f"gamekeeper replay {run} --env {env}"]
-    assert "Can't be told" in said(capfd, "show", run, "--against", env)[1]
+    assert "Unknown\n" in said(capfd, "show", run, "--against", env)[1]
 
 
 @pytest.mark.usefixtures("here")
@@ -172,10 +173,11 @@ def test_against_cant_tell_who_played_a_run_that_doesnt_say(
 @pytest.mark.usefixtures("here")
 def test_against_reads_evaluations(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """Digests of its environments and policies, with the command that plays what is stale."""
-    from gamekeeper.evaluate.evaluate import evaluate
+    from gamekeeper.evaluation.evaluator import evaluate
 
-    evaluate("two_robot_line", policies={"dice": "random"}, episodes=2, out=tmp_path / "e",
-             workers=0)  # fmt: skip
+    evaluate(
+        "two_robot_line", policies={"dice": "random"}, episodes=2, out=tmp_path / "e", workers=0
+    )
     code, found = document(capfd, "show", tmp_path / "e", "--against", "two_robot_line")
     assert (code, found["status"]) == (0, "holds")
     assert any(re.search("policy dice", row["what"]) for row in found["rows"])
@@ -193,8 +195,8 @@ def test_against_reads_evaluations(tmp_path: Path, capfd: pytest.CaptureFixture[
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["nowhere", "--against", "two_robot_line"], "only evidence"),
-        (["RUN", "--against", "RUN"], "not against evidence"),
+        (["nowhere", "--against", "two_robot_line"], "only a run or an evaluation"),
+        (["RUN", "--against", "RUN"], "not with a run"),
         (["RUN", "--against", "no_such_environment"], "no_such_environment"),
         (["RUN", "--against", "two_robot_line", "--kwargs", "[1]"], "--kwargs can't be read"),
         (["RUN", "--against", "two_robot_line", "--kwargs", '{"wings": 2}'], "wings"),

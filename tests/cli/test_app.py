@@ -10,11 +10,11 @@ from typer.testing import CliRunner
 
 from gamekeeper import cli
 from gamekeeper.cli import _app
-from gamekeeper.cli._screen import Answer, Screen
+from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.errors import EnvError, SpecError
 from tests.cli.lines import SURROUNDINGS, said
 
-COMMANDS = ["run", "contract", "record", "replay", "diff", "verify", "recover", "show"]
+COMMANDS = ["run", "contract", "rollout", "replay", "diff", "verify", "recover", "show"]
 
 
 def with_command(monkeypatch: pytest.MonkeyPatch, command: Any, name: str = "probe") -> None:
@@ -76,7 +76,7 @@ def test_wrong_use_is_a_document_with_json(capfd: pytest.CaptureFixture[str]) ->
     ("error", "code"),
     [
         (EnvError("it raised", where="episode 3"), 1),
-        (SpecError("no such thing", expected="a", seen="b", mend="write a"), 2),
+        (SpecError("no such thing", expected="a", actual="b", fix="write a"), 2),
         (KeyboardInterrupt(), 130),
     ],
 )
@@ -88,7 +88,7 @@ def test_error_has_its_exit_code(
 ) -> None:
     """1 where an environment failed, 2 for wrong use, 130 for Ctrl-C; the text is on stderr."""
 
-    def command(screen: Screen) -> Answer:
+    def command(screen: Screen) -> CommandResult:
         raise error
 
     with_command(monkeypatch, command)
@@ -102,10 +102,10 @@ def test_error_has_its_exit_code(
 def test_error_document_has_every_part(
     monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """What, where, expected, seen and mend stand apart, beside the kind of the error."""
+    """What, where, expected, actual and fix stand apart, beside the kind of the error."""
 
-    def command(screen: Screen) -> Answer:
-        raise SpecError("no such thing", where="here", expected="a", seen="b", mend="write a")
+    def command(screen: Screen) -> CommandResult:
+        raise SpecError("no such thing", where="here", expected="a", actual="b", fix="write a")
 
     with_command(monkeypatch, command)
     expected = {
@@ -113,8 +113,8 @@ def test_error_document_has_every_part(
         "what": "no such thing",
         "where": "here",
         "expected": "a",
-        "seen": "b",
-        "mend": "write a",
+        "actual": "b",
+        "fix": "write a",
     }
     assert json.loads(said(capfd, "probe", "--json")[1]) == {"error": expected}
 
@@ -124,7 +124,7 @@ def test_fault_of_ours_is_called_one(
 ) -> None:
     """What nobody foresaw shows its traceback and says whose fault it is."""
 
-    def command(screen: Screen) -> Answer:
+    def command(screen: Screen) -> CommandResult:
         raise ZeroDivisionError("nobody foresaw this")
 
     with_command(monkeypatch, command)
@@ -139,14 +139,14 @@ def test_common_option_that_changes_nothing_is_taken(
 ) -> None:
     """Scripts may hand every command the same options; a note says which did nothing."""
 
-    def command(screen: Screen) -> Answer:
-        return Answer({"done": True})
+    def command(screen: Screen) -> CommandResult:
+        return CommandResult({"done": True})
 
     with_command(monkeypatch, command)
     common = ["--seed", "7", "--workers", "1", "--policy", "noop"]
     code, out, err = said(capfd, "probe", *common, "--json")
     assert (code, json.loads(out)) == (0, {"done": True})
-    assert "note: --seed changes nothing of probe" in err
+    assert "note: --seed has no effect on probe" in err
     assert "--policy" in err
     assert "--workers" not in err  # 1 is what it is anyway
     assert said(capfd, "probe", *common, "--quiet")[2] == ""
@@ -157,8 +157,10 @@ def test_number_that_json_lacks_is_null(
 ) -> None:
     """NaN and infinity never stand in a document: strict readers refuse them."""
 
-    def command(screen: Screen) -> Answer:
-        return Answer({"mean": float("nan"), "all": [1.0, float("inf")], "agent": {"x": -0.5}})
+    def command(screen: Screen) -> CommandResult:
+        return CommandResult(
+            {"mean": float("nan"), "all": [1.0, float("inf")], "agent": {"x": -0.5}}
+        )
 
     with_command(monkeypatch, command)
     out = said(capfd, "probe", "--json")[1]

@@ -40,6 +40,7 @@ def test_attribute_document_has_the_fields_of_the_interface(
     assert part["difference"]["baseline"] == "random"
 
 
+@pytest.mark.usefixtures("nothing_is_ours")
 def test_attribute_asks_before_it_runs_a_file(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

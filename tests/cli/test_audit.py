@@ -7,20 +7,19 @@ from xml.etree import ElementTree
 
 import pytest
 
-from gamekeeper.audit import front
-from gamekeeper.audit.audit import BUDGET as BUDGET_OF_THE_ENGINE
-from gamekeeper.audit.front import SILENCE_S as SILENCE_OF_THE_ENGINE
-from gamekeeper.audit.front import audit_task
+from gamekeeper.auditing import audit_process
+from gamekeeper.auditing.audit import BUDGET as BUDGET_OF_THE_ENGINE
+from gamekeeper.auditing.audit_process import SILENCE_S as SILENCE_OF_THE_ENGINE
+from gamekeeper.auditing.audit_process import audit_task
 from gamekeeper.cli._audit import audit_code, sarif_of, shares_of
-from gamekeeper.cli._checks import needs_contract, specimens
 from gamekeeper.cli.audit import BUDGET, SILENCE_S
-from gamekeeper.run.watch import Outcome
+from gamekeeper.rollouts.workers import TaskOutcome
 from tests.cli.lines import LINE, document, said
-from tests.report.audits import audit, mixed, verdict
+from tests.reporting.audits import audit, mixed, verdict
 
 REAL = pytest.mark.parametrize("_audits_run_here", [False], indirect=True)
 """For tests in which the audit has a process of its own, as users have it."""
-PAID = "gamekeeper.audit.specimens.gk402_paid_after_end:make"
+PAID = "tests.faults.rewards:PaidAfterEnd"
 QUICK = ("--select", "GK402", "--budget", "1000")
 
 
@@ -30,21 +29,21 @@ def _audits_run_here(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyP
     if not getattr(request, "param", True):
         return
 
-    def here(task: str, arguments: dict[str, Any], **options: Any) -> Outcome:
+    def here(task: str, arguments: dict[str, Any], **options: Any) -> TaskOutcome:
         value = audit_task(lambda **fields: None, **arguments)
-        return Outcome("done", value, None, None, 0.0)
+        return TaskOutcome("done", value, None, None, 0.0)
 
-    monkeypatch.setattr(front, "run_task", here)
+    monkeypatch.setattr(audit_process, "run_task", here)
 
 
 @REAL
 def test_broken_promise_is_shown_with_its_program(capfd: pytest.CaptureFixture[str]) -> None:
-    """Claim, where, expected, seen, mend, then a program that raises; exit code 1."""
+    """Claim, where, expected, seen, fix, then a program that raises; exit code 1."""
     code, out, _ = said(capfd, "audit", PAID, *QUICK)
     assert code == 1
     lines = out.splitlines()
-    assert lines[0] == f"{PAID} (Parallel): 1 broken (1 high)"
-    assert "Broken: high" in lines
+    assert lines[0] == f"{PAID} (Parallel): 0 passed, 1 failed (1 high)"
+    assert "Failed: high" in lines
     assert "  GK402  An agent that has ended is paid nothing more." in lines
     program = out.partition("To see GK402 again\n")[2].partition("\n  --out")[0]
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
@@ -55,8 +54,8 @@ def test_clean_environment_is_quiet(capfd: pytest.CaptureFixture[str]) -> None:
     """What is kept is one line, and the exit code 0."""
     code, out, err = said(capfd, "audit", LINE, *QUICK)
     assert code == 0
-    assert out == f"{LINE} (Parallel): 1 kept\n"
-    assert "Unseen" not in err
+    assert out == f"{LINE} (Parallel): 1 passed, 0 failed\n"
+    assert "Not exercised" not in err
 
 
 def test_document_is_the_audit(capfd: pytest.CaptureFixture[str]) -> None:
@@ -67,8 +66,8 @@ def test_document_is_the_audit(capfd: pytest.CaptureFixture[str]) -> None:
     assert fields <= found.keys()
     assert (found["api"], found["ok"], found["seed"]) == ("parallel", False, 3)
     (only,) = found["verdicts"]
-    assert (only["id"], only["outcome"], only["severity"]) == ("GK402", "broken", "high")
-    assert only["findings"][0].keys() == {"where", "expected", "seen", "mend", "reproduce"}
+    assert (only["id"], only["outcome"], only["severity"]) == ("GK402", "failed", "high")
+    assert only["findings"][0].keys() == {"where", "expected", "actual", "fix", "reproducer"}
     assert found["source"]["class"].endswith("PaidAfterEnd")
 
 
@@ -103,7 +102,7 @@ def test_sarif_names_files_inside_the_folder_from_there(
     assert said(capfd, *line)[0] == 0
     case = next(ElementTree.parse("j.xml").getroot().iter("testcase"))
     assert case.attrib["file"] == "my envs/line.py"
-    found = audit(verdict("GK402", "broken"), source={"file": str(file), "line": 3})
+    found = audit(verdict("GK402", "failed"), source={"file": str(file), "line": 3})
     result = json.loads(sarif_of(found))["runs"][0]["results"][0]
     place = result["locations"][0]["physicalLocation"]["artifactLocation"]
     assert place == {"uri": "my%20envs/line.py", "uriBaseId": "%SRCROOT%"}
@@ -118,33 +117,33 @@ def test_waiver_is_shown_with_its_reason(tmp_path: Path, capfd: pytest.CaptureFi
     assert "1 waived" in out.splitlines()[0]
     told = " ".join(out.split())
     assert "Waived: paid late on purpose" in told
-    assert "GK000 there is no such check to waive" in told
+    assert "GK000 a check with this id doesn't exist" in told
 
 
-def test_unseen_counts_on_stderr_and_strictly(capfd: pytest.CaptureFixture[str]) -> None:
+def test_not_exercised_counts_on_stderr_and_strictly(capfd: pytest.CaptureFixture[str]) -> None:
     """What nobody saw is counted on stderr; with --strict the exit code is 2."""
     line = ("audit", "warehouse", "--select", "GK501", "--budget", "40")
     code, _, err = said(capfd, *line)
     assert code == 0
-    assert "Unseen\n  1  " in err  # after a word of what is compiled, the first time
+    assert "Not exercised\n  1  " in err  # after a word of what is compiled, the first time
     assert said(capfd, *line, "--strict")[0] == 2
 
 
 @pytest.mark.parametrize(("fail_on", "code"), [("low", 1), ("medium", 1), ("high", 0)])
 def test_fail_on_sets_the_least_severity(fail_on: Any, code: int) -> None:
     """Broken promises below it don't fail."""
-    found = audit(verdict("GK101", "broken", severity="medium"), verdict("GK102", "kept"))
+    found = audit(verdict("GK101", "failed", severity="medium"), verdict("GK102", "passed"))
     assert audit_code(found, fail_on=fail_on, strict=False) == code
 
 
 @pytest.mark.parametrize(
     ("outcomes", "strict", "code"),
     [
-        (["kept", "not_applicable", "waived"], True, 0),
-        (["kept", "unseen"], False, 0),
-        (["kept", "unseen"], True, 2),
+        (["passed", "not_applicable", "waived"], True, 0),
+        (["passed", "not_exercised"], False, 0),
+        (["passed", "not_exercised"], True, 2),
         (["error"], False, 2),
-        (["error", "broken"], False, 1),
+        (["error", "failed"], False, 1),
     ],
 )
 def test_exit_code_follows_the_outcomes(outcomes: list[str], strict: bool, code: int) -> None:
@@ -155,10 +154,10 @@ def test_exit_code_follows_the_outcomes(outcomes: list[str], strict: bool, code:
 
 def test_checks_that_fail_are_told_as_ours(capfd: pytest.CaptureFixture[str]) -> None:
     """An error of a check is a fault of the check, and asks to be reported."""
-    from gamekeeper.cli._audit import say_unseen
+    from gamekeeper.cli._audit import say_not_exercised
     from gamekeeper.cli._screen import Screen
 
-    say_unseen(Screen(sys.stdout, is_quiet=True), mixed())
+    say_not_exercised(Screen(sys.stdout, is_quiet=True), mixed())
     err = capfd.readouterr().err
     assert "GK502  NameError" in err
     assert "fault of the check, not of the environment" in err
@@ -195,11 +194,11 @@ def test_shares_are_those_of_the_probes_that_look() -> None:
 
 
 def test_explain_tells_of_a_check(capfd: pytest.CaptureFixture[str]) -> None:
-    """The promise, the mend, and an environment to try it on."""
+    """The promise, the examples, the fix."""
     code, out, _ = said(capfd, "explain", "gk402")
     assert code == 0
     assert out.startswith("GK402  An agent that has ended is paid nothing more.")
-    assert f"gamekeeper audit {PAID} --select GK402" in out
+    assert "\n  Bad:\n\n      for agent in self.possible_agents:" in out
     code, found = document(capfd, "explain", "GK402", "GK4")
     assert code == 0
     ids = [each["id"] for each in found["checks"]]
@@ -220,7 +219,7 @@ def test_explain_names_the_nearest_where_there_is_none(capfd: pytest.CaptureFixt
         ("checks", "GK402"),
         ("probes", "rollout"),
         ("envs", "gamekeeper/warehouse-v0"),
-        ("changes", "ActionOrder"),
+        ("interventions", "ActionOrder"),
         ("policies", "first-legal"),
         ("openers", "path/to/file.py:factory"),
         ("exporters", "numpy"),
@@ -241,11 +240,12 @@ def test_list_of_everything_counts_the_checks(capfd: pytest.CaptureFixture[str])
     assert code == 0
     assert "`gamekeeper list checks`" in out
     assert set(document(capfd, "list")[1]) == {
-        "envs", "openers", "policies", "exporters", "changes", "probes", "checks", "suites",
-    }  # fmt: skip
-
-
-def test_specimens_are_found_by_reading() -> None:
-    """What a specimen breaks is known without running it."""
-    assert specimens()["GK402"] == PAID
-    assert not needs_contract(PAID)
+        "envs",
+        "openers",
+        "policies",
+        "exporters",
+        "interventions",
+        "probes",
+        "checks",
+        "suites",
+    }

@@ -4,16 +4,16 @@ from typing import Any
 
 import pytest
 
-from gamekeeper.audit import front
-from gamekeeper.cli import _audits
-from gamekeeper.cli._audits import audit_code_of, worst_code
-from gamekeeper.report.audits_text import audits_text, unseen_somewhere
-from gamekeeper.run.watch import Outcome
+from gamekeeper.auditing import audit_process
+from gamekeeper.cli import _audit
+from gamekeeper.cli._audit import audit_code_of, worst_code
+from gamekeeper.reporting.audit_text import audits_text, not_exercised_somewhere
+from gamekeeper.rollouts.workers import TaskOutcome
 from tests.cli.lines import LINE, document, said
-from tests.record.parts.here import Here, called
-from tests.report.audits import audit, verdict
+from tests.reporting.audits import audit, verdict
+from tests.runs.parts.here import Here, called
 
-PAID = "gamekeeper.audit.specimens.gk402_paid_after_end:make"
+PAID = "tests.faults.rewards:PaidAfterEnd"
 QUICK = ("--select", "GK402", "--budget", "300")
 
 
@@ -21,11 +21,11 @@ QUICK = ("--select", "GK402", "--budget", "300")
 def _audits_run_here(monkeypatch: pytest.MonkeyPatch) -> None:
     """The environments are ours and do no harm: no process is started for them."""
 
-    def here(task: str, arguments: dict[str, Any], **options: Any) -> Outcome:
+    def here(task: str, arguments: dict[str, Any], **options: Any) -> TaskOutcome:
         return called(task, arguments)
 
-    monkeypatch.setattr(front, "run_task", here)
-    monkeypatch.setattr(_audits, "executor_of", lambda name, workers: Here(1))
+    monkeypatch.setattr(audit_process, "run_task", here)
+    monkeypatch.setattr(_audit, "executor_of", lambda name, workers: Here(1))
 
 
 @pytest.mark.usefixtures("_audits_run_here")
@@ -46,7 +46,7 @@ def test_environments_and_seeds_are_audited_side_by_side(
             each.pop(name, None)
     assert alone == audits[3]
     assert json.loads((tmp_path / "audits.json").read_text())["audits"][2]["seed"] == 3
-    assert (tmp_path / "gk402_paid_after_end" / "seed-4" / "GK402.py").exists()
+    assert (tmp_path / "rewards" / "seed-4" / "GK402.py").exists()
     assert (tmp_path / "junit.xml").read_text().count("<testsuite ") == 4
 
 
@@ -54,7 +54,7 @@ def test_text_says_in_which_seeds(capfd: pytest.CaptureFixture[str]) -> None:
     """A line for each broken promise with the seeds that showed it, the worst first."""
     code, out, _ = said(capfd, "audit", PAID, "--seeds", 2, *QUICK)
     assert code == 1
-    assert "2 seeds, 1 promise broken" in out
+    assert "2 seeds, 1 check failed" in out
     assert "GK402  high  all 2 seeds  An agent that has ended is paid nothing more." in out
     assert f"gamekeeper audit {PAID} --seed 0" in out
 
@@ -62,16 +62,16 @@ def test_text_says_in_which_seeds(capfd: pytest.CaptureFixture[str]) -> None:
 def test_promise_that_breaks_in_some_seeds_names_them() -> None:
     """What flickers is told apart from what is broken always; what nobody saw is counted."""
     documents = [
-        {**audit(verdict("GK402", "broken"), verdict("GK503", "unseen")), "seed": 0},
-        {**audit(verdict("GK402", "kept"), verdict("GK503", "unseen")), "seed": 1},
-        {**audit(verdict("GK402", "broken"), verdict("GK503", "kept")), "seed": 2},
+        {**audit(verdict("GK402", "failed"), verdict("GK503", "not_exercised")), "seed": 0},
+        {**audit(verdict("GK402", "passed"), verdict("GK503", "not_exercised")), "seed": 1},
+        {**audit(verdict("GK402", "failed"), verdict("GK503", "passed")), "seed": 2},
     ]
     [(title, manner, findings)] = audits_text(documents, width=80)
-    assert "3 seeds, 1 promise broken" in title
+    assert "3 seeds, 1 check failed" in title
     assert manner == "bad"
     assert "2 of 3 seeds: 0, 2" in findings
-    assert unseen_somewhere(documents, width=80) == ""
-    assert "GK503" in unseen_somewhere(documents[:2], width=80)
+    assert not_exercised_somewhere(documents, width=80) == ""
+    assert "GK503" in not_exercised_somewhere(documents[:2], width=80)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 import gamekeeper as gk
-from gamekeeper.audit.result import Audit
+from gamekeeper.auditing.result import AuditResult
 from tests.cli.lines import LINE, ROUGH, document, said
 
 
@@ -82,15 +82,15 @@ def test_measured_draft_declares_nothing(
 ) -> None:
     """--measure proposes answers as comments and says of itself that it does."""
 
-    def audited(screen: Any, spec: str, **_: Any) -> Audit:
+    def audited(screen: Any, spec: str, **_: Any) -> AuditResult:
         measured = {"deterministic": True, "horizon": 4, "advice": "parallel", "why": "seen"}
-        return Audit(spec, "parallel", 1.0, 3_000, 0, (), measured)
+        return AuditResult(spec, "parallel", 1.0, 3_000, 0, (), measured)
 
     monkeypatch.setattr("gamekeeper.cli.contract.audit_with_progress", audited)
     code, _, _ = said(capfd, "contract", ROUGH, "--measure", "--out", "my.toml")
     assert code == 0
     text = Path("my.toml").read_text()
-    assert text.startswith("# A draft: what is called measured was seen in 3,000 steps")
+    assert text.startswith("# A draft: values marked as measured come from 3,000 steps")
     assert "# horizon = 4" in text
     assert "# deterministic = true" in text
     drafted = gk.Contract.load("my.toml")

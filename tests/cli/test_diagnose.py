@@ -11,7 +11,7 @@ import pytest
 import gamekeeper as gk
 from tests.cli.lines import SURROUNDINGS, document, said
 
-QUICK = ("--no-stressors", "--workers", "0", "--budget", "400")
+QUICK = ("--no-perturbations", "--workers", "0", "--budget", "400")
 
 
 @pytest.fixture(name="run")
@@ -19,9 +19,12 @@ def _run(tmp_path: Path) -> Path:
     """A failing run."""
     path = tmp_path / "r"
     gk.rollout(
-        "handover", policies="reference", episodes=3, out=path,
+        "handover",
+        policies="reference",
+        episodes=3,
+        out=path,
         env_kwargs={"latency": {"giver_0": 3}},
-    )  # fmt: skip
+    )
     return path
 
 
@@ -47,17 +50,19 @@ def test_diagnose_document_has_the_promised_fields(
     assert code == 0
     giver = found["agents"]["giver_0"]
     assert {"answer", "labels", "tested", "not_tested"} <= giver.keys()
-    assert {"label", "change", "kind", "effect", "low", "high", "p"} <= giver["tested"][0].keys()
+    assert {"label", "intervention", "kind", "effect", "low", "high", "p"} <= giver["tested"][
+        0
+    ].keys()
     assert {"label", "why"} == giver["not_tested"][0].keys()
 
 
 def test_diagnose_that_cannot_tell_exits_with_2(
     run: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """It fails, and no remedy restores."""
+    """It fails, and no ideal substitute restores."""
     code, out, _ = said(capfd, "diagnose", str(run), *QUICK, "--failed", "length > 0")
     assert code == 2
-    assert "no remedy restores" in out
+    assert "no ideal substitute restores" in out
 
 
 def test_diagnose_saves_a_case_that_passes(
@@ -69,8 +74,12 @@ def test_diagnose_saves_a_case_that_passes(
     assert code == 0
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(case)],
-        capture_output=True, text=True, check=False, cwd=tmp_path, env=SURROUNDINGS,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=tmp_path,
+        env=SURROUNDINGS,
+    )
     assert done.returncode == 0, done.stdout
     assert "2 passed" in done.stdout
 
@@ -80,15 +89,25 @@ def test_diagnose_shrinks_an_episode(run: Path, capfd: pytest.CaptureFixture[str
     code, found = document(capfd, "diagnose", str(run), "--shrink", "0")
     assert code == 0
     assert found["acts"][0] < found["acts"][1]
-    assert gk.replay(found["bundle"]).verified
+    assert gk.replay(found["shortest_run"]).verified
 
 
 def test_label_by_hand_is_listed(run: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """What a person says, where and why."""
     code, found = document(
-        capfd, "label", str(run), "control", "--agent", "giver_0", "--episode", "1",
-        "--why", "it drops things", "--by", "ann",
-    )  # fmt: skip
+        capfd,
+        "label",
+        str(run),
+        "control",
+        "--agent",
+        "giver_0",
+        "--episode",
+        "1",
+        "--why",
+        "it drops things",
+        "--by",
+        "ann",
+    )
     assert code == 0
     assert found["labels"][0]["by"] == "ann"
     code, out, _ = said(capfd, "label", str(run), "--agent", "giver_0")

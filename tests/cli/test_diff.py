@@ -3,34 +3,39 @@ from typing import Any
 
 import pytest
 
-from gamekeeper.audit.audit import audit_here
-from gamekeeper.audit.compare import Changed, changes, is_other_game
-from gamekeeper.audit.result import Audit
-from gamekeeper.core.verdict import Verdict
+from gamekeeper.auditing.audit import audit_here
+from gamekeeper.auditing.compare import Changed, changes, is_other_game
+from gamekeeper.auditing.result import AuditResult
+from gamekeeper.checks.verdict import Verdict
 from tests.cli.lines import LINE, document, said
 
-CLEAN = "gamekeeper.audit.specimens.clean_rovers:make"
-PAID = "gamekeeper.audit.specimens.gk402_paid_after_end:make"
+CLEAN = "tests.faults.rovers:Rovers"
+PAID = "tests.faults.rewards:PaidAfterEnd"
 
 
 @pytest.fixture(autouse=True)
 def _small_audits_here(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few checks in this process: what is tested is the comparison."""
 
-    def audited(screen: Any, spec: str, *, env_kwargs: Any, seed: int, **_: Any) -> Audit:
+    def audited(screen: Any, spec: str, *, env_kwargs: Any, seed: int, **_: Any) -> AuditResult:
         return audit_here(spec, env_kwargs=env_kwargs, seed=seed, select=("GK402",), budget=1_000)
 
-    monkeypatch.setattr("gamekeeper.cli._game_diff.audit_with_progress", audited)
-    monkeypatch.setattr("gamekeeper.record.replay.cause_of", lambda *_, **__: None)
+    monkeypatch.setattr("gamekeeper.cli.diff.audit_with_progress", audited)
+    monkeypatch.setattr("gamekeeper.runs.comparison.cause_of", lambda *_, **__: None)
 
 
-def plain(**fields: Any) -> Audit:
+def plain(**fields: Any) -> AuditResult:
     """An audit made by hand."""
     usual: dict[str, Any] = {
-        "environment": "a", "api": "parallel", "seconds": 1.0, "steps": 10, "seed": 0,
-        "verdicts": (), "agents": {"a_0": {"observation_space": "Box", "action_space": "D(3)"}},
-    }  # fmt: skip
-    return Audit(**{**usual, **fields})
+        "environment": "a",
+        "api": "parallel",
+        "seconds": 1.0,
+        "steps": 10,
+        "seed": 0,
+        "verdicts": (),
+        "agents": {"a_0": {"observation_space": "Box", "action_space": "D(3)"}},
+    }
+    return AuditResult(**{**usual, **fields})
 
 
 def test_diff_of_one_environment_with_itself_is_equal(capfd: pytest.CaptureFixture[str]) -> None:
@@ -43,13 +48,13 @@ def test_diff_of_one_environment_with_itself_is_equal(capfd: pytest.CaptureFixtu
 
 
 def test_diff_of_two_versions_says_what_changed(capfd: pytest.CaptureFixture[str]) -> None:
-    """Promises, the first row that differs, and that another version is due; exit code 1."""
+    """Promises, the first row that differs, and that raise the version in the name; exit code 1."""
     code, out, _ = said(capfd, "diff", CLEAN, PAID)
     assert code == 1
-    assert out.startswith("another game, as far as ")
-    assert "kept -> broken  GK402" in out
+    assert out.startswith("another game, by ")
+    assert "passed -> failed  GK402" in out
     assert "Same seed, same actions: the first row that differs" in out
-    assert "another version is due" in out
+    assert "raise the version in the name" in out
 
 
 def test_diff_of_a_run_and_an_environment_is_refused(
@@ -58,7 +63,7 @@ def test_diff_of_a_run_and_an_environment_is_refused(
     """What isn't a run can't be compared with one."""
     code, _, err = said(capfd, "diff", line_run, LINE)
     assert code == 2
-    assert "BundleError" in err
+    assert "RunError" in err
 
 
 @pytest.mark.parametrize(
@@ -76,26 +81,35 @@ def test_diff_of_a_run_and_an_environment_is_refused(
         ({"measured": {"horizon": 20}}, Changed("measured", "horizon", None, 20)),
         (
             {"declared": {"schedule": {"horizon": 5}}},
-            Changed("contract", "schedule", None, {"horizon": 5}),
+            Changed("contract", "schedule.horizon", None, 5),
         ),
         (
-            {"verdicts": (Verdict("GK1", "C.", "broken", "high"),)},
-            Changed("verdicts", "GK1 C.", "kept", "broken"),
+            {"verdicts": (Verdict("GK1", "C.", "failed", "high"),)},
+            Changed("verdicts", "GK1 C.", "passed", "failed"),
         ),
     ],
 )
 def test_each_kind_of_change_is_named(other: dict[str, Any], expected: Changed) -> None:
     """API, roster, spaces, contract, measured form and promises."""
-    before = plain(verdicts=(Verdict("GK1", "C.", "kept", "high"),))
+    before = plain(verdicts=(Verdict("GK1", "C.", "passed", "high"),))
     after = replace(before, **other)
     assert changes(before, after) == (expected,)
     assert is_other_game((expected,)) is (expected.kind not in ("contract", "verdicts"))
 
 
+def test_nothing_written_otherwise_is_no_change() -> None:
+    """An empty list, an empty table and what is missing are alike; a table is told by its keys."""
+    pairs = [({"endings": {}, "x": []}, {}), ({"reward": {"by_agent": {}}}, {"reward": None})]
+    for one, two in pairs:
+        assert changes(plain(measured=one), plain(measured=two)) == ()
+    (change,) = changes(plain(measured={}), plain(measured={"reward": {"by_agent": {"a": 1.0}}}))
+    assert (change.where, change.a, change.b) == ("reward.by_agent.a", None, 1.0)
+
+
 def test_sampling_noise_is_no_change() -> None:
     """Influence counts as changed only where the intervals have nothing in common."""
 
-    def influenced(p: float, low: float, high: float) -> Audit:
+    def influenced(p: float, low: float, high: float) -> AuditResult:
         one = {"from": "a", "to": "b", "on": "reward", "lag": 0, "n": 9}
         return plain(measured={"influence": [{**one, "p": p, "low": low, "high": high}]})
 

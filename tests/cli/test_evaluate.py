@@ -46,15 +46,34 @@ def test_evaluate_says_what_was_found_and_how_far_it_goes(
     assert code == 0
     assert "6 parts were played" in notes
     assert max(map(len, text.replace(str(out), "e").splitlines())) <= 80
-    for part in ("Returns in line", "Endings in line", "Compared on the same seeds", "Said"):
+    for part in (
+        "Returns in line",
+        "Endings in line",
+        "Compared on the same seeds",
+        "Supported claims",
+    ):
         assert part in text
     assert "one checkpoint each" in text
     assert (out / "episodes.parquet").is_file()
     code, found = document(capfd, "evaluate", path, "--out", out, "--workers", "1")
     assert found == json.loads((out / "evaluation.json").read_text())
-    assert {"kind", "name", "suite", "seed", "environments", "policies", "results", "comparisons",
-            "crossplay", "stopping", "refused", "claims", "episodes", "commands",
-            "fingerprint"} <= found.keys()  # fmt: skip
+    assert {
+        "kind",
+        "name",
+        "suite",
+        "seed",
+        "environments",
+        "policies",
+        "results",
+        "comparisons",
+        "crossplay",
+        "stopping",
+        "refused",
+        "claims",
+        "episodes",
+        "commands",
+        "fingerprint",
+    } <= found.keys()
     assert found["commands"] == [f"gamekeeper evaluate {path}"]
     assert said(capfd, "show", out)[:2] == (0, text[: text.index("\nRaw episodes")])
 
@@ -64,13 +83,50 @@ def test_evaluate_takes_an_environment_and_policies(
 ) -> None:
     """Without a file; each --policy is one that is compared, under its own or a given name."""
     code, found = document(
-        capfd, "evaluate", "two_robot_line", "--policy", "random", "--policy", "still=noop",
-        "--episodes", "3", "--out", tmp_path / "e", "--workers", "1", "--kwargs", '{"horizon": 9}',
-        "--marl-eval", tmp_path / "m.json",
-    )  # fmt: skip
+        capfd,
+        "evaluate",
+        "two_robot_line",
+        "--policy",
+        "random",
+        "--policy",
+        "still:=noop",
+        "--episodes",
+        "3",
+        "--out",
+        tmp_path / "e",
+        "--workers",
+        "1",
+        "--kwargs",
+        '{"horizon": 9}',
+        "--marl-eval",
+        tmp_path / "m.json",
+    )
     assert code == 0
     assert list(found["policies"]) == ["random", "still"]
     assert {"two_robot_line"} == json.loads((tmp_path / "m.json").read_text()).keys()
+
+
+def test_evaluate_lines_of_one_name_play_together(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """`ROLE=POLICY` means what it means to `run`: who plays whom, never what a policy is called."""
+    code, found = document(
+        capfd,
+        "evaluate",
+        "two_robot_line",
+        "--policy",
+        "mixed:=picker=noop",
+        "--policy",
+        "mixed:=carrier=random",
+        "--episodes",
+        "2",
+        "--out",
+        tmp_path / "e",
+        "--workers",
+        "1",
+    )
+    assert code == 0
+    assert found["policies"]["mixed"]["choices"] == [{"picker": "noop", "carrier": "random"}]
 
 
 def test_evaluate_pins_what_is_installed(
@@ -84,7 +140,7 @@ def test_evaluate_pins_what_is_installed(
     line = ("evaluate", path, "--episodes", "2", "--out", tmp_path / "e", "--workers", "1")
     code, told = document(capfd, *line)
     assert code == 2
-    assert "policy mine" in told["error"]["seen"]
+    assert "policy mine" in told["error"]["actual"]
     code, found = document(capfd, *line, "--unpinned")
     assert code == 0
     assert "Not the suite as it was pinned" in found["claims"][0]
@@ -108,7 +164,10 @@ def test_evaluate_exits_with_1_where_episodes_break_off_and_2_where_it_is_told_t
     [
         (("nothing.toml",), "can't be opened"),
         (("two_robot_line",), "nobody is to be evaluated"),
-        (("two_robot_line", "--policy", "a=random", "--policy", "a=noop"), "one name"),
+        (("two_robot_line", "--policy", "random", "--policy", "random"), "one name"),
+        (("two_robot_line", "--policy", "a:=random", "--policy", "a:=noop"), "two policies for"),
+        (("two_robot_line", "--policy", "picker=x:chase"), "--policy chase:=picker=x:chase"),
+        (("two_robot_line", "--policy", "picker=x:chase"), "--policy picker:=x:chase"),
         (("gk-tasks-2", "--pin"), "only a file can be pinned"),
     ],
 )
@@ -130,16 +189,19 @@ def test_evaluate_that_is_interrupted_goes_on_from_there(
     out = tmp_path / "e"
     line = ["evaluate", str(path), "--episodes", "200", "--workers", "1", "--quiet"]
     begun = subprocess.Popen(
-        [sys.executable, "-m", "gamekeeper", *line, "--out", str(out)], env=SURROUNDINGS,
-        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, cwd=tmp_path,
-    )  # fmt: skip
+        [sys.executable, "-m", "gamekeeper", *line, "--out", str(out)],
+        env=SURROUNDINGS,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        cwd=tmp_path,
+    )
     deadline_s = time.monotonic() + 60
     while not list(out.glob("parts/*.json")) and time.monotonic() < deadline_s:
         time.sleep(0.05)  # until something is there to be kept
     begun.send_signal(signal.SIGINT)
     _, error = begun.communicate(timeout=60)
     assert begun.returncode == 130, error.decode()
-    assert "the same command goes on" in error.decode()
+    assert "the same command continues" in error.decode()
     kept = len(list(out.glob("parts/*.json")))
     assert 0 < kept < 20
     code, _, notes = said(capfd, *line[:-1], "--out", out)

@@ -38,14 +38,14 @@ def test_verify_finds_a_changed_byte(
     run = tmp_path / "copy"
     shutil.copytree(line_run, run)
     assert document(capfd, "verify", run)[1]["ok"]
-    data = bytearray((run / "steps.parquet").read_bytes())
+    data = bytearray((run / "agent_steps.parquet").read_bytes())
     data[len(data) // 2] ^= 1
-    (run / "steps.parquet").write_bytes(data)
+    (run / "agent_steps.parquet").write_bytes(data)
     code, found = document(capfd, "verify", run)
     assert code == 1
     assert found.keys() >= {"run", "ok", "self_consistent", "matches", "damage"}
     assert (found["ok"], found["matches"]) == (False, None)
-    assert [each["file"] for each in found["damage"]] == ["steps.parquet"]
+    assert [each["file"] for each in found["damage"]] == ["agent_steps.parquet"]
 
 
 def test_verify_compares_with_a_fingerprint(
@@ -53,10 +53,24 @@ def test_verify_compares_with_a_fingerprint(
 ) -> None:
     """The fingerprint from elsewhere matches, or the exit code is 1."""
     fingerprint = gk.load(line_run).fingerprint
-    code, found = document(capfd, "verify", line_run, "--fingerprint", fingerprint[:12])
+    code, found = document(capfd, "verify", line_run, "--fingerprint", fingerprint[:32])
     assert (code, found["matches"], found["ok"]) == (0, True, True)
     code, found = document(capfd, "verify", line_run, "--fingerprint", "0" * 64)
     assert (code, found["matches"], found["ok"]) == (1, False, False)
+
+
+def test_verify_compares_with_a_root_digest(
+    line_run: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """It is the one that recording and showing the run print; another one: exit code 1."""
+    code, shown = document(capfd, "show", line_run)
+    code, found = document(capfd, "verify", line_run, "--root", shown["root"])
+    assert (code, found["matches"], found["ok"], found["root"]) == (0, True, True, shown["root"])
+    assert (found["not_checked"], found["strays"]) == (None, [])
+    assert shown["root"] in said(capfd, "show", line_run)[1]
+    assert said(capfd, "verify", line_run, "--root", "0" * 32)[0] == 1
+    assert "not checked" in said(capfd, "verify", line_run)[1]
+    assert "this is no root digest" in said(capfd, "verify", line_run, "--root", "0" * 31)[2]
 
 
 @pytest.mark.parametrize("given", ["f6d28b", "", "f" * 65, "runs/demo", "x" * 64])
@@ -73,18 +87,18 @@ def test_verify_takes_a_fingerprint_as_run_shows_it(
     line_run: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """Cut, with dots after it, in capitals, with a space: it is the same one."""
-    shown = f" {gk.load(line_run).fingerprint[:16].upper()}... "
+    shown = f" {gk.load(line_run).fingerprint[:32].upper()}... "
     code, _, _ = said(capfd, "verify", line_run, "--fingerprint", shown)
     assert code == 0
 
 
-def test_recover_leaves_a_sealed_run_alone(
+def test_recover_leaves_a_finalized_run_alone(
     line_run: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """There is nothing to recover in a run that was closed."""
     before = {path.name: path.read_bytes() for path in line_run.iterdir()}
     code, found = document(capfd, "recover", line_run)
-    assert (code, found["status"], found["changed"]) == (0, "sealed", False)
+    assert (code, found["status"], found["changed"]) == (0, "finalized", False)
     assert {path.name: path.read_bytes() for path in line_run.iterdir()} == before
 
 
@@ -96,27 +110,27 @@ def test_show_tells_what_a_run_is(line_run: Path, capfd: pytest.CaptureFixture[s
     for text in (
         "two_robot_line_v0 (parallel)",
         "two_robot_line.py:make",
-        "sealed",
+        "finalized",
         "random",
         evidence.fingerprint,
     ):
         assert text in out
     assert [line.split()[0] for line in out.splitlines()[-2:]] == ["picker", "carrier"]
     code, found = document(capfd, "show", line_run)
-    assert (found["status"], found["seed"], found["level"]) == ("sealed", 0, "full")
+    assert (found["status"], found["seed"], found["level"]) == ("finalized", 0, "full")
     assert (found["ends"], found["errors"]) == ({"ended": 3}, [])
     assert found["environment"]["name"] == "two_robot_line_v0"
     assert found["agents"] == evidence.to_json()["agents"]
 
 
 @pytest.mark.parametrize("command", ["show", "verify", "recover"])
-def test_no_bundle_is_wrong_use(
+def test_no_run_is_wrong_use(
     command: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """A folder without evidence exits 2."""
     code, out, err = said(capfd, command, tmp_path)
     assert (code, out) == (2, "")
-    assert err.startswith("BundleError: ")
+    assert err.startswith("RunError: ")
 
 
 def test_show_tells_what_an_environment_is_made_of(capfd: pytest.CaptureFixture[str]) -> None:

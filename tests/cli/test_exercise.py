@@ -40,14 +40,12 @@ def package(
     return folder
 
 
-@pytest.mark.slow
 def test_exercise_passes_its_tests(package: Path) -> None:
     """A test for each rule, and what holds whatever the rules are."""
     done = pytest_in(package, src=[])
     assert done.returncode == 0, done.stdout
 
 
-@pytest.mark.slow
 def test_exercise_is_made_by_its_id(package: Path) -> None:
     """Those who use PettingZoo alone make it as they make others."""
     text = "import sys; sys.path.insert(0, 'src')\n" + block("python", "import pettingzoo")
@@ -55,7 +53,6 @@ def test_exercise_is_made_by_its_id(package: Path) -> None:
     subprocess.run([sys.executable, "-c", text], cwd=package, check=True)
 
 
-@pytest.mark.slow
 def test_exercise_is_solved_and_replays(
     package: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -66,7 +63,7 @@ def test_exercise_is_solved_and_replays(
     assert "verified: fingerprint" in done.stdout
     assert "delivered 20" in done.stdout
     monkeypatch.chdir(package)
-    line = shlex.split(block("bash", "gamekeeper record"))
+    line = shlex.split(block("bash", "gamekeeper rollout"))
     _, told = document(capfd, *line[1:])
     holder, carrier = told["agents"]["holder_0"], told["agents"]["carrier_0"]
     assert holder["endings"] == {"battery": 20}

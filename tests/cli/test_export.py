@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gamekeeper as gk
-from gamekeeper.adapters.export import Export
+from gamekeeper.adapters.export_source import Export
 from gamekeeper.cli import export
 from gamekeeper.plugins import Plugins
 from tests.cli.lines import document, said
@@ -22,9 +22,15 @@ def test_export_writes_arrays(
     code, found = document(capfd, "export", line_run, "--to", "numpy", "--out", out)
     assert code == 0
     assert found == {
-        "run": str(line_run), "to": "numpy", "path": str(out), "agents": ["picker", "carrier"],
-        "episodes": 3, "rows": gk.load(line_run).steps.num_rows, "parts": [], "lost": [],
-    }  # fmt: skip
+        "run": str(line_run),
+        "to": "numpy",
+        "path": str(out),
+        "agents": ["picker", "carrier"],
+        "episodes": 3,
+        "rows": gk.load(line_run).agent_steps.num_rows,
+        "parts": [],
+        "lost": ["by which terms 24 rewards were paid (NaN): the run doesn't say"],
+    }
     with np.load(out) as arrays:
         about = json.loads(str(arrays["metadata"]))
     assert about["fingerprint"] == gk.load(line_run).fingerprint
@@ -36,7 +42,8 @@ def test_export_shows_what_it_wrote(
     """One line on stdout; `.npz` is put behind a name without it."""
     line = ["export", line_run, "--to", "numpy", "--out", tmp_path / "line", "--agent", "picker"]
     code, out, err = said(capfd, *line)
-    assert (code, err) == (0, "")
+    lost = "lost: by which terms 12 rewards were paid (NaN): the run doesn't say\n"
+    assert (code, err) == (0, lost)
     assert out.startswith(f"Exported  {tmp_path / 'line.npz'}: ")
 
 
@@ -58,11 +65,14 @@ def test_export_says_on_stderr_what_is_lost(
         (["RUN", "--to", "numpy"], "no file is named"),
         (["RUN", "--to", "numpy", "--out", ""], "something lies where"),
         (["RUN", "--to", "numpy", "--out", "/"], "something lies where"),
-        (["RUN", "--to", "numpy", "--out", "x", "--agent", "wolf"], "nobody is called 'wolf'"),
-        (["RUN", "--to", "bundle", "--out", "x"], "a bundle already"),
-        (["nothing", "--to", "numpy", "--out", "x"], "there is no bundle here"),
-        (["numpy:x.npz", "--to", "bundle", "--out", "x"], "nothing reads 'numpy:'"),
-        (["minari:a/b-v0", "--to", "bundle"], "no folder for the evidence"),
+        (
+            ["RUN", "--to", "numpy", "--out", "x", "--agent", "wolf"],
+            "the run has no agent called 'wolf'",
+        ),
+        (["RUN", "--to", "run", "--out", "x"], "a run already"),
+        (["nothing", "--to", "numpy", "--out", "x"], "there is no run here"),
+        (["numpy:x.npz", "--to", "run", "--out", "x"], "nothing reads 'numpy:'"),
+        (["minari:a/b-v0", "--to", "run"], "a folder for the run is missing"),
         (["RUN"], "Missing option"),
     ],
 )
@@ -90,7 +100,7 @@ def test_export_keeps_what_is_there(
     (tmp_path / "line.npz").write_text("mine")
     line = ["export", line_run, "--to", "numpy", "--out", tmp_path / "line.npz"]
     code, found = document(capfd, *line)
-    assert (code, found["error"]["kind"]) == (2, "BundleError")
+    assert (code, found["error"]["kind"]) == (2, "RunError")
     assert (tmp_path / "line.npz").read_text() == "mine"
 
 
@@ -103,14 +113,14 @@ def test_export_names_the_extra_that_is_missing(
     monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    """Where the other's package isn't installed, the mend is what to type."""
+    """Where the other's package isn't installed, the fix is what to type."""
     monkeypatch.setitem(sys.modules, package, None)
     for name in [name for name in sys.modules if name.startswith(f"{package}.")]:
         monkeypatch.setitem(sys.modules, name, None)
     line = ["export", line_run, "--to", form, "--out", tmp_path / "x"]
     code, found = document(capfd, *line)
     assert code == 2
-    assert found["error"]["mend"] == f"pip install 'gamekeeper[{form}]'"
+    assert found["error"]["fix"] == f"pip install 'gamekeeper[{form}]'"
     assert list(tmp_path.iterdir()) == []
 
 

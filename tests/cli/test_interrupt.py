@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks import interrupt
 from gamekeeper.cli import _app, main
-from gamekeeper.errors import BundleError
+from gamekeeper.errors import RunError
 
 
 def test_clean_up_that_fails_after_ctrl_c_is_an_interrupt(
@@ -21,10 +21,10 @@ def test_clean_up_that_fails_after_ctrl_c_is_an_interrupt(
         try:
             raise KeyboardInterrupt
         finally:
-            raise BundleError("the draft can't be taken away")
+            raise RunError("the draft can't be taken away")
 
     screen = _app.Screen(out=__import__("sys").stdout)
-    assert _app._performed(command, screen, {}) == 130
+    assert _app._performed(command, screen, {}, idle_policies=None) == 130
     assert capsys.readouterr().err == "interrupted\n"
 
 
@@ -41,7 +41,6 @@ def test_ctrl_c_while_the_command_line_is_made_exits_130(
     assert capsys.readouterr().err == "interrupted\n"
 
 
-@pytest.mark.slow
 def test_commands_that_are_interrupted_leave_nothing_behind() -> None:
     """Each long command, at a random instant of its first seconds; see benchmarks/interrupt.py."""
     with interrupt.bench(seed=5) as made:

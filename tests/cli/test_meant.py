@@ -19,21 +19,21 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("command", ["verify", "show", "replay"])
 @pytest.mark.parametrize(
-    ("name", "seen", "mend"),
+    ("name", "seen", "fix"),
     [
         ("one-2", "no such folder", "the nearest run there is"),
         ("", "a folder without manifest.json", "'one-1'"),
     ],
 )
 def test_run_that_is_not_there_has_its_neighbours_named(
-    command: str, name: str, seen: str, mend: str, runs: Path, capfd: pytest.CaptureFixture[str]
+    command: str, name: str, seen: str, fix: str, runs: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """A misspelt run, and the folder that runs lie in; `show`, which takes environments, too."""
     code, told = document(capfd, command, runs / name)
     assert code == 2
-    assert told["error"]["what"] == "there is no bundle here"
-    assert told["error"]["seen"] == seen
-    assert mend in told["error"]["mend"]
+    assert told["error"]["what"] == "there is no run here"
+    assert told["error"]["actual"] == seen
+    assert fix in told["error"]["fix"]
 
 
 def test_file_in_place_of_a_run_is_called_a_file(
@@ -41,7 +41,7 @@ def test_file_in_place_of_a_run_is_called_a_file(
 ) -> None:
     """Not: no such folder."""
     code, told = document(capfd, "verify", runs / "notes.txt")
-    assert (code, told["error"]["seen"]) == (2, "a file")
+    assert (code, told["error"]["actual"]) == (2, "a file")
 
 
 def test_folder_of_many_runs_names_some(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -50,7 +50,7 @@ def test_folder_of_many_runs_names_some(tmp_path: Path, capfd: pytest.CaptureFix
         (tmp_path / f"r{number}").mkdir()
         (tmp_path / f"r{number}" / "manifest.json").touch()
     _, told = document(capfd, "verify", tmp_path)
-    assert told["error"]["mend"].endswith("'r0', 'r1', 'r2', 'r3', 'r4' and 3 more")
+    assert told["error"]["fix"].endswith("'r0', 'r1', 'r2', 'r3', 'r4' and 3 more")
 
 
 def test_run_refuses_an_unknown_policy_before_the_audit(
@@ -65,7 +65,27 @@ def test_run_refuses_an_unknown_policy_before_the_audit(
     assert not out.exists()
 
 
-@pytest.mark.parametrize("command", ["contract", "audit", "run", "record"])
+@pytest.mark.parametrize("wrong", ["pickr=random", "tests.nothing:here", "picker_0=same:nobody"])
+def test_run_refuses_whatever_cannot_play_before_the_audit(
+    wrong: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A role misspelt, a module that isn't there, an object that nobody has: no audit begins."""
+    monkeypatch.setattr("gamekeeper.cli.run.audit_with_progress", pytest.fail)
+    code, told = document(capfd, "run", "warehouse", "--policy", wrong, "--out", tmp_path / "run")
+    assert (code, told["error"]["kind"]) == (2, "PolicyError")
+
+
+def test_a_misspelt_policy_is_refused_where_it_changes_nothing(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """An audit chooses for itself, and says so before it begins rather than go on for minutes."""
+    monkeypatch.setattr("gamekeeper.cli.audit.audit_with_progress", pytest.fail)
+    code, told = document(capfd, "audit", "warehouse", "--policy", "refrence")
+    assert code == 2
+    assert "the nearest is 'reference'" in told["error"]["what"]
+
+
+@pytest.mark.parametrize("command", ["contract", "audit", "run", "rollout"])
 def test_run_in_place_of_an_environment_is_told(
     command: str, runs: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -73,7 +93,7 @@ def test_run_in_place_of_an_environment_is_told(
     code, told = document(capfd, command, runs / "one-1")
     assert code == 2
     assert told["error"]["what"] == "evidence is no environment"
-    assert "gamekeeper show" in told["error"]["mend"]
+    assert "gamekeeper show" in told["error"]["fix"]
 
 
 @pytest.mark.parametrize("command", ["contract", "audit", "run", "show"])
@@ -84,7 +104,7 @@ def test_contract_in_place_of_an_environment_is_told(
     code, told = document(capfd, command, "cards.toml")
     assert code == 2
     assert told["error"]["what"] == "a contract alone is no environment"
-    assert "--contract cards.toml" in told["error"]["mend"]
+    assert "--contract cards.toml" in told["error"]["fix"]
 
 
 @pytest.mark.parametrize(
@@ -106,12 +126,11 @@ def test_message_says_what_to_type(
 
 
 def test_help_tells_each_command_whole(capfd: pytest.CaptureFixture[str]) -> None:
-    """What doesn't fit beside a command's name goes on in the next line; only a list is open."""
+    """What doesn't fit beside a command's name continues in the next line, and is never cut."""
     _, out, _ = said(capfd, "--help")
-    listed = out.partition("Commands:")[2].partition("Start with")[0]
+    listed = out.partition("Commands:")[2].partition("Example:")[0]
     cut = [line for line in listed.splitlines() if line.endswith("...")]
-    assert len(cut) == 1
-    assert cut[0].endswith("exporters, ...")
+    assert cut == []
 
 
 def test_show_names_the_file_that_rules_stand_in(capfd: pytest.CaptureFixture[str]) -> None:

@@ -26,7 +26,7 @@ def numbers() -> list[tuple[str, str]]:
 
 def test_numbers_are_found() -> None:
     """The law below is asked of something."""
-    assert {("record", "--episodes"), ("audit", "--seeds"), ("run", "--timeout")} <= {*numbers()}
+    assert {("rollout", "--episodes"), ("audit", "--seeds"), ("run", "--timeout")} <= {*numbers()}
 
 
 @pytest.mark.parametrize(("command", "option"), numbers())

@@ -14,7 +14,7 @@ from tests.surface.sources import ROOT
 
 pytest.importorskip("duckdb")
 
-from gamekeeper.adapters.sql import Session
+from gamekeeper.viewing.sql import Session
 from tests.surface.typed_pages import blocks_of, run_block
 
 MEANS = "select agent, avg(return) as mean from returns group by agent order by agent"
@@ -32,7 +32,7 @@ def test_query_shows_a_table(line_run: Path, capfd: pytest.CaptureFixture[str]) 
 
 def test_query_shows_wide_rows_as_blocks(line_run: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """No line is wider than 80 columns, whatever is asked; what isn't shown is said."""
-    code, out, err = said(capfd, "query", line_run, "select * from steps", "--rows", 2)
+    code, out, err = said(capfd, "query", line_run, "select * from agent_steps", "--rows", 2)
     assert code == 0
     assert max(map(len, out.splitlines())) <= 80
     assert out.splitlines()[0] == "row 1"
@@ -45,16 +45,21 @@ def test_query_shows_wide_rows_as_blocks(line_run: Path, capfd: pytest.CaptureFi
 def test_query_prints_one_document(line_run: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """Columns with types, all rows as objects; what JSON lacks has a text or null."""
     sql = (
-        "select agent, 'NaN'::double as odd, 'ab'::blob as bytes, [1, 2] as list, "
+        "select agent, 'NaN'::double as uneven, 'ab'::blob as bytes, [1, 2] as list, "
         "date '2026-01-02' as day, 1.50::decimal(4, 2) as price, agent from agents order by 1"
     )
     code, found = document(capfd, "query", line_run, sql)
     assert (code, found["runs"]) == (0, 1)
     assert [each["type"] for each in found["columns"]][:3] == ["VARCHAR", "DOUBLE", "BLOB"]
     assert found["rows"][0] == {
-        "agent": "carrier", "odd": None, "bytes": "6162", "list": [1, 2], "day": "2026-01-02",
-        "price": "1.50", "agent_1": "carrier",
-    }  # fmt: skip
+        "agent": "carrier",
+        "uneven": None,
+        "bytes": "6162",
+        "list": [1, 2],
+        "day": "2026-01-02",
+        "price": "1.50",
+        "agent_1": "carrier",
+    }
 
 
 def test_query_writes_files(
@@ -62,8 +67,8 @@ def test_query_writes_files(
 ) -> None:
     """All rows, whatever --rows says; the document names the file."""
     out = tmp_path / "new" / "rows.parquet"
-    code, found = document(capfd, "query", line_run, "from steps", "--out", out, "--rows", 1)
-    count = gk.load(line_run).steps.num_rows
+    code, found = document(capfd, "query", line_run, "from agent_steps", "--out", out, "--rows", 1)
+    count = gk.load(line_run).agent_steps.num_rows
     assert (code, found) == (0, {"runs": 1, "path": str(out), "rows_written": count})
     assert pq.read_table(out).num_rows == count
     code, text, err = said(capfd, "query", line_run, MEANS, "--out", tmp_path / "rows.csv")
@@ -77,7 +82,7 @@ def test_query_lists_the_views(line_run: Path, capfd: pytest.CaptureFixture[str]
     """Without a query; names that stand for the same are listed once."""
     code, found = document(capfd, "query", line_run)
     assert code == 0
-    assert {"returns", "endings", "orders", "labels", "steps"} <= found["views"].keys()
+    assert {"returns", "endings", "orders", "labels", "agent_steps"} <= found["views"].keys()
     assert "order" not in found["views"]
     assert "returns\n  run VARCHAR, episode INTEGER" in said(capfd, "query", line_run)[1]
 
@@ -104,8 +109,8 @@ def test_query_obeys_no_control_character(
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["nowhere", "select 1 as one"], "there is no evidence here"),
-        (["select 1 as one"], "no run is named"),
+        (["nowhere", "select 1 as one"], "no run or evaluation was found"),
+        (["select 1 as one"], "the name of a run is missing"),
         (["select 1 as one", "RUN"], "the query stands before a run"),
         (["RUN", "select nothing from returns"], "columns: returns (run, episode, agent"),
         (["RUN", "copy (select 1) to 'x.csv'"], "one statement that reads"),

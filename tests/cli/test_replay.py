@@ -8,8 +8,8 @@ import pytest
 import gamekeeper as gk
 from gamekeeper.cli._screen import Screen
 from gamekeeper.cli.replay import replay_code, show_replayed
-from gamekeeper.core.divergence import Divergence
-from gamekeeper.record.replay import Replay
+from gamekeeper.episodes.divergence import Divergence
+from gamekeeper.runs.comparison import Replay
 from tests.cli.lines import LINE, ROUGH, document, said
 
 FIELDS = ["run", "verified", "within_tolerance", "fingerprint", "divergence", "reason"]
@@ -24,7 +24,7 @@ def test_equal_replay_is_verified(line_run: Path, capfd: pytest.CaptureFixture[s
 @pytest.fixture
 def _a_known_cause(monkeypatch: pytest.MonkeyPatch) -> None:
     """Looking for a cause replays four times more; here it is known."""
-    monkeypatch.setattr("gamekeeper.record.replay.cause_of", lambda *_, **__: "the drift is on")
+    monkeypatch.setattr("gamekeeper.runs.comparison.cause_of", lambda *_, **__: "the drift is on")
 
 
 @pytest.mark.usefixtures("_a_known_cause")
@@ -46,9 +46,14 @@ def test_divergence_is_shown_with_its_cause(capfd: pytest.CaptureFixture[str]) -
     """Place, both values, cause and differing versions stand under one another, indented."""
     divergence = Divergence(3, 7, "arm", "reward", 1.0, 0.5)
     replayed = Replay(
-        run="x", verified=False, within_tolerance=None, fingerprint="f", divergence=divergence,
-        versions={"numpy": ["2.0.0", "2.4.6"]}, cause="the environment changed",
-    )  # fmt: skip
+        run="x",
+        verified=False,
+        within_tolerance=None,
+        fingerprint="f",
+        divergence=divergence,
+        versions={"numpy": ["2.0.0", "2.4.6"]},
+        cause="the environment changed",
+    )
     show_replayed(Screen(sys.stdout), replayed, indent="  ")
     assert capfd.readouterr().out.splitlines() == [
         "  diverged at episode 3, turn 7, agent arm: reward",
@@ -57,7 +62,7 @@ def test_divergence_is_shown_with_its_cause(capfd: pytest.CaptureFixture[str]) -
         "  Cause",
         "    the environment changed",
         "  Versions that differ",
-        "    numpy  2.0.0 then, 2.4.6 now",
+        "    numpy  2.0.0 when recorded, 2.4.6 now",
     ]
     assert replay_code(replayed) == 1
 
@@ -72,6 +77,7 @@ def test_small_difference_is_within_tolerance(
     assert out.startswith("within tolerance")
 
 
+@pytest.mark.usefixtures("nothing_is_ours")
 def test_code_outside_the_installation_needs_leave(
     rough_run: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -79,7 +85,7 @@ def test_code_outside_the_installation_needs_leave(
     code, found = document(capfd, "replay", rough_run)
     assert code == 2
     assert found["error"]["kind"] == "TrustError"
-    assert "--allow-import" in found["error"]["mend"]
+    assert "--allow-import" in found["error"]["fix"]
 
 
 def test_missing_environment_cannot_be_told(
@@ -107,14 +113,14 @@ def test_own_policies_of_a_trusted_environment_choose_again(
 
 
 @pytest.mark.parametrize("run", ["nowhere", "."])
-def test_no_bundle_is_wrong_use(
+def test_no_run_is_wrong_use(
     run: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """A folder without evidence is an error of its own, told without a traceback."""
     monkeypatch.chdir(tmp_path)
     code, out, err = said(capfd, "replay", run)
     assert (code, out) == (2, "")
-    assert err.startswith("BundleError: ")
+    assert err.startswith("RunError: ")
 
 
 @pytest.mark.parametrize(

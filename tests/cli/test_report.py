@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from gamekeeper.record.files.notes import read_notes
+from gamekeeper.runs.files.notes import read_notes
 from tests.cli.lines import document, said
 
 Capture = pytest.CaptureFixture[str]
@@ -31,23 +31,27 @@ def test_report_takes_runs_and_a_title(
     assert (code, str(out) in words) == (0, True)
     page = out.read_text(encoding="utf-8")
     assert "<title>Two &amp; more</title>" in page
-    assert "rough beside line" in page
+    assert "rough compared with line" in page
 
 
 @pytest.mark.parametrize(
     ("line", "why"),
     [
         (["--episode", "99"], "no episode 99"),
-        (["--audit", "{run}/manifest.json"], "this is no audit"),
+        (["--audit", "{run}/manifest.json"], "isn't of the kind 'audit'"),
         (["--evaluation", "{run}"], "evaluation.json is missing"),
         (["--out", "{run}"], "this is a folder"),
         (["--out", "{run}/manifest.json/page.html"], "making the folder failed"),
     ],
 )
 def test_report_says_what_is_wrong(
-    line: list[str], why: str, line_run: Path, tmp_path: Path, capsys: Capture,
+    line: list[str],
+    why: str,
+    line_run: Path,
+    tmp_path: Path,
+    capsys: Capture,
     monkeypatch: pytest.MonkeyPatch,
-) -> None:  # fmt: skip
+) -> None:
     """A wrong option is refused with exit code 2, and no page is written."""
     monkeypatch.chdir(tmp_path)
     code, _, errors = said(capsys, "report", line_run, *(w.format(run=line_run) for w in line))
@@ -67,7 +71,7 @@ def test_report_takes_the_place_of_a_page_only(
     manifest = line_run / "manifest.json"
     before = manifest.read_bytes()
     code, _, errors = said(capsys, "report", line_run, "--out", manifest)
-    assert (code, "a file that is no page" in errors) == (2, True)
+    assert (code, "a file that isn't an HTML page" in errors) == (2, True)
     assert manifest.read_bytes() == before
 
 
@@ -87,16 +91,17 @@ def test_report_goes_through_a_pipe(line_run: Path, tmp_path: Path, capsys: Capt
 def test_report_of_no_run_is_refused(tmp_path: Path, capsys: Capture) -> None:
     """A folder that is no run is named."""
     code, told = document(capsys, "report", tmp_path)
-    assert (code, told["error"]["kind"]) == (2, "BundleError")
+    assert (code, told["error"]["kind"]) == (2, "RunError")
 
 
 def test_report_finds_the_attribution(tmp_path: Path, capsys: Capture) -> None:
     """What `attribute` printed is kept in the run, and stands on the page."""
     run, out = tmp_path / "run", tmp_path / "page.html"
-    said(capsys, "record", "two_robot_line", "--policy", "reference", "--episodes", 3, "--out", run)
+    line = ("rollout", "two_robot_line", "--policy", "reference", "--episodes", 3, "--out", run)
+    said(capsys, *line)
     _, told = document(capsys, "attribute", run, "--episodes", 0, "--papers", 1)
     assert [note["document"] for note in read_notes(run)] == [told]
     said(capsys, "report", run, "--out", out)
     page = out.read_text(encoding="utf-8")
-    assert "What each agent brings" in page
+    assert "Contributions of agents" in page
     assert "nobody else has its role" in page.replace("&#39;", "'")

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 import gamekeeper as gk
-from gamekeeper.audit.audit import audit_here
-from gamekeeper.audit.result import Audit
-from gamekeeper.cli._form import Form
+from gamekeeper.auditing.audit import audit_here
+from gamekeeper.auditing.result import AuditResult
+from gamekeeper.cli._form import GameForm
 from gamekeeper.cli.run import contract_file, is_near
-from gamekeeper.core.contract import Contract
+from gamekeeper.contract import Contract
 from gamekeeper.errors import EnvError
 from tests.cli.lines import LINE, failing, said
 
-PAID = "gamekeeper.audit.specimens.gk402_paid_after_end:make"
+PAID = "tests.faults.rewards:PaidAfterEnd"
 SMALL: Any = {"select": ("GK402",), "budget": 1_000}
 
 
@@ -22,8 +22,9 @@ SMALL: Any = {"select": ("GK402",), "budget": 1_000}
 def _small_audits_here(monkeypatch: pytest.MonkeyPatch) -> None:
     """One check in this process: what is tested is what `run` makes of an audit."""
 
-    def audited(screen: Any, spec: str, **options: Any) -> Audit:
+    def audited(screen: Any, spec: str, **options: Any) -> AuditResult:
         assert options["quick"]
+        assert "seconds" not in options
         return audit_here(spec, env_kwargs=options["env_kwargs"], **SMALL)
 
     monkeypatch.setattr("gamekeeper.cli.run.audit_with_progress", audited)
@@ -46,7 +47,7 @@ def test_run_does_the_main_job(
         "Endings",
         "Audited",
         "Recorded",
-        "Replayed in a fresh process",
+        "Replayed in a new process",
         "Evidence",
         "Next",
     ]
@@ -64,19 +65,19 @@ def test_run_keeps_earlier_evidence(line_run: Path, capfd: pytest.CaptureFixture
     code, out, err = said(capfd, "run", LINE, "--out", line_run, "--episodes", "1", "--json")
     found = json.loads(out)
     assert code == 0
-    assert found["record"]["run"] == f"{line_run}-2"
+    assert found["rollout"]["run"] == f"{line_run}-2"
     assert f"this run goes to {line_run}-2" in err
-    assert list(found) == ["contract", "audit", "record", "replay"]
+    assert list(found) == ["contract", "audit", "rollout", "replay"]
     assert (found["audit"]["api"], found["audit"]["ok"]) == ("parallel", True)
     assert found["replay"]["verified"]
-    assert found["record"]["fingerprint"] == found["replay"]["fingerprint"]
+    assert found["rollout"]["fingerprint"] == found["replay"]["fingerprint"]
     assert {path.name: path.read_bytes() for path in line_run.iterdir()} == before
 
 
 def test_run_of_a_failing_environment_exits_1(
     tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """What was recorded until then is shown and sealed; there is no replay, and it isn't green."""
+    """The turns until then are shown and finalized; there is no replay, and it isn't green."""
     line = [*failing("raise", tmp_path / "run")[1:], "--no-audit"]
     code, out, err = said(capfd, "run", *line)
     assert code == 1
@@ -97,16 +98,6 @@ def test_run_records_what_breaks_a_promise(
     assert "GK402  high  An agent that has ended is paid nothing more." in out
     assert f"gamekeeper audit {PAID}" in out
     assert "verified: fingerprint" in out
-
-
-def test_run_says_that_the_audit_had_no_time(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    """With the command that takes as long as it needs."""
-    monkeypatch.setattr("gamekeeper.cli.run.AUDIT_S", 0.0)
-    _, out, _ = said(capfd, "run", LINE, "--out", tmp_path / "a", "--episodes", "1")
-    assert "unseen for want of time: it gets 0 s here" in out
-    assert f"gamekeeper audit {LINE}" in out
 
 
 def test_run_goes_on_where_the_audit_gives_up(
@@ -145,7 +136,7 @@ def test_run_without_an_audit_records_at_once(
 )
 def test_contract_is_best_written_where_it_is_found(env: str, file: str) -> None:
     """The next command writes a contract beside the environment's file, where there is one."""
-    assert contract_file(env, Form("line_v0", Contract(), False, (), ())) == file
+    assert contract_file(env, GameForm("line_v0", Contract(), False, (), ())) == file
 
 
 @pytest.mark.parametrize(
@@ -162,5 +153,5 @@ def test_contract_is_best_written_where_it_is_found(env: str, file: str) -> None
     ],
 )
 def test_tolerance_is_advised_for_what_arithmetic_may_do(near: bool, one: Any, two: Any) -> None:
-    """What nearly agrees may come from another machine; what else differs is to be mended."""
+    """What nearly agrees may come from another machine; what else differs is to be fixed."""
     assert is_near(one, two) is near

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 import gamekeeper as gk
-from gamekeeper.report.sparkline import ASCII, BLOCKS
+from gamekeeper.reporting.text_columns import ASCII, BLOCKS
 from tests.cli.lines import document, run_apart, said
 
 

@@ -21,7 +21,7 @@ NOISES = [
 
 def test_stdout_holds_one_document_whatever_is_printed(tmp_path: Path) -> None:
     """Prints of Python, raw bytes and started programs of an environment all arrive at stderr."""
-    line = ["record", *rough(is_loud=True, length=2), "--episodes", "1", "--json"]
+    line = ["rollout", *rough(is_loud=True, length=2), "--episodes", "1", "--json"]
     done = run_apart(*line, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["turns"] == 2
@@ -51,30 +51,83 @@ def test_claimed_stdout_turns_everything_over(tmp_path: Path) -> None:
 
 def test_closed_streams_are_survived(tmp_path: Path) -> None:
     """A service that has closed its standard streams can record all the same."""
-    words = [sys.executable, "-m", "gamekeeper", "record", LINE, "--episodes", "1", "--out", "run"]
+    words = [sys.executable, "-m", "gamekeeper", "rollout", LINE, "--episodes", "1", "--out", "run"]
     line = f"exec {shlex.join(words)} <&- >&- 2>&-"
     done = subprocess.run(["sh", "-c", line], env=SURROUNDINGS, cwd=tmp_path, check=False)
     assert done.returncode == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run"]
-    assert (tmp_path / "run" / "steps.parquet").is_file()
+    assert (tmp_path / "run" / "agent_steps.parquet").is_file()
 
 
-def test_reader_that_leaves_is_no_error(tmp_path: Path) -> None:
-    """`gamekeeper show RUN | head -1` ends quietly when head has had enough."""
+LINES = [
+    ["verify", "RUN"],
+    ["show", "RUN", "--json"],
+    ["diff", "RUN", "RUN"],
+    ["list"],
+    ["contract", LINE],
+    ["query", "RUN"],
+    ["nonsense", "--json"],
+    ["verify", "--help"],
+    ["--help"],
+    ["--version"],
+]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="Linux alone has a file that is full")
+@pytest.mark.parametrize("line", LINES, ids=" ".join)
+def test_stdout_that_is_full_is_no_verdict(line: list[str], line_run: Path) -> None:
+    """Whatever the command: exit code 2, since 1 would say that a run is damaged, and a line."""
+    words = [str(line_run) if word == "RUN" else word for word in line]
+    with Path("/dev/full").open("w") as full:
+        done = run_to(full.fileno(), *words)
+    assert done.returncode == 2
+    if line[0] == "nonsense":  # wrong use has its reason on stderr anyway
+        assert "No such command" in done.stderr
+        assert "Traceback" not in done.stderr
+    else:
+        assert done.stderr == "stdout can't be written: No space left on device\n"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="Linux alone has a file that is full")
+def test_work_is_finished_when_stdout_is_full(tmp_path: Path) -> None:
+    """A recording is whole, though nothing could be told of it; the same where stderr is full."""
+    from gamekeeper.runs.run_check import verify
+
+    with Path("/dev/full").open("w") as full:
+        for name, streams in (("one", {"stderr": subprocess.DEVNULL}), ("two", {"stderr": full})):
+            line = ["rollout", LINE, "--episodes", "1", "--out", str(tmp_path / name)]
+            done = subprocess.run(
+                [sys.executable, "-m", "gamekeeper", *line],
+                env=SURROUNDINGS,
+                stdout=full,
+                check=False,
+                **streams,
+            )
+            assert done.returncode == 2
+            assert verify(tmp_path / name).ok
+
+
+def run_to(stdout: int, *line: str) -> "subprocess.CompletedProcess[str]":
+    """A command in a process of its own that writes there."""
+    return subprocess.run(
+        [sys.executable, "-m", "gamekeeper", *line],
+        env=SURROUNDINGS,
+        stdout=stdout,
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
+
+
+def test_reader_that_leaves_is_told_once(tmp_path: Path) -> None:
+    """`gamekeeper show RUN | head -1` can't say what the command came to: exit code 2, a line."""
     read, write = os.pipe()
     os.close(read)
     try:
-        done = subprocess.run(
-            [sys.executable, "-m", "gamekeeper", "contract", LINE],
-            env=SURROUNDINGS,
-            stdout=write,
-            stderr=subprocess.PIPE,
-            text=True,
-            check=False,
-        )
+        done = run_to(write, "contract", LINE)
     finally:
         os.close(write)
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, done.stderr) == (2, "stdout can't be written: Broken pipe\n")
 
 
 class Terminal(io.StringIO):

@@ -15,8 +15,8 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from gamekeeper.adapters.view.view import View
 from gamekeeper.cli import view as command
+from gamekeeper.viewing.viewer import Viewer
 from tests.cli.lines import SURROUNDINGS, document, said
 
 PATIENCE_S = 60.0
@@ -64,7 +64,7 @@ def test_view_of_no_run_is_refused(tmp_path: Path, capfd: pytest.CaptureFixture[
     """Before any port is taken: exit code 2, with what to do."""
     code, found = document(capfd, "view", tmp_path)
     assert code == 2
-    assert found["error"]["what"] == "there is no bundle here"
+    assert found["error"]["what"] == "there is no run here"
     assert said(capfd, "view")[0] == 2
 
 
@@ -110,10 +110,10 @@ def test_view_opens_a_browser_where_somebody_sits(
     monkeypatch.setattr(command, "open_browser", opened.append)
     monkeypatch.setattr(sys, "platform", "linux")
 
-    def interrupted(self: View) -> None:
+    def interrupted(self: Viewer) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(View, "serve", interrupted)
+    monkeypatch.setattr(Viewer, "serve", interrupted)
     try:
         said(capsys, "view", line_run, *more)
     except SystemExit as end:

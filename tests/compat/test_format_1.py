@@ -1,6 +1,6 @@
-"""Bundles that a gamekeeper of format version 1 wrote: whatever comes later reads them for good.
+"""Runs that a gamekeeper of format version 1 wrote: whatever comes later reads them for good.
 
-A test here that fails after a change of the source is right: mend the source. The bundles, what
+A test here that fails after a change of the source is right: fix the source. The runs, what
 stands in `worlds.py`, and the constants below are never changed.
 """
 
@@ -17,32 +17,32 @@ import pyarrow.parquet as pq
 import pytest
 
 import gamekeeper as gk
-from gamekeeper.core.evidence import Evidence
-from gamekeeper.errors import BundleError
-from gamekeeper.game.open import open_env
-from gamekeeper.record.bundle import load
-from gamekeeper.record.files.folder import digest_file
-from gamekeeper.record.files.manifest import load_manifest
-from gamekeeper.record.files.notes import read_notes
-from gamekeeper.record.recover import recover
-from gamekeeper.record.replay import Replay, replay_evidence
-from gamekeeper.record.verify import verify
+from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.errors import RunError
+from gamekeeper.interface.opening import open_env
+from gamekeeper.runs.comparison import Replay, replay_evidence
+from gamekeeper.runs.files.folder import digest_file
+from gamekeeper.runs.files.manifest import load_manifest
+from gamekeeper.runs.files.notes import read_notes
+from gamekeeper.runs.load_run import load
+from gamekeeper.runs.run_check import recover, verify
 from tests.cli.lines import document, said
-from tests.record.reseal import reseal
+from tests.runs.finalize_again import finalize_again
 
 HERE: Final = Path(__file__).with_name("v1")
-MARKET: Final = "56049d1de92d66cfa7c94a23b1370f41d6ac18104df690b75324200ca09ae21b"
+MARKET: Final = "0e968c9fe937232507611adfe441b1de0151b41b63359b633b97ebf1880444de"
 MARKET_INFOS: Final = "e9e7dd523d7f57b5db4bc9269b9e219ff4e2c2ec79bb1a9fa6d072bf31485871"
-RELAY: Final = "b89b0d600d97fcc2e8c57b433271d96aaa2752e763bcd8cf84ee0756e9069c61"
+RELAY: Final = "60ef6dabe6940d12e2447b0c116bf5737f788b269278637c269b17e8c5ad712b"
 RELAY_INFOS: Final = "9c74b8c32dbccb226340d57d477478ccd99f63d8e89e39839b53b27ee79f2ba7"
-FRAMES: Final = "bca6536972185f2db6e309f20a22dab5497317e315382fa44b2f73ba82186cb3"
+FRAMES: Final = "c4e0d45064821346913793f1bcea4c57767a5313771200abb24f8b0af4b8894f"
 FRAMES_INFOS: Final = "af956b1d3c631563afffeeaff28df47d754ed3e6fafd53a5aaa7f412ffa09496"
-FAILED: Final = "848d3deb3dfd19e25cfe9dc5d2eca1c19796eeb0664255ce97ee3dd24acb3e42"
+FAILED: Final = "5eeb6c150cb954fa7ccb982479d9d873d5106cdd2e670f592657d88a78d76242"
 FAILED_INFOS: Final = "3766289795c22a6336bfc05b6dbd0a05d14241b33e0b4543aacbb3ee5339cee7"
-WORLDS: Final = "d39136366a47c92d5ddd6fcfcba9ea7f"
+OPEN: Final = "b01db75804e08f003805dff27920df1c33856b967fb2e9f3f3a80745454dc555"  # recovered
+WORLDS: Final = "a9badde2fb8b7f89423352046c48c4e5"
 
 CUT: Final = ["ended", "ended", "cut"]
-SEALED: Final = {  # fingerprint, of infos, rows, ends of episodes
+FINALIZED: Final = {  # fingerprint, of infos, rows, ends of episodes
     "parallel": (MARKET, MARKET_INFOS, 46, CUT),
     "digest": (MARKET, MARKET_INFOS, 46, CUT),
     "frames": (FRAMES, FRAMES_INFOS, 46, CUT),
@@ -50,11 +50,11 @@ SEALED: Final = {  # fingerprint, of infos, rows, ends of episodes
     "aec-digest": (RELAY, RELAY_INFOS, 67, ["ended"] * 3),
     "failed": (FAILED, FAILED_INFOS, 13, ["failed"]),
 }
-ALL: Final = [*SEALED, "open"]
+ALL: Final = [*FINALIZED, "open"]
 
 
 def played_again(evidence: Evidence, *, policies: bool = False) -> Replay:
-    """A replay in the environment beside the bundles."""
+    """A replay in the environment beside the runs."""
     identity = evidence.manifest["environment"]
     factory = identity["entry_point"].split(":")[1]
     opened = open_env(f"{HERE / 'worlds.py'}:{factory}", **identity["kwargs"])
@@ -62,38 +62,43 @@ def played_again(evidence: Evidence, *, policies: bool = False) -> Replay:
 
 
 def copied(name: str, folder: Path) -> Path:
-    """A bundle that may be changed."""
+    """A run that may be changed."""
     return Path(shutil.copytree(HERE / name, folder / name))
 
 
 def test_worlds_are_as_they_were() -> None:
-    """Nobody edits the environment that the bundles were recorded in."""
+    """Nobody edits the environment that the runs were recorded in."""
     digests = {load(HERE / name).manifest["environment"]["source_digest"] for name in ALL}
     assert {WORLDS} == digests
     assert open_env(f"{HERE / 'worlds.py'}:Market").identity["source_digest"] == WORLDS
 
 
-@pytest.mark.parametrize("name", SEALED)
-def test_sealed_bundle_is_read(name: str) -> None:
+@pytest.mark.parametrize("name", FINALIZED)
+def test_finalized_run_is_read(name: str) -> None:
     """Fingerprints, number of rows and ends are those of the day of recording."""
     evidence = gk.load(HERE / name)
     manifest = evidence.manifest
-    ends = evidence.episodes["end"].to_pylist()
-    found = manifest["fingerprint"], manifest["info_fingerprint"], evidence.steps.num_rows, ends
-    assert found == SEALED[name]
+    ends = evidence.episode_table["end"].to_pylist()
+    found = (
+        manifest["fingerprint"],
+        manifest["info_fingerprint"],
+        evidence.agent_steps.num_rows,
+        ends,
+    )
+    assert found == FINALIZED[name]
     assert manifest["format_version"] == 1
-    assert manifest["status"] == ("failed" if name == "failed" else "sealed")
+    assert manifest["status"] == ("failed" if name == "failed" else "finalized")
 
 
-@pytest.mark.parametrize("name", SEALED)
-def test_sealed_bundle_verifies(name: str) -> None:
-    """Every byte is as it was sealed, and the rows digest to the fingerprint of that day."""
-    found = verify(HERE / name, fingerprint=SEALED[name][0])
+@pytest.mark.parametrize("name", FINALIZED)
+def test_finalized_run_verifies(name: str) -> None:
+    """Every byte is as it was finalized, and the rows digest to the fingerprint of that day."""
+    found = verify(HERE / name, fingerprint=FINALIZED[name][0])
     assert (found.ok, found.self_consistent, found.matches) == (True, True, True), str(found)
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_bundle_replays(name: str) -> None:
+def test_run_replays(name: str) -> None:
     """The environment of that day comes to the same rows, infos and states."""
     found = played_again(load(HERE / name))
     assert found.verified, str(found)
@@ -107,21 +112,23 @@ def test_policies_choose_as_they_did(name: str) -> None:
 
 
 def test_values_are_read_as_they_were() -> None:
-    """NaN, -0.0, odd values, names with a slash, masks, terms and volatile infos come back."""
+    """NaN, -0.0, nonconforming values, names with a slash, masks, terms, volatile infos."""
     evidence = load(HERE / "parallel")
-    rows = {(r["turn"], r["agent"]): r for r in evidence.trace(0).steps.to_pylist()}
+    rows = {(r["turn"], r["agent"]): r for r in evidence.episode(0).steps.to_pylist()}
     assert math.isnan(rows[2, "buyer_0"]["obs.near"][0])
     assert rows[2, "buyer_0"]["obs.near"][1] == math.inf
     assert math.copysign(1, rows[0, "buyer_0"]["obs.near"][1]) == -1
     assert rows[0, "seller_0"]["order"] == 1
     assert rows[2, "käufer/2"]["action@käufer/2"] == [2, 1]
-    assert rows[3, "buyer_0"]["mask"] == bytes([1, 1, 1, 0])
-    assert json.loads(rows[4, "buyer_0"]["odd"])["obs"]["value"]["near"]["dtype"] == "<f8"
-    assert json.loads(rows[2, "buyer_0"]["odd"])["reward"]["type"] == "numpy.ndarray"
-    assert evidence.episodes["options"].to_pylist()[1] == '{"start":2.5}'
+    assert rows[3, "buyer_0"]["action_mask"] == bytes([1, 1, 1, 0])
+    nonconforming = [json.loads(rows[turn, "buyer_0"]["nonconforming"]) for turn in (4, 2)]
+    assert nonconforming[0]["obs"]["value"]["near"]["dtype"] == "<f8"
+    assert nonconforming[1]["reward"]["type"] == "numpy.ndarray"
+    assert evidence.episode_table["options"].to_pylist()[1] == '{"start":2.5}'
     relay = load(HERE / "aec")
     terms = [
-        sum(v for v in relay.steps[f"reward.{t}"].to_pylist() if v) for t in ("stride", "team")
+        sum(v for v in relay.agent_steps[f"reward.{t}"].to_pylist() if v)
+        for t in ("stride", "team")
     ]
     assert terms == [27.0, 3.0]
     assert relay.contract.volatile_infos() == {"wall_s"}
@@ -129,7 +136,7 @@ def test_values_are_read_as_they_were() -> None:
 
 def test_failure_is_told() -> None:
     """What the environment raised stands with its episode."""
-    (error,) = load(HERE / "failed").episodes["error"].to_pylist()
+    (error,) = load(HERE / "failed").episode_table["error"].to_pylist()
     assert error.endswith("RuntimeError: the market burned down\n")
 
 
@@ -140,21 +147,21 @@ def test_labels_are_read() -> None:
     assert found == ("control", "runner_1", 1, "waits", "author")
 
 
-def test_open_bundle_is_recovered(tmp_path: Path) -> None:
-    """A run that was killed then is sealed now, and replays."""
+def test_open_run_is_recovered(tmp_path: Path) -> None:
+    """A run that was killed then is finalized now, and replays."""
     run = copied("open", tmp_path)
-    sealed = recover(run)
-    assert sealed.manifest["status"] == "recovered"
-    assert sealed.episodes["end"].to_pylist() == ["ended", "torn"]
-    assert sealed.episodes["turns"].to_pylist() == [6, 3]
-    assert sealed.fingerprint == "ea3a9118accaa1b0893f323c5b9414082668c4aca77edd76331a1b598d36adaa"
+    recovered = recover(run)
+    assert recovered.manifest["status"] == "recovered"
+    assert recovered.episode_table["end"].to_pylist() == ["ended", "torn"]
+    assert recovered.episode_table["turns"].to_pylist() == [6, 3]
+    assert recovered.fingerprint == OPEN
     assert verify(run).ok
-    assert played_again(sealed).verified
+    assert played_again(recovered).verified
 
 
 @pytest.mark.parametrize("name", ["aec", "frames", "open"])
 def test_report_is_written(name: str, tmp_path: Path) -> None:
-    """A page of a bundle of that day is drawn."""
+    """A page of a run of that day is drawn."""
     gk.report(copied(name, tmp_path), tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert ("relay_v1" if name == "aec" else "market_v1") in page
@@ -177,27 +184,27 @@ def test_same_evidence_has_no_divergence() -> None:
 def test_newer_format_is_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     """What a newer gamekeeper wrote is not guessed at: the error says what to do, the code is 2."""
     run = copied("parallel", tmp_path)
-    reseal(run, format_version=2)
+    finalize_again(run, format_version=2)
     for look in (gk.load, verify, recover):
-        with pytest.raises(BundleError, match="newer format") as caught:
+        with pytest.raises(RunError, match="newer format") as caught:
             look(run)
-        assert caught.value.mend == "upgrade: pip install --upgrade gamekeeper"
+        assert caught.value.fix == "upgrade: pip install --upgrade gamekeeper"
     assert said(capfd, "verify", run)[0] == 2
 
 
 def test_additions_within_a_version_are_passed_over(tmp_path: Path) -> None:
     """Names in the manifest, columns and files that this reader doesn't know change nothing."""
     run = copied("parallel", tmp_path)
-    steps = pq.read_table(run / "steps.parquet")
+    steps = pq.read_table(run / "agent_steps.parquet")
     pq.write_table(
-        steps.append_column("later", pa.array(range(steps.num_rows))), run / "steps.parquet"
+        steps.append_column("later", pa.array(range(steps.num_rows))), run / "agent_steps.parquet"
     )
-    size, digest = digest_file(run / "steps.parquet")
-    seal = load_manifest(run)["seal"]
-    seal["files"]["steps.parquet"] = {"size": size, "digest": digest}
+    size, digest = digest_file(run / "agent_steps.parquet")
+    checksums = load_manifest(run)["checksums"]
+    checksums["files"]["agent_steps.parquet"] = {"size": size, "digest": digest}
     later = {"of": ["a", "newer", "writer"]}
     environment = {**load_manifest(run)["environment"], "later": later}
-    reseal(run, later=later, environment=environment, seal=seal)
+    finalize_again(run, later=later, environment=environment, checksums=checksums)
     (run / "notes.txt").write_text("somebody's own\n", encoding="utf-8")
     assert verify(run, fingerprint=MARKET).ok
     assert played_again(load(run)).verified

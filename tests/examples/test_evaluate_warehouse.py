@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from examples import evaluate_warehouse
-from gamekeeper.evaluate.evaluate import evaluate
-from gamekeeper.evaluate.reading import read_file
+from gamekeeper.evaluation.evaluator import evaluate
+from gamekeeper.evaluation.spec_reader import read_file
 
 
 def test_evaluate_warehouse_tells_who_is_above_whom(capsys: pytest.CaptureFixture[str]) -> None:
@@ -24,8 +24,9 @@ def test_evaluate_warehouse_takes_policies_by_role() -> None:
     found = evaluate(spec, episodes=1)
     cells = {tuple(c["roles"].values()): c for c in found.crossplay["calm"]["cells"]}
     mixed = next(
-        row for row in found.results
+        row
+        for row in found.results
         if (row["environment"], row["policy"], row["scope"], row["metric"])
         == ("calm", "mixed", "team", "return")
-    )  # fmt: skip
+    )
     assert cells["reference", "hasty"]["mean"] == pytest.approx(mixed["mean"]["value"])

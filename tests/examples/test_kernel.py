@@ -7,14 +7,16 @@ import pytest
 from pettingzoo.test import parallel_api_test
 
 from examples.kernel import CELLS, CHARGE, RING, ROBOTS, main
-from gamekeeper.kernels.rules import numba
+from gamekeeper.kernels.batch import Batch
+from gamekeeper.kernels.kernel_env import kernel_env
+from gamekeeper.kernels.scalar_rules import numba
 
 DOWN, STAY, UP = range(3)
 
 
 def started(seed: int = 0):
     """A copy in plain Python, at the start of an episode."""
-    env = RING.env(debug=True)
+    env = kernel_env(RING, debug=True)
     env.reset(seed=seed)
     return env
 
@@ -61,7 +63,7 @@ def test_ring_ends_robots_one_by_one():
 @pytest.mark.skipif(numba() is None, reason="Numba, the extra `fast`, isn't installed")
 def test_ring_compiled_equals_plain():
     """Bit for bit, over several episodes."""
-    batches = [RING.batch(4, seed=1, debug=debug) for debug in (True, False)]
+    batches = [Batch(RING, 4, seed=1, debug=debug) for debug in (True, False)]
     rng = np.random.default_rng(0)
     for batch in batches:
         batch.reset()

@@ -53,8 +53,8 @@ def test_deliveries_are_those_that_evidence_tells() -> None:
     evidence = gk.rollout(
         "warehouse", policies="reference", episodes=1, seed=0, env_kwargs=example.KWARGS
     )
-    rows = [row for row in evidence.steps.to_pylist() if row["agent"] == "carrier_0"]
-    turns = [t.actions for t in next(iter(evidence.traces)).turns if any(t.actions.values())]
+    rows = [row for row in evidence.agent_steps.to_pylist() if row["agent"] == "carrier_0"]
+    turns = [t.actions for t in next(iter(evidence.episodes)).turns if any(t.actions.values())]
 
     class Recorded:
         """Does what was done."""

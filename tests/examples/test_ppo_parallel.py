@@ -13,6 +13,7 @@ from gymnasium import spaces
 
 import gamekeeper as gk
 from examples.kernel import RING
+from gamekeeper.kernels.kernel_env import kernel_env
 
 pytestmark = pytest.mark.trainer
 ENDS = {"pilot_0": 3, "pilot_1": 4, "scout": 7}
@@ -44,7 +45,7 @@ class Relay(gk.TickEnv):
     def tick(self, actions: dict[str, Any]) -> None:
         self.time += 1
         for agent in actions:
-            self.pay(agent, 1.0)
+            self.add_reward(agent, 1.0)
             if self.time == ENDS[agent]:
                 end = self.terminate if agent == "pilot_1" else self.truncate
                 end(agent, "done")
@@ -133,7 +134,7 @@ def test_only_what_was_cut_off_is_bootstrapped(ppo: Any) -> None:
 
 def test_advantages_are_sums_of_discounted_rewards(ppo: Any) -> None:
     """With lambda 1, against sums computed agent by agent and step by step."""
-    learners, obs = played(ppo, lambda: RING.env(debug=True), length=40)
+    learners, obs = played(ppo, lambda: kernel_env(RING, debug=True), length=40)
     (learner,) = learners.values()
     learner.args = replace(learner.args, trace=1.0)
     found = (learner.advantages(obs) + learner.values).numpy()
@@ -177,9 +178,17 @@ def test_quick_run_ends_in_evidence_that_replays(
     (line,) = out.splitlines()
     told = json.loads(line)
     assert set(told) >= {
-        "example", "trainer", "task", "seed", "steps", "seconds", "measure", "result", "wanted",
+        "example",
+        "trainer",
+        "task",
+        "seed",
+        "steps",
+        "seconds",
+        "measure",
+        "result",
+        "wanted",
         "reached",
-    }  # fmt: skip
+    }
     assert "return/role/" in err or env == "warehouse"
     assert gk.load(tmp_path / "run").fingerprint == told["fingerprint"]
     assert gk.replay(tmp_path / "run").verified

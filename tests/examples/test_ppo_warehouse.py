@@ -10,6 +10,7 @@ import pytest
 
 import gamekeeper as gk
 from examples.ppo_warehouse import Learner, Robots, Settings, interval, legal, played
+from gamekeeper.kernels.batch import Batch
 from tests.kernels.lines import WINDY
 
 SMALL = Settings(copies=4, length=8, steps=100, minibatch=32, hidden=8)
@@ -39,15 +40,17 @@ def test_robots_play_the_warehouse(tmp_path: Path) -> None:
     robots = Robots(weights(tmp_path, seen=83, actions=6))
     few = {"pickers": 1, "carriers": 1, "spares": 0, "orders": 1, "horizon": 5, "debug": True}
     evidence = gk.rollout("warehouse", policies=robots, episodes=1, seed=0, env_kwargs=few)
-    assert len(list(evidence.traces)) == 1
+    assert len(list(evidence.episodes)) == 1
 
 
 def test_played_counts_the_first_episode_of_each_copy() -> None:
     """As many episodes as asked for, solved where somebody was terminated in the last tick."""
-    found = played(WINDY.batch(12, seed=3, debug=True), legal(0))
+    found = played(Batch(WINDY, 12, seed=3, debug=True), legal(0))
     assert {name: len(values) for name, values in found.items()} == {
-        "solved": 12, "delivered": 12, "return": 12,
-    }  # fmt: skip
+        "solved": 12,
+        "delivered": 12,
+        "return": 12,
+    }
     assert set(found["solved"]) == {0.0, 1.0}
     mean, low, high = interval(found["solved"])
     assert 0.0 <= low <= mean <= high <= 1.0
@@ -94,7 +97,7 @@ def test_learner_gets_better_on_a_line(tmp_path: Path) -> None:
     learner = Learner(WINDY, settings, 0)
     for _ in learner.run():
         pass
-    unseen = WINDY.batch(200, seed=9)
-    before = played(unseen, legal(0))["solved"].mean()
-    after = played(unseen, learner.act)["solved"].mean()
+    not_exercised = Batch(WINDY, 200, seed=9)
+    before = played(not_exercised, legal(0))["solved"].mean()
+    after = played(not_exercised, learner.act)["solved"].mean()
     assert after > before + 0.1

@@ -106,9 +106,17 @@ def test_quick_run_ends_in_evidence_that_replays(
     (line,) = capsys.readouterr().out.splitlines()
     told = json.loads(line)
     assert set(told) >= {
-        "example", "trainer", "task", "seed", "steps", "seconds", "measure", "result", "wanted",
+        "example",
+        "trainer",
+        "task",
+        "seed",
+        "steps",
+        "seconds",
+        "measure",
+        "result",
+        "wanted",
         "reached",
-    }  # fmt: skip
+    }
     for opponent, found in told["games"].items():
         for side in found["sides"]:
             path = tmp_path / opponent / side["as"]

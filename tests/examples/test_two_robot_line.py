@@ -5,9 +5,9 @@ import pytest
 from pettingzoo.test import parallel_api_test, parallel_seed_test
 
 from examples.two_robot_line import make
-from gamekeeper.core.contract.agent_spec import AgentSpec
-from gamekeeper.game.contract_file import load_contract
-from gamekeeper.game.draft import agent_specs, draft_contract, open_questions
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.agent_spec import AgentSpec
+from gamekeeper.interface.contract_draft import agent_specs, draft_contract, open_questions
 
 CONTRACT = Path(__file__).parents[2] / "examples" / "two_robot_line.toml"
 
@@ -39,12 +39,7 @@ def test_two_robot_line_starts_at_the_ends():
 
 @pytest.mark.parametrize(
     ("joint", "cells"),
-    [
-        ([(1, 1)], (0, 4)),
-        ([(0, 2)], (0, 4)),
-        ([(2, 0)], (1, 3)),
-        ([(2, 1), (0, 1)], (0, 4)),
-    ],
+    [([(1, 1)], (0, 4)), ([(0, 2)], (0, 4)), ([(2, 0)], (1, 3)), ([(2, 1), (0, 1)], (0, 4))],
 )
 def test_two_robot_line_moves_both_at_once_and_stops_at_the_ends(joint, cells):
     """Rule 2: one cell down, nowhere, one cell up, never off the line."""
@@ -88,7 +83,7 @@ def test_two_robot_line_renders_its_line():
 def test_two_robot_line_contract_fits_and_leaves_nothing_open():
     """The contract beside it declares what the draft sees, and answers every question."""
     env = make()
-    contract = load_contract(CONTRACT)
+    contract = Contract.load(CONTRACT)
     drafted = draft_contract(env)
     assert (contract.name, contract.api) == (drafted.name, drafted.api)
     assert list(contract.roles) == list(drafted.roles)

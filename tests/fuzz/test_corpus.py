@@ -25,7 +25,7 @@ def test_corpus_is_refused_with_documented_errors(places: Places, found: Path) -
         play_again(places, found)
 
 
-@pytest.mark.parametrize("target", ["contract", "spec-data", "manifest", "receipt", "bundle-line"])
+@pytest.mark.parametrize("target", ["contract", "spec-data", "manifest", "receipt", "run-line"])
 def test_fuzzer_finds_nothing_in_a_few_inputs(places: Places, target: str, tmp_path: Path) -> None:
     """The fuzzer itself works; what it plays at length is on the page about security."""
     sample = sampler(target, places, random.Random(7))

@@ -15,9 +15,10 @@ import pytest
 
 import gamekeeper as gk
 from gamekeeper.errors import ActionError
+from gamekeeper.kernels.array_views import leaves
+from gamekeeper.kernels.batch import Batch
 from gamekeeper.kernels.cuda import CudaBatch
 from gamekeeper.kernels.kernel import Kernel
-from gamekeeper.kernels.places import leaves
 
 ENVS = 3
 THREADS = 2  # of a block, so that the last one is not full
@@ -53,7 +54,7 @@ def legal(kernel: Kernel, arrays: Any, rng: np.random.Generator) -> Any:
 def compare(kernel: Kernel, steps: int, autoreset: str, tolerance: float) -> int:
     """Raises where anything differs; how many episodes ended."""
     options = {"seed": 5, "autoreset": autoreset, "infos": True}
-    plain = kernel.batch(ENVS, debug=True, **options)
+    plain = Batch(kernel, ENVS, debug=True, **options)
     device = CudaBatch(kernel, ENVS, threads=THREADS, **options)
     plain.reset()
     device.reset()

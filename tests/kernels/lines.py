@@ -7,7 +7,7 @@ from gymnasium import spaces
 
 from gamekeeper.kernels import draws
 from gamekeeper.kernels.kernel import Kernel
-from gamekeeper.kernels.rules import rule
+from gamekeeper.kernels.scalar_rules import rule
 
 LAST = 4
 

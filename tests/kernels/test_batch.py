@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 
 from gamekeeper.errors import ActionError, SpecError
-from gamekeeper.kernels.batch import Batch
-from gamekeeper.kernels.crew import Crew, parts_of
-from gamekeeper.kernels.keys import key_of
-from gamekeeper.kernels.rules import numba
+from gamekeeper.kernels.batch import Batch, Crew, parts_of
+from gamekeeper.kernels.compile_cache import key_of
+from gamekeeper.kernels.scalar_rules import numba
 from tests.kernels.lines import WINDY
 
 needs_numba = pytest.mark.skipif(numba() is None, reason="Numba, the extra `fast`, isn't installed")
@@ -151,8 +150,9 @@ def test_error_in_a_thread_is_raised_by_the_crew() -> None:
 PROGRAM = """
     import numpy as np
     from gymnasium import spaces
+    from gamekeeper.kernels.batch import Batch
     from gamekeeper.kernels.kernel import Kernel
-    from gamekeeper.kernels.rules import rule
+    from gamekeeper.kernels.scalar_rules import rule
 
     STEP = {step}
 
@@ -174,7 +174,7 @@ PROGRAM = """
         action_space=spaces.Discrete(2), state=[("x", "i8")],
         reset=reset, step=step, observe=observe, horizon=3,
     )
-    batch = kernel.batch(2)
+    batch = Batch(kernel, 2)
     batch.reset()
     batch.step()
     print(int(batch.arrays.rewards[0, 0]))
@@ -186,15 +186,16 @@ def ran(cache: Path, step: int) -> tuple[str, bool]:
     found = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(PROGRAM).format(step=step)],
         env={**os.environ, "NUMBA_CACHE_DIR": str(cache), "HOME": str(cache / "no-home")},
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     lines = [line for line in found.stderr.splitlines() if "compiles counter_v0" in line]
     assert len(lines) <= 1, found.stderr
     return found.stdout.strip(), bool(lines)
 
 
 @needs_numba
-@pytest.mark.slow
 def test_code_on_disk_is_found_again_and_told_apart(tmp_path: Path) -> None:
     """Rules of `__main__`, without a file; another constant is other code; read-only will do."""
     cache = tmp_path / "cache"
@@ -216,11 +217,17 @@ def test_key_has_what_a_rule_takes_from_elsewhere() -> None:
 
     plain = "def f(s): return s + A"
     keys = [
-        made(plain, A=1), made(plain, A=1.0), made(plain, A=np.int64(1)), made(plain, A=(1, 2)),
-        made(plain, A=(1, 3)), made(plain, A=np.arange(3)), made(plain, A=np.arange(3.0)),
-        made("def f(s, a=1): return s + a"), made("def f(s, a=2): return s + a"),
+        made(plain, A=1),
+        made(plain, A=1.0),
+        made(plain, A=np.int64(1)),
+        made(plain, A=(1, 2)),
+        made(plain, A=(1, 3)),
+        made(plain, A=np.arange(3)),
+        made(plain, A=np.arange(3.0)),
+        made("def f(s, a=1): return s + a"),
+        made("def f(s, a=2): return s + a"),
         made("def f(s):\n    g = lambda x: x + 1\n    return g(s)"),
         made("def f(s):\n    g = lambda x: x + 2\n    return g(s)"),
-    ]  # fmt: skip
+    ]
     assert len(set(keys)) == len(keys)
     assert made(plain, A=np.arange(3)) == made(plain, A=np.arange(3))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from gamekeeper.kernels.cache import SUFFIX, make_room
+from gamekeeper.kernels.compile_cache import SUFFIX, make_room
 
 
 def kept(folder: Path) -> set[str]:

@@ -13,7 +13,7 @@ import pytest
 
 from gamekeeper.errors import DependencyError, SpecError
 from gamekeeper.kernels.cuda import CudaBatch
-from gamekeeper.kernels.rules import numba
+from gamekeeper.kernels.scalar_rules import numba
 from tests.kernels.lines import WINDY
 
 HERE = Path(__file__).parent
@@ -21,7 +21,7 @@ ROOT = HERE.parents[1]
 WINDY_LINE, STICKS = "tests.kernels.lines:WINDY", "tests.kernels.turned:STICKS"
 TASKS = sorted(
     file.name.removesuffix(".toml")
-    for file in resources.files("gamekeeper.envs").iterdir()
+    for file in resources.files("gamekeeper.tasks").iterdir()
     if file.name.endswith(".toml")
 )
 BODIES = ("reference", "speaker_listener", "spread", "tag")
@@ -93,7 +93,6 @@ def test_cuda_batch_refuses_unknown_options(wrong: dict[str, str]) -> None:
         CudaBatch(WINDY, 2, **wrong)
 
 
-@pytest.mark.slow
 @needs_compiler
 @pytest.mark.parametrize("name", [WINDY_LINE, STICKS, *TASKS])
 def test_kernel_compiles_for_a_device_that_is_not_there(name: str) -> None:

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gamekeeper.kernels.array_views import leaves
 from gamekeeper.kernels.batch import Batch
-from gamekeeper.kernels.places import leaves
 from tests.kernels.lines import WINDY
 from tests.kernels.turned import STICKS
 

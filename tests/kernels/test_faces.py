@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gamekeeper.core.episode_seeds import EpisodeSeeds
-from gamekeeper.envs.two_robot_line import TwoRobotLine
 from gamekeeper.kernels.batch import Batch
+from gamekeeper.kernels.kernel_env import kernel_env
+from gamekeeper.randomness.seeds import EpisodeSeeds
+from gamekeeper.tasks.two_robot_line import TwoRobotLine
 from tests.kernels.lines import WINDY
 
 
@@ -35,7 +36,7 @@ def drawn(steps: int, seed: int = 0) -> Any:
 @pytest.mark.parametrize("debug", [False, True])
 def test_face_plays_as_a_batch_of_one_does(debug: bool) -> None:
     """The same observations, rewards and ends, agent by agent, over many episodes."""
-    env, seeds, number = WINDY.env(debug=debug), EpisodeSeeds(3), 0
+    env, seeds, number = kernel_env(WINDY, debug=debug), EpisodeSeeds(3), 0
     batch = Batch(WINDY, 1, seed=3, infos=True, autoreset="next_step", debug=debug)
     batch.reset()
     env.reset(seed=seeds[0])
@@ -66,9 +67,9 @@ def test_copy_goes_on_alone(debug: bool, how: Any) -> None:
     env = TwoRobotLine(debug=debug)
     env.reset(seed=5)
     played(env, drawn(40))  # some were paid
-    twin = how(env)
+    other = how(env)
     state = env.state()
-    theirs = played(twin, drawn(60, seed=1))
+    theirs = played(other, drawn(60, seed=1))
     assert np.array_equal(state, env.state())
     assert theirs == played(env, drawn(60, seed=1))
 
@@ -91,7 +92,7 @@ def test_debugged_face_plays_as_the_compiled_one() -> None:
     """Compiled or plain, the same."""
     runs = []
     for debug in (False, True):
-        env = WINDY.env(debug=debug)
+        env = kernel_env(WINDY, debug=debug)
         env.reset(seed=9)
         runs.append(played(env, drawn(200)))
     assert runs[0] == runs[1]

@@ -10,15 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamekeeper.core.episode_seeds import EpisodeSeeds
-from gamekeeper.core.seeds import episode_seed
-from gamekeeper.core.stream import Stream
 from gamekeeper.errors import SpecError
-from gamekeeper.kernels import draws, seeding
+from gamekeeper.kernels import copy_steps, draws
 from gamekeeper.kernels.batch import Batch
-from gamekeeper.kernels.drivers import copies
-from gamekeeper.kernels.keys import key_of
-from gamekeeper.kernels.rules import as_python, numba
+from gamekeeper.kernels.compile_cache import key_of
+from gamekeeper.kernels.driver import copies
+from gamekeeper.kernels.scalar_rules import as_python, numba
+from gamekeeper.randomness.seeds import EpisodeSeeds, episode_seed
+from gamekeeper.randomness.stream import Stream
 from tests.kernels import lines
 from tests.kernels.lines import WINDY
 
@@ -29,7 +28,7 @@ ENVS = 5
 @given(SEEDS, st.integers(0, 2**32 - 1))
 def test_episode_seed_is_that_of_the_core(run: int, episode: int) -> None:
     """Compiled copies begin their episodes from the seeds that rollouts take."""
-    seeds, seed_of = EpisodeSeeds(run), as_python(seeding.episode_seed)
+    seeds, seed_of = EpisodeSeeds(run), as_python(copy_steps.episode_seed)
     assert seed_of(seeds.pool, seeds.constant, episode) == episode_seed(run, episode)
 
 

@@ -1,13 +1,11 @@
-"""Audits of all specimens by two processes side by side; a result is there once it is asked for.
+"""Audits of all faulty environments by two processes; a result is there once it is asked for.
 
-A process audits many specimens one after the other, so that importing is paid for once; what an
+A process audits many environments one after the other, so that importing is paid for once; what an
 audit plays under another hash seed, it plays in a fork.
 """
 
 from __future__ import annotations
 
-import importlib
-import pkgutil
 import subprocess
 import sys
 import threading
@@ -15,51 +13,54 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from gamekeeper.audit import elsewhere, specimens
-from gamekeeper.audit.audit import audit_here
-from gamekeeper.audit.result import Audit
-from gamekeeper.core.contract import Contract
-from gamekeeper.run.workers import run_task
+from gamekeeper.auditing import elsewhere
+from gamekeeper.auditing.audit import AuditAttempt, audit_here
+from gamekeeper.auditing.result import AuditResult
+from gamekeeper.rollouts.workers import run_task
+from tests.faults import environments
 from tests.matrix.forks import Forks
 
-BUDGET = 2_000
-MORE = {"gk831_history_in_bytes": 4_000, "gk831_history_in_lines": 4_000}
-"""Budgets of specimens whose fault shows late."""
 PROCESSES = 2
 TASK = f"{__name__}:audit_task"
-NAMES = [
-    info.name for info in pkgutil.iter_modules(specimens.__path__) if not info.name.startswith("_")
-]
-CLEAN = [name for name in NAMES if name.startswith("clean_")]
+NAMES = list(environments())
+CLEAN = [name for name, each in environments().items() if not each.checks]
 
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What one specimen came to.
+    """What one environment came to.
 
     Attributes:
-        audit: under the contract that its module declares.
-        program: the first finding's, of the first check that it is there to break; None where
-            nothing is broken.
-        code: that program's exit code.
+        audit: under the contract that it declares.
+        programs: of every finding.
+    """
+
+    audit: AuditResult
+    programs: tuple[Ran, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Ran:
+    """A finding's program, run in a fresh process.
+
+    Attributes:
+        check: whose finding it is.
+        code: its exit code.
         errors: what it wrote to stderr.
     """
 
-    audit: Audit
-    program: str | None
-    code: int | None
+    check: str
+    program: str
+    code: int
     errors: str
 
 
-def module_of(name: str) -> Any:
-    """The specimen's module."""
-    return importlib.import_module(f"{specimens.__name__}.{name}")
-
-
 def seen(name: str) -> Seen:
-    """What a specimen came to; waits until a process has audited it."""
+    """What an environment came to; waits until a process has audited it."""
     found = _pool().result(name)
-    return Seen(Audit.from_json(found["audit"]), found["program"], found["code"], found["errors"])
+    return Seen(
+        AuditResult.from_json(found["audit"]), tuple(Ran(**each) for each in found["programs"])
+    )
 
 
 @cache
@@ -68,7 +69,7 @@ def _pool() -> _Pool:
 
 
 class _Pool:
-    """Processes that audit the specimens; the clean ones first, as most tests ask for them."""
+    """Processes that audit the environments; the clean ones first, as most tests ask for them."""
 
     def __init__(self) -> None:
         self._found: dict[str, Any] = {}
@@ -80,7 +81,7 @@ class _Pool:
             threading.Thread(target=self._work, args=(share,), daemon=True).start()
 
     def result(self, name: str) -> Any:
-        """What a process reported of a specimen."""
+        """What a process reported of an environment."""
         with self._news:
             self._news.wait_for(lambda: name in self._found or self._failed)
         if name not in self._found:
@@ -102,29 +103,21 @@ class _Pool:
 
 
 def audit_task(report: Any, *, names: list[str]) -> None:
-    """Audits specimens in this process and runs the program of the first finding of each."""
+    """Audits environments in this process, and runs the program of every finding in a fresh one."""
     elsewhere.run_task = Forks().run_task  # type: ignore[assignment]  # this process is for this alone
     for name in names:
-        module = module_of(name)
-        contract = getattr(module, "CONTRACT", None)
+        each = environments()[name]
         audit = audit_here(
-            f"{module.__name__}:make",
-            contract=None if contract is None else Contract.from_json(contract),
-            budget=MORE.get(name, BUDGET),
-            beat=report,
+            each.spec, contract=each.contract, budget=each.budget, attempt=AuditAttempt(beat=report)
         )
-        program = next(
-            (v.findings[0].reproduce for v in audit.broken if v.id in module.BREAKS), None
-        )
-        done = None if program is None else _run(program)
-        report(
-            name=name,
-            audit=audit.to_json(),
-            program=program,
-            code=None if done is None else done.returncode,
-            errors="" if done is None else done.stderr,
-        )
+        programs = [
+            {"check": verdict.id, "program": finding.reproducer, **_run(finding.reproducer)}
+            for verdict in audit.failed
+            for finding in verdict.findings
+        ]
+        report(name=name, audit=audit.to_json(), programs=programs)
 
 
-def _run(program: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+def _run(program: str) -> dict[str, Any]:
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    return {"code": done.returncode, "errors": done.stderr}

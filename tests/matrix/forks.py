@@ -1,6 +1,6 @@
 """Tasks in forks of warm processes, one for each hash seed: importing is paid for once.
 
-An audit plays once more in a process under another hash seed. Over all specimens, starting that
+An audit plays once more in a process under another hash seed. Over all environments, starting that
 process costs as much as the play; a fork has the hash seed, and nothing that an earlier task left.
 """
 
@@ -17,11 +17,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import IO, Any, NoReturn
 
-from gamekeeper.run.pandas_later import pandas_can_wait
-from gamekeeper.run.watch import Outcome, Status
+from gamekeeper.rollouts.pandas_later import pandas_can_wait
+from gamekeeper.rollouts.workers import Status, TaskOutcome
 
 LIMIT_S = 60
-WARM = ("gamekeeper.audit.elsewhere", "gamekeeper.audit.set_order")
+WARM = ("gamekeeper.auditing.elsewhere", "gamekeeper.auditing.set_order")
 
 
 class Forks:
@@ -32,7 +32,7 @@ class Forks:
 
     def run_task(
         self, task: str, arguments: Mapping[str, Any], *, silence_s: float, hash_seed: int
-    ) -> Outcome:
+    ) -> TaskOutcome:
         """What a task returned in a fork; a crash or a minute without an end is told as such."""
         process, answers = self._process(hash_seed)
         assert process.stdin is not None
@@ -40,7 +40,7 @@ class Forks:
         process.stdin.flush()
         value, told = json.loads(answers.readline())
         status: Status = "done" if told is None else "raised"
-        return Outcome(status, value, error=told, traceback=None, seconds=0.0)
+        return TaskOutcome(status, value, error=told, traceback=None, seconds=0.0)
 
     def _process(self, hash_seed: int) -> tuple[subprocess.Popen[bytes], IO[bytes]]:
         if hash_seed not in self._warm:
@@ -48,7 +48,7 @@ class Forks:
             process = subprocess.Popen(
                 [sys.executable, "-P", "-B", str(Path(__file__)), str(there), *sys.path],
                 stdin=subprocess.PIPE,
-                stdout=2,  # what specimens print goes where a worker's prints go
+                stdout=2,  # what environments print goes where a worker's prints go
                 pass_fds=[there],
                 env={**os.environ, "PYTHONHASHSEED": str(hash_seed)},
             )

@@ -10,9 +10,11 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete
 from numpy.typing import NDArray
 
-from gamekeeper import envs
-from gamekeeper.core.stream import Stream
-from gamekeeper.envs.handover_policies import (
+from gamekeeper import tasks
+from gamekeeper.errors import SpecError
+from gamekeeper.interface.turn_env import TurnEnv
+from gamekeeper.randomness.stream import Stream
+from gamekeeper.tasks.handover.handover_rules import (
     GRASP,
     OTHER,
     REACH,
@@ -22,9 +24,7 @@ from gamekeeper.envs.handover_policies import (
     TRAY,
     WAIT,
 )
-from gamekeeper.envs.knobs import Disturbances, KnobArguments, Knobs
-from gamekeeper.errors import SpecError
-from gamekeeper.game.turn_env import TurnEnv
+from gamekeeper.tasks.knobs import Disturbances, KnobArguments, Knobs
 
 GIVER, RECEIVER = AGENTS = ("giver_0", "receiver_0")
 ACTIONS: Final = 5
@@ -78,7 +78,7 @@ class Handover(TurnEnv):
         "render_fps": 8,
         "is_parallelizable": False,  # who acts next depends on the state
     }
-    contract = Path(envs.__file__).parent / "handover.toml"
+    contract = Path(tasks.__file__).parent / "handover" / "handover.toml"
 
     def __init__(
         self,
@@ -94,8 +94,12 @@ class Handover(TurnEnv):
     ) -> None:
         super().__init__(render_mode=render_mode, horizon=horizon)
         self.reach, self.shared, self.parts, self.tray_size, self.gap = (
-            reach, shared, parts, tray, gap,
-        )  # fmt: skip
+            reach,
+            shared,
+            parts,
+            tray,
+            gap,
+        )
         settings = Knobs(knobs, agents=AGENTS)
         self.is_sound = settings.is_ideal
         sizes = {"reach": reach, "shared": shared, "parts": parts, "tray": tray, "gap": gap}
@@ -106,7 +110,7 @@ class Handover(TurnEnv):
                     "the task can't have that size",
                     where=name,
                     expected=f"a whole number, {least.get(name, 1)} or more",
-                    seen=repr(size),
+                    actual=repr(size),
                 )
         self.cells, self.furthest = 2 * reach + shared, reach + shared - 1
         self.possible_agents = list(AGENTS)
@@ -214,7 +218,7 @@ class Handover(TurnEnv):
         """
         if not self.action_space(agent).contains(action):
             super().illegal(agent, action)
-        self.pay(agent, FAULT, term="fault")
+        self.add_reward(agent, FAULT, term="fault")
         return int(action)
 
     def is_inside(self, agent: str) -> bool:
@@ -230,7 +234,7 @@ class Handover(TurnEnv):
             self._lose("collision")
             return
         arm.extension = to
-        self.pay(agent, EFFORT, term="effort")
+        self.add_reward(agent, EFFORT, term="effort")
         if not self.is_sound:
             self.disturbances.moved(agent)
             if to == 0:
@@ -251,11 +255,11 @@ class Handover(TurnEnv):
             self.slot = part
             if part not in self.handed:
                 self.handed.add(part)
-                self.pay(agent, HANDOVER, term="handover")
+                self.add_reward(agent, HANDOVER, term="handover")
         elif arm.extension == 0 and agent == RECEIVER:
             self.delivered += 1
             for each in AGENTS:
-                self.pay(each, DELIVERY, term="delivery")
+                self.add_reward(each, DELIVERY, term="delivery")
         elif arm.extension == 0 and len(self.tray) < self.tray_size:
             self.tray.append(part)
         else:
@@ -275,7 +279,7 @@ class Handover(TurnEnv):
         """A part or an arm is damaged; one loss is enough to end the episode (R11)."""
         if not self.endings:
             for agent in AGENTS:
-                self.pay(agent, LOSS, term="loss")
+                self.add_reward(agent, LOSS, term="loss")
         self._finish(reason)
 
     def _finish(self, reason: str) -> None:

@@ -9,11 +9,11 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete
 from numpy.typing import NDArray
 
-from gamekeeper import envs
-from gamekeeper.core.stream import Stream
-from gamekeeper.envs.knobs import LABELS, Disturbances, KnobArguments, Knobs
+from gamekeeper import tasks
 from gamekeeper.errors import SpecError
-from gamekeeper.game.tick_env import TickEnv
+from gamekeeper.interface.tick_env import TickEnv
+from gamekeeper.randomness.stream import Stream
+from gamekeeper.tasks.knobs import LABELS, Disturbances, KnobArguments, Knobs
 
 DOWN, STAY, UP = range(3)
 MEETING: Final = 1.0
@@ -42,7 +42,7 @@ class TwoRobotLine(TickEnv):
         "render_fps": 4,
         "is_parallelizable": True,
     }
-    contract = Path(envs.__file__).parent / "two_robot_line.toml"
+    contract = Path(tasks.__file__).parent / "two_robot_line.toml"
 
     def __init__(
         self,
@@ -58,7 +58,7 @@ class TwoRobotLine(TickEnv):
                 "the line is too short for two robots",
                 where="n",
                 expected="a whole number of cells, 2 or more",
-                seen=repr(n),
+                actual=repr(n),
             )
         self.n = n
         self.possible_agents = list(AGENTS)
@@ -104,7 +104,7 @@ class TwoRobotLine(TickEnv):
                 self.disturbances.moved(agent)
         if self.cells["picker"] == self.cells["carrier"]:
             for agent in actions:
-                self.pay(agent, MEETING, term="meeting")
+                self.add_reward(agent, MEETING, term="meeting")
                 self.terminate(agent, "met")
 
     def _disturbed(self, actions: dict[str, int]) -> dict[str, int]:

@@ -10,15 +10,23 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete, Space
 from numpy.typing import NDArray
 
-from gamekeeper import envs
-from gamekeeper.core.stream import Stream
-from gamekeeper.envs import warehouse_picture as picture
-from gamekeeper.envs.knobs import Disturbances, KnobArguments, Knobs
-from gamekeeper.envs.layouts import CHARGER, DOCK, FLOOR, HAND_OVER, NOWHERE, Layout, layout_of
-from gamekeeper.envs.warehouse_policies import greedy, lazy, reference
+from gamekeeper import tasks
 from gamekeeper.errors import SpecError
-from gamekeeper.game.authoring.authored import Authored
-from gamekeeper.game.tick_env import TickEnv
+from gamekeeper.interface.authoring import Authored
+from gamekeeper.interface.tick_env import TickEnv
+from gamekeeper.randomness.stream import Stream
+from gamekeeper.tasks.knobs import Disturbances, KnobArguments, Knobs
+from gamekeeper.tasks.warehouse import warehouse as task
+from gamekeeper.tasks.warehouse.warehouse import greedy, lazy, reference
+from gamekeeper.tasks.warehouse.warehouse_floor import (
+    CHARGER,
+    DOCK,
+    FLOOR,
+    HAND_OVER,
+    NOWHERE,
+    FloorLayout,
+    layout_of,
+)
 from tests.references.warehouse_moves import ACTIONS, HANDLE, NOOP, Robot, refused_moves
 from tests.references.warehouse_sight import Sight, state_of, state_space
 
@@ -62,7 +70,7 @@ class WarehouseRules(Authored):
         orders: int = 8,
         every: int = 8,
         battery: int = 60,
-        layout: str | tuple[str, ...] | list[str] | Layout = "small",
+        layout: str | tuple[str, ...] | list[str] | FloorLayout = "small",
         horizon: int | None = None,
         render_mode: str | None = None,
         **knobs: Unpack[KnobArguments],
@@ -144,7 +152,7 @@ class WarehouseRules(Authored):
             robot = self.robots[agent]
             if action != NOOP:
                 robot.battery -= 1
-                self.pay(agent, ENERGY, term="energy")
+                self.add_reward(agent, ENERGY, term="energy")
             elif self.floor.text[robot.cell] == CHARGER:
                 robot.battery = min(robot.battery + CHARGE, self.battery)
             if robot.battery == 0 and self.floor.text[robot.cell] != CHARGER:
@@ -195,7 +203,7 @@ class WarehouseRules(Authored):
         for shelf, group in grasping.items():
             is_tie = len(group) > self.wanted[shelf]
             for agent in group:
-                self.pay(agent, *((COLLISION, "collision") if is_tie else (GRASP, "grasp")))
+                self.add_reward(agent, *((COLLISION, "collision") if is_tie else (GRASP, "grasp")))
                 if not is_tie:
                     self.robots[agent].load = shelf
                     self.wanted[shelf] -= 1
@@ -203,7 +211,7 @@ class WarehouseRules(Authored):
             self.delivered += 1
             for agent in self.agents:
                 if agent not in self.endings:
-                    self.pay(agent, DELIVERY, term="delivery")
+                    self.add_reward(agent, DELIVERY, term="delivery")
 
     def _move(self, moves: dict[str, int]) -> None:
         """Robots move (R9)."""
@@ -212,13 +220,13 @@ class WarehouseRules(Authored):
         for agent, move in moves.items():
             cell = robots[agent].cell
             if ways[move][cell] == NOWHERE:
-                self.pay(agent, COLLISION, term="collision")
+                self.add_reward(agent, COLLISION, term="collision")
             else:
                 wants[agent] = cell, ways[move][cell]
         refused = refused_moves(wants, stands)
         for agent, (cell, _) in wants.items():
             if agent in refused:
-                self.pay(agent, COLLISION, term="collision")
+                self.add_reward(agent, COLLISION, term="collision")
             else:
                 del stands[cell]
         for agent, (_, cell) in wants.items():
@@ -306,7 +314,9 @@ class WarehouseRules(Authored):
 
     def render(self) -> str | NDArray[np.uint8] | None:
         """The floor as text or as a picture."""
-        return picture.draw(self) if self.render_mode else None
+        if self.render_mode == "ansi":
+            return task.text(self)
+        return task.picture(self) if self.render_mode == "rgb_array" else None
 
     def _check_numbers(self) -> None:
         """Counts are whole numbers in their ranges, and there is room for everybody."""
@@ -318,15 +328,15 @@ class WarehouseRules(Authored):
                     f"a warehouse can't have {name}={value!r}",
                     where=name,
                     expected=f"a whole number from {bound} to 10000",
-                    seen=repr(value),
+                    actual=repr(value),
                 )
         if self.pickers + self.carriers > len(self.layout.floors) // 2:
             raise SpecError(
                 f"the layout {self.layout.name!r} has no room for so many robots",
                 where="pickers, carriers",
                 expected=f"at most {len(self.layout.floors) // 2}: half of its floor cells",
-                seen=str(self.pickers + self.carriers),
-                mend="take fewer robots, or layout='hall'",
+                actual=str(self.pickers + self.carriers),
+                fix="take fewer robots, or layout='hall'",
             )
 
 
@@ -339,7 +349,7 @@ class Warehouse(WarehouseRules, TickEnv):
         "render_fps": 8,
         "is_parallelizable": True,
     }
-    contract = Path(envs.__file__).parent / "warehouse.toml"
+    contract = Path(tasks.__file__).parent / "warehouse" / "warehouse.toml"
 
     def tick(self, actions: dict[str, int]) -> None:
         """All robots act, then the tick ends."""

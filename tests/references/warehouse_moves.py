@@ -9,7 +9,7 @@ from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from typing import Final, TypeVar
 
-from gamekeeper.envs.layouts import NOWHERE
+from gamekeeper.tasks.warehouse.warehouse_floor import NOWHERE
 
 Agent = TypeVar("Agent", bound=Hashable)
 

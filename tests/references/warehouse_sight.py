@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.typing import NDArray
 
-from gamekeeper.envs.layouts import (
+from gamekeeper.tasks.warehouse.warehouse_floor import (
     CHARGER,
     CLOSED,
     DOCK,
@@ -17,7 +17,7 @@ from gamekeeper.envs.layouts import (
     HAND_OVER,
     NOWHERE,
     SHELF,
-    Layout,
+    FloorLayout,
 )
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ Goals: TypeAlias = tuple[str, NDArray[np.intp], NDArray[np.int16]]
 
 
 class Sight:
-    """The eyes of all robots over one episode's floor; looks again after each crossing.
+    """The eyes of all robots over one episode's floor; looks again after each step.
 
     Args:
         task: the rules whose state is looked at.
@@ -84,7 +84,7 @@ class Sight:
         self.look_again(task.robots)
 
     @staticmethod
-    def space(floor: Layout, battery: int) -> Box:
+    def space(floor: FloorLayout, battery: int) -> Box:
         """The space of every robot's observations."""
         low, high = np.zeros(LENGTH, np.int16), np.ones(LENGTH, np.int16)
         high[:OWN] = floor.width - 1, floor.height - 1, 1, 1, battery, battery

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gamekeeper import envs
-from gamekeeper.game.turn_env import TurnEnv
+from gamekeeper import tasks
+from gamekeeper.interface.turn_env import TurnEnv
 from tests.references.warehouse import WarehouseRules
 
 
@@ -18,7 +18,7 @@ class WarehouseTurns(WarehouseRules, TurnEnv):
         "render_fps": 8,
         "is_parallelizable": False,
     }
-    contract = Path(envs.__file__).parent / "warehouse_turns.toml"
+    contract = Path(tasks.__file__).parent / "warehouse" / "warehouse_turns.toml"
 
     def act(self, agent: str, action: int) -> None:
         """One robot acts; after the last one the tick ends."""

@@ -80,7 +80,7 @@ def hide() -> None:
 def use(folder: Path) -> dict[str, object]:
     """Records, reads, compares, verifies and reports within this process."""
     import gamekeeper as gk
-    from gamekeeper.record.verify import verify
+    from gamekeeper.runs.run_check import verify
 
     for name in ("one", "two"):
         gk.rollout("two_robot_line", episodes=2, seed=3, out=folder / name)
@@ -92,7 +92,7 @@ def use(folder: Path) -> dict[str, object]:
     return {
         "difference": gk.diff(folder / "one", folder / "two"),
         "ok": [verify(folder / name).ok for name in ("one", "two", "three")],
-        "rows": gk.load(folder / "three").steps.num_rows,
+        "rows": gk.load(folder / "three").agent_steps.num_rows,
         "page": "two_robot_line" in (folder / "report.html").read_text(encoding="utf-8"),
     }
 

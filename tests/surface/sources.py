@@ -34,12 +34,12 @@ def is_made(path: Path) -> bool:
 
 @cache
 def modules() -> dict[str, Path]:
-    """The modules of the package by dotted name: `{"gamekeeper.core.trace": Path(...)}`."""
+    """The modules of the package by dotted name: `{"gamekeeper.episodes.episode": Path(...)}`."""
     return {dotted_name(path): path for path in sorted(PACKAGE.rglob("*.py"))}
 
 
 def dotted_name(path: Path) -> str:
-    """`gamekeeper.core` for `src/gamekeeper/core/__init__.py`."""
+    """`gamekeeper.episodes` for `src/gamekeeper/episodes/__init__.py`."""
     parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 

@@ -113,13 +113,20 @@ def test_figures_of_several_runs_have_their_spread() -> None:
 @pytest.mark.parametrize(
     ("bar", "value", "is_reached"),
     [
-        ({"most": 5}, 5.0, True), ({"most": 5}, 5.1, False), ({"least": 1.7}, 1.69, False),
-        ({"all": True}, [46, 46], True), ({"all": True}, [45, 46], False),
-        ({"least": 95, "unit": "%"}, [19, 20], True), ({"most": 5, "unit": "%"}, [2, 20], False),
-        ({"least": 95, "looks": 200}, [40, 40], False), ({"equal": True}, False, False),
-        ({"within": [93, 97]}, 95.0, True), ({}, 3.0, None), ({"most": 1}, None, None),
+        ({"most": 5}, 5.0, True),
+        ({"most": 5}, 5.1, False),
+        ({"least": 1.7}, 1.69, False),
+        ({"all": True}, [46, 46], True),
+        ({"all": True}, [45, 46], False),
+        ({"least": 95, "unit": "%"}, [19, 20], True),
+        ({"most": 5, "unit": "%"}, [2, 20], False),
+        ({"least": 95, "looks": 200}, [40, 40], False),
+        ({"equal": True}, False, False),
+        ({"within": [93, 97]}, 95.0, True),
+        ({}, 3.0, None),
+        ({"most": 1}, None, None),
     ],
-)  # fmt: skip
+)
 def test_reached_compares_with_what_is_wanted(
     bar: dict[str, Any], value: Any, is_reached: bool | None
 ) -> None:
@@ -130,8 +137,11 @@ def test_reached_compares_with_what_is_wanted(
 def test_a_whole_run_outweighs_a_short_one_where_that_is_said() -> None:
     """A short form of a statistic shows that it runs; what it says is for the whole one."""
     bar = {"name": "x", "what": "x", "most": 1}
-    kept = {"r": {kind: {"bars": {"x": {"value": value}}} for kind, value in
-                  (("usual", 2), ("whole", 1))}}  # fmt: skip
+    kept = {
+        "r": {
+            kind: {"bars": {"x": {"value": value}}} for kind, value in (("usual", 2), ("whole", 1))
+        }
+    }
     assert bars_page.verdict({"name": "r", "judge": "whole"}, bar, kept) == "yes"
     assert bars_page.verdict({"name": "r"}, bar, kept) == "no"
 
@@ -148,8 +158,13 @@ def test_a_command_gets_the_peers_and_the_interpreter_that_are_named() -> None:
     named = {"nobody": "/n/python", "p": "/p/python"}
     assert bars.missing(run, named) is None
     assert bars.command_of(run, named, scratch="/s") == [
-        "/n/python", "a.py", "--out", "/s/x", "--peer", "p=/p/python",
-    ]  # fmt: skip
+        "/n/python",
+        "a.py",
+        "--out",
+        "/s/x",
+        "--peer",
+        "p=/p/python",
+    ]
 
 
 def test_measured_keeps_what_a_command_prints(

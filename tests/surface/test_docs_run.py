@@ -23,7 +23,6 @@ ELSEWHERE = {
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("page", [p for p in PAGES if short(p) not in ELSEWHERE], ids=short)
 def test_page_works_as_it_is_typed(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

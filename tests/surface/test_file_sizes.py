@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tests.surface.sources import ROOT, kept_files, modules
 
-FILE_LINES = 400
+FILE_LINES = 600
 FUNCTION_LINES = 60
 NO_NAMES = {"utils", "util", "helpers", "helper", "common", "misc"}
 
@@ -29,7 +29,7 @@ def function_lengths(tree: ast.AST) -> Iterator[tuple[str, int]]:
 
 
 def test_file_is_short_enough_to_read() -> None:
-    """No Python file is longer than 400 lines."""
+    """No Python file is longer than 600 lines."""
     counts = {p: len(p.read_text(encoding="utf-8").splitlines()) for p in python_files()}
     assert {str(p.relative_to(ROOT)): n for p, n in counts.items() if n > FILE_LINES} == {}
 

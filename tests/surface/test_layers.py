@@ -41,28 +41,32 @@ def test_every_folder_is_a_package() -> None:
 @pytest.mark.parametrize(
     ("rule", "module", "source"),
     [
-        (upward_imports, "gamekeeper.core.trace", "from gamekeeper.game.door import Game"),
-        (upward_imports, "gamekeeper.core.trace", "from ..run import rollout"),
         (
             upward_imports,
-            "gamekeeper.record.bundle",
-            "def f():\n    import gamekeeper.vector.serial",
+            "gamekeeper.episodes.episode",
+            "from gamekeeper.interface.capture import Capture",
         ),
-        (upward_imports, "gamekeeper.plugins", "from gamekeeper import core"),
-        (upward_imports, "gamekeeper.run.rollout", "from gamekeeper import make"),
-        (upward_imports, "gamekeeper.run.rollout", "import gamekeeper"),
-        (upward_imports, "gamekeeper.game.door", "from gamekeeper.helpers import x"),
-        (misplaced_imports, "gamekeeper.record.bundle", "from pettingzoo import AECEnv"),
-        (misplaced_imports, "gamekeeper.run.workers", "import ray"),
-        (misplaced_imports, "gamekeeper.audit.judge", "import pettingzoo.utils.env as env"),
-        (impurities, "gamekeeper.core.contract", "from pathlib import Path"),
-        (impurities, "gamekeeper.core.contract", "text = open('x').read()"),
-        (impurities, "gamekeeper.core.stats", "x = np.random.default_rng().normal()"),
-        (impurities, "gamekeeper.core.stats", "np.random.seed(7)"),
-        (impurities, "gamekeeper.report.text", "print('done')"),
-        (impurities, "gamekeeper.report.html", "import datetime\nnow = datetime.datetime.now()"),
-        (impurities, "gamekeeper.audit.checks.gk402", "import os\nhome = os.environ['HOME']"),
-        (impurities, "gamekeeper.audit.checks.gk402", "import time"),
+        (upward_imports, "gamekeeper.episodes.episode", "from ..rollouts import reruns"),
+        (
+            upward_imports,
+            "gamekeeper.runs.load_run",
+            "def f():\n    import gamekeeper.vector.serial_engine",
+        ),
+        (upward_imports, "gamekeeper.plugins", "from gamekeeper import episodes"),
+        (upward_imports, "gamekeeper.rollouts.rollout", "from gamekeeper import make"),
+        (upward_imports, "gamekeeper.rollouts.rollout", "import gamekeeper"),
+        (upward_imports, "gamekeeper.interface.capture", "from gamekeeper.helpers import x"),
+        (misplaced_imports, "gamekeeper.runs.load_run", "from pettingzoo import AECEnv"),
+        (misplaced_imports, "gamekeeper.rollouts.workers", "import ray"),
+        (misplaced_imports, "gamekeeper.auditing.judge", "import pettingzoo.utils.env as env"),
+        (impurities, "gamekeeper.contract", "from pathlib import Path"),
+        (impurities, "gamekeeper.contract", "text = open('x').read()"),
+        (impurities, "gamekeeper.statistics.significance", "x = np.random.default_rng().normal()"),
+        (impurities, "gamekeeper.statistics.significance", "np.random.seed(7)"),
+        (impurities, "gamekeeper.reporting.results_text", "print('done')"),
+        (impurities, "gamekeeper.reporting.html", "import datetime\nnow = datetime.datetime.now()"),
+        (impurities, "gamekeeper.checks.gk402", "import os\nhome = os.environ['HOME']"),
+        (impurities, "gamekeeper.checks.gk402", "import time"),
     ],
 )
 def test_rule_finds(rule: Rule, module: str, source: str) -> None:
@@ -73,14 +77,26 @@ def test_rule_finds(rule: Rule, module: str, source: str) -> None:
 @pytest.mark.parametrize(
     ("rule", "module", "source"),
     [
-        (upward_imports, "gamekeeper.core.trace", "from gamekeeper.errors import EvidenceError"),
-        (upward_imports, "gamekeeper.core.trace", "from .canon import text"),
-        (upward_imports, "gamekeeper.record.bundle", "from gamekeeper import core"),
-        (upward_imports, "gamekeeper.cli.run", "from gamekeeper.record.bundle import Bundle"),
-        (misplaced_imports, "gamekeeper.audit.specimens.clean", "from pettingzoo import AECEnv"),
-        (impurities, "gamekeeper.core.seeds", "rng = np.random.Generator(np.random.PCG64(seed))"),
-        (impurities, "gamekeeper.core.canon", "from io import BytesIO\nfrom os import PathLike"),
-        (impurities, "gamekeeper.record.files.store", "import os, time\nopen('x')"),
+        (
+            upward_imports,
+            "gamekeeper.episodes.episode",
+            "from gamekeeper.errors import EvidenceError",
+        ),
+        (upward_imports, "gamekeeper.episodes.episode", "from .canonical import json_text"),
+        (upward_imports, "gamekeeper.runs.load_run", "from gamekeeper import episodes"),
+        (upward_imports, "gamekeeper.cli.run", "from gamekeeper.runs.load_run import load"),
+        (misplaced_imports, "gamekeeper.tasks.clean", "from pettingzoo import AECEnv"),
+        (
+            impurities,
+            "gamekeeper.randomness.seeds",
+            "rng = np.random.Generator(np.random.PCG64(seed))",
+        ),
+        (
+            impurities,
+            "gamekeeper.episodes.canonical",
+            "from io import BytesIO\nfrom os import PathLike",
+        ),
+        (impurities, "gamekeeper.runs.files.store", "import os, time\nopen('x')"),
     ],
 )
 def test_rule_lets_pass(rule: Rule, module: str, source: str) -> None:
@@ -91,6 +107,6 @@ def test_rule_lets_pass(rule: Rule, module: str, source: str) -> None:
 def test_package_imports_are_relative_to_themselves() -> None:
     """One dot in a package's own `__init__` is the package, in its modules it is their folder."""
     inside, outside = ast.parse("from .vector import x"), ast.parse("from ..vector import x")
-    assert list(upward_imports("gamekeeper.record", inside, is_package=True)) == []
-    assert list(upward_imports("gamekeeper.record.bundle", inside)) == []
-    assert len(list(upward_imports("gamekeeper.record.bundle", outside))) == 1
+    assert list(upward_imports("gamekeeper.runs", inside, is_package=True)) == []
+    assert list(upward_imports("gamekeeper.runs.load_run", inside)) == []
+    assert len(list(upward_imports("gamekeeper.runs.load_run", outside))) == 1

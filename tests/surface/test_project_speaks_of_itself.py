@@ -51,7 +51,7 @@ def test_kept_files_speak_of_the_project() -> None:
         "--[i]ndex-url example",
         "https://example.com/[s]imple/numpy",
         "as found in this [s]ession",
-        "mends [i]ssue #12",
+        "fixes [i]ssue #12",
     ],
 )
 def test_look_finds(text: str) -> None:

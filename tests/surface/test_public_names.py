@@ -1,5 +1,6 @@
 """The names that users import: a list kept by hand, each name there, explained, told of."""
 
+import ast
 import inspect
 import subprocess
 import sys
@@ -7,18 +8,43 @@ import sys
 import pytest
 
 import gamekeeper
+from gamekeeper import errors
 from tests.surface.sources import ROOT, kept_files
 
 # A name is added here on purpose, and never taken away without a fragment in changelog.d/.
 PUBLIC = [
+    "ActionError",
+    "Attribution",
+    "AuditResult",
     "Contract",
+    "ContractError",
+    "DependencyError",
+    "Diagnosis",
+    "Divergence",
+    "DrawError",
+    "EnvError",
+    "Episode",
+    "Evaluation",
+    "Evidence",
+    "EvidenceError",
+    "Finding",
+    "GamekeeperError",
+    "OrderError",
+    "PolicyError",
+    "Replay",
+    "RunError",
+    "SpecError",
     "TickEnv",
+    "TrustError",
+    "Turn",
     "TurnEnv",
+    "Verdict",
     "attribute",
     "audit",
     "diagnose",
     "diff",
     "draft_contract",
+    "errors",
     "evaluate",
     "load",
     "make",
@@ -60,6 +86,34 @@ def test_public_name_loads_alone(name: str) -> None:
         [sys.executable, "-c", code], cwd=ROOT / "src", capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_every_error_is_a_public_name() -> None:
+    """Whoever catches an error of ours finds its class, and the tree, right after the import."""
+    code = "import gamekeeper as gk; print(*vars(gk), *vars(gk.errors))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT / "src", capture_output=True, text=True, check=True
+    )
+    tree = [name for name, thing in vars(errors).items() if isinstance(thing, type)]
+    assert set(tree) <= set(done.stdout.split()) & set(PUBLIC)
+
+
+def test_type_checkers_see_what_loads_late() -> None:
+    """Each name that loads when it is first used is imported for type checkers as well."""
+    source = ast.parse((ROOT / "src" / "gamekeeper" / "__init__.py").read_text("utf-8"))
+    (late,) = (node for node in source.body if isinstance(node, ast.If))
+    seen = {n.name for each in late.body if isinstance(each, ast.ImportFrom) for n in each.names}
+    eager = {name for name in PUBLIC if name in vars(gamekeeper) and hasattr(errors, name)}
+    assert set(PUBLIC) - seen - eager == {"draft_contract", "errors", "make"}  # defined right there
+
+
+def test_public_functions_are_functions_whatever_was_imported() -> None:
+    """No package bears a function's name, so `help(gk.record)` shows the function, always."""
+    packages = {path.parent.name for path in (ROOT / "src" / "gamekeeper").glob("*/__init__.py")}
+    functions = {name for name in PUBLIC if inspect.isfunction(getattr(gamekeeper, name))}
+    assert {"audit", "diagnose", "evaluate", "record", "report"} <= functions
+    assert not packages & functions
+    assert set(PUBLIC) & packages == {"vector"}  # `gk.vector.make`
 
 
 def test_unknown_name_is_refused() -> None:

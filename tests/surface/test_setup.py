@@ -1,4 +1,4 @@
-"""The set-up says what is missing and how to mend it, on machines that lack something."""
+"""The set-up says what is missing and how to fix it, on machines that lack something."""
 
 import os
 import stat
@@ -63,13 +63,13 @@ def run_setup(machine: Path, *arguments: str, **env: str) -> subprocess.Complete
 def test_setup_names_the_missing_python(
     machine: Path, pythons: list[tuple[str, str, bool]], words: str
 ) -> None:
-    """A machine without a suitable Python is told which is wanted, what was seen, and the mend."""
+    """A machine without a suitable Python is told which is wanted, what was seen, and the fix."""
     for name, version, venv in pythons:
         add_python(machine, name, version, venv=venv)
     done = run_setup(machine, "make", "env")
     assert done.returncode == 1
     assert words in done.stderr
-    assert "mend: " in done.stderr
+    assert "fix: " in done.stderr
 
 
 def test_setup_takes_the_newest_python(machine: Path) -> None:
@@ -101,11 +101,11 @@ def test_setup_obeys_a_named_python(machine: Path) -> None:
     ],
 )
 def test_setup_explains_a_failed_pip(machine: Path, tmp_path: Path, said: str, words: str) -> None:
-    """What pip said is shown, then what it most likely means and the mend."""
+    """What pip said is shown, then what it most likely means and the fix."""
     env = tmp_path / "env"
     add_script(env / "bin", "python", f'echo "{said}"; exit 1')
     done = run_setup(machine, "install", str(env), "requirements/base.txt")
     assert done.returncode == 1
     assert said in done.stderr
     assert words in done.stderr
-    assert "mend: " in done.stderr
+    assert "fix: " in done.stderr

@@ -8,7 +8,6 @@ from tests.surface.test_docs_run import ELSEWHERE, TUTORIALS
 from tests.surface.typed_pages import at_home, short, type_page
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("page", [p for p in TUTORIALS if short(p) not in ELSEWHERE], ids=short)
 def test_tutorial_works_as_it_is_typed(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

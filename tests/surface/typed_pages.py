@@ -64,7 +64,7 @@ def run_python(text: str, known: dict[str, Any]) -> None:
 
 def smaller(words: list[str]) -> list[str]:
     """Options that make a command's work smaller, where it doesn't say how much it wants."""
-    few = {"run": "--episodes 2", "record": "--episodes 2"}
+    few = {"run": "--episodes 2", "rollout": "--episodes 2"}
     few |= {"evaluate": "--workers 1", "diagnose": "--workers 1"}
     option = few.get(words[1], "").split()
     return [] if set(option) & set(words) else option
@@ -87,7 +87,7 @@ def run_lines(text: str) -> None:
         assert main(words[1:]) == (int(told[1]) if told else 0), line
 
 
-def mend(text: str) -> None:
+def fix(text: str) -> None:
     """Makes a diff's changes; what each replaces stands once in the file."""
     head, *hunks = re.split(r"^@@.*\n", text, flags=re.M)
     path = Path(head.removeprefix("---").strip())
@@ -112,7 +112,7 @@ def run_block(block: Block, known: dict[str, Any]) -> None:
     elif block.kind == "sh":
         run_lines(block.text)
     elif block.kind == "diff":
-        mend(block.text)
+        fix(block.text)
     elif block.kind == "sql":
         assert duckdb.sql(block.text).fetchall(), block.text
 

@@ -9,7 +9,8 @@ from gymnasium import spaces
 
 from gamekeeper.kernels import draws
 from gamekeeper.kernels.kernel import Kernel
-from gamekeeper.kernels.rules import rule
+from gamekeeper.kernels.kernel_env import kernel_env
+from gamekeeper.kernels.scalar_rules import rule
 from tests.kernels.lines import WINDY
 
 INFO = [("calls", "i8"), ("mood", "f4"), ("at", "f8", (2,)), ("is_up", "?")]
@@ -278,19 +279,19 @@ GLIDE = Kernel(
 
 def glide(*, debug: bool = False) -> Any:
     """Ticks, continuous actions, neither masks nor infos nor states."""
-    return GLIDE.env(debug=debug)
+    return kernel_env(GLIDE, debug=debug)
 
 
 def windy(*, debug: bool = False) -> Any:
     """Ticks, one kind of agents, masks in infos, actions played though they are masked out."""
-    return WINDY.env(debug=debug)
+    return kernel_env(WINDY, debug=debug)
 
 
 def camp(*, debug: bool = False) -> Any:
     """Ticks, two kinds of agents."""
-    return CAMP.env(debug=debug)
+    return kernel_env(CAMP, debug=debug)
 
 
 def ring(*, debug: bool = False) -> Any:
     """Turns."""
-    return RING.env(debug=debug)
+    return kernel_env(RING, debug=debug)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gamekeeper.core.canon import to_json
+from gamekeeper.episodes.canonical import to_json
 from gamekeeper.errors import ActionError, SpecError
 from gamekeeper.vector import make
 from tests.vector import rulebooks, worlds
@@ -88,7 +88,7 @@ def test_action_out_of_bounds_changes_nothing(wrong: float) -> None:
 
 @pytest.mark.parametrize("spec", [f"{worlds.__file__}:Walk", f"aec:{HERE}:windy"])
 def test_environment_without_a_kernel_is_told_so(spec: str) -> None:
-    """The mend names the engines that take it."""
+    """The fix names the engines that take it."""
     with pytest.raises(SpecError, match=r"no kernel(.|\n)*'serial' or 'process'"):
         make(spec, 2, engine="kernel")
 

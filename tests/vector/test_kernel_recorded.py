@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import gamekeeper as gk
-from gamekeeper.core.seeds import episode_seed
 from gamekeeper.errors import OrderError
-from gamekeeper.kernels import hashing
-from gamekeeper.vector import kernel_tape, make
+from gamekeeper.kernels import blake2b
+from gamekeeper.randomness.seeds import episode_seed
+from gamekeeper.vector import kernel_buffer, make
 from tests.vector import rulebooks
 from tests.vector.test_vector import legal
 
@@ -51,9 +51,9 @@ def check_same(one: Any, two: Any) -> None:
     """Every column of every stream but times, and what types actions were of."""
     assert one.fingerprint == two.fingerprint
     assert one.manifest["info_fingerprint"] == two.manifest["info_fingerprint"]
-    assert {k for k in one.manifest if one.manifest[k] != two.manifest[k]} <= {"seal"}
-    for stream in ("episodes", "steps", "states"):
-        left, right = getattr(one, stream), getattr(two, stream)
+    assert {k for k in one.manifest if one.manifest[k] != two.manifest[k]} <= {"checksums"}
+    for stream in ("episodes", "agent_steps", "states"):
+        left, right = one.tables.table(stream), two.tables.table(stream)
         if left is None:
             assert right is None
             continue
@@ -94,7 +94,7 @@ def test_short_buffers_leave_no_trace(
 ) -> None:
     """However often rows become columns, and whoever waits for whom."""
     one = recorded("kernel", name, tmp_path / "long", seed=8)
-    monkeypatch.setattr(kernel_tape, "MOST_ROWS", 20)
+    monkeypatch.setattr(kernel_buffer, "MOST_ROWS", 20)
     two = recorded("kernel", name, tmp_path / "short", seed=8)
     check_same(one, two)
 
@@ -124,10 +124,12 @@ def test_recorded_batch_is_a_rollout(name: str, tmp_path: Path) -> None:
         gk.rollout(f"{HERE}:{name}", policies=first_legal, episodes=5, seed=4, env_kwargs=PLAIN),
     )
     for column in ("fingerprint", "info_fingerprint", "seed", "turns", "end", "endings"):
-        assert many.episodes[column].to_pylist()[:5] == alone.episodes[column].to_pylist(), column
-    assert many.episodes["seed"][2].as_py() == episode_seed(4, 2)
-    types = many.episodes["action_types"].to_pylist()[:5]
-    assert types == alone.episodes["action_types"].to_pylist()
+        assert (
+            many.episode_table[column].to_pylist()[:5] == alone.episode_table[column].to_pylist()
+        ), column
+    assert many.episode_table["seed"][2].as_py() == episode_seed(4, 2)
+    types = many.episode_table["action_types"].to_pylist()[:5]
+    assert types == alone.episode_table["action_types"].to_pylist()
     assert gk.replay(path, allow_import=True).verified
 
 
@@ -149,7 +151,7 @@ def test_recorded_copies_have_one_run(tmp_path: Path) -> None:
     with pytest.raises(OrderError, match="second time"):
         venv.reset(seed=2)
     venv.close()
-    assert gk.load(tmp_path / "a").episodes["end"].to_pylist() == ["cut", "cut"]
+    assert gk.load(tmp_path / "a").episode_table["end"].to_pylist() == ["cut", "cut"]
 
 
 @pytest.mark.parametrize("size", [16, 32])
@@ -159,7 +161,7 @@ def test_compiled_hash_is_that_of_hashlib(size: int) -> None:
     sizes = np.concatenate(([0, 1, 127, 128, 129, 256, 257, 0], rng.integers(0, 400, 200)))
     bounds = np.concatenate(([0], np.cumsum(sizes))).astype(np.int64)
     data = rng.integers(0, 256, bounds[-1]).astype(np.uint8)
-    whole = hashing.digests(data, bounds, size)
+    whole = blake2b.digests(data, bounds, size)
     for k in range(len(sizes)):
-        alone = hashing.digests(data[bounds[k] : bounds[k + 1]], np.array([0, sizes[k]]), size)
+        alone = blake2b.digests(data[bounds[k] : bounds[k + 1]], np.array([0, sizes[k]]), size)
         assert whole[k].tobytes() == alone.tobytes()

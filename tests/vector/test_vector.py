@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import gamekeeper as gk
-from gamekeeper.core.seeds import episode_seed
 from gamekeeper.errors import ActionError, EnvError, OrderError, SpecError
+from gamekeeper.randomness.seeds import episode_seed
 from gamekeeper.vector import make
 from tests.vector import worlds
 
@@ -272,7 +272,7 @@ def test_what_raises_is_named(engine: str) -> None:
 
     assert "env 0" in caught.value.where
     assert "the bridge is out" in str(caught.value)
-    assert "in tick" in caught.value.seen
+    assert "in tick" in caught.value.actual
 
 
 @pytest.mark.parametrize(("kind", "how"), [("Dies", "signal 9"), ("Hangs", "no sign of life")])
@@ -286,3 +286,18 @@ def test_worker_that_dies_or_hangs_is_named(kind: str, how: str) -> None:
 
     assert how in str(caught.value)
     assert "envs 0 to 1" in caught.value.where
+
+
+@pytest.mark.parametrize("engine", ["serial", "process"])
+def test_last_observation_comes_with_the_end(engine: str) -> None:
+    """An agent that ends in an AEC copy that goes on without it is told so at once."""
+    with make(f"{HERE}:Leaves", 2, engine=engine) as venv:
+        venv.reset(seed=0)
+        told = []
+        for step in range(1, 16):
+            *_, terminated, truncated, infos = venv.step(np.ones(2, int))
+            ended = (terminated | truncated)[0].nonzero()[0].tolist()
+            assert bool(ended) == bool(infos.get("_final_obs", [False])[0])
+            told += [(step, infos["final_obs"][0][place].tolist()) for place in ended]
+            assert infos["over"].tolist() == [step == 14] * 2
+    assert told == [(7, [7.0, 0.0]), (9, [9.0, 1.0]), (14, [14.0, 2.0])]

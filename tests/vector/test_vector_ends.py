@@ -74,8 +74,10 @@ def test_killed_parent_leaves_neither_processes_nor_memory() -> None:
     before = set(Path("/dev/shm").iterdir())
     with subprocess.Popen(
         [sys.executable, "-c", textwrap.dedent(PARENT)],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-    ) as parent:  # fmt: skip
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    ) as parent:
         assert parent.stdout is not None
         workers = [int(pid) for pid in parent.stdout.readline().split()]
         assert len(workers) == 2

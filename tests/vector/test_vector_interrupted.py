@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import gamekeeper as gk
-from gamekeeper.record.replay import replay
-from gamekeeper.record.verify import verify
-from gamekeeper.run.worker_process import WorkerProcess
-from gamekeeper.vector import kernel_scribe, rows
+from gamekeeper.rollouts.worker_process import WorkerProcess
+from gamekeeper.runs.comparison import replay
+from gamekeeper.runs.run_check import verify
+from gamekeeper.vector import kernel_recorder, vector_rows
 
 
 def interrupt_next_wait(patch: pytest.MonkeyPatch) -> None:
@@ -74,10 +74,9 @@ def test_recording_is_whole_where_rows_were_being_written(
 ) -> None:
     """Ctrl-C while this process writes rows comes once they are written."""
     presses: list[int] = []
-    for kind in (rows.InOrder, rows.AsTheyCome):
-        monkeypatch.setattr(kind, "take", interrupted(kind.take, presses))
-    monkeypatch.setattr(rows, "FLUSH_TURNS", 1)
-    monkeypatch.setattr(kernel_scribe, "FLUSH_S", -1.0)
+    monkeypatch.setattr(vector_rows.InOrder, "take", interrupted(vector_rows.InOrder.take, presses))
+    monkeypatch.setattr(vector_rows, "FLUSH_TURNS", 1)
+    monkeypatch.setattr(kernel_recorder, "FLUSH_S", -1.0)
     venv = gk.record(gk.vector.make("two_robot_line", 4, engine=engine), tmp_path / "run")
     venv.reset(seed=0)
     venv.action_space.seed(0)
@@ -86,7 +85,7 @@ def test_recording_is_whole_where_rows_were_being_written(
     with pytest.raises(KeyboardInterrupt):
         step_on(venv)
     venv.close()
-    episodes = gk.load(tmp_path / "run").episodes
+    episodes = gk.load(tmp_path / "run").episode_table
     assert {0, 1, 2, 3} <= set(episodes["episode"].to_pylist())
     assert "ended" in episodes["end"].to_pylist()
     assert verify(tmp_path / "run").ok
@@ -100,10 +99,13 @@ def step_on(venv: Any) -> None:
 
 
 def interrupted(take: Any, presses: list[int]) -> Any:
-    """The same, but Ctrl-C is pressed as it begins to write, as often as `presses` has one."""
+    """The same, with Ctrl-C as it begins to write an end, as often as `presses` has one."""
 
     def pressed(self: Any, batches: Any) -> None:
-        if presses and batches:
+        if presses and any(
+            "end" in part.schema.names and part["end"].null_count < part.num_rows
+            for _, part in batches
+        ):
             signal.raise_signal(presses.pop())
         take(self, batches)
 

@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import gamekeeper as gk
-from gamekeeper.core.episode_seeds import EpisodeSeeds
-from gamekeeper.core.seeds import episode_seed
+from gamekeeper.randomness.seeds import EpisodeSeeds, episode_seed
 from gamekeeper.vector import make
 from tests.vector import worlds
 

@@ -1,4 +1,4 @@
-"""Recorded copies: one bundle, the fingerprints that the episodes have one by one."""
+"""Recorded copies: one run, the fingerprints that the episodes have one by one."""
 
 from __future__ import annotations
 
@@ -66,9 +66,11 @@ def test_episodes_have_the_fingerprints_they_have_one_by_one(
     many = gk.load(tmp_path / "many")
     alone = gk.rollout(spec, policies=first, episodes=6, seed=4, env_kwargs=kwargs)
 
-    assert many.episodes["episode"].to_pylist() == sorted(many.episodes["episode"].to_pylist())
+    assert many.episode_table["episode"].to_pylist() == sorted(
+        many.episode_table["episode"].to_pylist()
+    )
     for name in ("fingerprint", "info_fingerprint", "seed", "turns", "end"):
-        assert many.episodes[name].to_pylist()[:6] == alone.episodes[name].to_pylist()
+        assert many.episode_table[name].to_pylist()[:6] == alone.episode_table[name].to_pylist()
     assert many.manifest["spaces"] == alone.manifest["spaces"]
     assert many.manifest["state_space"] == alone.manifest["state_space"]
 
@@ -96,7 +98,7 @@ def test_recording_begins_before_the_first_reset(tmp_path: Path) -> None:
 def test_gymnasium_takes_agents_as_environments() -> None:
     """Every agent of every copy is a sub-environment, with its own end and final observation."""
     with make(f"{HERE}:Walk", 3) as venv, make(f"{HERE}:Walk", 3) as own:
-        flat = venv.as_gymnasium()
+        flat = venv.as_gymnasium(absent="zeros")
         obs, _infos = flat.reset(seed=2)
         expected, _ = own.reset(seed=2)
         assert flat.num_envs == 6

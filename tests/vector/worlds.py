@@ -39,7 +39,7 @@ class Camp(gk.TickEnv):
         self.time += 1
         for agent, action in actions.items():
             self.at[agent] = (self.at[agent] + int(np.sum(action)) + self.rng.integers(2)) % 9
-            self.pay(agent, float(self.at[agent]))
+            self.add_reward(agent, float(self.at[agent]))
         if self.time == self.leaves and "scout_0" in actions:
             self.terminate("scout_0", "tired")
         if self.time >= self.length + self.leaves:
@@ -85,7 +85,7 @@ class Walk(gk.TickEnv):
         self.time += 1
         for agent, action in actions.items():
             self.at[agent] += action
-            self.pay(agent, float(self.at[agent][0]))
+            self.add_reward(agent, float(self.at[agent][0]))
             if self.rng.uniform() < 0.1:
                 self.terminate(agent, "fell")
             elif self.time >= 10:
@@ -121,7 +121,7 @@ class Late(gk.TickEnv):
         """Pays one's action and the time; all ends after ten ticks."""
         self.time += 1
         for agent, action in actions.items():
-            self.pay(agent, float(action + self.time))
+            self.add_reward(agent, float(action + self.time))
         if self.time in self.joins:
             self.join(self.joins[self.time])
         if self.time == 10:
@@ -146,11 +146,13 @@ class LateTurns(gk.TurnEnv):
         super().__init__()
         self.possible_agents = ["scout", "cook"]
         self.observation_spaces = {
-            "scout": spaces.Box(0, 99, (2,), np.float32), "cook": spaces.Discrete(100),
-        }  # fmt: skip
+            "scout": spaces.Box(0, 99, (2,), np.float32),
+            "cook": spaces.Discrete(100),
+        }
         self.action_spaces = {
-            "scout": spaces.Discrete(3), "cook": spaces.Box(-1, 1, (1,), np.float32),
-        }  # fmt: skip
+            "scout": spaces.Discrete(3),
+            "cook": spaces.Box(-1, 1, (1,), np.float32),
+        }
 
     def starting_agents(self) -> list[str]:
         """The scout alone."""
@@ -163,7 +165,7 @@ class LateTurns(gk.TurnEnv):
     def act(self, agent: str, action: Any) -> None:
         """Pays the sum of what was done; the cook leaves first."""
         self.count += 1
-        self.pay(agent, float(np.sum(action)))
+        self.add_reward(agent, float(np.sum(action)))
         if self.count == 3:
             self.join("cook")
         if self.count == 8 and "cook" in self.agents:
@@ -207,3 +209,69 @@ class Dies(Walk):
         super().tick(actions)
         if self.time == 1:
             os.kill(os.getpid(), signal.SIGKILL)
+
+
+class Leaves(gk.TurnEnv):
+    """Three count turns; `a` ends by its own third turn, `b` by another's, `c` by the horizon."""
+
+    metadata = {"name": "leaves_v0"}  # noqa: RUF012
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.possible_agents = ["a", "b", "c"]
+        seen = spaces.Box(0, 99, (2,), np.float32)
+        self.observation_spaces = dict.fromkeys(self.possible_agents, seen)
+        self.action_spaces = dict.fromkeys(self.possible_agents, spaces.Discrete(3))
+
+    def start(self, rng: Any, options: dict[str, Any]) -> None:
+        """Nobody has had a turn."""
+        self.count = 0
+
+    def act(self, agent: str, action: Any) -> None:
+        """Pays by the action."""
+        self.count += 1
+        self.add_reward(agent, float(action))
+        if self.count == 7:
+            self.terminate("a", "tired")
+        if self.count == 9:
+            self.truncate("b", "sent home")
+        if self.count == 14:
+            self.terminate("c", "done")
+
+    def mask(self, agent: str) -> Any:
+        """The first is never legal."""
+        return np.array([0, 1, 1], np.int8)
+
+    def observe(self, agent: str) -> Any:
+        """The number of turns, and which place the agent has."""
+        return np.array([self.count, self.possible_agents.index(agent)], np.float32)
+
+
+class Early(gk.TickEnv):
+    """Two count ticks; `a` is paid 10 as it ends in the fourth, `b` goes on until the tenth."""
+
+    metadata = {"name": "early_v0"}  # noqa: RUF012
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.possible_agents = ["a", "b"]
+        seen = spaces.Box(0, 10, (1,), np.float32)
+        self.observation_spaces = dict.fromkeys(self.possible_agents, seen)
+        self.action_spaces = dict.fromkeys(self.possible_agents, spaces.Discrete(2))
+
+    def start(self, rng: Any, options: dict[str, Any]) -> None:
+        """No tick yet."""
+        self.time = 0
+
+    def tick(self, actions: dict[str, Any]) -> None:
+        """Ends them one after the other."""
+        self.time += 1
+        if self.time == 4:
+            self.add_reward("a", 10.0)
+            self.terminate("a", "there")
+        if self.time == 10:
+            self.truncate("b", "night")
+
+    def observe(self, agent: str) -> Any:
+        """The time."""
+        return np.array([self.time], np.float32)

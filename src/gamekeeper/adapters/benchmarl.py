@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 from gymnasium import spaces
@@ -17,15 +18,15 @@ except ImportError as error:
     raise SpecError(
         "BenchMARL isn't installed",
         where="gamekeeper.adapters.benchmarl",
-        mend="pip install 'gamekeeper[benchmarl]'",
+        fix="pip install 'gamekeeper[benchmarl]'",
     ) from error
 
-from gamekeeper.adapters.checked import checked
+from gamekeeper.adapters.requirements import checked, learners_of
 from gamekeeper.adapters.torchrl import env as torchrl_env
-from gamekeeper.core.contract import Contract
-from gamekeeper.game.casting.cast import Choices
-from gamekeeper.game.declared import declared_contract
-from gamekeeper.game.open import open_env
+from gamekeeper.contract import Contract
+from gamekeeper.interface.declared_contract import declared_contract
+from gamekeeper.interface.joint_policy import Choices
+from gamekeeper.interface.opening import open_env
 
 
 def task(
@@ -36,10 +37,8 @@ def task(
     state: bool | None = None,
     max_steps: int | None = None,
     check: str | None = "quick",
-    engine: str = "serial",
-    workers: int = 2,
-    threads: int = 1,
     env_kwargs: Mapping[str, Any] | None = None,
+    **options: Any,
 ) -> GameTask:
     """A multi-agent environment as a task: `Experiment(task=task("warehouse"), ...)`.
 
@@ -52,30 +51,32 @@ def task(
 
     Args:
         spec: where the environment comes from; a text.
-        role: the role, or the one agent, that learns; the rest follow `others`. None: everybody.
+        role: role, or the one agent, that learns; the rest follow `others`. None: all agents.
         others: policies of who doesn't learn, one for all or by agent or role; texts.
         state: whether critics see `state()`; None: where the environment declares a `state_space`.
         max_steps: of an evaluation episode; None: the contract's horizon.
         check: "quick": the quick audit, once for each source digest.
-        engine: `serial`, `process` or `kernel`, as in `gk.vector.make`.
-        workers, threads: of the `process` and of the `kernel` engine.
         env_kwargs: handed to the environment.
+        options: of `gk.vector.make`: `engine`, `workers`, `threads`.
     Raises:
         SpecError: see *refused*.
         ContractError: the audit found that the environment breaks its contract.
     """  # noqa: E501  # a row of a table is one line
     if not isinstance(spec, str):
         raise SpecError(
-            "an experiment is saved, with the name of its task", where="spec", expected="a text",
-            seen=repr(spec)[:200], mend="name the factory: module:factory or file.py:factory",
-        )  # fmt: skip
+            "an experiment is saved, with the name of its task",
+            where="spec",
+            expected="a text",
+            actual=repr(spec)[:200],
+            fix="name the factory: module:factory or file.py:factory",
+        )
     checked(spec, check, env_kwargs=env_kwargs)
     opened = open_env(spec, **dict(env_kwargs or {}))
     try:
         contract = declared_contract(None, opened) or Contract()
         agents = list(opened.env.possible_agents)
         if others is not None:
-            agents = [a for a in agents if role in (contract.role_of(a), str(a), _stem(a))]
+            agents = learners_of(agents, role, contract)
         kinds = {agent: opened.env.action_space(agent) for agent in agents}
         count = len(opened.env.possible_agents)
     finally:
@@ -85,20 +86,22 @@ def task(
         max_steps = contract.schedule.horizon * (count if opened.api == "aec" else 1)
     if max_steps is None:
         raise SpecError(
-            "nobody says how long an evaluation episode may be", where="max_steps",
+            "the length of an evaluation episode isn't known",
+            where="max_steps",
             expected="a contract with a horizon, or max_steps=",
-            mend="max_steps=: steps, of an AEC environment turns",
-        )  # fmt: skip
+            fix="max_steps=: steps, of an AEC environment turns",
+        )
     config = {
-        "spec": spec, "role": role, "others": others, "state": state, "engine": engine,
-        "workers": workers, "threads": threads, "env_kwargs": dict(env_kwargs or {}),
-        "max_steps": int(max_steps), "is_discrete": is_discrete,
-    }  # fmt: skip
+        "spec": spec,
+        "role": role,
+        "others": others,
+        "state": state,
+        "env_kwargs": dict(env_kwargs or {}),
+        "max_steps": int(max_steps),
+        "is_discrete": is_discrete,
+        **options,
+    }
     return GameTask(re.sub(r"[^A-Za-z0-9_.-]+", "_", spec), config)
-
-
-def _stem(agent: Any) -> str:
-    return re.sub(r"_\d+$", "", str(agent))
 
 
 def _are_discrete(kinds: Mapping[Any, Any], *, is_aec: bool) -> bool:
@@ -112,8 +115,8 @@ def _are_discrete(kinds: Mapping[Any, Any], *, is_aec: bool) -> bool:
         "BenchMARL has no algorithm for such actions",
         where="action_space",
         expected="Discrete for all agents, or Box of one axis for all, who then act at once",
-        seen=", ".join(f"{agent}: {space}" for agent, space in kinds.items())[:400],
-        mend="take gamekeeper.adapters.torchrl, with a loss of your own",
+        actual=", ".join(f"{agent}: {space}" for agent, space in kinds.items())[:400],
+        fix="take gamekeeper.adapters.torchrl, with a loss of your own",
     )
 
 
@@ -123,24 +126,26 @@ class GameTask(TaskClass):
     def get_env_fun(
         self, num_envs: int, continuous_actions: bool, seed: int | None, device: Any
     ) -> Callable[[], Any]:
-        """What makes copies for a collector or an evaluation."""
-        told = {
-            key: value
-            for key, value in self.config.items()
-            if key not in ("spec", "max_steps", "is_discrete")
-        }
-        spec, is_discrete = self.config["spec"], self.config["is_discrete"]
-        return lambda: torchrl_env(
-            spec, num_envs, check=None, masks=is_discrete, flatten=True,
-            seed=0 if seed is None else seed, device=device, **told,
-        )  # fmt: skip
+        """Returns a function that makes copies for a collector or an evaluation."""
+        options = {key: part for key, part in self.config.items() if key != "max_steps"}
+        return partial(
+            torchrl_env,
+            options.pop("spec"),
+            num_envs,
+            check=None,
+            masks=options.pop("is_discrete"),
+            flatten=True,
+            seed=0 if seed is None else seed,
+            device=device,
+            **options,
+        )
 
     def supports_continuous_actions(self) -> bool:
-        """Whether all actions are vectors."""
+        """True if all actions are vectors."""
         return not self.config["is_discrete"]
 
     def supports_discrete_actions(self) -> bool:
-        """Whether all actions are numbers."""
+        """True if all actions are numbers."""
         return bool(self.config["is_discrete"])
 
     def max_steps(self, env: Any) -> int:
@@ -148,45 +153,47 @@ class GameTask(TaskClass):
         return int(self.config["max_steps"])
 
     def has_render(self, env: Any) -> bool:
-        """Frames are taken by `gk.record(..., frames=True)`."""
+        """Returns False: `gk.record(..., frames=True)` takes frames."""
         return False
 
     def group_map(self, env: Any) -> dict[str, list[str]]:
         """Agents by group."""
         self._agents: dict[str, list[str]] = dict(env.group_map)
-        return dict(env.group_map)
+        return self._agents
 
     def observation_spec(self, env: Any) -> Any:
-        """What each group's agents see."""
+        """Spec of each group's observations."""
         return self._only(env, "observation")
 
     def action_mask_spec(self, env: Any) -> Any:
-        """What each group's agents may do; None where actions are vectors."""
+        """Spec of each group's action masks; None where actions are vectors."""
         return self._only(env, "action_mask") if self.config["is_discrete"] else None
 
     def info_spec(self, env: Any) -> None:
-        """There are no infos."""
+        """Returns no spec: there are no infos."""
 
     def state_spec(self, env: Any) -> Any:
-        """The state, None where there is none."""
+        """Spec of the state; None where the environment has no `state()`."""
         whole = env.full_observation_spec_unbatched
         found = dict(whole.items()).get("state")
         return None if found is None else Composite({"state": found.clone()})
 
     def action_spec(self, env: Any) -> Any:
-        """What each group's agents do."""
+        """Spec of each group's actions."""
         return env.full_action_spec_unbatched
 
     def _only(self, env: Any, key: str) -> Any:
         whole = env.full_observation_spec_unbatched
-        return Composite({
-            group: Composite({key: whole[group, key].clone()}, shape=whole[group].shape)
-            for group in env.group_map
-        })  # fmt: skip
+        return Composite(
+            {
+                group: Composite({key: whole[group, key].clone()}, shape=whole[group].shape)
+                for group in env.group_map
+            }
+        )
 
     @staticmethod
     def env_name() -> str:
-        """Whose tasks these are."""
+        """Name of the library that the tasks come from."""
         return "gamekeeper"
 
     def log_info(self, batch: Any) -> dict[str, float]:

@@ -8,9 +8,16 @@ import numpy as np
 
 
 def decided(
-    rewards: Any, values: Any, acted: Any, ends: Any, last_values: Any, acting: Any,
-    *, gamma: float, trace: float,
-) -> tuple[Any, Any]:  # fmt: skip
+    rewards: Any,
+    values: Any,
+    acted: Any,
+    ends: Any,
+    last_values: Any,
+    acting: Any,
+    *,
+    gamma: float,
+    trace: float,
+) -> tuple[Any, Any]:
     """Advantages of decisions, and which of them are known; all arrays are [step, slot].
 
     Args:

@@ -9,27 +9,21 @@ import gymnasium
 import numpy as np
 from gymnasium import spaces
 
-from gamekeeper.adapters.others import require_policies
-from gamekeeper.core.contract import Contract
-from gamekeeper.core.layout import role as role_in_name
+from gamekeeper.adapters.requirements import require_policies
 from gamekeeper.errors import SpecError
-from gamekeeper.game.casting.cast import Cast, Choices
-from gamekeeper.game.converting.slim import slim
-from gamekeeper.game.declared import declared_contract
-from gamekeeper.game.open import Opened, open_env
-from gamekeeper.record.recording import cast_of
-from gamekeeper.vector.front import make
+from gamekeeper.interface.declared_contract import declared_contract
+from gamekeeper.interface.joint_policy import Choices, JointPolicy
+from gamekeeper.interface.opening import Opened, open_env
+from gamekeeper.interface.slim import slim
+from gamekeeper.runs.recording import cast_of
+from gamekeeper.vector.vector_factory import make
 
 EPISODES: Final = 100
-"""In so many an agent comes, or it is taken for one that doesn't."""
+"""Episodes that an agent has to come into the game, until it is taken for one that never does."""
 
 
 def single_agent(
-    spec: object,
-    agent: str,
-    *,
-    others: Choices = None,
-    env_kwargs: Mapping[str, Any] | None = None,
+    spec: object, agent: str, *, others: Choices = None, env_kwargs: Mapping[str, Any] | None = None
 ) -> AgentEnv:
     """One agent of a multi-agent environment as a `gymnasium.Env`; the others follow policies.
 
@@ -42,9 +36,9 @@ def single_agent(
 
     Args:
         spec: where the environment comes from, as `gk.make` takes it.
-        agent: who is played by `step`'s actions.
-        others: policies of the others, one for all or by agent or role; None is for an environment
-            with nobody else.
+        agent: the agent that `step`'s actions are of.
+        others: policies of the others, one for all or by agent or role; None for an environment
+            with one agent.
         env_kwargs: handed to the environment.
     Raises:
         SpecError: see *refused*.
@@ -54,15 +48,14 @@ def single_agent(
         agents = list(getattr(opened.env, "possible_agents", ()))
         if agent not in agents:
             raise SpecError(
-                f"nobody is called {agent!r}", where="agent",
-                expected=", ".join(map(str, agents)), seen=repr(agent),
-            )  # fmt: skip
+                f"the environment has no agent called {agent!r}",
+                where="agent",
+                expected=", ".join(map(str, agents)),
+                actual=repr(agent),
+                fix="name one of its possible agents",
+            )
         declared = declared_contract(None, opened)
-        require_policies(
-            [other for other in agents if other != agent],
-            others,
-            lambda other: (declared or Contract()).role_of(other) or role_in_name(str(other)),
-        )
+        require_policies([other for other in agents if other != agent], others, declared)
         return AgentEnv(opened, agent, cast_of(others, opened.env, declared))
     except BaseException:
         opened.env.close()
@@ -73,26 +66,25 @@ class AgentEnv(gymnasium.Env[Any, Any]):
     """Use `single_agent`.
 
     Attributes:
-        agent: who is played by `step`'s actions.
+        agent: the agent that `step`'s actions are of.
         env: the multi-agent environment.
     """
 
-    def __init__(self, opened: Opened, agent: Any, cast: Cast) -> None:
-        """Takes over an open environment."""
+    def __init__(self, opened: Opened, agent: Any, policies: JointPolicy) -> None:
         self.env: Any = slim(opened.env)
         self.agent = agent
         self.metadata = dict(getattr(opened.env, "metadata", None) or {})
         self.render_mode = getattr(opened.env, "render_mode", None)
         self.observation_space = self.env.observation_space(agent)
         self.action_space = self.env.action_space(agent)
-        self._cast, self._is_aec = cast, opened.api == "aec"
+        self._policies, self._is_aec = policies, opened.api == "aec"
         self._seed, self._episode = 0, -1
         self._given: tuple[Any, Any] = ({}, {})
 
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begins an episode: what the agent is given first.
+        """Begins an episode; returns the agent's first observation and info.
 
         Raises:
             SpecError: it has nothing to decide in 100 episodes.
@@ -103,7 +95,7 @@ class AgentEnv(gymnasium.Env[Any, Any]):
         more = {} if options is None else {"options": dict(options)}
         for _ in range(EPISODES):
             self._episode += 1
-            self._cast.begin(self._seed, self._episode)
+            self._policies.begin(self._seed, self._episode)
             self._given = self.env.reset(seed=seed, **more) or ({}, {})
             first = self._first_turn() if self._is_aec else self._first_tick()
             if first is not None:
@@ -113,12 +105,12 @@ class AgentEnv(gymnasium.Env[Any, Any]):
             f"{self.agent!r} has nothing to decide",
             where="reset",
             expected="an agent that comes into the game",
-            seen=f"{EPISODES} episodes without it",
-            mend="take another agent",
+            actual=f"{EPISODES} episodes without it",
+            fix="take another agent",
         )
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """The agent's action, and all that follows until it decides again."""
+        """Takes the agent's action, and plays on until it decides again."""
         if self._is_aec:
             self.env.step(action)
             out = self._turns()
@@ -128,7 +120,7 @@ class AgentEnv(gymnasium.Env[Any, Any]):
         return observation, float(reward), bool(terminated), bool(truncated), dict(info or {})
 
     def render(self) -> Any:
-        """As the environment renders."""
+        """Renders the environment."""
         return self.env.render()
 
     def close(self) -> None:
@@ -136,10 +128,10 @@ class AgentEnv(gymnasium.Env[Any, Any]):
         self.env.close()
 
     def _tick(self, action: Any) -> tuple[Any, Any, Any, Any, Any]:
-        """A tick of everybody; `action` is the agent's, if it is there."""
-        (seen, told), me = self._given, self.agent
+        """Plays a tick of all agents; `action` is the agent's, if it is live."""
+        (seen, infos), me = self._given, self.agent
         acts = {
-            a: action if a == me else self._cast.act(a, seen[a], told.get(a, {}))
+            a: action if a == me else self._policies.act(a, seen[a], infos.get(a, {}))
             for a in self.env.agents
         }
         out = self.env.step(acts)
@@ -149,7 +141,7 @@ class AgentEnv(gymnasium.Env[Any, Any]):
         return out[0][me], out[1][me], out[2][me], out[3][me], out[4].get(me)
 
     def _first_tick(self) -> tuple[Any, Any] | None:
-        """What the agent is given as it comes; None: it doesn't."""
+        """Returns the agent's first observation and info; None if it doesn't come."""
         while self.env.agents:
             if self.agent in self.env.agents:
                 return self._given[0][self.agent], self._given[1].get(self.agent)
@@ -157,12 +149,12 @@ class AgentEnv(gymnasium.Env[Any, Any]):
         return None
 
     def _first_turn(self) -> tuple[Any, Any] | None:
-        """What the agent is given in its first turn; None: it is over before that."""
+        """Returns the agent's first observation and info; None if it ends before its first turn."""
         observation, _, terminated, truncated, info = self._turns()
         return None if terminated or truncated else (observation, info)
 
     def _turns(self) -> tuple[Any, Any, Any, Any, Any]:
-        """Plays the others' turns; what the agent is given then."""
+        """Plays the others' turns; returns the agent's `last()` as its own turn comes."""
         env, me = self.env, self.agent
         while env.agents:
             given: tuple[Any, Any, Any, Any, Any] = env.last()
@@ -172,7 +164,7 @@ class AgentEnv(gymnasium.Env[Any, Any]):
             if terminated or truncated:
                 env.step(None)
             else:
-                env.step(self._cast.act(env.agent_selection, observation, info))
+                env.step(self._policies.act(env.agent_selection, observation, info))
         return nothing(self.observation_space), 0.0, True, False, {}
 
 
@@ -190,23 +182,29 @@ def joint(
 
     Args:
         spec: where the environment comes from.
-        observe: `agents`: a Dict of everybody's observation. `state`: the environment's `state()`.
+        observe: `agents`: a Dict of all agents' observations. `state`: the environment's `state()`.
         env_kwargs: handed to the environment.
     Raises:
         SpecError: see *refused*; or it has no `state_space`.
     """  # noqa: E501  # a row of a table is one line
     if observe not in ("agents", "state"):
         raise SpecError(
-            "there is no such view", where="observe", expected="'agents' or 'state'",
-            seen=repr(observe),
-        )  # fmt: skip
+            "there is no such view",
+            where="observe",
+            expected="'agents' or 'state'",
+            actual=repr(observe),
+            fix="observe='agents'",
+        )
     opened = open_env(spec, **dict(env_kwargs or {}))
     if opened.api != "parallel":
         opened.env.close()
         raise SpecError(
-            "agents that act in turn have no joint action", where="joint", seen="aec",
-            expected="a Parallel environment", mend="joint(lambda: gk.to_parallel(env))",
-        )  # fmt: skip
+            "agents that act in turn have no joint action",
+            where="joint",
+            actual="aec",
+            expected="a Parallel environment",
+            fix="joint(lambda: gk.to_parallel(env))",
+        )
     return JointEnv(slim(opened.env), observe)
 
 
@@ -218,7 +216,6 @@ class JointEnv(gymnasium.Env[Any, Any]):
     """
 
     def __init__(self, env: Any, observe: str) -> None:
-        """Takes over an environment."""
         self.env, self._sees_state = env, observe == "state"
         self.agents = list(env.possible_agents)
         self.metadata = dict(getattr(env, "metadata", None) or {})
@@ -230,9 +227,11 @@ class JointEnv(gymnasium.Env[Any, Any]):
             space = getattr(env.unwrapped, "state_space", None)
             if not isinstance(space, spaces.Space):
                 raise SpecError(
-                    "the environment declares no state_space", where="observe='state'",
-                    seen=repr(space), mend="observe='agents'",
-                )  # fmt: skip
+                    "the environment declares no state_space",
+                    where="observe='state'",
+                    actual=repr(space),
+                    fix="observe='agents'",
+                )
             self.observation_space = space
 
     def reset(
@@ -242,22 +241,22 @@ class JointEnv(gymnasium.Env[Any, Any]):
         super().reset(seed=seed)
         more = {} if options is None else {"options": dict(options)}
         observations, infos = self.env.reset(seed=seed, **more)
-        return self._seen(observations), self._told({}, {}, {}, infos)
+        return self._seen(observations), self._info({}, {}, {}, infos)
 
     def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any]]:
-        """One tick of everybody."""
+        """Plays a tick of all agents."""
         live = self.env.agents
         observations, rewards, terms, truncs, infos = self.env.step(
             {agent: action[str(agent)] for agent in live}
         )
         is_over = not self.env.agents
         terminated = is_over and any(terms.values())
-        told = self._told(rewards, terms, truncs, infos)
+        info = self._info(rewards, terms, truncs, infos)
         total = float(sum(rewards.values()))
-        return self._seen(observations), total, terminated, is_over and not terminated, told
+        return self._seen(observations), total, terminated, is_over and not terminated, info
 
     def render(self) -> Any:
-        """As the environment renders."""
+        """Renders the environment."""
         return self.env.render()
 
     def close(self) -> None:
@@ -274,16 +273,19 @@ class JointEnv(gymnasium.Env[Any, Any]):
             for agent in self.agents
         }
 
-    def _told(self, rewards: Any, terms: Any, truncs: Any, infos: Any) -> dict[str, Any]:
+    def _info(self, rewards: Any, terms: Any, truncs: Any, infos: Any) -> dict[str, Any]:
         live = [agent in self.env.agents for agent in self.agents]
         return {
-            "rewards": dict(rewards), "terminations": dict(terms), "truncations": dict(truncs),
-            "live": np.array(live), "infos": {a: dict(info) for a, info in infos.items()},
-        }  # fmt: skip
+            "rewards": dict(rewards),
+            "terminations": dict(terms),
+            "truncations": dict(truncs),
+            "live": np.array(live),
+            "infos": {a: dict(info) for a, info in infos.items()},
+        }
 
 
 def nothing(space: spaces.Space[Any]) -> Any:
-    """Zeros in the form of a space, for an agent that isn't there."""
+    """Returns zeros in the form of a space, for an agent that isn't live."""
     if isinstance(space, spaces.Dict):
         return {key: nothing(part) for key, part in space.spaces.items()}
     if isinstance(space, spaces.Tuple):
@@ -293,14 +295,22 @@ def nothing(space: spaces.Space[Any]) -> Any:
     return np.zeros(space.shape or (), space.dtype)
 
 
-def vector(spec: object, num_envs: int, **options: Any) -> Any:
+def vector(spec: object, num_envs: int, *, absent: str = "refuse", **options: Any) -> Any:
     """Every agent of every copy as a sub-environment of a `gymnasium.vector.VectorEnv`.
+
+    | | |
+    |---|---|
+    | kept | every agent's own end (terminated apart from truncated) and final observation; both autoreset modes; masks in `infos["action_mask"]`; seeds: copy e plays the episodes e, e + num_envs, ... of the run |
+    | changed | with `absent="zeros"`, an agent that isn't in the game while its copy plays is shown zeros and reward 0, neither terminated nor truncated. Whoever doesn't look at `infos["live"]`, as Gymnasium's own wrappers, counts these steps |
+    | lost | infos but for the mask |
+    | refused | agents that differ in their spaces, or act in turn; an agent that ends before its copy does, or joins later (`absent="zeros"` lets it pass): Gymnasium's environments begin anew as they end, and an agent can't before its copy does |
 
     Args:
         spec: where the environment comes from.
-        num_envs: how many copies.
+        num_envs: number of sub-environments.
+        absent: `refuse` or `zeros`, as above.
         **options: of `gk.vector.make`.
     Raises:
-        SpecError: agents differ in their spaces, or act in turn.
-    """
-    return make(spec, num_envs, **options).as_gymnasium()
+        SpecError: see *refused*; that an agent isn't in the game is seen as it happens.
+    """  # noqa: E501  # a row of a table is one line
+    return make(spec, num_envs, **options).as_gymnasium(absent=absent)

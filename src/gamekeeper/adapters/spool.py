@@ -1,9 +1,10 @@
-"""Arrays that grow part by part on disk, and the .npz file they become: memory stays flat."""
+"""Arrays that grow part by part on disk and become one .npz file, so that memory stays flat."""
 
 from __future__ import annotations
 
 import io
 import os
+import shutil
 import tempfile
 import zipfile
 from collections.abc import Iterator
@@ -15,7 +16,7 @@ from typing import Any, BinaryIO, Final
 import numpy as np
 
 from gamekeeper.errors import EvidenceError
-from gamekeeper.record.files.folder import system_error
+from gamekeeper.runs.files.folder import system_error
 
 BUDGET_BYTES: Final = 32 << 20  # of parts that wait in memory, of all arrays together
 PART_BYTES: Final = 200  # of an array object, beside its elements: parts are often small
@@ -25,10 +26,9 @@ EXTENT: Final = 1 << 31  # of a member: beyond it zip needs its longer form
 
 
 class Spool:
-    """Arrays by name, each growing along its first axis."""
+    """Arrays by name, each growing along its first axis; in `folder` where memory is short."""
 
     def __init__(self, folder: Path) -> None:
-        """Keeps what doesn't fit into memory in `folder`."""
         self._folder = folder
         self._kinds: dict[str, tuple[np.dtype[Any], tuple[int, ...]]] = {}
         self._places: dict[str, int] = {}
@@ -38,23 +38,26 @@ class Spool:
         self._text: dict[str, str] = {}
 
     def add_text(self, name: str, text: str) -> None:
-        """Puts one text, as an array of no dimensions."""
+        """Adds one text, as an array of no dimensions."""
         self._text[name] = text
 
     def add(self, name: str, part: Any) -> None:
-        """Puts rows behind those that an array has.
+        """Appends rows to an array.
 
         Raises:
-            EvidenceError: they are of another dtype or shape than those.
+            EvidenceError: they have another dtype or shape than the array.
         """
         part = np.asarray(part)
         kind = part.dtype.newbyteorder("<"), part.shape[1:]
         known = self._kinds.setdefault(name, kind)
         if known != kind:
             raise EvidenceError(
-                "an array changes its form", where=name, expected=f"{known[0]} {list(known[1])}",
-                seen=f"{kind[0]} {list(kind[1])}",
-            )  # fmt: skip
+                "an array changes its form",
+                where=name,
+                expected=f"{known[0]} {list(known[1])}",
+                actual=f"{kind[0]} {list(kind[1])}",
+                fix="export runs of one environment only, whose spaces stay the same",
+            )
         self._places.setdefault(name, len(self._places))
         self._rows[name] = self._rows.get(name, 0) + len(part)
         self._waiting.setdefault(name, []).append(part.astype(kind[0], copy=False))
@@ -63,7 +66,7 @@ class Spool:
             self._flush()
 
     def length(self, name: str) -> int:
-        """How many rows an array has so far."""
+        """Number of rows that an array has so far."""
         return self._rows.get(name, 0)
 
     def write(self, target: BinaryIO, *, compress: bool) -> None:
@@ -72,27 +75,19 @@ class Spool:
         method = zipfile.ZIP_DEFLATED if compress else zipfile.ZIP_STORED
         with zipfile.ZipFile(target, "w", method, allowZip64=True, compresslevel=1) as archive:
             for name, text in self._text.items():
-                entry = zipfile.ZipInfo(f"{name}.npy", EPOCH)
-                entry.compress_type = method
                 array = np.array(text)
-                archive.writestr(entry, _header(array.dtype, ()) + array.tobytes())
+                data = _header(array.dtype, ()) + array.tobytes()
+                archive.writestr(_entry(name, method), data)
             # by name: which of them came first depends on the parts in which rows are read
             for name, (dtype, shape) in sorted(self._kinds.items(), key=itemgetter(0)):
-                entry = zipfile.ZipInfo(f"{name}.npy", EPOCH)
-                entry.compress_type = method
                 whole = (self._rows[name], *shape)
-                size = int(np.prod(whole, dtype=np.int64)) * dtype.itemsize
-                with archive.open(entry, "w", force_zip64=size >= EXTENT) as member:
+                is_long = int(np.prod(whole, dtype=np.int64)) * dtype.itemsize >= EXTENT
+                with archive.open(_entry(name, method), "w", force_zip64=is_long) as member:
                     member.write(_header(dtype, whole))
-                    self._copy(name, member)
-
-    def _copy(self, name: str, member: Any) -> None:
-        path = self._path(name)
-        if not path.exists():  # an array without rows
-            return
-        with path.open("rb") as file:
-            while data := file.read(COPY_BYTES):
-                member.write(data)
+                    path = self._path(name)
+                    if path.exists():  # else it has no rows
+                        with path.open("rb") as file:
+                            shutil.copyfileobj(file, member, COPY_BYTES)
 
     def _flush(self) -> None:
         for name, parts in self._waiting.items():
@@ -108,10 +103,10 @@ class Spool:
 
 @contextmanager
 def spooled(path: Path, *, compress: bool) -> Iterator[Spool]:
-    """A spool that becomes the .npz file at `path` when the block ends; nothing if it raises.
+    """Gives a spool that becomes the .npz file at `path` when the block ends without an error.
 
     Raises:
-        BundleError: the disk refuses.
+        RunError: the disk refuses.
     """
     try:
         with tempfile.TemporaryDirectory(prefix=f".{path.name}.", dir=path.parent) as folder:
@@ -127,6 +122,12 @@ def spooled(path: Path, *, compress: bool) -> Iterator[Spool]:
         if isinstance(error, EvidenceError):
             raise
         raise system_error(f"writing {path.name}", path, error) from error
+
+
+def _entry(name: str, method: int) -> zipfile.ZipInfo:
+    entry = zipfile.ZipInfo(f"{name}.npy", EPOCH)
+    entry.compress_type = method
+    return entry
 
 
 def _header(dtype: np.dtype[Any], shape: tuple[int, ...]) -> bytes:

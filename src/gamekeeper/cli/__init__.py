@@ -15,19 +15,21 @@ from contextlib import suppress
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a command line and returns its exit code.
 
-    0: kept, verified, done. 1: broken, diverged, failed. 2: can't tell, or wrong use.
+    0: passed, verified, done. 1: failed, diverged. 2: can't tell, or wrong use.
     130: interrupted.
 
     Args:
         arguments: those after the program's name; None: this process's.
     """
     try:
-        from gamekeeper.run.pandas_later import pandas_can_wait
+        from gamekeeper.import_guard import guarded
+        from gamekeeper.rollouts.pandas_later import pandas_can_wait
 
         pandas_can_wait()
-        from gamekeeper.cli._app import run_line
+        with guarded():  # commands to which the user names code lift it
+            from gamekeeper.cli._app import run_line
 
-        return run_line(arguments)
+            return run_line(arguments)
     except KeyboardInterrupt:  # while the command line was being made, or was just over
         sys.stderr.write("interrupted\n")
         return 130
@@ -37,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _end_at_once() -> None:
-    """From here on the process only ends; Ctrl-C ends it now, without a traceback of that."""
+    """Lets Ctrl-C end the process at once, without a traceback: from here on it only ends."""
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        with suppress(ValueError):  # in a thread nobody is interrupted
+        with suppress(ValueError):  # a thread isn't interrupted
             signal.signal(signal.SIGINT, signal.SIG_DFL)

@@ -1,4 +1,4 @@
-"""The frame around every command: its common options, its outputs, its exit code."""
+"""Frame around every command: its common options, its outputs, its exit code."""
 
 from __future__ import annotations
 
@@ -18,16 +18,10 @@ from typing import Annotated, Any, Final, get_args
 
 import typer
 
-from gamekeeper.cli._document import error_document
-from gamekeeper.cli._options import (
-    JsonOption,
-    PolicyOption,
-    QuietOption,
-    SeedOption,
-    WorkersOption,
-)
-from gamekeeper.cli._screen import Answer, Screen
-from gamekeeper.cli._stdout import claimed_stdout, open_standard_streams
+from gamekeeper._version import __version__
+from gamekeeper.cli._options import JsonOption, PolicyOption, QuietOption, SeedOption, WorkersOption
+from gamekeeper.cli._screen import CommandResult, Screen, error_document
+from gamekeeper.cli._stdout import claimed_stdout, open_standard_streams, silence
 from gamekeeper.errors import EnvError, GamekeeperError
 
 PACKAGE: Final = "gamekeeper.cli"
@@ -36,14 +30,14 @@ FAILED: Final = 1
 UNSURE: Final = 2
 INTERRUPTED: Final = 130
 NAME_CHARS: Final = 200
-"""Of a file's name that the system refuses, as shown."""
+"""Characters that are shown of a file's name that is too long."""
 VALIDATOR: Final = "Value error, "
-"""What typer's validator puts in front of its reason; it tells a user nothing."""
+"""Text that typer's validator puts in front of its reason; it tells a user nothing."""
 LAST: Final = 1_000
-"""Place in the list of commands of one that names none (`ORDER`)."""
+"""Place in the list of commands of one without `ORDER`."""
 
 OWN: Final = ("json", "quiet")
-"""Options that the frame itself obeys."""
+"""Options that the frame itself handles."""
 COMMON: Final[Mapping[str, tuple[Any, Any]]] = {
     "json": (JsonOption, False),
     "quiet": (QuietOption, False),
@@ -51,7 +45,7 @@ COMMON: Final[Mapping[str, tuple[Any, Any]]] = {
     "workers": (WorkersOption, 1),
     "policy": (PolicyOption, None),
 }
-"""Options that every command takes, with their defaults; where they change nothing, it says so."""
+"""Options that every command takes, with their defaults; a note says where one has no effect."""
 
 
 def run_line(arguments: Sequence[str] | None = None) -> int:
@@ -61,8 +55,12 @@ def run_line(arguments: Sequence[str] | None = None) -> int:
     with _signals():
         try:
             code = build_app()(line, prog_name=NAME, standalone_mode=False)
+            sys.stdout.flush()
         except typer.Abort:
             return INTERRUPTED
+        except OSError as error:  # of --help and --version: commands write by their screen
+            silence(sys.stdout)
+            return _unwritten(Screen(sys.stdout), error)
         except Exception as error:
             # Whatever typer finds wrong with a line has these two; its class isn't public.
             if not (hasattr(error, "format_message") and hasattr(error, "exit_code")):
@@ -79,16 +77,16 @@ def build_app() -> typer.Typer:
         pretty_exceptions_enable=False,
         rich_markup_mode=None,  # rich alone doubles the time that --help takes
         context_settings={"help_option_names": ["--help", "-h"]},
-        help="Keeps multi-agent environments honest: states the game form, records rollouts as "
-        "evidence that replays bit for bit, and names the first place where a rerun differs.",
-        epilog="Start with: gamekeeper run ENV. Exit codes: 0 kept, verified, done; "
-        "1 broken, diverged, failed; 2 can't tell, or wrong use; 130 interrupted.",
+        help="Tests, records and reproduces PettingZoo environments: checks their rules, records "
+        "episodes that replay bit for bit, and finds the agent that made a run fail.",
+        epilog="Example: gamekeeper run warehouse --policy reference. Exit codes: 0 passed, "
+        "verified, done; 1 failed, diverged; 2 no answer, or wrong use; 130 interrupted.",
     )
     app.callback()(_whole)
     for name, module in commands():
-        # All of the first line: typer cuts it where it doesn't fit beside the names.
-        said = (inspect.getdoc(module.command) or "").partition("\n")[0]
-        app.command(name, short_help=said)(framed(name, module))
+        # The whole first line: typer cuts it where it doesn't fit beside the names.
+        first_line = (inspect.getdoc(module.command) or "").partition("\n")[0]
+        app.command(name, short_help=first_line)(framed(name, module))
     return app
 
 
@@ -104,8 +102,8 @@ def commands() -> list[tuple[str, ModuleType]]:
 
 
 def framed(name: str, module: ModuleType) -> Callable[..., None]:
-    """A command as typer takes it: with the common options, its outputs and errors cared for."""
-    command: Callable[..., Answer] = module.command
+    """Wraps a command for typer: adds the common options, handles its outputs and errors."""
+    command: Callable[..., CommandResult] = module.command
     signature = inspect.signature(command, eval_str=True)
     declared = list(signature.parameters.values())[1:]  # the first one is the screen
     added = _added({parameter.name for parameter in declared})
@@ -117,8 +115,10 @@ def framed(name: str, module: ModuleType) -> Callable[..., None]:
             screen = Screen(out, is_json=own["json"], is_quiet=own["quiet"])
             for parameter in added:
                 if parameter.name in idle and idle[parameter.name] != parameter.default:
-                    screen.note(f"note: --{parameter.name} changes nothing of {name}")
-            code = _performed(command, screen, options)
+                    screen.note(f"note: --{parameter.name} has no effect on {name}")
+            code = _performed(command, screen, options, idle_policies=idle.get("policy"))
+        if screen.lost and code != INTERRUPTED:
+            code = _unwritten(screen, screen.lost[0])
         raise typer.Exit(code)
 
     parameters = [*declared, *added]
@@ -129,7 +129,7 @@ def framed(name: str, module: ModuleType) -> Callable[..., None]:
 
 
 def _added(declared: set[str]) -> list[inspect.Parameter]:
-    """The common options that a command doesn't declare; those that do nothing stay out of help."""
+    """The common options that a command doesn't declare; those without effect are hidden."""
     added = []
     for name, (annotation, default) in COMMON.items():
         if name in declared:
@@ -147,9 +147,19 @@ def _hidden(annotation: Any) -> Any:
     return Annotated[kind, option]
 
 
-def _performed(command: Callable[..., Answer], screen: Screen, options: dict[str, Any]) -> int:
-    """Runs a command, says its result or its error, and returns the exit code."""
+def _performed(
+    command: Callable[..., CommandResult],
+    screen: Screen,
+    options: dict[str, Any],
+    *,
+    idle_policies: Sequence[str] | None,
+) -> int:
+    """Runs a command, writes its document or its error, and returns the exit code."""
     try:
+        if idle_policies:
+            from gamekeeper.interface.policy import check_spelling
+
+            check_spelling(idle_policies)  # misspelt, it may be meant for another command
         answer = command(screen, **options)
     except GamekeeperError as error:
         if _is_interrupt(error):
@@ -169,15 +179,15 @@ def _performed(command: Callable[..., Answer], screen: Screen, options: dict[str
             return UNSURE
         screen.error(traceback.format_exc())
         screen.error("This is a fault of gamekeeper, not of your environment: please report it.")
-        said = traceback.format_exception_only(error)[-1].strip()
-        screen.document({"error": {"kind": "Fault", "what": f"a fault of gamekeeper: {said}"}})
+        line = traceback.format_exception_only(error)[-1].strip()
+        screen.document({"error": {"kind": "Fault", "what": f"a fault of gamekeeper: {line}"}})
         return UNSURE
     screen.document(answer.document)
     return answer.code
 
 
 def _is_interrupt(error: BaseException) -> bool:
-    """Whether this was raised while Ctrl-C was being dealt with: what cleans up may fail, too."""
+    """Tells if this was raised while Ctrl-C was being handled: cleaning up may fail, too."""
     context: BaseException | None = error
     while context is not None:
         if isinstance(context, KeyboardInterrupt):
@@ -192,8 +202,14 @@ def _interrupted(screen: Screen) -> int:
     return INTERRUPTED
 
 
+def _unwritten(screen: Screen, error: OSError) -> int:
+    """Reports that results couldn't be written: the command's own exit code would mislead."""
+    screen.error(f"stdout can't be written: {error.strerror or error}")
+    return UNSURE
+
+
 def _misused(error: Any, *, as_json: bool) -> int:
-    """Says what is wrong with a command line, as typer would."""
+    """Reports the mistake in a command line, as typer would."""
     if type(error).__name__ == "NoArgsIsHelpError":  # its message is the help, said already
         return UNSURE
     if isinstance(getattr(error, "message", None), str):
@@ -208,7 +224,7 @@ def _misused(error: Any, *, as_json: bool) -> int:
 
 @contextmanager
 def _signals() -> Iterator[None]:
-    """Ctrl-C, kill and a terminal that closes all interrupt, so that evidence is sealed.
+    """Ctrl-C, kill and a terminal that closes all interrupt, so that evidence is finalized.
 
     A shell starts background jobs with Ctrl-C ignored; a `kill -INT` from a script is meant.
     """
@@ -229,17 +245,14 @@ def _signals() -> Iterator[None]:
 
 def _show_version(is_asked: bool) -> None:
     if is_asked:
-        front = sys.modules[
-            NAME
-        ]  # loaded already; it stands above all layers, so nobody imports it
-        typer.echo(f"{NAME} {front.__version__}")
+        typer.echo(f"{NAME} {__version__}")
         raise typer.Exit
 
 
 def _whole(
     *,
     version: bool = typer.Option(
-        False, "--version", callback=_show_version, is_eager=True, help="Says the version."
+        False, "--version", callback=_show_version, is_eager=True, help="Show the version."
     ),
 ) -> None:
     # No docstring: typer would show it in place of the help text that is given above.

@@ -1,24 +1,27 @@
-"""Audits on the command line: asked with progress, shown the worst first, written as files."""
+"""Audits on the command line: run with progress, shown worst first, written as files."""
 
 from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 from urllib.parse import quote
 
-from gamekeeper.cli._document import document_text
-from gamekeeper.cli._screen import Screen
+from gamekeeper._version import __version__
+from gamekeeper.cli._screen import Screen, document_text
+from gamekeeper.cli._worker import MEGABYTE, WorkerFault, name_of
 from gamekeeper.errors import GamekeeperError
+from gamekeeper.rollouts.executors import executor_of
+from gamekeeper.rollouts.executors.task import Limits, WorkTask, stopped_after
 
 if TYPE_CHECKING:
-    from gamekeeper.audit.result import Audit
+    from gamekeeper.auditing.result import AuditResult
 
 Severity = Literal["high", "medium", "low"]
 
-MEGABYTE: Final = 1_000_000
+
 MANNERS: Final = {"high": "bad", "medium": "bad", "low": "unsure"}
 
 
@@ -30,14 +33,14 @@ def audit_with_progress(
     ignore: Sequence[str] = (),
     memory_mb: int | None = None,
     **options: Any,
-) -> Audit:
-    """The audit of what is named by `spec`, in a process of its own; `options` as in `gk.audit`.
+) -> AuditResult:
+    """Audits an environment in a process of its own; `options` as in `gk.audit`.
 
     Raises:
         GamekeeperError: it can't be audited.
         KeyboardInterrupt: by Ctrl-C.
     """
-    from gamekeeper.audit.front import audit
+    from gamekeeper.auditing.audit_process import audit
     from gamekeeper.cli._audit_progress import probing
 
     is_dumb = os.environ.get("TERM") == "dumb"
@@ -45,86 +48,92 @@ def audit_with_progress(
     shares = shares_of(select, ignore) if is_shown else {}
     with probing(shares, is_shown=is_shown) as take:
         return audit(
-            spec, select=select, ignore=ignore, on_probe=take,
-            memory_bytes=None if memory_mb is None else memory_mb * MEGABYTE, **options,
-        )  # fmt: skip
+            spec,
+            select=select,
+            ignore=ignore,
+            on_probe=take,
+            memory_bytes=None if memory_mb is None else memory_mb * MEGABYTE,
+            **options,
+        )
 
 
 def shares_of(select: Sequence[str], ignore: Sequence[str]) -> dict[str, float]:
     """The probes that these checks need, and their shares of the budget."""
-    from gamekeeper.audit.audit import needed
-    from gamekeeper.audit.check import selected
-    from gamekeeper.audit.gather import probes
+    from gamekeeper.auditing.audit import needed
+    from gamekeeper.auditing.probe import probes
+    from gamekeeper.checks.check import selected
 
     names = needed(selected(tuple(select), tuple(ignore)), is_all=not select)
-    return {name: float(probe.SHARE) for name, probe in probes(names).items()}
+    return {name: probe.share for name, probe in probes(names).items()}
 
 
 def show_audit(screen: Screen, document: Mapping[str, Any]) -> None:
-    """Shows an audit: what is broken with the way to see it again, waivers, the measured form."""
-    from gamekeeper.audit.check import checks
-    from gamekeeper.report.audit_text import program_of, title_text, waived_text
-    from gamekeeper.report.measured_text import measured_text
+    """Shows an audit: failed checks and a program, waived checks, the measured game form."""
+    from gamekeeper.checks.check import checks
+    from gamekeeper.reporting.audit_text import program_of, title_text, waived_text
+    from gamekeeper.reporting.measured_text import measured_text
 
     width = screen.width
     screen.verdict(title_text(document), _manner(document))
-    show_broken(screen, document)
+    show_failed(screen, document)
     program = program_of(document)
     if program is not None:
         id, text = program
         screen.show(f"\nTo see {id} again")
         screen.program(text)
         screen.show(
-            f"  --out FOLDER writes the programs of all findings; "
+            f"\n  --out FOLDER writes the programs of all findings; "
             f"`gamekeeper explain {id}` says why it matters."
         )
     known = checks().keys()
-    for part in (waived_text(document, known=known, width=width),
-                 measured_text(document, width=width)):  # fmt: skip
+    for part in (
+        waived_text(document, known=known, width=width),
+        measured_text(document, width=width),
+    ):
         if part:
             screen.show(f"\n{part}")
 
 
-def show_broken(screen: Screen, document: Mapping[str, Any], *, least: Severity = "low") -> None:
-    """Shows the broken promises, grouped by severity."""
-    from gamekeeper.report.audit_text import broken_blocks
+def show_failed(screen: Screen, document: Mapping[str, Any], *, least: Severity = "low") -> None:
+    """Shows the failed checks, grouped by severity."""
+    from gamekeeper.reporting.audit_text import failed_blocks
 
-    for heading, text in broken_blocks(document, width=screen.width, least=least):
+    for heading, text in failed_blocks(document, width=screen.width, least=least):
         screen.show("")
         screen.verdict(heading, MANNERS[heading.rpartition(" ")[2]])
         screen.show(text)
 
 
-def say_unseen(screen: Screen, document: Mapping[str, Any]) -> None:
-    """Counts on stderr what nobody saw, and tells of checks that failed themselves."""
-    from gamekeeper.report.audit_text import errors_text, unseen_text, verdicts_of
+def say_not_exercised(screen: Screen, document: Mapping[str, Any]) -> None:
+    """Counts checks that were not exercised, and shows checks that raised, on stderr."""
+    from gamekeeper.reporting.audit_text import errors_text, not_exercised_text, verdicts_of
 
-    if verdicts_of(document, "unseen"):
-        screen.note(unseen_text(document, width=screen.width))
+    if verdicts_of(document, "not_exercised"):
+        screen.note(not_exercised_text(document, width=screen.width))
     if verdicts_of(document, "error"):
         screen.error(errors_text(document, width=screen.width))
         screen.error(
-            "That is a fault of the check, not of the environment: please report it, with "
+            "This is a fault of the check, not of the environment: please report it, with "
             "`reason` from --json."
         )
 
 
 def _manner(document: Mapping[str, Any]) -> str:
     outcomes = {each["outcome"] for each in document["verdicts"]}
-    if "broken" in outcomes:
+    if "failed" in outcomes:
         return "bad"
-    return "unsure" if "error" in outcomes or "kept" not in outcomes else "good"
+    return "unsure" if "error" in outcomes or "passed" not in outcomes else "good"
 
 
 def audit_code(document: Mapping[str, Any], *, fail_on: Severity = "low", strict: bool) -> int:
-    """0: kept. 1: broken, at least as bad as `fail_on`. 2: a check failed, or, strictly, unseen."""
-    from gamekeeper.core.verdict import SEVERITIES
+    """Returns 0: passed. 1: failed, as bad as `fail_on`. 2: an error; if strict, not exercised."""
+    from gamekeeper.checks.verdict import SEVERITIES
 
     bad = SEVERITIES[: SEVERITIES.index(fail_on) + 1]
     verdicts = document["verdicts"]
-    if any(x["outcome"] == "broken" and x["severity"] in bad for x in verdicts):
+    if any(x["outcome"] == "failed" and x["severity"] in bad for x in verdicts):
         return 1
-    unsure = ("error", "unseen") if strict else ("error",)
+    unsure = ("error", "not_exercised") if strict else ("error",)
     return 2 if any(each["outcome"] in unsure for each in verdicts) else 0
 
 
@@ -150,16 +159,16 @@ def write_audit(folder: Path, document: Mapping[str, Any]) -> list[str]:
 def programs_of(document: Mapping[str, Any]) -> dict[str, str]:
     """The programs of all findings by the names of their files: `GK402.py`, `GK402-2.py`."""
     return {
-        f"{each['id']}{f'-{place}' if place > 1 else ''}.py": finding["reproduce"]
+        f"{each['id']}{f'-{place}' if place > 1 else ''}.py": finding["reproducer"]
         for each in document["verdicts"]
         for place, finding in enumerate(each["findings"], start=1)
-        if finding["reproduce"]
+        if finding["reproducer"]
     }
 
 
 def junit_of(*documents: Mapping[str, Any]) -> str:
-    """The audits as JUnit XML, the files with the rules named as from here."""
-    from gamekeeper.report.junit import junit_xml
+    """The audits as JUnit XML; source files are named from the current folder."""
+    from gamekeeper.reporting.audit_formats import junit_xml
 
     placed = []
     for document in documents:
@@ -171,8 +180,8 @@ def junit_of(*documents: Mapping[str, Any]) -> str:
 
 
 def sarif_of(*documents: Mapping[str, Any]) -> str:
-    """The audits as SARIF; files with rules from the current folder, if they lie inside."""
-    from gamekeeper.report.sarif import sarif_json
+    """The audits as SARIF; source files inside the current folder are named from there."""
+    from gamekeeper.reporting.audit_formats import sarif_json
 
     places: list[str | None] = []
     for document in documents:
@@ -180,8 +189,7 @@ def sarif_of(*documents: Mapping[str, Any]) -> str:
         inside = None if file is None else _from_here(file)
         absolute = None if file is None else Path(file).absolute().as_uri()
         places.append(quote(inside) if inside is not None else absolute)
-    version = sys.modules["gamekeeper"].__version__  # the front stands above all layers
-    return sarif_json(list(documents), version=version, places=places)
+    return sarif_json(list(documents), version=__version__, places=places)
 
 
 def _from_here(file: str) -> str | None:
@@ -205,6 +213,153 @@ def write_text(path: Path, text: str) -> None:
         raise GamekeeperError(
             "the file can't be written",
             where=str(path),
-            seen=error.strerror or str(error),
-            mend="name a place that you may write to",
+            actual=error.strerror or str(error),
+            fix="name a place that you may write to",
         ) from None
+
+
+TASK: Final = "gamekeeper.cli._audit:audit_task"
+
+
+def audit_task(
+    report: Callable[..., None], *, spec: str, seed: int, options: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Audits an environment, in a worker process.
+
+    Returns:
+        The audit's document; or `environment`, `seed` and `error` where there can be none.
+    """
+    from gamekeeper.auditing.audit_process import audit
+    from gamekeeper.cli._screen import error_document
+
+    try:
+        found = audit(
+            spec, seed=seed, on_probe=lambda name, place, count: report(probe=name), **options
+        )
+    except GamekeeperError as error:
+        return {"environment": spec, "seed": seed, "error": error_document(error)}
+    return dict(found.to_json())
+
+
+def audit_many(
+    screen: Screen,
+    specs: Sequence[str],
+    seeds: Sequence[int],
+    *,
+    workers: int | None,
+    executor: str | None,
+    memory_mb: int | None,
+    **options: Any,
+) -> list[dict[str, Any]]:
+    """The documents of all environments' audits with all seeds, in that order.
+
+    Args:
+        options: as in `gk.audit`, as plain JSON.
+
+    Raises:
+        KeyboardInterrupt: by Ctrl-C.
+        WorkerFault: a task of ours is broken.
+    """
+    wanted = [(spec, seed) for spec in dict.fromkeys(specs) for seed in seeds]
+    given = {**options, "memory_bytes": None if memory_mb is None else memory_mb * MEGABYTE}
+    found: dict[int, dict[str, Any]] = {}
+    limits = Limits(silence_s=None)  # each audit watches over a process of its own
+    with executor_of(executor or "local", workers) as players, screen.progress("auditing") as take:
+        take({"episode": 0, "episodes": len(wanted), "unit": "audits"})
+        with stopped_after(players.map(_tasks(wanted, given), limits=limits)) as ends:
+            for done in ends:
+                end = done.outcome
+                if end.status == "interrupted":
+                    raise KeyboardInterrupt
+                if not isinstance(end.value, dict):
+                    raise WorkerFault(end.traceback or end.error or end.status)
+                found[int(done.key.rpartition("-")[2])] = end.value
+                take({"episode": len(found)})
+    names = {
+        spec: found[n]["environment"]
+        for n, (spec, _) in enumerate(wanted)
+        if "verdicts" in found[n]
+    }
+    for number, (spec, _) in enumerate(wanted):  # the same name where another seed could be played
+        found[number]["environment"] = names.get(spec, found[number]["environment"])
+    return [found[number] for number in range(len(wanted))]
+
+
+def _tasks(wanted: Sequence[tuple[str, int]], options: Mapping[str, Any]) -> Iterator[WorkTask]:
+    for number, (spec, seed) in enumerate(wanted):
+        given = {"spec": spec, "seed": seed, "options": options}
+        yield WorkTask(f"audit-{number:06d}", TASK, given)
+
+
+def show_audits(screen: Screen, documents: Sequence[Mapping[str, Any]]) -> None:
+    """Shows the failed checks of each environment, and the seeds in which they failed."""
+    from gamekeeper.reporting.audit_text import audits_text, not_exercised_somewhere
+
+    for title, manner, findings in audits_text(documents, width=screen.width):
+        screen.verdict(title, manner)
+        if findings:
+            screen.show(findings)
+    worst = next((each for each in documents if audit_code_of(each) == 1), None)
+    if worst is not None:
+        command = f"gamekeeper audit {worst['environment']} --seed {worst['seed']}"
+        screen.show(f"\nFor one in full: {command}; --out FOLDER writes all, with their programs.")
+    not_exercised = not_exercised_somewhere(documents, width=screen.width)
+    if not_exercised:
+        screen.note(not_exercised)
+
+
+def audit_code_of(
+    document: Mapping[str, Any], *, fail_on: Severity = "low", strict: bool = False
+) -> int:
+    """The exit code of one audit, also of one that couldn't be made."""
+    if "verdicts" not in document:
+        return 1 if document["error"]["kind"] == "EnvError" else 2
+    return audit_code(document, fail_on=fail_on, strict=strict)
+
+
+def worst_code(codes: Sequence[int]) -> int:
+    """The worst exit code: 1, a check failed, is worse than 2, no answer."""
+    return next((code for code in (1, 2) if code in codes), 0)
+
+
+def write_audits(
+    screen: Screen,
+    documents: Sequence[Mapping[str, Any]],
+    *,
+    out: Path | None,
+    junit: Path | None,
+    sarif: Path | None,
+) -> None:
+    """Writes what was asked for: a folder for each audit, all of them as JUnit XML and SARIF.
+
+    Raises:
+        GamekeeperError: a file can't be written.
+    """
+    audited = [each for each in documents if "verdicts" in each]
+    if junit is not None:
+        write_text(junit, junit_of(*audited))
+    if sarif is not None:
+        write_text(sarif, sarif_of(*audited))
+    if out is None:
+        return
+    texts = {"audits.json": f"{document_text({'audits': list(documents)})}\n"}
+    if audited:
+        texts |= {"junit.xml": junit_of(*audited), "audit.sarif": sarif_of(*audited)}
+    for name, text in texts.items():
+        write_text(out / name, text)
+    specs = list(dict.fromkeys(str(each["environment"]) for each in documents))
+    names = _names(specs)
+    for each in audited:
+        write_audit(out / names[each["environment"]] / f"seed-{each['seed']}", each)
+    screen.note(f"written to {out}: {', '.join(texts)}, and a folder for each audit")
+
+
+def _names(specs: Sequence[str]) -> dict[str, str]:
+    """A folder's name for each environment, numbered where two are called the same."""
+    found: dict[str, str] = {}
+    for spec in specs:
+        name, number = name_of(spec), 2
+        while name in found.values():
+            name, number = f"{name_of(spec)}-{number}", number + 1
+        found[spec] = name
+    return found

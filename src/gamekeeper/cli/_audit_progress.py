@@ -1,4 +1,4 @@
-"""Progress of an audit on a terminal: the probe at work, and about how long it all still takes."""
+"""Progress of an audit on a terminal: the probe that runs, and an estimate of the time left."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from rich.progress import (
 )
 from rich.text import Text
 
-TOLD_FROM: Final = 0.15
-"""Part of the work after which what is left can be told from what it took."""
+ESTIMATED_FROM: Final = 0.15
+"""Part of the work from which the time left is estimated."""
 
 OnProbe = Callable[[str, int, int], None]
 
 
 @contextmanager
 def probing(shares: Mapping[str, float], *, is_shown: bool) -> Iterator[OnProbe]:
-    """A line on stderr; yields what an audit calls before each probe.
+    """Shows a line on stderr; yields the function that an audit calls before each probe.
 
     Args:
-        shares: of the probes that will look, in their order.
+        shares: shares of the probes that will run, in their order.
         is_shown: False: nothing is written.
     """
     if not is_shown:
@@ -51,20 +51,23 @@ def probing(shares: Mapping[str, float], *, is_shown: bool) -> Iterator[OnProbe]
         def take(name: str, place: int, count: int) -> None:
             done = sum(list(shares.values())[:place])
             progress.update(
-                task, completed=done, description=f"{name} ({place + 1} of {count})",
-                since_s=time.monotonic(), part=done / total,
-            )  # fmt: skip
+                task,
+                completed=done,
+                description=f"{name} ({place + 1} of {count})",
+                since_s=time.monotonic(),
+                part=done / total,
+            )
 
         yield take
 
 
 class _Left(ProgressColumn):
-    """About how long it still takes, by the shares of the probes that are done."""
+    """Estimate of the time left, by the shares of the probes that are done."""
 
     def render(self, task: Task) -> Text:
-        """`about 12 s left`; empty as long as nobody can tell."""
+        """Renders `about 12 s left`; empty at the beginning."""
         part, elapsed_s = task.fields["part"], task.elapsed or 0.0
-        if part < TOLD_FROM:
+        if part < ESTIMATED_FROM:
             return Text("")
         within_s = time.monotonic() - task.fields["since_s"]
         left_s = (elapsed_s - within_s) * (1 - part) / part - within_s

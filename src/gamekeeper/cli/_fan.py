@@ -1,4 +1,4 @@
-"""Commands over many workers: who plays, where parts go, and what is said of it at the end."""
+"""Commands over many workers: their executor, their parts, and the notes on them at the end."""
 
 from __future__ import annotations
 
@@ -9,56 +9,62 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
 
 import typer
 
-from gamekeeper.cli._options import MOST_WORKERS
+from gamekeeper.cli._options import workers_option
 from gamekeeper.cli._screen import Screen
-from gamekeeper.cli._worker import MEGABYTE, Plan, Recorded
-from gamekeeper.record.parts.plan import is_free, parts_folder
-from gamekeeper.run.executors.choose import executor_of
-from gamekeeper.run.executors.storage import Storage
-from gamekeeper.run.executors.task import Limits
+from gamekeeper.cli._worker import MEGABYTE, Recorded
+from gamekeeper.rollouts.executors import executor_of
+from gamekeeper.rollouts.executors.storage import Storage
+from gamekeeper.rollouts.executors.task import Limits
+from gamekeeper.rollouts.rollout_plan import RolloutPlan
+from gamekeeper.runs.parts.part_plan import is_free, parts_folder
 
 if TYPE_CHECKING:
-    from gamekeeper.record.parts.apart import Apart
+    from gamekeeper.runs.parts.fan_out import FanOut
 
 LOCAL: Final = "local"
 
 FanOption: TypeAlias = Annotated[
     int | None,
-    typer.Option(
-        "--workers", metavar="N", min=1, max=MOST_WORKERS, show_default=False,
-        help="Processes that play side by side; the result is the same for any number.",
+    workers_option(
+        "Number of worker processes; the result is the same for any number (default: 1, or "
+        "with --executor one per core)."
     ),
-]  # fmt: skip
+]
 ExecutorOption: TypeAlias = Annotated[
     str | None,
     typer.Option(
-        "--executor", metavar="NAME", show_default=False,
-        help="Who plays: local (processes of this machine), ray, ray:ADDRESS.",
+        "--executor",
+        metavar="NAME",
+        show_default=False,
+        help="Executor of the workers: local (processes of this machine), ray or ray:ADDRESS "
+        "(default: local).",
     ),
-]  # fmt: skip
+]
 StorageOption: TypeAlias = Annotated[
     str | None,
     typer.Option(
-        "--storage", metavar="PLACE", show_default=False,
-        help="Where workers put their parts: a folder that all reach, or a URL (s3://, gs://); "
-        "otherwise RUN-parts.",
+        "--storage",
+        metavar="PLACE",
+        show_default=False,
+        help="Place of the workers' parts: a folder that all workers reach, or a URL such as "
+        "s3://... or gs://... (default: RUN-parts).",
     ),
-]  # fmt: skip
+]
 
 
 def is_fanned(workers: int | None, executor: str | None, storage: str | None) -> bool:
-    """Whether a command line asks for workers; without any of these options one process plays."""
+    """Tells if a command line asks for workers; without any of these options one process plays."""
     return (workers, executor, storage) != (None, None, None)
 
 
 @contextmanager
 def players_of(executor: str | None, workers: int, *, asked: int | None) -> Iterator[Any]:
-    """Who plays, for what takes a number of processes or an executor.
+    """Yields the number of local processes, or the executor that the user named.
 
     Args:
         executor: as the user named it; None: processes of this machine.
-        workers: how many of these.
-        asked: how many the user asked for; None leaves it to another executor.
+        workers: number of these.
+        asked: number that the user asked for; None leaves it to another executor.
     Raises:
         GamekeeperError: there is no such executor.
     """
@@ -69,14 +75,14 @@ def players_of(executor: str | None, workers: int, *, asked: int | None) -> Iter
         yield players
 
 
-def free_for(plan: Plan, storage: str | None) -> Callable[[Path], bool]:
-    """Tells of a folder that nobody named whether it can be this plan's."""
+def free_for(plan: RolloutPlan, storage: str | None) -> Callable[[Path], bool]:
+    """Returns a function that tells if a numbered folder can be this plan's."""
     return lambda out: storage is not None or is_free(Storage.at(parts_folder(out)), plan)
 
 
 def record_by_workers(
     screen: Screen,
-    plan: Plan,
+    plan: RolloutPlan,
     out: Path,
     *,
     workers: int | None,
@@ -85,15 +91,15 @@ def record_by_workers(
     silence_s: float,
     memory_mb: int | None,
 ) -> Recorded:
-    """Records by tasks of an executor; what is whole when it is stopped isn't played again.
+    """Records by tasks of an executor; parts that are whole when it stops aren't played again.
 
     Raises:
         GamekeeperError: it couldn't begin, or a policy went wrong; an environment's own failure is
             in what is returned, as long as there is evidence of it.
         KeyboardInterrupt: by Ctrl-C.
     """
-    from gamekeeper.record.bundle import load
-    from gamekeeper.record.parts.apart import record_apart
+    from gamekeeper.runs.load_run import load
+    from gamekeeper.runs.parts.fan_out import record_apart
 
     place = Storage.at(parts_folder(out) if storage is None else storage)
     memory_bytes = None if memory_mb is None else memory_mb * MEGABYTE
@@ -107,14 +113,14 @@ def record_by_workers(
                 plan, out, executor=players, storage=place, limits=limits, on_message=take
             )
     except KeyboardInterrupt:
-        screen.note(f"the parts that are whole lie in {place}; the same command goes on from them")
+        screen.note(f"complete parts stay in {place}; the same command continues from them")
         raise
     _say(screen, played)
     return Recorded(load(out), played.error)
 
 
-def _say(screen: Screen, played: Apart) -> None:
-    """Says what of the parts isn't in the evidence: those found, and deaths on the way."""
+def _say(screen: Screen, played: FanOut) -> None:
+    """Notes parts that an earlier call wrote, damaged parts, and worker processes that died."""
     if played.found:
         screen.note(f"{played.found} of {played.parts} parts were there already")
     if played.torn:

@@ -7,27 +7,26 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gamekeeper.cli._worker import error_in
-from gamekeeper.run.workers import run_task
+from gamekeeper.cli._screen import Screen
+from gamekeeper.cli._worker import value_of_task
 
 if TYPE_CHECKING:
-    from gamekeeper.core.contract import Contract
-    from gamekeeper.core.contract.agent_spec import AgentSpec
-    from gamekeeper.core.contract.question import Question
+    from gamekeeper.contract import Contract
+    from gamekeeper.contract.toml import Question
+    from gamekeeper.episodes.agent_spec import AgentSpec
 
 
 @dataclass(frozen=True, slots=True)
-class Form:
-    """What can be seen of an environment from outside, and what is declared of it.
+class GameForm:
+    """Game form of an environment: what it shows before its first step, and its contract.
 
     Attributes:
         name: of the environment.
         contract: declared, or drafted from what can be seen.
-        is_declared: somebody wrote the contract.
-        agents: a line for each.
-        questions: what is still open.
-        made_of: lines on its wrappers: which of them `gk.make` replaces, which stay.
-        policies: words for policies of its own, as `reference`.
+        is_declared: the contract is a file, not a draft.
+        agents: spaces and role of each.
+        questions: declarations that are missing.
+        made_of: lines on its wrappers: those that `gk.make` replaces, and those that stay.
     """
 
     name: str
@@ -36,44 +35,60 @@ class Form:
     agents: tuple[AgentSpec, ...]
     questions: tuple[Question, ...]
     made_of: tuple[str, ...] = ()
-    policies: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """The document that `gamekeeper contract --json` prints."""
-        from gamekeeper.report.card import card_json
+        from gamekeeper.reporting.card import card_json
 
         card = card_json(self.contract, self.agents, questions=self.questions)
         return {**card, "name": self.name, "declared": self.is_declared}
 
 
 def look_at(
-    spec: str, *, env_kwargs: Mapping[str, Any], contract: Path | None, silence_s: float
-) -> Form:
+    spec: str,
+    *,
+    env_kwargs: Mapping[str, Any],
+    contract: Path | None,
+    silence_s: float,
+    policies: Any = None,
+) -> GameForm:
     """The game form of an environment; it is opened in a process of its own, never stepped.
 
+    Args:
+        policies: by agent, role or `*`; one that can't play there is refused.
     Raises:
-        GamekeeperError: it can't be opened, or a contract doesn't fit.
+        GamekeeperError: it can't be opened, or a contract or a policy doesn't fit.
         KeyboardInterrupt: by Ctrl-C.
     """
-    task = "gamekeeper.record.tasks:contract_task"
+    task = "gamekeeper.runs.worker_tasks:contract_task"
     arguments = {
         "spec": spec,
         "env_kwargs": dict(env_kwargs),
         "contract": None if contract is None else str(contract),
+        "policies": policies,
     }
-    outcome = run_task(task, arguments, silence_s=silence_s)
-    if outcome.status == "interrupted":
-        raise KeyboardInterrupt
-    error = error_in(outcome)
-    if error is not None:
-        raise error
-    return _form(outcome.value)
+    return _form(value_of_task(task, arguments, silence_s=silence_s))
 
 
-def _form(value: Any) -> Form:
-    from gamekeeper.core.contract import Contract
-    from gamekeeper.core.contract.agent_spec import agent_spec
-    from gamekeeper.core.contract.question import Question
+def show_form(screen: Screen, form: GameForm) -> None:
+    """Shows the card's short form."""
+    from gamekeeper.reporting.results_text import brief_card
+
+    screen.show(
+        brief_card(
+            form.contract,
+            form.agents,
+            name=form.name,
+            open_questions=len(form.questions),
+            width=screen.width,
+        )
+    )
+
+
+def _form(value: Any) -> GameForm:
+    from gamekeeper.contract import Contract
+    from gamekeeper.contract.toml import Question
+    from gamekeeper.episodes.agent_spec import agent_spec
 
     contract = Contract.from_json(value["contract"])
     agents = [
@@ -89,18 +104,17 @@ def _form(value: Any) -> Form:
         Question(**{**each, "path": tuple(each["path"]), "lines": tuple(each["lines"])})
         for each in value["questions"]
     ]
-    return Form(
+    return GameForm(
         value["name"],
         contract,
         value["is_declared"],
         tuple(agents),
         tuple(questions),
         tuple(value["made_of"]),
-        tuple(value["policies"]),
     )
 
 
 def _space(described: Any) -> Any:
-    from gamekeeper.core.space.plain import space_from_json
+    from gamekeeper.episodes.spaces.space_json import space_from_json
 
     return None if described is None else space_from_json(described)

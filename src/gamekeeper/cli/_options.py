@@ -14,39 +14,60 @@ EPISODES: Final = 20
 SILENCE_S: Final = 60.0
 """Longest time without a turn before an environment counts as hung, in seconds."""
 MOST: Final = (1 << 31) - 1
-"""Of whatever is counted: evidence numbers episodes and turns with so many bits."""
+"""Highest count of anything: evidence numbers episodes and turns in 31 bits."""
 MOST_SEED: Final = (1 << 62) - 1
-"""Of a seed: NumPy's whole numbers hold it, and those that are counted on from it."""
+"""Highest seed: NumPy's integers hold it, and the seeds that are derived by adding to it."""
 MOST_WORKERS: Final = 4_096
-"""Processes of one command."""
+"""Highest number of processes of one command."""
 MOST_S: Final = 1_000_000.0
-"""Eleven days; the system's own waits end at twice that."""
+"""Longest timeout, eleven days; the system's own waits end at twice that."""
+
+
+def workers_option(help: str) -> Any:  # as Typer calls it
+    """Option `--workers`, whose meaning `help` says."""
+    return typer.Option(
+        "--workers", metavar="N", min=1, max=MOST_WORKERS, show_default=False, help=help
+    )
+
+
+def episode_option(help: str) -> Any:  # as Typer calls it
+    """Option `--episode`, whose meaning `help` says."""
+    return typer.Option("--episode", metavar="N", min=0, max=MOST, help=help)
+
 
 EnvArgument: TypeAlias = Annotated[
     str,
     typer.Argument(
         metavar="ENV",
         show_default=False,
-        help="mpe2.simple_spread_v3:parallel_env · path/to/file.py:factory · "
-        "butterfly/pistonball-v6 · warehouse; parallel: or aec: in front asks for an API.",
+        help="Environment: warehouse, butterfly/pistonball-v6, path/to/file.py:factory or "
+        "mpe2.simple_spread_v3:parallel_env. In front, parallel: or aec: selects the API.",
     ),
 ]
 RunArgument: TypeAlias = Annotated[
-    Path, typer.Argument(metavar="RUN", show_default=False, help="The folder of recorded evidence.")
+    Path, typer.Argument(metavar="RUN", show_default=False, help="Folder of a recorded run.")
 ]
 KwargsOption: TypeAlias = Annotated[
     str | None,
-    typer.Option("--kwargs", metavar="JSON", help="""The environment's arguments: '{"n": 3}'."""),
+    typer.Option(
+        "--kwargs",
+        metavar="JSON",
+        help="""Keyword arguments of the environment, such as '{"n": 3}' (default: none).""",
+    ),
 ]
 ResetOption: TypeAlias = Annotated[
-    str | None, typer.Option("--options", metavar="JSON", help="Handed to every reset.")
+    str | None,
+    typer.Option(
+        "--options", metavar="JSON", help="The options of every reset, as JSON (default: none)."
+    ),
 ]
 ContractOption: TypeAlias = Annotated[
     Path | None,
     typer.Option(
         "--contract",
         metavar="FILE",
-        help="Its contract; without it, the one beside the environment's file, if there is one.",
+        help="Contract of the environment (default: the TOML file beside the environment's file, "
+        "if there is one).",
     ),
 ]
 PolicyOption: TypeAlias = Annotated[
@@ -54,29 +75,39 @@ PolicyOption: TypeAlias = Annotated[
     typer.Option(
         "--policy",
         metavar="[AGENT|ROLE=]POLICY",
-        help="random (the default), first-legal, noop, reference (where the task has one), "
-        "module:callable, file.py:callable. Repeatable.",
+        help="Policy of all agents, an agent or a role: random, first-legal, noop, reference (of "
+        "Gamekeeper's own tasks), module:callable, file.py:callable, or same:AGENT to share that "
+        "agent's policy object. Repeatable (default: random; of a run, the recorded policies).",
     ),
 ]
 EpisodesOption: TypeAlias = Annotated[
-    int, typer.Option("--episodes", metavar="N", min=1, max=MOST, help="How many to play.")
+    int,
+    typer.Option("--episodes", metavar="N", min=1, max=MOST, help="Number of episodes to play."),
 ]
 SeedOption: TypeAlias = Annotated[
     int,
     typer.Option(
-        "--seed", metavar="N", min=0, max=MOST_SEED, help="Of the run; settles every episode's."
+        "--seed",
+        metavar="N",
+        min=0,
+        max=MOST_SEED,
+        help="Seed from which the seeds of all episodes are derived.",
     ),
 ]
 LevelOption: TypeAlias = Annotated[
     Literal["full", "digest"],
-    typer.Option("--level", help="digest: observations as digests only, the same fingerprint."),
+    typer.Option(
+        "--level",
+        help="Content of a recorded observation: its values (full), or only their hash (digest); "
+        "the fingerprint is the same.",
+    ),
 ]
 FramesOption: TypeAlias = Annotated[
     bool,
     typer.Option(
         "--frames",
-        help="Also render once a turn, into RUN/frames; as rgb_array, else ansi, unless --kwargs "
-        "names a render_mode.",
+        help="Render every turn into RUN/frames, as rgb_array where the environment has it, "
+        "else as ansi; a render_mode in --kwargs takes precedence.",
     ),
 ]
 TurnsOption: TypeAlias = Annotated[
@@ -86,7 +117,7 @@ TurnsOption: TypeAlias = Annotated[
         metavar="N",
         min=1,
         max=MOST,
-        help="Cuts longer episodes; otherwise 100,000.",
+        help="Cut an episode after this number of turns (default: 100,000).",
     ),
 ]
 TimeoutOption: TypeAlias = Annotated[
@@ -96,21 +127,29 @@ TimeoutOption: TypeAlias = Annotated[
         metavar="S",
         min=0.1,
         max=MOST_S,
-        help="Seconds without a turn that count as hung.",
+        help="Time without a turn after which an environment counts as hung, in seconds.",
     ),
 ]
 MemoryOption: TypeAlias = Annotated[
     int | None,
-    typer.Option("--memory", metavar="MB", min=1, help="Bound of the environment's process."),
+    typer.Option(
+        "--memory",
+        metavar="MB",
+        min=1,
+        help="Memory limit of the environment's process, in MB (default: no limit).",
+    ),
 ]
 OutFolderOption: TypeAlias = Annotated[
     Path | None,
     typer.Option(
-        "--out", metavar="FOLDER", help="Where evidence goes; otherwise runs/NAME-1, -2, ..."
+        "--out",
+        metavar="FOLDER",
+        help="Folder of the run that is written (default: the first free one of runs/NAME-1, "
+        "runs/NAME-2, ...).",
     ),
 ]
 OutFileOption: TypeAlias = Annotated[
-    Path | None, typer.Option("--out", metavar="FILE", help="Writes there, not to stdout.")
+    Path | None, typer.Option("--out", metavar="FILE", help="File to write (default: stdout).")
 ]
 ToleranceOption: TypeAlias = Annotated[
     float | None,
@@ -118,36 +157,40 @@ ToleranceOption: TypeAlias = Annotated[
         "--tolerance",
         metavar="X",
         min=0.0,
-        help="Numbers that differ by no more, absolutely or relatively, count as equal.",
+        help="Largest difference, absolute or relative, at which two numbers count as equal "
+        "(default: they must be identical).",
     ),
 ]
 JsonOption: TypeAlias = Annotated[
-    bool, typer.Option("--json", help="One JSON document on stdout, all else on stderr.")
+    bool,
+    typer.Option("--json", help="Print one JSON document to stdout and everything else to stderr."),
 ]
 QuietOption: TypeAlias = Annotated[
-    bool, typer.Option("--quiet", "-q", help="No progress and no notes on stderr.")
+    bool, typer.Option("--quiet", "-q", help="Print no progress and no notes to stderr.")
 ]
 ReopenOption: TypeAlias = Annotated[
     str | None,
-    typer.Option("--env", metavar="ENV", help="Open this in place of what the evidence names."),
+    typer.Option(
+        "--env", metavar="ENV", help="Environment to open (default: the one that was recorded)."
+    ),
 ]
 ImportOption: TypeAlias = Annotated[
     bool,
     typer.Option(
         "--allow-import",
-        help="Run code that the evidence names: a file, or a module that isn't installed.",
+        help="Allow code that only the run names: a file, or a module that isn't installed.",
     ),
 ]
 WorkersOption: TypeAlias = Annotated[
     int,
     typer.Option(
-        "--workers", metavar="N", min=1, max=MOST_WORKERS, help="Processes that work side by side."
+        "--workers", metavar="N", min=1, max=MOST_WORKERS, help="Number of worker processes."
     ),
 ]
 
 
 def json_object(text: str | None, *, option: str) -> dict[str, Any]:
-    """The object that an option holds as JSON; an empty one where it wasn't given.
+    """Returns the object that an option holds as JSON; an empty one where it wasn't given.
 
     Raises:
         GamekeeperError: it isn't JSON, or isn't an object.
@@ -165,7 +208,7 @@ def json_object(text: str | None, *, option: str) -> dict[str, Any]:
             f"{option} can't be read",
             where=option,
             expected="a JSON object",
-            seen=seen,
-            mend=f"""write it in single quotes: {option} '{{"n": 3}}'""",
+            actual=seen,
+            fix=f"""write it in single quotes: {option} '{{"n": 3}}'""",
         )
     return value

@@ -12,25 +12,22 @@ import typer
 
 from gamekeeper import errors
 from gamekeeper.cli._app import build_app
-from gamekeeper.report.reference_pages import Command, Parameter, commands_page, errors_page
+from gamekeeper.reporting.reference_pages import Command, Parameter, commands_page, errors_page
 
 
 def pages() -> dict[str, str]:
     """The pages by their files' names."""
-    return {
-        "commands.md": commands_page(_commands()),
-        "errors.md": errors_page(_errors()),
-    }
+    return {"commands.md": commands_page(_commands()), "errors.md": errors_page(_errors())}
 
 
 def _commands() -> Iterator[Command]:
     group: Any = typer.main.get_command(build_app())
     for name, command in group.commands.items():
         context = command.context_class(command, info_name=name)
-        told = [each for each in command.params if not getattr(each, "hidden", False)]
+        shown = [each for each in command.params if not getattr(each, "hidden", False)]
         about = [" ".join(part.split()) for part in (command.help or "").split("\n\n")]
-        arguments = [_argument(each) for each in told if each.param_type_name == "argument"]
-        options = [_option(each, context) for each in told if each.param_type_name == "option"]
+        arguments = [_argument(each) for each in shown if each.param_type_name == "argument"]
+        options = [_option(each, context) for each in shown if each.param_type_name == "option"]
         yield Command(name, about, arguments, options)
 
 
@@ -41,8 +38,8 @@ def _argument(each: Any) -> Parameter:
 
 def _option(each: Any, context: Any) -> Parameter:
     names = each.get_help_record(context)[0]  # as --help shows it
-    is_told = isinstance(each.default, str | int | float) and not isinstance(each.default, bool)
-    return Parameter(names, each.help or "", str(each.default) if is_told else None)
+    is_shown = isinstance(each.default, str | int | float) and not isinstance(each.default, bool)
+    return Parameter(names, each.help or "", str(each.default) if is_shown else None)
 
 
 def _errors() -> Iterator[tuple[str, int, str, str]]:

@@ -1,17 +1,44 @@
-"""Where a command's words go: its result to stdout, everything else to stderr."""
+"""Outputs of a command: its result to stdout, everything else to stderr."""
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import sys
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any, Final, TextIO
 
-from gamekeeper.cli._document import Document, document_text
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from gamekeeper.cli._stdout import silence
+from gamekeeper.episodes.plain_json import finite
+from gamekeeper.errors import GamekeeperError
+from gamekeeper.terminal import say, visible
+
+Document = Mapping[str, Any]
+
+
+def document_text(document: Document) -> str:
+    """One JSON document on one line, in ASCII; a number that JSON lacks (NaN, infinity) is null."""
+    return json.dumps(finite(document), allow_nan=False)
+
+
+def error_document(error: GamekeeperError) -> dict[str, Any]:
+    """An error as the value of `error` in a document."""
+    return {
+        "kind": type(error).__name__,
+        "what": error.what,
+        "where": error.where,
+        "expected": error.expected,
+        "actual": error.actual,
+        "fix": error.fix,
+    }
+
 
 NARROWEST: Final = 60
 WIDEST: Final = 110
@@ -20,11 +47,11 @@ STYLES: Final = {"good": "bold green", "bad": "bold red", "unsure": "bold yellow
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
-    """What a command came to.
+class CommandResult:
+    """Result of a command.
 
     Args:
-        document: what --json prints; fields as INTERFACE names them.
+        document: printed by --json.
         code: the exit code.
     """
 
@@ -37,14 +64,19 @@ class Screen:
     """The outputs of one command.
 
     Args:
-        out: takes results alone.
+        out: stream for results, and nothing else.
         is_json: results are one document at the end; texts are dropped.
         is_quiet: no progress and no notes; errors are always said.
+
+    Attributes:
+        lost: errors of results that couldn't be written. The work continues without them, so that
+            a recording is finalized all the same.
     """
 
     out: TextIO
     is_json: bool = False
     is_quiet: bool = False
+    lost: list[OSError] = field(default_factory=list, init=False)
 
     @property
     def width(self) -> int:
@@ -62,9 +94,9 @@ class Screen:
         self._write(f"{text.rstrip()}\n")
 
     def program(self, text: str) -> None:
-        """Writes code as it is, so that it can be copied."""
+        """Writes code as it is, so that it can be copied; control characters as their escapes."""
         if not self.is_json:
-            self._write(f"{text.rstrip()}\n")
+            self._write(f"{visible(text).rstrip()}\n")
 
     def verdict(self, text: str, manner: str, *, indent: str = "") -> None:
         """Writes a result whose first line is the verdict: `good`, `bad` or `unsure`."""
@@ -84,52 +116,35 @@ class Screen:
         try:
             self.out.write(text)
             self.out.flush()
-        except BrokenPipeError:
-            return  # the reader has what it wanted; `claimed_stdout` cleans up
+        except OSError as error:  # no space left, or a reader that has gone
+            self.lost.append(error)
+            silence(self.out)
 
     def note(self, text: str) -> None:
-        """Says something that is no result, on stderr."""
+        """Writes a note, which is no result, to stderr."""
         if not self.is_quiet:
             self.error(text)
 
     def error(self, text: str) -> None:
-        """Says on stderr what went wrong, also when quiet."""
-        sys.stderr.write(f"{visible(text).rstrip()}\n")
-        sys.stderr.flush()
+        """Writes an error to stderr, also with --quiet."""
+        say(text)
 
     @contextmanager
     def progress(self, title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
-        """Shows progress on stderr if that is a terminal; yields what takes a task's reports.
+        """Shows progress on stderr if that is a terminal; yields a function for a task's reports.
 
-        A report may name `episodes`, `episode` (how many are done) and `turns`.
+        A report may name `episodes`, `episode` (the number that is done) and `turns`.
         """
         if self.is_quiet or not sys.stderr.isatty() or os.environ.get("TERM") == "dumb":
             yield lambda fields: None
             return
-        from gamekeeper.cli._progress import live_progress
 
         with live_progress(title) as take:
             yield take
 
 
-def visible(text: str) -> str:
-    """The text with its control characters written out, so that no terminal obeys an agent's name.
-
-    Ends of lines and tabs stay; half of a surrogate pair, which no stream takes, goes too.
-    """
-    return "\n".join(map(_visible_line, text.split("\n")))
-
-
-def _visible_line(line: str) -> str:
-    if line.isprintable():
-        return line
-    return "".join(
-        sign if sign.isprintable() or sign == "\t" else f"\\u{ord(sign):04x}" for sign in line
-    )
-
-
 def has_colours(stream: TextIO) -> bool:
-    """Whether colours may be written: to a terminal, unless NO_COLOR is set (no-color.org)."""
+    """Tells if colours may be written: to a terminal, unless NO_COLOR is set (no-color.org)."""
     is_dumb = os.environ.get("TERM") == "dumb"
     return stream.isatty() and not os.environ.get("NO_COLOR") and not is_dumb
 
@@ -146,3 +161,42 @@ def _coloured(text: str) -> str:
 def _painted(text: str, style: str) -> str:
     codes = {"bold": "1", "red": "31", "green": "32", "yellow": "33"}
     return f"\033[{';'.join(codes[word] for word in style.split())}m{text}\033[0m"
+
+
+@contextmanager
+def live_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
+    """Shows a line with episodes, turns and time; yields a function for a task's reports."""
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=24),
+        TextColumn("{task.fields[counts]}"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task(title, total=None, counts="")
+        known: dict[str, Any] = {}
+
+        def take(fields: dict[str, Any]) -> None:
+            known.update(fields)
+            done, of = ("merged", "parts") if "merged" in known else ("episode", "episodes")
+            progress.update(
+                task,
+                total=known.get(of) if done in known else None,  # None: it pulses
+                completed=known.get(done, 0),
+                counts=_counts(known),
+            )
+
+        yield take
+
+
+def _counts(known: dict[str, Any]) -> str:
+    if "merged" in known:
+        return f"merging: {known['merged']:,} of {known['parts']:,} parts"
+    counts = []
+    if "episode" in known and "episodes" in known:
+        unit = known.get("unit", "episodes")
+        counts.append(f"{known['episode']:,} of {known['episodes']:,} {unit}")
+    if "turns" in known:
+        counts.append(f"{known['turns']:,} turns")
+    return ", ".join(counts)

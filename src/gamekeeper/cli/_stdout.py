@@ -1,4 +1,4 @@
-"""The real stdout, kept for results: whatever else is printed meanwhile goes to stderr."""
+"""The real stdout, reserved for results: other prints go to stderr meanwhile."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _STDOUT_FD, _STDERR_FD = 1, 2
 
 
 def open_standard_streams() -> None:
-    """Opens what a service has closed of the three standard streams, onto nothing.
+    """Opens those of the three standard streams that a service has closed, onto nothing.
 
     Otherwise the next file that is opened gets their numbers, and is written into by prints.
     """
@@ -27,11 +27,11 @@ def open_standard_streams() -> None:
 
 @contextlib.contextmanager
 def claimed_stdout() -> Iterator[TextIO]:
-    """The real stdout; until the block ends, what others write to it arrives at stderr.
+    """Yields the real stdout; until the block ends, other writes to stdout arrive at stderr.
 
-    That holds for prints of Python, of libraries in C and of programs that are started, since it is
-    the descriptor that is turned over. Where somebody captures `sys.stdout` (a notebook, a test),
-    only Python's prints are turned over.
+    That holds for prints of Python, of libraries in C and of programs that are started, since the
+    descriptor is redirected. Where `sys.stdout` is captured (a notebook, a test), only Python's
+    prints are redirected.
     """
     ours = sys.stdout
     if _descriptor(ours) != _STDOUT_FD:
@@ -45,7 +45,6 @@ def claimed_stdout() -> Iterator[TextIO]:
         # "replace": a terminal that can't show a sign of a card still gets the card.
         with os.fdopen(os.dup(saved), "w", encoding=ours.encoding, errors="replace") as out:
             yield out
-            _flush(out)
     finally:
         with contextlib.suppress(ValueError, OSError):  # foreign code may have closed it
             sys.stdout.flush()
@@ -53,13 +52,12 @@ def claimed_stdout() -> Iterator[TextIO]:
         os.close(saved)
 
 
-def _flush(out: TextIO) -> None:
-    """Flushes; a reader that has gone (`gamekeeper show RUN | head -1`) has what it wanted."""
-    try:
-        out.flush()
-    except BrokenPipeError:
+def silence(stream: TextIO) -> None:
+    """Redirects a stream to nothing: its buffered text would fail to be written again."""
+    number = _descriptor(stream)
+    if number is not None:
         nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, out.fileno())
+        os.dup2(nowhere, number)
         os.close(nowhere)
 
 

@@ -1,27 +1,27 @@
-"""Environments run in worker processes; whatever they do there, what was recorded is sealed."""
+"""Environments run in worker processes; whatever they do there, their turns are finalized."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from gamekeeper.cli._options import json_object
-from gamekeeper.errors import BundleError, EnvError, GamekeeperError
-from gamekeeper.record.parts.plan import PLAN, Plan, parts_folder
-from gamekeeper.record.told import WorkerFault, error_in
-from gamekeeper.run.watch import Outcome
-from gamekeeper.run.workers import run_task
+from gamekeeper.errors import EnvError, GamekeeperError, RunError
+from gamekeeper.import_guard import unguarded
+from gamekeeper.rollouts.rollout_plan import RolloutPlan
+from gamekeeper.rollouts.workers import TaskOutcome, run_task
+from gamekeeper.runs.parts.part_plan import PLAN, parts_folder
+from gamekeeper.runs.worker_errors import WorkerFault, error_in
 
 if TYPE_CHECKING:
-    from gamekeeper.core.evidence import Evidence
+    from gamekeeper.episodes.evidence import Evidence
 
 __all__ = [
     "MEGABYTE",
-    "Plan",
     "Recorded",
     "WorkerFault",
     "error_in",
@@ -29,13 +29,31 @@ __all__ = [
     "name_of",
     "plan_of",
     "record_in_worker",
+    "value_of_task",
 ]
 
 RUNS: Final = Path("runs")
-"""Where evidence goes that has no folder of its own."""
+"""Folder of runs that are written without --out."""
 MEGABYTE: Final = 1_000_000
 NAMELESS: Final = ("env.py", "environment.py", "__init__.py", "main.py")
-"""Files that are called so in every package: the folder says which one it is."""
+"""Files that have the same name in every package: a run is named by their folder."""
+
+
+@unguarded()  # the user names what is run
+def value_of_task(task: str, arguments: Mapping[str, Any], *, silence_s: float) -> Any:
+    """Runs a task in a worker, and returns its value.
+
+    Raises:
+        GamekeeperError: the environment can't be opened.
+        KeyboardInterrupt: by Ctrl-C.
+    """
+    outcome = run_task(task, dict(arguments), silence_s=silence_s)
+    if outcome.status == "interrupted":
+        raise KeyboardInterrupt
+    error = error_in(outcome)
+    if error is not None:
+        raise error
+    return outcome.value
 
 
 def plan_of(
@@ -46,18 +64,18 @@ def plan_of(
     options: str | None,
     contract: Path | None,
     **settings: Any,
-) -> Plan:
+) -> RolloutPlan:
     """The plan that a command line describes.
 
     Raises:
         GamekeeperError: an option can't be read.
     """
-    policies: dict[str, str] = {}
+    policies: str | dict[str, str] = "random"
     if policy:
-        from gamekeeper.game.policy import parse_choices
+        from gamekeeper.interface.policy import parse_choices
 
         policies = parse_choices(policy)
-    return Plan(
+    return RolloutPlan(
         spec=spec,
         env_kwargs=json_object(kwargs, option="--kwargs"),
         policies=policies,
@@ -69,11 +87,11 @@ def plan_of(
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """What became of a recording.
+    """Result of a recording.
 
     Attributes:
-        evidence: what was recorded, sealed.
-        error: why it ended early; None where it didn't, or where it was interrupted.
+        evidence: the finalized run.
+        error: reason for an early end; None where there is none, or it was interrupted.
         is_interrupted: by Ctrl-C.
     """
 
@@ -83,14 +101,14 @@ class Recorded:
 
 
 def record_in_worker(
-    plan: Plan,
+    plan: RolloutPlan,
     out: Path,
     *,
     silence_s: float,
     memory_mb: int | None,
     on_message: Callable[[dict[str, Any]], None],
 ) -> Recorded:
-    """Records in a process of its own; what an environment breaks there stays broken there.
+    """Records in a process of its own, so that an environment's crash doesn't end this one.
 
     Raises:
         GamekeeperError: it couldn't begin, or a policy went wrong; an environment's own failure is
@@ -98,8 +116,8 @@ def record_in_worker(
         KeyboardInterrupt: before there was any evidence.
     """
     outcome = run_task(
-        "gamekeeper.record.tasks:record_task",
-        {**asdict(plan), "out": str(out)},
+        "gamekeeper.runs.worker_tasks:record_task",
+        {"plan": plan.to_json(), "out": str(out)},
         silence_s=silence_s,
         memory_bytes=None if memory_mb is None else memory_mb * MEGABYTE,
         on_message=on_message,
@@ -107,12 +125,14 @@ def record_in_worker(
     is_interrupted = outcome.status == "interrupted"
     error = None if is_interrupted else error_in(outcome)
     try:
-        evidence = _sealed(out, outcome, error)
-    except BundleError as unsealed:
+        evidence = _finalized(out, outcome, error)
+    except RunError as unfinalized:
         if error is None:
             raise
-        mend = f"{error.mend}; the evidence in {out} can't be sealed either: {unsealed.what}"
-        raise type(error)(error.what, where=error.where, seen=error.seen, mend=mend) from unsealed
+        fix = f"{error.fix}; the evidence in {out} can't be finalized either: {unfinalized.what}"
+        raise type(error)(
+            error.what, where=error.where, actual=error.actual, fix=fix
+        ) from unfinalized
     if error is not None and (evidence is None or not isinstance(error, EnvError)):
         raise error
     if evidence is None:
@@ -120,31 +140,31 @@ def record_in_worker(
     return Recorded(evidence, error, is_interrupted)
 
 
-def _sealed(out: Path, outcome: Outcome, error: GamekeeperError | None) -> Evidence | None:
-    """The evidence in `out`, sealed here where the worker didn't get that far."""
-    from gamekeeper.record.bundle import load
-    from gamekeeper.record.recover import recover
+def _finalized(out: Path, outcome: TaskOutcome, error: GamekeeperError | None) -> Evidence | None:
+    """The evidence in `out`, finalized here where the worker didn't get that far."""
+    from gamekeeper.runs.load_run import load
+    from gamekeeper.runs.run_check import recover
 
     try:
         evidence = load(out)
-    except BundleError:
+    except RunError:
         return None
     if evidence.manifest.get("status") != "open":
         return evidence
     if error is None:
-        return recover(out, status="sealed")
-    # The last line says what it was, as in a traceback of Python.
-    told = [outcome.traceback, f"{error.what}: {error.seen}".removesuffix(": ")]
+        return recover(out, status="finalized")
+    # The last line names the error, as in a traceback of Python.
+    lines = [outcome.traceback, f"{error.what}: {error.actual}".removesuffix(": ")]
     return recover(
         out,
         status="failed",
-        error="\n".join(filter(None, told)),
+        error="\n".join(filter(None, lines)),
         is_theirs=isinstance(error, EnvError),
     )
 
 
 def _has_no_parts(folder: Path) -> bool:
-    """Whether no recording by workers was begun for this folder."""
+    """Tells if workers have not begun a recording for this folder."""
     return not (parts_folder(folder) / PLAN).exists()
 
 
@@ -156,13 +176,13 @@ def evidence_folder(
     is_renamed: bool = False,
     is_free: Callable[[Path], bool] = _has_no_parts,
 ) -> Iterator[Path]:
-    """The folder that evidence will go to, taken away again if nothing came to lie in it.
+    """Yields the folder for a run; a folder that stays empty is removed at the end.
 
     Args:
         out: as the user named it; None: the first free `runs/NAME-1`, `-2`, ...
         spec: gives the name.
-        is_renamed: a folder that holds something already is left alone, and `out-2`, ... taken.
-        is_free: whether nobody else has begun something for a folder that nobody named.
+        is_renamed: if `out` isn't empty, `out-2`, ... is taken.
+        is_free: tells if a folder that the user didn't name is free.
     """
     if out is not None and not (is_renamed and _holds_something(out)):
         yield out
@@ -196,12 +216,12 @@ def _holds_something(folder: Path) -> bool:
         return any(folder.iterdir())
     except FileNotFoundError:
         return False
-    except OSError:  # a file, or nobody may look: recording into it says what is wrong
+    except OSError:  # a file, or unreadable: recording into it says what is wrong
         return folder.is_file()
 
 
 def _numbered(stem: Path, first: int, is_free: Callable[[Path], bool]) -> Path:
-    """The first free `stem-N`, made at once, so that two runs side by side get two."""
+    """Makes the first free `stem-N` at once, so that two parallel runs get two folders."""
     if not stem.name:  # `.`, `/`, nothing: recording into it says what is wrong
         return stem
     number = first

@@ -1,40 +1,33 @@
-"""`gamekeeper attribute RUN`: what each agent brings, and whose doing changes what for whom."""
+"""`gamekeeper attribute RUN`: contribution of each agent, and influence of agents on others."""
 
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
 import typer
 
-from gamekeeper.cli._document import document_text
+from gamekeeper._version import __version__
+from gamekeeper.cli import _options
 from gamekeeper.cli._fan import ExecutorOption, FanOption, players_of
-from gamekeeper.cli._options import (
-    MOST,
-    SILENCE_S,
-    ContractOption,
-    ImportOption,
-    PolicyOption,
-    ReopenOption,
-    RunArgument,
-    SeedOption,
-    TimeoutOption,
-)
-from gamekeeper.cli._screen import Answer, Screen
-from gamekeeper.errors import BundleError
+from gamekeeper.cli._screen import CommandResult, Screen, document_text
+from gamekeeper.errors import RunError
 
 ORDER: Final = 56
 PAPERS: Final = 50
-"""As `diagnose.attribution.attribute.PAPERS` has it; that loads numpy, help doesn't."""
+"""As `contributions.PAPERS` has it; importing that loads numpy, help doesn't."""
 KIND: Final = "attribution"
 MOST_BYTES: Final = 16 << 20
-"""Of a document that is kept among a run's annotations."""
+"""Largest document that is stored among a run's annotations."""
 
 BaselineOption = Annotated[
     Literal["noop", "random", "reference"],
-    typer.Option("--baseline", help="What takes an agent's place; noop where one is declared."),
+    typer.Option(
+        "--baseline",
+        help="Policy that takes an agent's place; noop becomes random where the contract "
+        "declares no noop.",
+    ),
 ]
 FreshOption = Annotated[
     int | None,
@@ -42,8 +35,8 @@ FreshOption = Annotated[
         "--episodes",
         metavar="N",
         min=0,
-        max=MOST,
-        help="Fresh ones in which agents are replaced; otherwise 50. Of fewer no intervals.",
+        max=_options.MOST,
+        help="Episodes with an agent replaced (default: 50; with fewer, no confidence intervals).",
     ),
 ]
 PapersOption = Annotated[
@@ -52,36 +45,38 @@ PapersOption = Annotated[
         "--papers",
         metavar="N",
         min=0,
-        max=MOST,
-        help="Episodes that are looked into action by action.",
+        max=_options.MOST,
+        help="Episodes in which single actions are replaced.",
     ),
 ]
 
 
 def command(
     screen: Screen,
-    run: RunArgument,
+    run: _options.RunArgument,
     baseline: BaselineOption = "noop",
     episodes: FreshOption = None,
     papers: PapersOption = PAPERS,
-    contract: ContractOption = None,
-    policy: PolicyOption = None,
-    env: ReopenOption = None,
-    seed: SeedOption = 0,
+    contract: _options.ContractOption = None,
+    policy: _options.PolicyOption = None,
+    env: _options.ReopenOption = None,
+    seed: _options.SeedOption = 0,
     workers: FanOption = None,
     executor: ExecutorOption = None,
-    allow_import: ImportOption = False,
-    timeout: TimeoutOption = SILENCE_S,
-) -> Answer:
-    """What each agent brings, who is lazy, who pays for whom.
+    allow_import: _options.ImportOption = False,
+    timeout: _options.TimeoutOption = _options.SILENCE_S,
+) -> CommandResult:
+    """Measures each agent's contribution: difference rewards, Shapley values, influence.
 
-    Agents are replaced by a baseline in fresh episodes in which the others react, and single
-    actions in episodes in which the others do what they did. Own reward by term, difference
-    rewards, Shapley values, influence, messages, penalties on the wrong participant.
+    Plays new episodes with an agent replaced by a baseline policy, and replaces single actions
+    in episodes in which the others act as recorded. Shows reward by term, lazy and harmful
+    agents, the effect of messages, and penalties that another agent caused.
+
+    Example: gamekeeper attribute runs/warehouse-1 --policy reference
     """
-    from gamekeeper.diagnose.attribution.attribute import attribute
-    from gamekeeper.game.policy import parse_choices
-    from gamekeeper.report.attribution_text import attribution_text
+    from gamekeeper.diagnosis.attribution.contributions import attribute
+    from gamekeeper.interface.policy import parse_choices
+    from gamekeeper.reporting.diagnosis_text import attribution_text
 
     with (
         players_of(executor, workers or 1, asked=workers) as players,
@@ -103,24 +98,23 @@ def command(
         )
     document = found.to_json()
     screen.show(attribution_text(document, width=screen.width))
-    _keep(screen, run, document)
-    return Answer(document, 0)
+    _annotate(screen, run, document)
+    return CommandResult(document, 0)
 
 
-def _keep(screen: Screen, run: Path, document: dict[str, Any]) -> None:
-    """The document is added to the run's annotations, where a report finds it; not twice."""
-    from gamekeeper.record.files.notes import annotate, read_notes
+def _annotate(screen: Screen, run: Path, document: dict[str, Any]) -> None:
+    """Adds the document to the run's annotations, where a report finds it; never twice."""
+    from gamekeeper.runs.files.notes import annotate, read_notes
 
     text = document_text(document)
     if len(text) > MOST_BYTES:
-        screen.note(f"not kept in the run: it has {len(text):,} bytes")
+        screen.note(f"not stored in the run's annotations: it has {len(text):,} bytes")
         return
-    version = sys.modules["gamekeeper"].__version__  # the front stands above all layers
     plain = json.loads(text)
     try:
         known = [note.get("document") for note in read_notes(run) if note.get("kind") == KIND]
         if known[-1:] != [plain]:
-            by = f"gamekeeper attribute {version}"
+            by = f"gamekeeper attribute {__version__}"
             annotate(run, {"kind": KIND, "by": by, "document": plain})
-    except BundleError as error:  # a run that nobody may write into is attributed all the same
-        screen.note(f"not kept in the run: {error.what}")
+    except RunError as error:  # a run that can't be written is attributed all the same
+        screen.note(f"not stored in the run's annotations: {error.what}")

@@ -1,109 +1,122 @@
-"""`gamekeeper audit ENV`: what an environment promises, looked at; what it breaks, shown."""
+"""`gamekeeper audit ENV`: checks of an environment, each failure with a program that shows it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, get_args
 
 import typer
 
 from gamekeeper.cli._audit import (
     Severity,
     audit_code,
+    audit_code_of,
+    audit_many,
     audit_with_progress,
     junit_of,
     sarif_of,
-    say_unseen,
+    say_not_exercised,
     show_audit,
-    write_audit,
-    write_text,
-)
-from gamekeeper.cli._audits import (
-    audit_code_of,
-    audit_many,
     show_audits,
     worst_code,
+    write_audit,
     write_audits,
+    write_text,
 )
-from gamekeeper.cli._fan import ExecutorOption, FanOption
+from gamekeeper.cli._fan import ExecutorOption
 from gamekeeper.cli._options import (
     MOST,
-    MOST_S,
     ContractOption,
+    EnvArgument,
     KwargsOption,
     MemoryOption,
     SeedOption,
+    TimeoutOption,
     json_object,
+    workers_option,
 )
-from gamekeeper.cli._screen import Answer, Screen
+from gamekeeper.cli._screen import CommandResult, Screen
+from gamekeeper.import_guard import unguarded
 
 ORDER: Final = 15
 BUDGET: Final = 20_000
-"""Environment steps, as `gamekeeper.audit.audit.BUDGET` has it; that loads numpy, help doesn't."""
+"""Environment steps, as `auditing.audit.BUDGET` has it; that loads numpy, help does not."""
 SILENCE_S: Final = 120.0
 
-EnvsArgument = Annotated[
-    list[str],
-    typer.Argument(
-        metavar="ENV",
-        show_default=False,
-        help="mpe2.simple_spread_v3:parallel_env · path/to/file.py:factory · "
-        "butterfly/pistonball-v6 · warehouse; parallel: or aec: in front asks for an API.",
-    ),
-]
+EnvsArgument = Annotated[list[str], get_args(EnvArgument)[1]]
 SeedsOption = Annotated[
     int,
     typer.Option(
-        "--seeds", metavar="N", min=1, max=MOST, help="Audits with so many seeds, from --seed on."
+        "--seeds",
+        metavar="N",
+        min=1,
+        max=MOST,
+        help="Number of audits, each with its own seed: --seed and those after it.",
     ),
 ]
 BudgetOption = Annotated[
     int,
-    typer.Option("--budget", metavar="N", min=1, max=MOST, help="Environment steps of all probes."),
+    typer.Option(
+        "--budget", metavar="N", min=1, max=MOST, help="Environment steps of all probes together."
+    ),
 ]
 QuickOption = Annotated[
-    bool, typer.Option("--quick", help="A budget of 3,000 steps: rare faults stay unseen.")
+    bool, typer.Option("--quick", help="Limit the budget to 3,000 steps, which miss rare faults.")
 ]
 SelectOption = Annotated[
     list[str] | None,
-    typer.Option("--select", metavar="ID", help="Only checks whose ids begin so. Repeatable."),
+    typer.Option(
+        "--select",
+        metavar="ID",
+        help="Run only checks whose ids begin with ID. Repeatable (default: all checks).",
+    ),
 ]
 IgnoreOption = Annotated[
     list[str] | None,
-    typer.Option("--ignore", metavar="ID", help="All checks but those. Repeatable."),
+    typer.Option(
+        "--ignore",
+        metavar="ID",
+        help="Skip checks whose ids begin with ID. Repeatable (default: none).",
+    ),
 ]
 JunitOption = Annotated[
     Path | None,
-    typer.Option("--junit", metavar="FILE", help="Also as JUnit XML, a test for each check."),
+    typer.Option(
+        "--junit",
+        metavar="FILE",
+        help="Write JUnit XML, a test for each check (default: no such file).",
+    ),
 ]
 SarifOption = Annotated[
-    Path | None, typer.Option("--sarif", metavar="FILE", help="Also as SARIF 2.1.0.")
+    Path | None,
+    typer.Option("--sarif", metavar="FILE", help="Write SARIF 2.1.0 (default: no such file)."),
 ]
-TimingsOption = Annotated[bool, typer.Option("--timings", help="Also say what each probe took.")]
-StrictOption = Annotated[bool, typer.Option("--strict", help="What nobody saw exits with 2.")]
+TimingsOption = Annotated[
+    bool, typer.Option("--timings", help="Show the steps and seconds of each probe.")
+]
+StrictOption = Annotated[
+    bool, typer.Option("--strict", help="Exit with 2 if a check was not exercised.")
+]
 FailOption = Annotated[
-    Severity, typer.Option("--fail-on", help="The least severity that exits with 1.")
+    Severity, typer.Option("--fail-on", help="Lowest severity of a failed check that exits with 1.")
 ]
-SilenceOption = Annotated[
-    float,
-    typer.Option(
-        "--timeout",
-        metavar="S",
-        min=0.1,
-        max=MOST_S,
-        help="Seconds without a step that count as hung.",
-    ),
+AuditsOption = Annotated[
+    int | None,
+    workers_option("Number of worker processes for several audits (default: one per core)."),
 ]
 OutOption = Annotated[
     Path | None,
     typer.Option(
-        "--out", metavar="FOLDER",
-        help="Writes audit.json, junit.xml, audit.sarif and a program for each finding there.",
+        "--out",
+        metavar="FOLDER",
+        help="Folder for audit.json, junit.xml, audit.sarif and a program for each finding "
+        "(default: no files).",
     ),
-]  # fmt: skip
+]
 
 
+@unguarded()  # the user names what is run
 def command(
     screen: Screen,
     env: EnvsArgument,
@@ -121,23 +134,32 @@ def command(
     timings: TimingsOption = False,
     strict: StrictOption = False,
     fail_on: FailOption = "low",
-    timeout: SilenceOption = SILENCE_S,
+    timeout: TimeoutOption = SILENCE_S,
     memory: MemoryOption = None,
-    workers: FanOption = None,
+    workers: AuditsOption = None,
     executor: ExecutorOption = None,
-) -> Answer:
-    """Finds the promises that an environment breaks, each with a program that shows it.
+) -> CommandResult:
+    """Checks an environment against PettingZoo's rules and its contract.
 
-    Probes play it in many ways in a process of its own, checks judge what they saw: PettingZoo's
-    promises, and what the contract declares. Exit code 0: kept. 1: something is broken. 2: it
-    can't be told. Waive a finding with its reason in the contract: [waivers] GK503 = "...". Several
-    environments or seeds are audited side by side, and the worst exit code counts.
+    Probes play the environment in many ways in a process of its own; checks judge what was
+    recorded. Each failed check names a place, a fix and a program that shows it. Waive a finding
+    with a reason in the contract: [waivers] GK503 = "...". Several environments or seeds are
+    audited in parallel, and the worst exit code counts.
+
+    Exit code 0: no check failed. 1: a check failed. 2: the audit has no answer.
+
+    Example: gamekeeper audit path/to/my_env.py:make --quick
     """
     asked: dict[str, Any] = {
-        "contract": None if contract is None else str(contract), "budget": budget, "quick": quick,
-        "select": select or (), "ignore": ignore or (), "silence_s": timeout,
-        "env_kwargs": json_object(kwargs, option="--kwargs"), "memory_mb": memory,
-    }  # fmt: skip
+        "contract": None if contract is None else str(contract),
+        "budget": budget,
+        "quick": quick,
+        "select": select or (),
+        "ignore": ignore or (),
+        "silence_s": timeout,
+        "env_kwargs": json_object(kwargs, option="--kwargs"),
+        "memory_mb": memory,
+    }
     files: dict[str, Any] = {"out": out, "junit": junit, "sarif": sarif}
     if len(env) > 1 or seeds > 1:
         documents = audit_many(
@@ -145,19 +167,19 @@ def command(
         )
         show_audits(screen, documents)
         if timings:
-            screen.note("note: --timings changes nothing of several audits; they stand in --json")
+            screen.note("note: --timings has no effect on several audits; --json has the timings")
         write_audits(screen, documents, **files)
         codes = [audit_code_of(each, fail_on=fail_on, strict=strict) for each in documents]
-        return Answer({"audits": documents}, worst_code(codes))
+        return CommandResult({"audits": documents}, worst_code(codes))
     document = audit_with_progress(screen, env[0], seed=seed, **asked).to_json()
     show_audit(screen, document)
     if timings:
-        from gamekeeper.report.audit_text import timings_text
+        from gamekeeper.reporting.audit_text import timings_text
 
         screen.show(f"\n{timings_text(document, width=screen.width)}")
-    say_unseen(screen, document)
+    say_not_exercised(screen, document)
     _write(screen, document, **files)
-    return Answer(document, audit_code(document, fail_on=fail_on, strict=strict))
+    return CommandResult(document, audit_code(document, fail_on=fail_on, strict=strict))
 
 
 def _write(

@@ -1,4 +1,4 @@
-"""`gamekeeper contract ENV`: the game form as a card, and what is still to be declared."""
+"""`gamekeeper contract ENV`: the game form as a card, and declarations that are missing."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from typing import Annotated, Any, Final, Literal
 import typer
 
 from gamekeeper.cli._audit import audit_with_progress
-from gamekeeper.cli._document import document_text
-from gamekeeper.cli._form import Form, look_at
+from gamekeeper.cli._form import GameForm, look_at
 from gamekeeper.cli._options import (
     SILENCE_S,
     ContractOption,
@@ -21,8 +20,9 @@ from gamekeeper.cli._options import (
     TimeoutOption,
     json_object,
 )
-from gamekeeper.cli._screen import Answer, Screen
+from gamekeeper.cli._screen import CommandResult, Screen, document_text
 from gamekeeper.errors import GamekeeperError
+from gamekeeper.import_guard import unguarded
 
 ORDER: Final = 20
 SUFFIXES: Final = {".toml": "toml", ".md": "md", ".json": "json", ".txt": "text"}
@@ -30,15 +30,16 @@ SUFFIXES: Final = {".toml": "toml", ".md": "md", ".json": "json", ".txt": "text"
 FormatOption = Annotated[
     Literal["text", "md", "toml", "json"] | None,
     typer.Option(
-        "--format", help="Otherwise as the suffix of --out says, or text.", show_default=False
+        "--format", help="Format (default: by the suffix of --out, or text).", show_default=False
     ),
 ]
 MeasureOption = Annotated[
     bool,
-    typer.Option("--measure", help="Also play it, and propose what was measured as answers."),
+    typer.Option("--measure", help="Play the environment, and propose answers from what it does."),
 ]
 
 
+@unguarded()  # the user names what is run
 def command(
     screen: Screen,
     env: EnvArgument,
@@ -49,21 +50,27 @@ def command(
     measure: MeasureOption = False,
     seed: SeedOption = 0,
     timeout: TimeoutOption = SILENCE_S,
-) -> Answer:
-    """Shows the game form, and asks for what nobody declared.
+) -> CommandResult:
+    """Shows the game form of an environment, and asks for missing declarations.
 
-    Who acts, observes, is paid and ends, and when. The environment is opened, not stepped, unless
-    --measure plays it to propose answers. Write a draft to fill in with --out my_env.toml: beside
-    my_env.py it is found by itself.
+    The game form: the order in which agents act, observe, are rewarded and end. The environment
+    is opened, not stepped, unless --measure plays it to propose answers. With --out my_env.toml a
+    draft to fill in is written; beside my_env.py it is found automatically.
+
+    Example: gamekeeper contract path/to/my_env.py:make --out path/to/my_env.toml
     """
     env_kwargs = json_object(kwargs, option="--kwargs")
     form = look_at(env, env_kwargs=env_kwargs, contract=contract, silence_s=timeout)
     audited: dict[str, Any] = {}
     if measure:
         audited = audit_with_progress(
-            screen, env, contract=None if contract is None else str(contract), seed=seed,
-            env_kwargs=env_kwargs, silence_s=timeout,
-        ).to_json()  # fmt: skip
+            screen,
+            env,
+            contract=None if contract is None else str(contract),
+            seed=seed,
+            env_kwargs=env_kwargs,
+            silence_s=timeout,
+        ).to_json()
     chosen = format or SUFFIXES.get("" if out is None else out.suffix, "text")
     text = _written(form, chosen, width=screen.width, audited=audited)
     if out is None:
@@ -73,13 +80,12 @@ def command(
         screen.note(f"written: {out}")
     written = {} if out is None else {"out": str(out)}
     measured = {"measured": audited["measured"]} if audited else {}
-    return Answer({**form.to_json(), **measured, **written})
+    return CommandResult({**form.to_json(), **measured, **written})
 
 
-def _written(form: Form, chosen: str, *, width: int, audited: Mapping[str, Any]) -> str:
-    from gamekeeper.report.card import card_markdown, card_text, card_toml
-    from gamekeeper.report.measured_draft import draft_note, measured_questions
-    from gamekeeper.report.measured_text import measured_text
+def _written(form: GameForm, chosen: str, *, width: int, audited: Mapping[str, Any]) -> str:
+    from gamekeeper.reporting.card import card_markdown, card_text, card_toml
+    from gamekeeper.reporting.measured_text import draft_note, measured_questions, measured_text
 
     parts = form.contract, form.agents
     if chosen == "json":
@@ -98,7 +104,7 @@ def _written(form: Form, chosen: str, *, width: int, audited: Mapping[str, Any])
 
 
 def _write(out: Path, text: str) -> None:
-    """Writes a new file; what somebody filled in there already is never lost."""
+    """Writes a new file; a file that is there, perhaps filled in, is never overwritten."""
     try:
         with out.open("x", encoding="utf-8") as file:
             file.write(text)
@@ -106,12 +112,12 @@ def _write(out: Path, text: str) -> None:
         raise GamekeeperError(
             "the file exists already",
             where=str(out),
-            mend="name another one, or remove it first; it is never overwritten",
+            fix="name another one, or remove it first; it is never overwritten",
         ) from None
     except OSError as error:
         raise GamekeeperError(
             "the file can't be written",
             where=str(out),
-            seen=error.strerror or str(error),
-            mend="make its folder first, or name a place that you may write to",
+            actual=error.strerror or str(error),
+            fix="make its folder first, or name a place that you may write to",
         ) from None

@@ -1,14 +1,14 @@
-"""`gamekeeper diagnose RUN`: which agent's what made a run fail, by controlled experiments."""
+"""`gamekeeper diagnose RUN`: the agent, and the part of it, that made a run fail."""
 
 from __future__ import annotations
 
 import os
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
+from gamekeeper._version import __version__
 from gamekeeper.cli._fan import ExecutorOption, players_of
 from gamekeeper.cli._options import (
     MOST,
@@ -21,83 +21,106 @@ from gamekeeper.cli._options import (
     SeedOption,
     TimeoutOption,
 )
-from gamekeeper.cli._screen import Answer, Screen
+from gamekeeper.cli._screen import CommandResult, Screen
 
 if TYPE_CHECKING:
-    from gamekeeper.diagnose.diagnosis import Diagnosis
+    from gamekeeper.diagnosis.diagnosis_result import Diagnosis
 
 ORDER: Final = 90
 BUDGET: Final = 2_000
 LEVEL: Final = 0.9
 PART: Final = 0.7
-"""As `gk.diagnose` has them; importing it loads numpy, help doesn't."""
+"""Defaults of `gk.diagnose`; importing it loads numpy, help doesn't."""
 
 FailedOption = Annotated[
     str | None,
     typer.Option(
-        "--failed", metavar="CONDITION",
-        help="""When an episode failed: "return < 0.5"; else the contract's [failure].""",
+        "--failed",
+        metavar="CONDITION",
+        help="""Condition of a failed episode, such as "return < 0.5" (default: [failure] of """
+        "the contract).",
     ),
-]  # fmt: skip
+]
 ContractOption = Annotated[
     Path | None,
-    typer.Option("--contract", metavar="FILE", help="In place of the one it was recorded under."),
+    typer.Option(
+        "--contract",
+        metavar="FILE",
+        help="Contract of the environment (default: the one that was recorded).",
+    ),
 ]
 LevelOption = Annotated[
     float,
     typer.Option(
-        "--level", metavar="SHARE", min=0.01, max=1.0,
-        help="The share of episodes that succeed where nothing is wrong.",
+        "--level",
+        metavar="SHARE",
+        min=0.01,
+        max=1.0,
+        help="Share of episodes that succeed where nothing is wrong, from 0 to 1.",
     ),
-]  # fmt: skip
+]
 PartOption = Annotated[
     float,
     typer.Option(
-        "--part", metavar="SHARE", min=0.01, max=1.0,
-        help="What part of the gap to that level a remedy closes, to restore.",
+        "--part",
+        metavar="SHARE",
+        min=0.01,
+        max=1.0,
+        help="Share of the gap to --level that an ideal substitute must close to count as a "
+        "cause, from 0 to 1.",
     ),
-]  # fmt: skip
+]
 BudgetOption = Annotated[
     int,
-    typer.Option("--budget", metavar="N", min=100, max=MOST, help="Episodes that may be played."),
+    typer.Option("--budget", metavar="N", min=100, max=MOST, help="Most episodes that are played."),
 ]
-StressorsOption = Annotated[
+PerturbationsOption = Annotated[
     bool | None,
     typer.Option(
-        "--stressors/--no-stressors",
+        "--perturbations/--no-perturbations",
         show_default=False,
-        help="Also play what makes things worse; otherwise where the run fails.",
+        help="Play perturbations, which make one thing worse (default: if the run fails).",
     ),
 ]
 WorkersOption = Annotated[
     int | None,
     typer.Option(
-        "--workers", metavar="N", min=0, max=MOST_WORKERS,
-        help="Processes that play; 0: this one. Otherwise as many as there are cores.",
+        "--workers",
+        metavar="N",
+        min=0,
+        max=MOST_WORKERS,
+        help="Number of worker processes; 0 plays in this process (default: one per core).",
     ),
-]  # fmt: skip
+]
 OutOption = Annotated[
     Path | None,
     typer.Option(
-        "--out", metavar="FOLDER",
-        help="What was played and twins that replay; otherwise RUN-diagnosis. A second call goes "
-        "on there.",
+        "--out",
+        metavar="FOLDER",
+        help="Folder of the episodes and counterfactuals; a second call continues there "
+        "(default: RUN-diagnosis).",
     ),
-]  # fmt: skip
+]
 CaseOption = Annotated[
     Path | None,
     typer.Option(
-        "--save-case", metavar="FILE",
-        help="Writes a pytest case that plays this failure and its remedy again.",
+        "--save-case",
+        metavar="FILE",
+        help="Write a pytest case that plays the failure and its ideal substitute (default: no "
+        "case).",
     ),
-]  # fmt: skip
+]
 ShrinkOption = Annotated[
     int | None,
     typer.Option(
-        "--shrink", metavar="N", min=0, max=MOST,
-        help="Only cuts failing episode N down to the fewest turns and actions that still fail.",
+        "--shrink",
+        metavar="N",
+        min=0,
+        max=MOST,
+        help="Only shorten failing episode N to the fewest turns and actions that still fail "
+        "(default: diagnose the run).",
     ),
-]  # fmt: skip
+]
 
 
 def command(
@@ -111,7 +134,7 @@ def command(
     part: PartOption = PART,
     seed: SeedOption = 0,
     budget: BudgetOption = BUDGET,
-    stressors: StressorsOption = None,
+    perturbations: PerturbationsOption = None,
     workers: WorkersOption = None,
     executor: ExecutorOption = None,
     out: OutOption = None,
@@ -119,45 +142,56 @@ def command(
     shrink: ShrinkOption = None,
     allow_import: ImportOption = False,
     timeout: TimeoutOption = SILENCE_S,
-) -> Answer:
-    """Finds which agent's what made a run fail, for every agent.
+) -> CommandResult:
+    """Finds which agent, and which part of it, made a run fail.
 
-    Plays the recorded set-up on fresh seeds as it is, with one thing at its ideal (a remedy can
-    isolate a cause) and with one thing worse (a stressor shows dependence, never a cause). Exit
-    code 0: a cause is named, or nothing fails beyond chance. 2: it can't be told, with the reason.
+    Plays the recorded environment and policies on new seeds: unchanged, with one thing made ideal
+    (an ideal substitute, which can isolate a cause) and with one thing made worse (a perturbation,
+    which shows dependence, never a cause).
+
+    Exit code 0: a cause is named, or the run fails no more often than chance allows. 2: no answer,
+    or new episodes contradict the recorded ones; the reason is printed.
+
+    Example: gamekeeper diagnose runs/warehouse-1 --failed "return < 3"
     """
-    from gamekeeper.diagnose.diagnose import diagnose
-    from gamekeeper.diagnose.labels import propose
-    from gamekeeper.game.policy import parse_choices
-    from gamekeeper.report.diagnosis_text import diagnosis_text
+    from gamekeeper.diagnosis.failure_causes import diagnose
+    from gamekeeper.diagnosis.labels import propose
+    from gamekeeper.interface.policy import parse_choices
+    from gamekeeper.reporting.diagnosis_text import diagnosis_text
 
     folder = _beside(run) if out is None else out
+    opening: dict[str, Any] = {"failed": failed, "env": env, "allow_import": allow_import}
     if shrink is not None:
-        return _shrunk(
-            screen, run, shrink, failed=failed, env=env, contract=contract,
-            out=folder / f"shrunk-{shrink}", allow_import=allow_import,
-        )  # fmt: skip
+        shrunk_run = folder / f"shrunk-{shrink}"
+        return _shrunk(screen, run, shrink, contract=contract, out=shrunk_run, **opening)
     count = (os.cpu_count() or 1) if workers is None else workers
     with (
         players_of(executor, count, asked=workers) as players,
         screen.progress("diagnosing") as take,
     ):
         found = diagnose(
-            run, failed=failed, contract=contract, env=env,
-            policies=parse_choices(policy) if policy else None, level=level, part=part, seed=seed,
-            budget=budget, stressors=stressors,
-            workers=players, out=folder,
-            allow_import=allow_import, timeout_s=timeout, on_message=take,
-        )  # fmt: skip
+            run,
+            **opening,
+            contract=contract,
+            policies=parse_choices(policy) if policy else None,
+            level=level,
+            part=part,
+            seed=seed,
+            budget=budget,
+            perturbations=perturbations,
+            workers=players,
+            out=folder,
+            timeout_s=timeout,
+            on_message=take,
+        )
     document = found.to_json()
-    version = sys.modules["gamekeeper"].__version__  # the front stands above all layers
-    propose(run, found, by=f"gamekeeper diagnose {version}")
+    propose(run, found, by=f"gamekeeper diagnose {__version__}")
     screen.show(diagnosis_text(document, width=screen.width))
-    if found.bundles:
-        screen.show(f"\nTwins  {folder / 'bundles'}")
+    if found.runs:
+        screen.show(f"\nCounterfactuals  {folder / 'runs'}")
     if save_case is not None:
         _save(screen, found, run, save_case, failed)
-    return Answer(document, diagnosis_code(found))
+    return CommandResult(document, diagnosis_code(found))
 
 
 def _beside(run: Path) -> Path:
@@ -166,14 +200,14 @@ def _beside(run: Path) -> Path:
 
 
 def diagnosis_code(found: Diagnosis) -> int:
-    """0: a cause is named, or nothing fails beyond chance. 2: it can't be told."""
-    everybody = [*found.agents.values(), *([found.team] if found.team else [])]
-    is_failing = any(each.success[2] < found.level for each in everybody)
-    return 2 if is_failing and not found.has_cause else 0
+    """Returns 0: a cause is named, or no failure beyond chance. 2: no answer, or contradicted."""
+    answers = [*found.agents.values(), *([found.team] if found.team else [])]
+    is_failing = any(each.success[2] < found.level for each in answers)
+    return 2 if found.contradictions or (is_failing and not found.has_cause) else 0
 
 
 def _save(screen: Screen, found: Any, run: Path, path: Path, failed: str | None) -> None:
-    from gamekeeper.diagnose.case import case_text
+    from gamekeeper.diagnosis.counterfactuals import case_text
 
     path.write_text(case_text(found, run, failed=failed), encoding="utf-8")
     screen.note(f"case written to {path}")
@@ -181,19 +215,20 @@ def _save(screen: Screen, found: Any, run: Path, path: Path, failed: str | None)
 
 def _shrunk(
     screen: Screen, run: Path, episode: int, *, contract: Path | None, out: Path, **options: Any
-) -> Answer:
-    from gamekeeper.diagnose.shrunk import shrunk
-    from gamekeeper.game.contract_file import load_contract
+) -> CommandResult:
+    from gamekeeper.contract import Contract
+    from gamekeeper.diagnosis.shortest_failure import shrunk
 
-    declared = None if contract is None else load_contract(contract)
+    declared = None if contract is None else Contract.load(contract)
     with screen.progress("shrinking") as take:
         found = shrunk(run, episode, contract=declared, out=out, on_message=take, **options)
     left, before = found.turns
     acts, acts_before = found.acts
     screen.show(
-        f"Shrunk  episode {episode} of {run}, failing for {found.scope}\n"
+        f"Shrunk  episode {episode} of {run}, which still fails for {found.scope}\n"
         f"  turns    {left} of {before}\n  actions  {acts} of {acts_before} that aren't noops\n"
-        f"  tried    {found.tries} plays" + ("" if found.is_least else ", then gave up looking")
+        f"  tried    {found.tries} reruns"
+        + ("" if found.is_least else ", then stopped; a shorter failure may exist")
         + f"\n  evidence {out}"
-    )  # fmt: skip
-    return Answer({"run": str(run), **found.to_json(), "bundle": str(out)}, 0)
+    )
+    return CommandResult({"run": str(run), **found.to_json(), "shortest_run": str(out)}, 0)

@@ -13,96 +13,118 @@ from gamekeeper.cli._fan import LOCAL, ExecutorOption
 from gamekeeper.cli._options import (
     MOST,
     MOST_SEED,
-    MOST_WORKERS,
     SILENCE_S,
     KwargsOption,
     TimeoutOption,
     json_object,
+    workers_option,
 )
-from gamekeeper.cli._screen import Answer, Screen
+from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.errors import SpecError
+from gamekeeper.import_guard import unguarded
 
 if TYPE_CHECKING:
-    from gamekeeper.evaluate.evaluation import Evaluation
+    from gamekeeper.evaluation.evaluation import Evaluation
 
 ORDER: Final = 95
 RUNS: Final = Path("runs")
 REFUSED: Final = 2
+NAMED: Final = ":="
+"""Text between the name of a line-up and its policies."""
 
 SpecArgument = Annotated[
     str,
     typer.Argument(
-        metavar="SPEC", show_default=False,
-        help="A TOML file, a suite (gamekeeper list suites), or an environment with --policy.",
+        metavar="SPEC",
+        show_default=False,
+        help="Specification in TOML, a suite (gamekeeper list suites), or an environment together "
+        "with --policy.",
     ),
-]  # fmt: skip
+]
 PolicyOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--policy", metavar="[NAME=]POLICY",
-        help="Of an environment: who is compared. Repeatable; NAME is what results call it.",
+        "--policy",
+        metavar="[NAME:=][AGENT|ROLE=]POLICY",
+        help="Policy to compare, shown in results as NAME; policies of one NAME play together. "
+        "Repeatable (required where SPEC is an environment).",
     ),
-]  # fmt: skip
+]
 EpisodesOption = Annotated[
     int | None,
     typer.Option(
-        "--episodes", metavar="N", min=1, max=MOST, help="In place of the specification's."
+        "--episodes",
+        metavar="N",
+        min=1,
+        max=MOST,
+        help="Number of episodes of each line-up (default: as in SPEC, or 100).",
     ),
 ]
 SeedOption = Annotated[
     int | None,
     typer.Option(
-        "--seed", metavar="N", min=0, max=MOST_SEED, help="In place of the specification's."
+        "--seed",
+        metavar="N",
+        min=0,
+        max=MOST_SEED,
+        help="Seed of the evaluation (default: as in SPEC, or 0).",
     ),
 ]
 OutOption = Annotated[
     Path | None,
     typer.Option(
-        "--out", metavar="FOLDER",
-        help="Raw episodes and results; otherwise runs/evaluation-NAME. A second call goes on "
-        "there: what is there already isn't played again.",
+        "--out",
+        metavar="FOLDER",
+        help="Folder of episodes and results; a second call continues there and plays only "
+        "missing episodes (default: runs/evaluation-NAME).",
     ),
-]  # fmt: skip
+]
 CrossplayOption = Annotated[
-    bool, typer.Option("--crossplay", help="Every policy in every seat with every partner.")
+    bool,
+    typer.Option("--crossplay", help="Play every policy in every position with every partner."),
 ]
 RecordOption = Annotated[
     Literal["digest", "full"] | None,
-    typer.Option("--record", help="Keeps evidence of every line-up, to be replayed."),
+    typer.Option(
+        "--record", help="Record a run of every line-up at this level (default: no runs)."
+    ),
 ]
 WorkersOption = Annotated[
-    int | None,
-    typer.Option(
-        "--workers",
-        metavar="N",
-        min=1,
-        max=MOST_WORKERS,
-        help="Processes that play; otherwise a core each.",
-    ),
+    int | None, workers_option("Number of worker processes (default: one per core).")
 ]
 StorageOption = Annotated[
     str | None,
     typer.Option(
-        "--storage", metavar="PLACE",
-        help="Where parts go: a folder or URL (s3://...) that all workers reach; else --out.",
+        "--storage",
+        metavar="PLACE",
+        help="Place of the workers' parts: a folder or URL (s3://...) that all workers reach "
+        "(default: --out).",
     ),
-]  # fmt: skip
+]
 ExportOption = Annotated[
     Path | None,
-    typer.Option("--marl-eval", metavar="FILE", help="Also the raw scores in marl-eval's layout."),
+    typer.Option(
+        "--marl-eval",
+        metavar="FILE",
+        help="Write the raw scores in marl-eval's layout (default: no such file).",
+    ),
 ]
 PinOption = Annotated[
-    bool, typer.Option("--pin", help="Only writes the digests of what is installed into SPEC.")
+    bool,
+    typer.Option(
+        "--pin", help="Only write the digests of the installed environments and policies into SPEC."
+    ),
 ]
 UnpinnedOption = Annotated[
     bool,
-    typer.Option("--unpinned", help="Goes on where SPEC pins something else; results say so."),
+    typer.Option("--unpinned", help="Continue where SPEC pins other digests; the results say so."),
 ]
 StrictOption = Annotated[
-    bool, typer.Option("--strict", help="Exit code 2 where an interval was refused.")
+    bool, typer.Option("--strict", help="Exit with 2 if a confidence interval was refused.")
 ]
 
 
+@unguarded()  # the user names what is run
 def command(
     screen: Screen,
     spec: SpecArgument,
@@ -121,84 +143,125 @@ def command(
     unpinned: UnpinnedOption = False,
     strict: StrictOption = False,
     timeout: TimeoutOption = SILENCE_S,
-) -> Answer:
-    """Compares policies on the same seeds: per team, role and agent, with intervals and claims.
+) -> CommandResult:
+    """Compares policies on the same seeds, with confidence intervals for team, role and agent.
 
-    The unit is the episode for a checkpoint, the training run for a method of several. Exit code
-    0: done. 1: episodes broke off with an exception. 2: it can't be told, or wrong use; what isn't
-    claimed, and why, stands at the end.
+    The statistical unit is the episode for one checkpoint, and the training run for a method with
+    several checkpoints. Refused claims are listed at the end, each with its reason.
+
+    Exit code 0: done. 1: episodes ended with an exception. 2: no answer, or wrong use.
+
+    Example: gamekeeper evaluate warehouse --policy reference --policy random
     """
-    from gamekeeper.evaluate.evaluate import evaluate
-    from gamekeeper.evaluate.given import spec_of
-    from gamekeeper.report.evaluation_text import evaluation_text
+    from gamekeeper.evaluation.evaluator import evaluate
+    from gamekeeper.evaluation.suites import spec_of
+    from gamekeeper.reporting.evaluation_text import evaluation_text
 
     if pin:
         return _pinned(screen, spec, timeout)
-    given = _policies(policy)
-    env_kwargs = json_object(kwargs, option="--kwargs")
     changes: dict[str, Any] = {
-        "policies": given, "episodes": episodes, "seed": seed, "crossplay": crossplay or None,
-        "env_kwargs": env_kwargs, "record": record,
-    }  # fmt: skip
+        "policies": _policies(policy),
+        "episodes": episodes,
+        "seed": seed,
+        "crossplay": crossplay or None,
+        "env_kwargs": json_object(kwargs, option="--kwargs"),
+        "record": record,
+    }
     whole = spec_of(spec, **changes)
     folder = RUNS / f"evaluation-{_file_name(whole.name)}" if out is None else out
     try:
         with screen.progress("evaluating") as take:
             found = evaluate(
-                spec, **changes, out=folder, storage=storage,
-                workers=workers or (os.cpu_count() or 1), executor=executor or LOCAL,
-                unpinned=unpinned, marl_eval=marl_eval, timeout_s=timeout, on_message=take,
+                spec,
+                **changes,
+                out=folder,
+                storage=storage,
+                workers=workers or (os.cpu_count() or 1),
+                executor=executor or LOCAL,
+                unpinned=unpinned,
+                marl_eval=marl_eval,
+                timeout_s=timeout,
+                on_message=take,
                 on_note=screen.note,
-            )  # fmt: skip
+            )
     except KeyboardInterrupt:
-        screen.error(f"parts that are whole stay in {storage or folder}: the same command goes on")
+        screen.error(f"complete parts stay in {storage or folder}; the same command continues")
         raise
     document = found.to_json()
     screen.show(evaluation_text(document, width=screen.width))
     screen.show(f"\nRaw episodes  {storage or folder}/episodes.parquet")
     if marl_eval is not None:
         screen.note(f"raw scores written to {marl_eval}")
-    return Answer(document, evaluation_code(found, strict=strict))
+    return CommandResult(document, evaluation_code(found, strict=strict))
 
 
 def evaluation_code(found: Evaluation, *, strict: bool) -> int:
-    """1 where episodes broke off; with `strict`, 2 where an interval was refused."""
+    """Returns 1 where episodes ended with an exception; 2 where `strict` and one was refused."""
     if any((row["endings"] or {}).get("failed") for row in found.results):
         return 1
     return REFUSED if strict and found.refused else 0
 
 
-def _policies(texts: list[str] | None) -> dict[str, str] | None:
-    """Policies by name; the name is the policy's own where none is given."""
-    found: dict[str, str] = {}
+def _policies(texts: list[str] | None) -> dict[str, dict[str, str]] | None:
+    """Reads the line-ups that are compared, by name; a bare policy's own name is its name.
+
+    Raises:
+        SpecError: a line could name a line-up or an agent, or two of them have one name.
+        PolicyError: a policy is incomplete, or two are for the same players.
+    """
+    from gamekeeper.interface.policy import EVERYONE, parse_choices
+
+    found: dict[str, list[str]] = {}
     for text in texts or ():
-        name, equals, choice = text.partition("=")
-        if not equals or re.search(r"[:/\\]", name):  # the = of a path or of an argument
-            name, choice = re.sub(r"[/\\]", "_", text), text
-        if name in found:
+        name, is_named, choice = text.partition(NAMED)
+        (place, policy), *_ = parse_choices([choice if is_named else text]).items()
+        if not is_named and place != EVERYONE:
+            raise _ambiguous(text, place, policy)
+        name = name.strip() if is_named else re.sub(r"[/\\]", "_", text)
+        if name in found and not is_named:
             raise SpecError(
-                "two policies have one name", where="--policy", expected="different names",
-                seen=name, mend=f"--policy NAME={choice}",
-            )  # fmt: skip
-        found[name] = choice
-    return found or None
+                "two policies have one name",
+                where="--policy",
+                expected="different names",
+                actual=name,
+                fix=f"--policy NAME{NAMED}{text}",
+            )
+        found.setdefault(name, []).append(choice if is_named else text)
+    return {name: parse_choices(choices) for name, choices in found.items()} or None
 
 
-def _pinned(screen: Screen, text: str, timeout: float) -> Answer:
+def _ambiguous(text: str, place: str, policy: str) -> SpecError:
+    """Names both readings of `wolf=pol:chase`, and the line that says each."""
+    name = re.sub(r"\W+", "_", policy.rpartition(":")[2]) or "mine"
+    return SpecError(
+        f"{text!r} can be read in two ways",
+        where="--policy",
+        expected=f"[NAME{NAMED}][AGENT|ROLE=]POLICY",
+        actual=text,
+        fix=f"for the agent or role {place!r}, with random play for all others: "
+        f"--policy {name}{NAMED}{text}; for everyone, under the name {place!r}: "
+        f"--policy {place}{NAMED}{policy}",
+    )
+
+
+def _pinned(screen: Screen, text: str, timeout: float) -> CommandResult:
     """Writes digests into the file of a specification."""
     import tomllib
 
     import tomli_w
 
-    from gamekeeper.evaluate.evaluate import looked_at
-    from gamekeeper.evaluate.suites import fingerprint_of, pinned, suites
+    from gamekeeper.evaluation.evaluator import looked_at
+    from gamekeeper.evaluation.suites import fingerprint_of, pinned, suites
 
     path = Path(text) if text.endswith(".toml") else suites().get(text)
     if path is None:
         raise SpecError(
-            "only a file can be pinned", where="SPEC", expected="a TOML file or a suite's name",
-            seen=text,
-        )  # fmt: skip
+            "only a file can be pinned",
+            where="SPEC",
+            expected="a TOML file or a suite's name",
+            actual=text,
+            fix="write the specification into a TOML file, and name that",
+        )
     spec, looks = looked_at(path, timeout_s=timeout)
     data = pinned(tomllib.loads(path.read_text(encoding="utf-8")), looks)
     draft = path.with_name(f".{path.name}.draft")
@@ -207,7 +270,7 @@ def _pinned(screen: Screen, text: str, timeout: float) -> Answer:
     fingerprint = fingerprint_of(spec, looks)
     screen.show(f"Pinned  {path}\n  fingerprint  {fingerprint}")
     digests = {name: look.digest for name, look in looks.items()}
-    return Answer({"spec": str(path), "fingerprint": fingerprint, "environments": digests})
+    return CommandResult({"spec": str(path), "fingerprint": fingerprint, "environments": digests})
 
 
 def _file_name(name: str) -> str:

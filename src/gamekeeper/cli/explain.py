@@ -1,18 +1,18 @@
-"""`gamekeeper explain GK402`: what a check promises, why, and how to mend what breaks it."""
+"""`gamekeeper explain GK402`: the promise of a check, its reason, and the fix for a failure."""
 
 from __future__ import annotations
 
 from difflib import get_close_matches
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from gamekeeper.cli._checks import card_of, needs_contract, specimens
-from gamekeeper.cli._screen import Answer, Screen
+from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.errors import GamekeeperError
+from gamekeeper.import_guard import unguarded
 
 if TYPE_CHECKING:
-    from gamekeeper.audit.check import Check
+    from gamekeeper.checks.check import Check
 
 ORDER: Final = 16
 MOST_IN_FULL: Final = 3
@@ -20,20 +20,26 @@ MOST_IN_FULL: Final = 3
 
 IdsArgument = Annotated[
     list[str],
-    typer.Argument(metavar="ID", show_default=False, help="GK402, or how some ids begin, as GK4."),
+    typer.Argument(
+        metavar="ID",
+        show_default=False,
+        help="Id of a check, such as GK402, or the beginning of several, such as GK4.",
+    ),
 ]
 
 
-def command(screen: Screen, ids: IdsArgument) -> Answer:
-    """Explains checks: the promise, why it matters, a bad and a good example, the mend.
+@unguarded()  # nothing of a run is looked at
+def command(screen: Screen, ids: IdsArgument) -> CommandResult:
+    """Explains checks: the promise, why it matters, a bad and a good example, the fix.
 
     Exit code 0: done. 2: there is no such check.
+
+    Example: gamekeeper explain GK402
     """
-    from gamekeeper.audit.check import checks
-    from gamekeeper.report.check_text import check_text, checks_text
+    from gamekeeper.checks.check import checks
+    from gamekeeper.reporting.check_text import check_text, checks_text
 
     known = checks()
-    tried = {id: each for id, each in specimens().items() if not needs_contract(each)}
     asked: list[Check] = []
     texts = []
     for word in ids:
@@ -43,17 +49,20 @@ def command(screen: Screen, ids: IdsArgument) -> Answer:
         if len(found) > MOST_IN_FULL:
             texts.append(checks_text(cards, width=screen.width))
         else:
-            texts += [
-                check_text(card, specimen=tried.get(card["id"]), width=screen.width)
-                for card in cards
-            ]
+            texts += [check_text(card, width=screen.width) for card in cards]
     screen.show("\n\n".join(texts))
     unique = {each.id: card_of(each) for each in asked}
-    return Answer({"checks": [{**card, "specimen": tried.get(id)} for id, card in unique.items()]})
+    return CommandResult({"checks": list(unique.values())})
+
+
+def card_of(check: Check) -> dict[str, Any]:
+    """A check as plain data, for texts and JSON."""
+    names = ("id", "name", "claim", "about", "severity", "confidence", "fix", "api")
+    return {**{name: getattr(check, name) for name in names}, "needs": list(check.needs)}
 
 
 def _found(word: str, known: dict[str, Check]) -> list[Check]:
-    """The checks whose ids begin so, or of that name.
+    """Finds the checks whose ids begin with a word, or of that name.
 
     Raises:
         GamekeeperError: there are none.
@@ -68,6 +77,6 @@ def _found(word: str, known: dict[str, Check]) -> list[Check]:
         f"no check is called {word!r}",
         where="explain",
         expected="an id like GK402, or how some ids begin, like GK4",
-        seen=f"the nearest are {', '.join(near)}" if near else "",
-        mend="`gamekeeper list checks` shows them all",
+        actual=f"the nearest are {', '.join(near)}" if near else "",
+        fix="`gamekeeper list checks` shows them all",
     )

@@ -1,4 +1,4 @@
-"""`gamekeeper export RUN --to FORM`: evidence as data sets and recordings of others, and back."""
+"""`gamekeeper export RUN --to FORM`: runs as data sets of other libraries, and back."""
 
 from __future__ import annotations
 
@@ -8,47 +8,54 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from gamekeeper.cli._screen import Answer, Screen
+from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.errors import GamekeeperError
 
 if TYPE_CHECKING:
-    from gamekeeper.core.evidence import Evidence
+    from gamekeeper.episodes.evidence import Evidence
     from gamekeeper.plugins import Plugins
 
 ORDER: Final = 120
 GROUP: Final = "gamekeeper.exporters"
 PACKAGE: Final = "gamekeeper.adapters.exporters"
-BUNDLE: Final = "bundle"
+RUN: Final = "run"
 
 SourceArgument = Annotated[
     str,
     typer.Argument(
-        metavar="RUN|FORM:DATA", show_default=False,
-        help="The folder of evidence; or data of another form: minari:ID, minari:FOLDER.",
+        metavar="RUN|FORM:DATA",
+        show_default=False,
+        help="Folder of a recorded run; or data of another form: minari:ID, minari:FOLDER.",
     ),
-]  # fmt: skip
+]
 ToOption = Annotated[
     str,
     typer.Option(
-        "--to", metavar="FORM", show_default=False,
-        help="numpy, minari or rerun, what a package brings, or bundle: evidence out of FORM:DATA.",
+        "--to",
+        metavar="FORM",
+        show_default=False,
+        help="Form to write: numpy, minari, rerun, one of an installed package, or run to make a "
+        "run of FORM:DATA (required).",
     ),
-]  # fmt: skip
+]
 OutOption = Annotated[
     Path | None,
     typer.Option(
-        "--out", metavar="PATH",
-        help="The file or folder to write; for minari the folder of data sets, otherwise the one "
-        "that MINARI_DATASETS_PATH names.",
+        "--out",
+        metavar="PATH",
+        help="File or folder to write (required; for minari the folder of its data sets, default: "
+        "the one that MINARI_DATASETS_PATH names).",
     ),
-]  # fmt: skip
+]
 AgentOption = Annotated[
     list[str] | None,
     typer.Option(
-        "--agent", metavar="AGENT",
-        help="Only this one. Repeatable. With --to bundle: what the data's one agent is called.",
+        "--agent",
+        metavar="AGENT",
+        help="Agent to export. Repeatable (default: all agents). With --to run, the name that the "
+        "data's only agent gets.",
     ),
-]  # fmt: skip
+]
 
 
 def command(
@@ -57,36 +64,37 @@ def command(
     to: ToOption,
     out: OutOption = None,
     agent: AgentOption = None,
-) -> Answer:
-    """Writes evidence as NumPy arrays, Minari data sets or a Rerun recording, or reads Minari's.
+) -> CommandResult:
+    """Exports a run as NumPy arrays, Minari data sets or a Rerun recording, or imports Minari's.
 
-    What the other form can't hold is said on stderr and stands in the document. Nothing that
-    exists is written over. `gamekeeper list exporters` names the forms.
+    Columns that the other form can't hold are listed on stderr and in the JSON document. Files
+    that exist are never overwritten. `gamekeeper list exporters` names the forms.
+
+    Example: gamekeeper export runs/warehouse-1 --to numpy --out warehouse.npz
     """
     forms = found()
     source = _source(run, forms.found)
-    if to == BUNDLE:
-        return _bundle(screen, run, source, out, agent)
+    if to == RUN:
+        return _run_files(screen, run, source, out, agent)
     if to not in forms.found:
-        raise _unknown("--to", to, [*forms.found, BUNDLE])
-    part = forms.found[to]
-    given: Any = part
-    write: Callable[..., Any] = getattr(given, "export", given)
+        raise _unknown("--to", to, [*forms.found, RUN])
+    form: Any = forms.found[to]
+    write: Callable[..., Any] = getattr(form, "export", form)
     evidence = Path(run) if source is None else source[0](source[1])
     written = write(evidence, out, agents=agent, say=screen.note)
     screen.show(f"Exported  {written}")
-    return Answer({"run": run, **written.to_json()})
+    return CommandResult({"run": run, **written.to_json()})
 
 
 def found() -> Plugins:
-    """The forms that evidence is exported to, ours and those of installed packages."""
+    """Returns the forms that runs are exported to, built in and of installed packages."""
     from gamekeeper import plugins
 
     return plugins.load(GROUP, PACKAGE)
 
 
 def _source(run: str, forms: Mapping[str, object]) -> tuple[Callable[..., Evidence], str] | None:
-    """What reads `FORM:DATA`, and the data; None where `run` is a folder.
+    """Returns the reader of `FORM:DATA`, and the data; None where `run` is a folder.
 
     Raises:
         GamekeeperError: there is no such form, or it is only written.
@@ -100,26 +108,34 @@ def _source(run: str, forms: Mapping[str, object]) -> tuple[Callable[..., Eviden
     return readers[form], data
 
 
-def _bundle(
+def _run_files(
     screen: Screen,
     run: str,
     source: tuple[Callable[..., Evidence], str] | None,
     out: Path | None,
     agent: list[str] | None,
-) -> Answer:
-    from gamekeeper.report.text import counted, summary_text
+) -> CommandResult:
+    from gamekeeper.reporting.results_text import counted, digests_text, summary_text
 
     if source is None:
         raise GamekeeperError(
-            "evidence is a bundle already", where="--to bundle", expected="FORM:DATA", seen=run,
-            mend="copy its folder; minari:ID reads a data set",
-        )  # fmt: skip
+            "this is a run already",
+            where="--to run",
+            expected="FORM:DATA",
+            actual=run,
+            fix="copy its folder; minari:ID reads a data set",
+        )
     if out is None:
         raise GamekeeperError(
-            "no folder for the evidence is named", where="--out", mend="--out runs/imported"
+            "a folder for the run is missing", where="--out", fix="--out runs/imported"
         )
     if agent is not None and len(agent) > 1:
-        raise GamekeeperError("the data has one agent", where="--agent", seen=", ".join(agent))
+        raise GamekeeperError(
+            "the data has one agent",
+            where="--agent",
+            actual=", ".join(agent),
+            fix=f"--agent {agent[0]}",
+        )
     read, data = source
     evidence = read(data, out, **({} if agent is None else {"agent": agent[0]}))
     imported = evidence.manifest["environment"].get("imported") or {}
@@ -127,20 +143,26 @@ def _bundle(
         screen.note(f"unknown: {each}")
     screen.show(f"Imported  {counted(evidence.summary)}")
     screen.show(summary_text(evidence.summary, width=screen.width))
-    screen.show(f"\nEvidence  {evidence.path}\n  fingerprint  {evidence.fingerprint}")
-    status = evidence.manifest.get("status")
-    return Answer({
-        **evidence.to_json(), "to": BUNDLE, "path": str(evidence.path), "status": status,
-        "imported": dict(imported),
-    })  # fmt: skip
+    screen.show(f"\nEvidence  {evidence.path}\n{digests_text(evidence)}")
+    return CommandResult(
+        {
+            **evidence.to_json(),
+            "to": RUN,
+            "path": str(evidence.path),
+            "status": evidence.manifest.get("status"),
+            "imported": dict(imported),
+        }
+    )
 
 
 def _unknown(where: str, seen: str, names: list[str]) -> GamekeeperError:
-    from gamekeeper.core.contract.places import nearest
+    from gamekeeper.contract.validation import nearest
 
     near = nearest(seen, names)
     return GamekeeperError(
         f"there is no form {seen!r}" if where == "--to" else f"nothing reads {seen!r}",
-        where=where, expected=", ".join(sorted(names)), seen=repr(seen),
-        mend=f"write {near!r}" if near else "gamekeeper list exporters",
-    )  # fmt: skip
+        where=where,
+        expected=", ".join(sorted(names)),
+        actual=repr(seen),
+        fix=f"write {near!r}" if near else "gamekeeper list exporters",
+    )

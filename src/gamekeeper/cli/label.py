@@ -1,4 +1,4 @@
-"""`gamekeeper label RUN LABEL`: what a failure is called, kept beside the evidence."""
+"""`gamekeeper label RUN LABEL`: a label for a failure, stored beside the run."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from typing import Annotated, Final
 
 import typer
 
-from gamekeeper.cli._options import MOST, RunArgument
-from gamekeeper.cli._screen import Answer, Screen
+from gamekeeper.cli._options import MOST, RunArgument, episode_option
+from gamekeeper.cli._screen import CommandResult, Screen
 
 ORDER: Final = 85
 
@@ -16,23 +16,33 @@ LabelArgument = Annotated[
     typer.Argument(
         metavar="LABEL",
         show_default=False,
-        help="perception, state-estimation, planning, control, timing, data-coverage or "
-        "evaluation; without it, the labels that are there.",
+        help="Label: perception, state-estimation, planning, control, timing, data-coverage or "
+        "evaluation; without it, existing labels are listed.",
     ),
 ]
 EpisodeOption = Annotated[
-    int | None, typer.Option("--episode", metavar="N", min=0, max=MOST, help="In this episode.")
+    int | None, episode_option("Episode of the failure (default: all episodes).")
 ]
 TurnOption = Annotated[
     int | None,
-    typer.Option("--turn", metavar="N", min=0, max=MOST, help="At this turn of the episode."),
+    typer.Option(
+        "--turn",
+        metavar="N",
+        min=0,
+        max=MOST,
+        help="Turn of the failure (default: the whole episode).",
+    ),
 ]
 AgentOption = Annotated[
-    str | None, typer.Option("--agent", metavar="AGENT", help="Whose failure; else the team's.")
+    str | None,
+    typer.Option("--agent", metavar="AGENT", help="Agent that failed (default: the team)."),
 ]
-WhyOption = Annotated[str, typer.Option("--why", metavar="TEXT", help="The reason.")]
+WhyOption = Annotated[
+    str, typer.Option("--why", metavar="TEXT", help="Reason for the label (default: none).")
+]
 ByOption = Annotated[
-    str | None, typer.Option("--by", metavar="NAME", help="Who says so; else this user's name.")
+    str | None,
+    typer.Option("--by", metavar="NAME", help="Author of the label (default: the user's name)."),
 ]
 
 
@@ -45,21 +55,21 @@ def command(
     agent: AgentOption = None,
     why: WhyOption = "",
     by: ByOption = None,
-) -> Answer:
-    """Says what a failure is called, or lists what was said.
+) -> CommandResult:
+    """Labels a failure, or lists the labels of a run.
 
-    Labels are added to the annotations beside the evidence, never changed; a diagnosis proposes
-    some too. Why an episode ended is something else: its rules say that.
+    Labels are added to the annotations beside the run, and never changed; a diagnosis proposes
+    labels too. They name a cause of failure, not the rule by which an episode ended.
+
+    Example: gamekeeper label runs/warehouse-1 planning --episode 3 --agent picker_0
     """
-    from gamekeeper.diagnose import labels as kept
-    from gamekeeper.report.labels_text import labels_text
+    from gamekeeper.diagnosis import labels
+    from gamekeeper.reporting.results_text import labels_text
 
     if label is None:
-        found = kept.labels(run, agent=agent, episode=episode)
+        found = labels.labels(run, agent=agent, episode=episode)
     else:
-        found = (
-            kept.label(run, label, agent=agent, episode=episode, turn=turn, why=why, by=by),
-        )  # fmt: skip
+        found = (labels.label(run, label, agent=agent, episode=episode, turn=turn, why=why, by=by),)
     rows = [each.to_json() for each in found]
     screen.show(labels_text(rows, width=screen.width))
-    return Answer({"run": str(run), "labels": rows}, 0)
+    return CommandResult({"run": str(run), "labels": rows}, 0)

@@ -1,4 +1,4 @@
-"""`gamekeeper list`: what there is to name: checks, probes, environments, exporters, ..."""
+"""`gamekeeper list`: names that commands take: checks, probes, environments, exporters, ..."""
 
 from __future__ import annotations
 
@@ -9,29 +9,41 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import typer
 
-from gamekeeper.cli._checks import card_of
-from gamekeeper.cli._screen import Answer, Screen
+from gamekeeper import plugins
+from gamekeeper.cli._interventions import card_of as intervention_card
+from gamekeeper.cli._screen import CommandResult, Screen
+from gamekeeper.cli.explain import card_of
+from gamekeeper.import_guard import unguarded
 
 if TYPE_CHECKING:
     from gamekeeper.plugins import Plugins
 
 ORDER: Final = 17
 
-Kind = Literal["checks", "probes", "envs", "changes", "policies", "openers", "exporters", "suites"]
+Kind = Literal[
+    "checks", "probes", "envs", "interventions", "policies", "openers", "exporters", "suites"
+]
 Row = dict[str, Any]
 
 KindArgument = Annotated[
-    Kind | None, typer.Argument(metavar="KIND", show_default=False,
-                                help="checks, probes, envs, changes, policies, openers, exporters, "
-                                "suites.")
-]  # fmt: skip
+    Kind | None,
+    typer.Argument(
+        metavar="KIND",
+        show_default=False,
+        help="Kind of names: checks, probes, envs, interventions, policies, openers, exporters or "
+        "suites; without it, all of them, and the number of checks.",
+    ),
+]
 
 
-def command(screen: Screen, kind: KindArgument = None) -> Answer:
-    """Lists what can be named: checks, environments, changes, policies, suites, exporters, ...
+@unguarded()  # nothing of a run is looked at
+def command(screen: Screen, kind: KindArgument = None) -> CommandResult:
+    """Lists checks, probes, environments, interventions, policies, exporters and suites.
 
-    Built-in ones and those of installed packages; a package's that can't be loaded is named on
-    stderr. Without a kind, all but the checks are listed, and the checks counted.
+    Built-in ones and those of installed packages; a plug-in that can't be loaded is named on
+    stderr.
+
+    Example: gamekeeper list envs
     """
     kinds = LISTS if kind is None else {kind: LISTS[kind]}
     document: dict[str, Any] = {}
@@ -46,11 +58,11 @@ def command(screen: Screen, kind: KindArgument = None) -> Answer:
         else:
             texts.append(_rows_text(title, rows, screen.width, *SHOWN.get(name, ())))
     screen.show("\n\n".join(texts))
-    return Answer(document)
+    return CommandResult(document)
 
 
 def _rows_text(title: str, rows: list[Row], width: int, *more: str) -> str:
-    from gamekeeper.report.text import table_lines
+    from gamekeeper.reporting.results_text import table_lines
 
     shown = ("name", *more, "about")
     cells = [tuple(str(row[key] or "") for key in shown) for row in rows]
@@ -58,7 +70,7 @@ def _rows_text(title: str, rows: list[Row], width: int, *more: str) -> str:
 
 
 def _checks_text(rows: list[Row], width: int, *, is_counted: bool) -> str:
-    from gamekeeper.report.check_text import by_family, checks_text
+    from gamekeeper.reporting.check_text import by_family, checks_text
 
     if not is_counted:
         return checks_text(rows, width=width)
@@ -68,55 +80,51 @@ def _checks_text(rows: list[Row], width: int, *, is_counted: bool) -> str:
 
 
 def _checks() -> tuple[list[Row], list[str]]:
-    from gamekeeper import plugins
-    from gamekeeper.audit.check import GROUP, PACKAGE, checks
+    from gamekeeper.checks.check import GROUP, PACKAGE, checks
 
-    rows = [card_of(each) for each in checks().values()]
-    return rows, [str(each) for each in plugins.load(GROUP, PACKAGE).broken]
+    return [card_of(each) for each in checks().values()], _broken(plugins.load(GROUP, PACKAGE))
 
 
 def _probes() -> tuple[list[Row], list[str]]:
-    from gamekeeper import plugins
-    from gamekeeper.audit.gather import GROUP, PACKAGE
+    from gamekeeper.auditing.probe import GROUP, PACKAGE, probes
 
-    found = plugins.load(GROUP, PACKAGE)
-    return _modules(found, share=lambda part: float(getattr(part, "SHARE", 1.0)))
+    rows = [
+        {"name": name, "about": _sentence(each.about), "share": each.share}
+        for name, each in probes().items()
+    ]
+    return rows, _broken(plugins.load(GROUP, PACKAGE))
 
 
-def _changes() -> tuple[list[Row], list[str]]:
-    from gamekeeper import plugins
-    from gamekeeper.cli._changes import card_of
-    from gamekeeper.run.change import GROUP, PACKAGE, changes
+def _interventions() -> tuple[list[Row], list[str]]:
+    from gamekeeper.rollouts.intervention import GROUP, PACKAGE, interventions
 
-    rows = [card_of(each) for each in changes().values()]
-    return rows, [str(each) for each in plugins.load(GROUP, PACKAGE).broken]
+    rows = [intervention_card(each) for each in interventions().values()]
+    return rows, _broken(plugins.load(GROUP, PACKAGE))
 
 
 def _policies() -> tuple[list[Row], list[str]]:
-    from gamekeeper import plugins
-    from gamekeeper.game.policy import GROUP
+    from gamekeeper.interface.policy import GROUP
 
-    rows, broken = _modules(plugins.load(GROUP, "gamekeeper.game.policies"))
+    rows, broken = _modules(plugins.load(GROUP, "gamekeeper.interface.policies"))
     rows = [{**row, "name": row["name"].replace("_", "-")} for row in rows]
     more = [
-        {"name": "reference", "about": "The task's own scripted policy, where it has one."},
+        {"name": "reference", "about": "The scripted policy of one of Gamekeeper's own tasks."},
         {"name": "module:callable", "about": "Any callable; file.py:callable too."},
     ]
     return rows + more, broken
 
 
 def _openers() -> tuple[list[Row], list[str]]:
-    from gamekeeper import plugins
-    from gamekeeper.game.open import GROUP
+    from gamekeeper.interface.opening import BUILT_IN, GROUP
 
-    found = plugins.load(GROUP, "gamekeeper.game.openers")
+    found = plugins.load(GROUP, *BUILT_IN)
     rows = [
         {"name": str(getattr(part, "SYNTAX", name)), "about": _first_line(part)}
         for name, part in sorted(
             found.found.items(), key=lambda pair: getattr(pair[1], "ORDER", 50)
         )
     ]
-    return rows, [str(each) for each in found.broken]
+    return rows, _broken(found)
 
 
 def _exporters() -> tuple[list[Row], list[str]]:
@@ -126,12 +134,11 @@ def _exporters() -> tuple[list[Row], list[str]]:
 
 
 def _suites() -> tuple[list[Row], list[str]]:
-    from gamekeeper import plugins
     from gamekeeper.errors import GamekeeperError
-    from gamekeeper.evaluate.reading import read_file
-    from gamekeeper.evaluate.suites import GROUP, suites
+    from gamekeeper.evaluation.spec_reader import read_file
+    from gamekeeper.evaluation.suites import GROUP, suites
 
-    rows, broken = [], [str(each) for each in plugins.load(GROUP).broken]
+    rows, broken = [], _broken(plugins.load(GROUP))
     for name, path in suites().items():
         try:
             spec = read_file(path)
@@ -144,26 +151,33 @@ def _suites() -> tuple[list[Row], list[str]]:
 
 
 def _envs() -> tuple[list[Row], list[str]]:
-    from gamekeeper.game.openers import _registry
+    from gamekeeper.interface import registry
 
-    broken = _registry.with_ours()
-    found = _registry.apis().items()
-    first = sorted(found, key=lambda pair: not pair[0].startswith(f"{_registry.OURS}/"))
+    broken = registry.with_ours()
+    found = registry.apis().items()
+    first = sorted(found, key=lambda pair: not pair[0].startswith(f"{registry.OURS}/"))
     rows = [{"name": name, "about": " and ".join(apis), "apis": list(apis)} for name, apis in first]
     return rows, [str(each) for each in broken]
 
 
-def _modules(found: Plugins, **more: Callable[[object], Any]) -> tuple[list[Row], list[str]]:
+def _modules(found: Plugins) -> tuple[list[Row], list[str]]:
     """A row for each plug-in: its name, the first line of what it says of itself."""
-    rows = [
-        {"name": name, "about": _first_line(part), **{key: of(part) for key, of in more.items()}}
-        for name, part in found.found.items()
-    ]
-    return rows, [str(each) for each in found.broken]
+    rows = [{"name": name, "about": _first_line(part)} for name, part in found.found.items()]
+    return rows, _broken(found)
+
+
+def _broken(found: Plugins) -> list[str]:
+    """A line for each plug-in that can't be loaded."""
+    return [str(each) for each in found.broken]
 
 
 def _first_line(part: object) -> str:
-    line = (inspect.getdoc(part) or "").partition("\n")[0]
+    return _sentence(inspect.getdoc(part) or "")
+
+
+def _sentence(text: str) -> str:
+    """The first line, begun in a capital."""
+    line = text.partition("\n")[0]
     said = re.sub(r"^`[^`]*`: ", "", line)
     return said[:1].upper() + said[1:]
 
@@ -174,9 +188,9 @@ LISTS: Final[Mapping[Kind, tuple[Callable[[], tuple[list[Row], list[str]]], str]
     "policies": (_policies, "Policies"),
     "suites": (_suites, "Suites to evaluate"),
     "exporters": (_exporters, "Forms to export to"),
-    "changes": (_changes, "Changes"),
+    "interventions": (_interventions, "Interventions"),
     "probes": (_probes, "Probes"),
     "checks": (_checks, "Checks"),
 }
-SHOWN: Final[Mapping[Kind, tuple[str, ...]]] = {"changes": ("label",)}
-"""Columns between names and what they are about."""
+SHOWN: Final[Mapping[Kind, tuple[str, ...]]] = {"interventions": ("label",)}
+"""Columns between names and descriptions."""

@@ -11,53 +11,72 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal, TypeVar
 import typer
 
 from gamekeeper.cli._options import MOST
-from gamekeeper.cli._screen import Answer, Screen
+from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.errors import GamekeeperError
+from gamekeeper.import_guard import unguarded
 
 if TYPE_CHECKING:
-    from gamekeeper.report.scaffold.advice import Advice
-    from gamekeeper.report.scaffold.plan import Plan
+    from gamekeeper.scaffold.task_plan import Advice, Plan
 
 ORDER: Final = 900
 T = TypeVar("T")
 
 NameArgument = Annotated[
-    str, typer.Argument(metavar="NAME", show_default=False, help="Of the package: my_task.")
+    str, typer.Argument(metavar="NAME", show_default=False, help="Name of the package: my_task.")
 ]
 AgentsOption = Annotated[
     list[str] | None,
-    typer.Option("--agents", metavar="ROLE=N", help="A role and how many have it. Repeatable."),
+    typer.Option(
+        "--agents",
+        metavar="ROLE=N",
+        help="Role and number of its agents. Repeatable (default: robot=2).",
+    ),
 ]
 StagesOption = Annotated[
     str | None,
     typer.Option(
         "--stages",
         metavar="TEXT",
-        help="Who acts together and who after whom: picker+carrier, or picker,carrier.",
+        help="Roles that act together or in turn: picker+carrier, or picker,carrier (default: "
+        "all together).",
     ),
 ]
 SeesOption = Annotated[
     Literal["no", "yes"] | None,
-    typer.Option("--sees", help="Agents see what others did in the same round, before they act."),
+    typer.Option(
+        "--sees",
+        help="Agents observe others' actions of the same round before they act (default: no).",
+    ),
 ]
 OrderOption = Annotated[
     Literal["none", "fixed", "rotating", "state", "random"] | None,
-    typer.Option("--order", help="Of those who act together; none: all at once."),
+    typer.Option(
+        "--order",
+        help="Order of agents that act together; none: all at once (default: none, or fixed with "
+        "--sees yes).",
+    ),
 ]
 ConflictsOption = Annotated[
     Literal["joint rule", "priority", "random", "ordered"] | None,
-    typer.Option("--conflicts", help="What settles actions that exclude each other."),
+    typer.Option(
+        "--conflicts", help="Rule for actions that exclude each other (default: joint rule)."
+    ),
 ]
 ObservesOption = Annotated[
     list[str] | None,
-    typer.Option("--observes", metavar="[ROLE=]SPACE", help="What a role sees: box:4. Repeatable."),
+    typer.Option(
+        "--observes",
+        metavar="[ROLE=]SPACE",
+        help="Observation space of a role. Repeatable (default: box:4).",
+    ),
 ]
 ActsOption = Annotated[
     list[str] | None,
     typer.Option(
         "--acts",
         metavar="[ROLE=]SPACE",
-        help="What a role does: discrete:5, box:3x3, multidiscrete:3,2, multibinary:4. Repeatable.",
+        help="Action space of a role: discrete:5, box:3x3, multidiscrete:3,2 or multibinary:4. "
+        "Repeatable (default: discrete:3).",
     ),
 ]
 RewardOption = Annotated[
@@ -65,7 +84,8 @@ RewardOption = Annotated[
     typer.Option(
         "--reward",
         metavar="TERM=KIND:EARNER:PAYEE",
-        help="individual, shared or zero-sum; by and for a role, all, earner. Repeatable.",
+        help="Reward term: individual, shared or zero-sum; earner and payee are a role, all or "
+        "earner. Repeatable (default: goal=shared:all:all).",
     ),
 ]
 EndingOption = Annotated[
@@ -73,24 +93,34 @@ EndingOption = Annotated[
     typer.Option(
         "--ending",
         metavar="NAME=KIND:OWNER",
-        help="termination or truncation; of the agent, all, or a role. Repeatable.",
+        help="Ending beside the time limit: termination or truncation, of agent, all or a role. "
+        "Repeatable (default: done=termination:all).",
     ),
 ]
 HorizonOption = Annotated[
-    int | None, typer.Option("--horizon", metavar="N", min=1, max=MOST, help="Ticks of an episode.")
+    int | None,
+    typer.Option(
+        "--horizon",
+        metavar="N",
+        min=1,
+        max=MOST,
+        help="Length of an episode, in ticks (default: 100).",
+    ),
 ]
 ApiOption = Annotated[
     Literal["aec", "parallel"] | None,
-    typer.Option("--api", help="Otherwise the one that is advised."),
+    typer.Option("--api", help="PettingZoo API of the task (default: the advised one)."),
 ]
 FolderOption = Annotated[
-    Path | None, typer.Option("--out", metavar="FOLDER", help="Otherwise ./NAME; new, or empty.")
+    Path | None,
+    typer.Option(
+        "--out", metavar="FOLDER", help="Folder to write, new or empty (default: ./NAME)."
+    ),
 ]
-YesOption = Annotated[
-    bool, typer.Option("--yes", "-y", help="Asks nothing; what no option says is as usual.")
-]
+YesOption = Annotated[bool, typer.Option("--yes", "-y", help="Ask no questions; use the defaults.")]
 
 
+@unguarded()  # the user names what is run
 def command(
     screen: Screen,
     name: NameArgument,
@@ -107,20 +137,32 @@ def command(
     api: ApiOption = None,
     out: FolderOption = None,
     yes: YesOption = False,
-) -> Answer:
+) -> CommandResult:
     """Writes a package with environment, contract, tests and CI; its tests pass at once.
 
-    Asks who acts, sees, is paid and ends how, and says from the answers whether the task is AEC or
-    Parallel, and why. Options answer beforehand; without a terminal nothing is asked.
+    Asks for agents, order, spaces, rewards and endings, and advises from the answers if the task
+    is better an AECEnv or a ParallelEnv, and why. Options answer beforehand; without a terminal
+    the defaults are used.
+
+    Example: gamekeeper new my_task --agents picker=2 --agents carrier=1
     """
-    from gamekeeper.report.scaffold.answers import Answers, plan_of, usual
-    from gamekeeper.report.scaffold.project import files_of
+    from gamekeeper.scaffold.interview import Answers, plan_of, usual
+    from gamekeeper.scaffold.package_files import files_of
 
     answers = Answers(
-        name=name, agents=agents or (), stages=stages, sees=sees, order=order, conflicts=conflicts,
-        observes=observes or (), acts=acts or (), reward=reward or (), ending=ending or (),
-        horizon=horizon, api=api,
-    )  # fmt: skip
+        name=name,
+        agents=agents or (),
+        stages=stages,
+        sees=sees,
+        order=order,
+        conflicts=conflicts,
+        observes=observes or (),
+        acts=acts or (),
+        reward=reward or (),
+        ending=ending or (),
+        horizon=horizon,
+        api=api,
+    )
     is_asking = not yes and not screen.is_json and sys.stdin is not None and sys.stdin.isatty()
     if is_asking:
         plan, advice = plan_of(answers, _ask, advised=lambda said: _advise(screen, said))
@@ -130,15 +172,16 @@ def command(
     folder = Path(plan.name) if out is None else out
     _write(folder, files)
     _show(screen, plan, advice, folder, list(files))
-    document = {
-        "name": plan.name,
-        "folder": str(folder),
-        "api": plan.api,
-        "advice": advice.api,
-        "why": advice.why,
-        "files": list(files),
-    }
-    return Answer(document)
+    return CommandResult(
+        {
+            "name": plan.name,
+            "folder": str(folder),
+            "api": plan.api,
+            "advice": advice.api,
+            "why": advice.why,
+            "files": list(files),
+        }
+    )
 
 
 def _ask(question: str, answer: str, read: Callable[[str], T]) -> T:
@@ -167,7 +210,7 @@ def _show(screen: Screen, plan: Plan, advice: Advice, folder: Path, files: list[
     because = f"{advice.api}: {advice.why}"
     if plan.api != advice.api:
         because += f". It is written as {plan.api}, as you wanted"
-    from gamekeeper.report.scaffold.project import audit_line, spec_of
+    from gamekeeper.scaffold.package_files import audit_line, spec_of
 
     indent = " " * 10
     told = textwrap.fill(
@@ -198,7 +241,7 @@ def _write(folder: Path, files: dict[str, str]) -> None:
                 "something is in the folder already",
                 where=str(folder),
                 expected="a new folder, or an empty one",
-                mend="name another one with --out; nothing is ever overwritten",
+                fix="name another one with --out; nothing is ever overwritten",
             )
         for name, text in files.items():
             path = folder / name
@@ -209,6 +252,6 @@ def _write(folder: Path, files: dict[str, str]) -> None:
         raise GamekeeperError(
             "the package can't be written",
             where=str(folder),
-            seen=error.strerror or str(error),
-            mend="name a folder that you may write to with --out",
+            actual=error.strerror or str(error),
+            fix="name a folder that you may write to with --out",
         ) from None

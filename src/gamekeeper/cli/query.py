@@ -1,4 +1,4 @@
-"""`gamekeeper query RUN [RUN ...] SQL`: SQL over bundles, read-only."""
+"""`gamekeeper query RUN [RUN ...] SQL`: SQL over runs, read-only."""
 
 from __future__ import annotations
 
@@ -9,33 +9,36 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from gamekeeper.cli._options import MOST
-from gamekeeper.cli._screen import Answer, Screen
+from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.errors import GamekeeperError
 
 if TYPE_CHECKING:
-    from gamekeeper.adapters.sql import Rows, Session
+    from gamekeeper.viewing.sql import Rows, Session
 
 ORDER: Final = 115
 SHOWN: Final = 40
-"""Rows that are shown unless told."""
+"""Most rows that are shown by default."""
 
 WordsArgument = Annotated[
     list[str],
     typer.Argument(
-        metavar="RUN|SQL", show_default=False,
-        help="Folders of evidence, folders of such folders, patterns ('runs/*'); then the query, "
-        "- reads it from stdin. Without a query, the views and their columns.",
+        metavar="RUN|SQL",
+        show_default=False,
+        help="Folders of runs, folders of such folders, or patterns ('runs/*'); then the query, "
+        "or - to read it from stdin. Without a query, views and columns are listed.",
     ),
-]  # fmt: skip
+]
 OutOption = Annotated[
     Path | None,
-    typer.Option("--out", metavar="FILE", help="Writes all rows there: .parquet or .csv."),
+    typer.Option(
+        "--out", metavar="FILE", help="File for all rows, .parquet or .csv (default: stdout)."
+    ),
 ]
 RowsOption = Annotated[
-    int, typer.Option("--rows", metavar="N", min=1, max=MOST, help="How many are shown at most.")
+    int, typer.Option("--rows", metavar="N", min=1, max=MOST, help="Most rows that are shown.")
 ]
 CheckOption = Annotated[
-    bool, typer.Option("--check", help="Compare every file with its seal first.")
+    bool, typer.Option("--check", help="Compare every file with its checksum first.")
 ]
 
 
@@ -45,30 +48,33 @@ def command(
     out: OutOption = None,
     rows: RowsOption = SHOWN,
     check: CheckOption = False,
-) -> Answer:
-    """Asks one or thousands of runs with SQL; changes nothing, reads nothing else.
+) -> CommandResult:
+    """Queries one or thousands of runs with SQL, read-only.
 
-    Views: steps, episodes, states, timings as recorded, with the column run; returns (by episode
-    and agent, with reward terms), endings, orders, labels, runs, agents; evaluations of folders
-    that gamekeeper evaluate wrote. Also of runs that are still recorded. Needs gamekeeper[query].
+    Views: agent_steps, episodes, states and timings as recorded, with the column run; returns (by
+    episode and agent, with reward terms), endings, orders, labels, runs and agents; evaluations,
+    of folders that gamekeeper evaluate wrote. Runs that are still being recorded can be queried.
+    Needs gamekeeper[query].
+
+    Example: gamekeeper query 'runs/*' 'select agent, avg(return) from returns group by agent'
     """
-    from gamekeeper.adapters.sql import Session
+    from gamekeeper.viewing.sql import Session
 
     runs, sql = _split(words)
     with Session.of(*runs, check=check) as session:
         if sql is None:
             return _views(screen, session)
         asked = session.ask(sql)
-        found = len(session.places.bundles)
+        found = len(session.places.run_folders)
         if out is not None:
             count = asked.write(out)
             screen.show(f"Written  {out}: {count:,} rows")
-            return Answer({"runs": found, "path": str(out), "rows_written": count})
+            return CommandResult({"runs": found, "path": str(out), "rows_written": count})
         return _rows(screen, asked, found, rows)
 
 
-def _rows(screen: Screen, asked: Rows, found: int, most: int) -> Answer:
-    from gamekeeper.report.query_text import plain_value, query_text
+def _rows(screen: Screen, asked: Rows, found: int, most: int) -> CommandResult:
+    from gamekeeper.reporting.query_text import plain_value, query_text
 
     if screen.is_json:
         columns = [
@@ -76,28 +82,28 @@ def _rows(screen: Screen, asked: Rows, found: int, most: int) -> Answer:
             for name, type_ in zip(asked.columns, asked.types, strict=True)
         ]
         rows = [dict(zip(asked.columns, map(plain_value, row), strict=True)) for row in asked]
-        return Answer({"runs": found, "columns": columns, "rows": rows})
+        return CommandResult({"runs": found, "columns": columns, "rows": rows})
     shown = asked.take(most + 1)
     has_more = len(shown) > most
     if any(name == "explain_value" for name in asked.columns):
         screen.program("\n".join(str(row[-1]) for row in shown))
-        return Answer()
+        return CommandResult()
     screen.program(query_text(asked.columns, shown[:most], width=screen.width, more=has_more))
     if has_more:
         screen.note(f"the first {most} rows; --rows N shows more, --json and --out have all")
-    return Answer()
+    return CommandResult()
 
 
-def _views(screen: Screen, session: Session) -> Answer:
-    from gamekeeper.report.query_text import views_text
+def _views(screen: Screen, session: Session) -> CommandResult:
+    from gamekeeper.reporting.query_text import views_text
 
     views: dict[str, Any] = {name: each for name, each in session.views.items() if name != "order"}
     screen.show(views_text(views, width=screen.width))
-    return Answer({"runs": len(session.places.bundles), "views": views})
+    return CommandResult({"runs": len(session.places.run_folders), "views": views})
 
 
 def _split(words: list[str]) -> tuple[list[str], str | None]:
-    """The runs, and the query where the last word is one: it has a blank, no folder's name has.
+    """Splits runs from the query, which is the last word and has a space, or is `-`.
 
     Raises:
         GamekeeperError: there are no runs.
@@ -106,16 +112,22 @@ def _split(words: list[str]) -> tuple[list[str], str | None]:
     is_query = _is_query(last)
     if before and not is_query and any(_is_query(word) for word in before):
         raise GamekeeperError(
-            "the query stands before a run", where="RUN|SQL", expected="runs first, then the query",
-            seen=" ".join(words)[:200], mend="gamekeeper query runs/demo 'select * from returns'",
-        )  # fmt: skip
+            "the query stands before a run",
+            where="RUN|SQL",
+            expected="runs first, then the query",
+            actual=" ".join(words)[:200],
+            fix="gamekeeper query runs/demo 'select * from returns'",
+        )
     if not is_query:
         return words, None
     if not before:
         raise GamekeeperError(
-            "no run is named", where="RUN", expected="at least one before the query", seen=last,
-            mend="gamekeeper query runs/demo 'select * from returns'",
-        )  # fmt: skip
+            "the name of a run is missing",
+            where="RUN",
+            expected="at least one before the query",
+            actual=last,
+            fix="gamekeeper query runs/demo 'select * from returns'",
+        )
     return before, sys.stdin.read() if last == "-" else last
 
 

@@ -1,23 +1,25 @@
-"""`gamekeeper recover RUN`: seals a run whose process was killed."""
+"""`gamekeeper recover RUN`: finalizes a run whose process was killed."""
 
 from __future__ import annotations
 
 from typing import Final
 
 from gamekeeper.cli._options import RunArgument
-from gamekeeper.cli._screen import Answer, Screen
-from gamekeeper.cli.record import show_recorded
+from gamekeeper.cli._screen import CommandResult, Screen
+from gamekeeper.cli.rollout import show_recorded
 
 ORDER: Final = 70
 
 
-def command(screen: Screen, run: RunArgument) -> Answer:
-    """Seals a run whose process was killed.
+def command(screen: Screen, run: RunArgument) -> CommandResult:
+    """Finalizes a run whose process was killed.
 
-    It is kept up to its last whole turn. A run that is sealed already stays as it is.
+    All turns up to the last complete one are kept. A run that is finalized already isn't changed.
+
+    Example: gamekeeper recover runs/warehouse-1
     """
-    from gamekeeper.record.bundle import load
-    from gamekeeper.record.recover import recover
+    from gamekeeper.runs.load_run import load
+    from gamekeeper.runs.run_check import recover
 
     was_open = load(run).manifest.get("status") == "open"
     evidence = recover(run)
@@ -28,4 +30,4 @@ def command(screen: Screen, run: RunArgument) -> Answer:
         screen.show(f"  cut: {cut['file']} at byte {cut['offset']:,}: {cut['why']}")
     show_recorded(screen, evidence)
     document = {**evidence.to_json(), "status": status, "changed": was_open, "cuts": cuts}
-    return Answer(document)
+    return CommandResult(document)

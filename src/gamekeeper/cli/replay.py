@@ -1,4 +1,4 @@
-"""`gamekeeper replay RUN`: recorded actions from recorded seeds, in a fresh process."""
+"""`gamekeeper replay RUN`: plays recorded actions from recorded seeds, in a new process."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from gamekeeper.cli._options import (
     TimeoutOption,
     ToleranceOption,
 )
-from gamekeeper.cli._screen import Answer, Screen
+from gamekeeper.cli._screen import CommandResult, Screen
 
 if TYPE_CHECKING:
-    from gamekeeper.record.replay import Replay
+    from gamekeeper.runs.comparison import Replay
 
 ORDER: Final = 40
-UNSEALED: Final = "none, as the run was never sealed"
+UNFINALIZED: Final = "missing, as the run was never finalized"
 SAME_VERSIONS: Final = "The versions are those of the recording."
 
 PoliciesOption = Annotated[
@@ -37,13 +37,17 @@ def command(
     env: ReopenOption = None,
     allow_import: ImportOption = False,
     timeout: TimeoutOption = SILENCE_S,
-) -> Answer:
-    """Plays a run again: verified, or the first divergence.
+) -> CommandResult:
+    """Plays a run again, and shows the first divergence if there is one.
 
-    Recorded actions from recorded seeds, in a fresh process. Exit code 0: it is the same. 1: it
-    diverged. 2: it can't be told, with the reason.
+    Resets the environment with the recorded seeds and plays the recorded actions, in a new
+    process.
+
+    Exit code 0: every value is the same. 1: it diverged. 2: no answer; the reason is printed.
+
+    Example: gamekeeper replay runs/warehouse-1
     """
-    from gamekeeper.record.replay import replay
+    from gamekeeper.runs.comparison import replay
 
     with screen.progress("replaying") as take:
         replayed = replay(
@@ -56,26 +60,28 @@ def command(
             on_message=take,
         )
     show_replayed(screen, replayed)
-    return Answer(replayed.to_json(), replay_code(replayed))
+    if replayed.consent is not None:
+        screen.note(str(replayed.consent))
+    return CommandResult(replayed.to_json(), replay_code(replayed))
 
 
 def show_replayed(
     screen: Screen, replayed: Replay, *, indent: str = "", digits: int | None = None
 ) -> None:
-    """Shows whether a run replays; where it diverged, both values and why.
+    """Shows if a run replays; where it diverged, both values and the likely reason.
 
     Args:
-        screen: takes it.
-        replayed: what came out.
-        indent: stands in front of every line.
-        digits: of the fingerprint that are shown; None: all.
+        screen: where it is shown.
+        replayed: the result.
+        indent: text in front of every line.
+        digits: number of digits of the fingerprint that are shown; None: all.
     """
-    from gamekeeper.report.text import cause_text, divergence_text, versions_text
+    from gamekeeper.reporting.results_text import cause_text, divergence_text, versions_text
 
     width = screen.width - len(indent)
     shown = replayed.fingerprint[:digits] + "..." * (digits is not None)
     if not replayed.fingerprint:
-        shown = UNSEALED
+        shown = UNFINALIZED
     if replayed.verified:
         screen.verdict(f"verified: fingerprint {shown}", "good", indent=indent)
     elif replayed.divergence is not None:

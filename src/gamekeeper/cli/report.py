@@ -1,4 +1,4 @@
-"""`gamekeeper report RUN [RUN2 ...]`: one page in one file, from whatever is known of a run."""
+"""`gamekeeper report RUN [RUN2 ...]`: one HTML page about a run, in one file."""
 
 from __future__ import annotations
 
@@ -8,64 +8,85 @@ from typing import Annotated, Final
 import typer
 
 from gamekeeper.cli._options import MOST
-from gamekeeper.cli._screen import Answer, Screen
+from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.errors import GamekeeperError
 
 ORDER: Final = 95
 MEGABYTES: Final = 2.5
 FRAMES_MEGABYTES: Final = 8.0
 MEGABYTE: Final = 1_000_000
-"""As `adapters.page` has them; that loads numpy, help doesn't."""
+"""Defaults of `viewing.report_file`; importing that loads numpy, help doesn't."""
 
 RunsArgument = Annotated[
     list[Path],
     typer.Argument(
-        metavar="RUN", show_default=False,
-        help="The run that the page is about, and runs to put beside it.",
+        metavar="RUN",
+        show_default=False,
+        help="Run that the page is about, and runs to compare it with.",
     ),
-]  # fmt: skip
+]
 OutOption = Annotated[
     Path | None,
-    typer.Option("--out", "-o", metavar="FILE", help="Otherwise report.html in this folder."),
+    typer.Option(
+        "--out", "-o", metavar="FILE", help="HTML file to write (default: ./report.html)."
+    ),
 ]
 AuditOption = Annotated[
     Path | None,
-    typer.Option("--audit", metavar="FILE", help="What `gamekeeper audit ENV --json` printed."),
+    typer.Option(
+        "--audit",
+        metavar="FILE",
+        help="Output of `gamekeeper audit ENV --json` (default: no audit on the page).",
+    ),
 ]
 DiagnosisOption = Annotated[
     Path | None,
     typer.Option(
-        "--diagnosis", metavar="FILE", help="Another one than the run's own, which is found."
+        "--diagnosis",
+        metavar="FILE",
+        help="Output of `gamekeeper diagnose RUN --json` (default: the run's own, if it has one).",
     ),
 ]
 AttributionOption = Annotated[
     Path | None,
     typer.Option(
-        "--attribution", metavar="FILE", help="Another one than the run's own, which is found."
+        "--attribution",
+        metavar="FILE",
+        help="Output of `gamekeeper attribute RUN --json` (default: the run's own, if it has one).",
     ),
 ]
 EvaluationOption = Annotated[
     Path | None,
     typer.Option(
-        "--evaluation", metavar="FILE", help="evaluation.json of `gamekeeper evaluate`, or its "
-        "folder.",
+        "--evaluation",
+        metavar="FILE",
+        help="Folder of `gamekeeper evaluate`, or its evaluation.json (default: no evaluation on "
+        "the page).",
     ),
-]  # fmt: skip
+]
 EpisodeOption = Annotated[
     list[int] | None,
     typer.Option(
-        "--episode", metavar="N", min=0, max=MOST, help="Must be on the page. Repeatable."
+        "--episode",
+        metavar="N",
+        min=0,
+        max=MOST,
+        help="Episode that must be on the page. Repeatable (default: a selection).",
     ),
 ]
 BudgetOption = Annotated[
     float,
-    typer.Option("--budget", metavar="MB", min=0.0, help="Of episodes that are on the page."),
+    typer.Option("--budget", metavar="MB", min=0.0, help="Size of all episodes together, in MB."),
 ]
 FramesOption = Annotated[
-    float, typer.Option("--frames-budget", metavar="MB", min=0.0, help="Of recorded pictures.")
+    float,
+    typer.Option("--frames-budget", metavar="MB", min=0.0, help="Size of recorded frames, in MB."),
 ]
 TitleOption = Annotated[
-    str | None, typer.Option("--title", metavar="TEXT", help="Otherwise the name of the run.")
+    str | None,
+    typer.Option(
+        "--title", metavar="TEXT", help="Title of the page (default: the name of the run)."
+    ),
 ]
 
 
@@ -81,27 +102,39 @@ def command(
     budget: BudgetOption = MEGABYTES,
     frames_budget: FramesOption = FRAMES_MEGABYTES,
     title: TitleOption = None,
-) -> Answer:
-    """Writes one self-contained page: game form, verdicts, agents, player, causes, provenance.
+) -> CommandResult:
+    """Writes a report as one HTML file: game form, checks, agents, player, causes, provenance.
 
-    It asks for nothing from anywhere. What `diagnose`, `attribute` and `label` found out stands in
-    the run and is found; what isn't known is named there with the command that finds it out.
+    The page loads nothing from the network. Results of `diagnose`, `attribute` and `label` that
+    are stored in the run are included; for a missing one, the page names the command that makes
+    it.
+
+    Example: gamekeeper report runs/warehouse-1 --out warehouse.html
     """
-    from gamekeeper.adapters.page import report
+    from gamekeeper.viewing.report_file import report
 
     path = Path("report.html") if out is None else out
     if path.is_dir():
         raise GamekeeperError(
             "the page is a file, and this is a folder",
-            where="--out", seen=str(path), mend=f"--out {path / 'report.html'}",
-        )  # fmt: skip
+            where="--out",
+            actual=str(path),
+            fix=f"--out {path / 'report.html'}",
+        )
     with screen.progress("reporting"):
         written = report(
-            runs[0], path, others=runs[1:], audit=audit, diagnosis=diagnosis,
-            attribution=attribution, evaluation=evaluation, episodes=episode or (),
+            runs[0],
+            path,
+            others=runs[1:],
+            audit=audit,
+            diagnosis=diagnosis,
+            attribution=attribution,
+            evaluation=evaluation,
+            episodes=episode or (),
             budget_bytes=round(budget * MEGABYTE),
-            frames_bytes=round(frames_budget * MEGABYTE), title=title,
-        )  # fmt: skip
+            frames_bytes=round(frames_budget * MEGABYTE),
+            title=title,
+        )
     size = written.stat().st_size
     screen.show(f"Report  {written}  ({size / MEGABYTE:.1f} MB)")
-    return Answer({"run": str(runs[0]), "report": str(written), "size_bytes": size}, 0)
+    return CommandResult({"run": str(runs[0]), "report": str(written), "size_bytes": size}, 0)

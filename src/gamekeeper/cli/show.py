@@ -1,4 +1,4 @@
-"""`gamekeeper show`: what a run or an evaluation holds, what an environment is made of."""
+"""`gamekeeper show`: contents of a run or an evaluation, or the wrappers of an environment."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from gamekeeper.cli._form import look_at
+from gamekeeper.cli._form import look_at, show_form
 from gamekeeper.cli._options import (
     SILENCE_S,
     ContractOption,
@@ -17,11 +17,11 @@ from gamekeeper.cli._options import (
     TimeoutOption,
     json_object,
 )
-from gamekeeper.cli._screen import Answer, Screen
+from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.errors import GamekeeperError, SpecError
 
 if TYPE_CHECKING:
-    from gamekeeper.core.evidence import Evidence
+    from gamekeeper.episodes.evidence import Evidence
 
 ORDER: Final = 110
 EVALUATION: Final = "evaluation.json"
@@ -30,16 +30,20 @@ EVALUATION: Final = "evaluation.json"
 ThingArgument = Annotated[
     str,
     typer.Argument(
-        metavar="RUN|ENV", show_default=False, help="The folder of evidence, or an environment."
+        metavar="RUN|ENV",
+        show_default=False,
+        help="Folder of a run or an evaluation, or an environment.",
     ),
 ]
 AgainstOption = Annotated[
     str | None,
     typer.Option(
-        "--against", metavar="ENV",
-        help="What of the run, or of an evaluation, still holds for ENV as it is installed now.",
+        "--against",
+        metavar="ENV",
+        help="Environment, as installed now, that the run or evaluation is compared with "
+        "(default: none).",
     ),
-]  # fmt: skip
+]
 
 
 def command(
@@ -50,19 +54,27 @@ def command(
     contract: ContractOption = None,
     allow_import: ImportOption = False,
     timeout: TimeoutOption = SILENCE_S,
-) -> Answer:
-    """Shows what a run or an evaluation holds, or what an environment is made of.
+) -> CommandResult:
+    """Shows a run or an evaluation, or the game form and wrappers of an environment.
 
-    Also of a run that is still being recorded, or was killed. Of an environment, which wrappers
-    `gk.make` replaces by one face with the same promises, and which stay. With --against, exit
-    code 0: all of it still holds. 1: something is stale, and must be measured again. 2: it can't
-    be told.
+    A run may still be recording, or have been killed. For an environment, wrappers that `gk.make`
+    replaces by one faster wrapper are listed beside those that stay. With --against, results that
+    no longer hold for the installed environment are named.
+
+    Exit code with --against, 0: all results hold. 1: some must be measured again. 2: no answer.
+
+    Example: gamekeeper show runs/warehouse-1
     """
     if against is not None:
         return _show_against(
-            screen, Path(thing), against, kwargs, contract=contract, allow_import=allow_import,
+            screen,
+            Path(thing),
+            against,
+            kwargs,
+            contract=contract,
+            allow_import=allow_import,
             silence_s=timeout,
-        )  # fmt: skip
+        )
     if (Path(thing) / EVALUATION).is_file():
         return _show_evaluation(screen, Path(thing))
     if Path(thing).is_dir():
@@ -72,75 +84,70 @@ def command(
 
 def _show_against(
     screen: Screen, run: Path, env: str, kwargs: str | None, **options: Any
-) -> Answer:
+) -> CommandResult:
     from gamekeeper.cli._against import show_against
 
     if Path(env).is_dir():
         raise GamekeeperError(
-            "evidence is put against an environment, not against evidence", where="--against",
-            expected="an environment", seen=env, mend=f"gamekeeper diff {run} {env}",
-        )  # fmt: skip
+            "a run is compared with an environment, not with a run",
+            where="--against",
+            expected="an environment",
+            actual=env,
+            fix=f"gamekeeper diff {run} {env}",
+        )
     if not run.is_dir():
         raise GamekeeperError(
-            "only evidence can be put against an environment", where="RUN",
-            expected="the folder of a run or an evaluation", seen=str(run),
-            mend="gamekeeper show RUN --against ENV; two environments: gamekeeper diff A B",
-        )  # fmt: skip
+            "only a run or an evaluation can be compared with an environment",
+            where="RUN",
+            expected="the folder of a run or an evaluation",
+            actual=str(run),
+            fix="gamekeeper show RUN --against ENV; two environments: gamekeeper diff A B",
+        )
     given = None if kwargs is None else json_object(kwargs, option="--kwargs")
     return show_against(screen, run, env, kwargs=given, **options)
 
 
-def _show_evaluation(screen: Screen, folder: Path) -> Answer:
-    from gamekeeper.evaluate.evaluate import load_evaluation
-    from gamekeeper.report.evaluation_text import evaluation_text
+def _show_evaluation(screen: Screen, folder: Path) -> CommandResult:
+    from gamekeeper.evaluation.evaluator import load_evaluation
+    from gamekeeper.reporting.evaluation_text import evaluation_text
 
     document = load_evaluation(folder).to_json()
     screen.show(evaluation_text(document, width=screen.width))
-    return Answer(document)
+    return CommandResult(document)
 
 
-def _show_env(screen: Screen, env: str, kwargs: str | None, timeout: float) -> Answer:
-    from gamekeeper.report.text import brief_card
-
+def _show_env(screen: Screen, env: str, kwargs: str | None, timeout: float) -> CommandResult:
     given = json_object(kwargs, option="--kwargs")
     try:
         form = look_at(env, env_kwargs=given, contract=None, silence_s=timeout)
     except SpecError:
         _refuse_lost_run(Path(env))
         raise
-    screen.show(
-        brief_card(
-            form.contract,
-            form.agents,
-            name=form.name,
-            open_questions=len(form.questions),
-            width=screen.width,
-        )
-    )
-    screen.show("\nMade of")
+    show_form(screen, form)
+    screen.show("\nWrappers")
     for line in form.made_of:
         screen.show(f"  {line}")
-    return Answer({**form.to_json(), "made_of": list(form.made_of)})
+    return CommandResult({**form.to_json(), "made_of": list(form.made_of)})
 
 
 def _refuse_lost_run(path: Path) -> None:
-    """What is no environment but lies beside runs was meant to be one of them.
+    """Refuses a name that is no environment but lies in a folder of runs.
 
     Raises:
-        BundleError: there is no such run.
+        RunError: there is no such run.
     """
-    from gamekeeper.record.files.manifest import MANIFEST, load_manifest
+    from gamekeeper.runs.files.folder import MANIFEST
+    from gamekeeper.runs.files.manifest import load_manifest
 
     if not path.exists() and any(path.parent.glob(f"*/{MANIFEST}")):
         load_manifest(path)
 
 
-def _show_run(screen: Screen, run: Path) -> Answer:
-    from gamekeeper.diagnose.labels import labels
-    from gamekeeper.record.bundle import load
-    from gamekeeper.report.labels_text import labels_text
-    from gamekeeper.report.sparkline import returns_by_episode, returns_text
-    from gamekeeper.report.text import errors_text, facts_text, summary_text
+def _show_run(screen: Screen, run: Path) -> CommandResult:
+    from gamekeeper.diagnosis.labels import labels
+    from gamekeeper.reporting.results_text import errors_text, facts_text, labels_text, summary_text
+    from gamekeeper.reporting.text_columns import returns_by_episode, returns_text
+    from gamekeeper.runs.load_run import load
 
     evidence = load(run)
     errors = _errors(evidence)
@@ -148,20 +155,20 @@ def _show_run(screen: Screen, run: Path) -> Answer:
     screen.show(facts_text(evidence, width=screen.width))
     screen.show(f"\nAgents\n{summary_text(evidence.summary, width=screen.width)}")
     returns = returns_by_episode(evidence)
-    if evidence.episodes.num_rows > 1 and returns:
+    if evidence.episode_table.num_rows > 1 and returns:
         pictures = returns_text(returns, width=screen.width, has_blocks=_has_blocks(screen))
         screen.show(f"\nReturns over episodes\n{pictures}")
     if errors:
         screen.show(f"\nErrors\n{errors_text(errors, width=screen.width)}")
-    said = [each.to_json() for each in labels(run)]
-    if said:
-        screen.show(f"\nFailure labels\n{indent(labels_text(said, width=screen.width - 2), '  ')}")
-    return Answer({**_document(evidence, errors), "returns": returns, "labels": said})
+    known = [each.to_json() for each in labels(run)]
+    if known:
+        screen.show(f"\nFailure labels\n{indent(labels_text(known, width=screen.width - 2), '  ')}")
+    return CommandResult({**_document(evidence, errors), "returns": returns, "labels": known})
 
 
 def _has_blocks(screen: Screen) -> bool:
-    """Whether the stream's encoding has the signs of a sparkline; most have."""
-    from gamekeeper.report.sparkline import BLOCKS
+    """Tells if the stream's encoding has the characters of a sparkline; most have."""
+    from gamekeeper.reporting.text_columns import BLOCKS
 
     try:
         BLOCKS.encode(getattr(screen.out, "encoding", None) or "utf-8")
@@ -171,7 +178,7 @@ def _has_blocks(screen: Screen) -> bool:
 
 
 def _errors(evidence: Evidence) -> list[dict[str, Any]]:
-    rows = evidence.episodes.select(["episode", "error"]).to_pylist()
+    rows = evidence.episode_table.select(["episode", "error"]).to_pylist()
     errors = [row for row in rows if row["error"] is not None]
     of_run = evidence.manifest.get("error")
     if of_run and not errors:  # it ended before the first turn was written
@@ -182,7 +189,7 @@ def _errors(evidence: Evidence) -> list[dict[str, Any]]:
 def _document(evidence: Evidence, errors: list[dict[str, Any]]) -> dict[str, Any]:
     manifest = evidence.manifest
     kept = ("status", "environment", "contract", "level", "seed", "info_fingerprint")
-    ends = evidence.episodes["end"].to_pylist()
+    ends = evidence.episode_table["end"].to_pylist()
     return {
         **evidence.to_json(),
         **{key: manifest.get(key) for key in kept},

@@ -1,4 +1,4 @@
-"""`gamekeeper verify RUN`: whether a bundle is what it says, byte by byte."""
+"""`gamekeeper verify RUN`: compares every file of a run with its checksums and digests."""
 
 from __future__ import annotations
 
@@ -7,50 +7,43 @@ from typing import Annotated, Final
 import typer
 
 from gamekeeper.cli._options import RunArgument
-from gamekeeper.cli._screen import Answer, Screen
-from gamekeeper.errors import GamekeeperError
+from gamekeeper.cli._screen import CommandResult, Screen
 
 ORDER: Final = 60
-DIGITS: Final = range(8, 65)
-"""Of a fingerprint that is given: all 64, or as many of the first as nobody hits by chance."""
-
+RootOption = Annotated[
+    str | None,
+    typer.Option(
+        "--root",
+        metavar="X",
+        help="Root digest that the run should have, at least 32 digits (default: not compared).",
+    ),
+]
 FingerprintOption = Annotated[
     str | None,
     typer.Option(
-        "--fingerprint", metavar="X", help="What it should be, from elsewhere; 8 digits or more."
+        "--fingerprint",
+        metavar="X",
+        help="Fingerprint that the run should have, at least 32 digits; it covers what happened, "
+        "not every byte (default: not compared).",
     ),
 ]
 
 
-def command(screen: Screen, run: RunArgument, fingerprint: FingerprintOption = None) -> Answer:
-    """Finds changed bytes, and computes the fingerprint anew.
+def command(
+    screen: Screen, run: RunArgument, root: RootOption = None, fingerprint: FingerprintOption = None
+) -> CommandResult:
+    """Compares every file of a run with its checksum, and computes its digests again.
 
-    Nothing of what is read is run. A seal shows damage, not intent: who can write the files can
-    seal them. That a run is the one that somebody else means, only --fingerprint shows. Exit
-    code 0: all is well. 1: it isn't.
+    Runs no code of the run. Checksums show damage, not intent: a person who can write the files
+    can also write new checksums. Only --root shows that a run is the one that somebody else
+    means. Files in the folder that aren't part of the run are listed as strays.
+
+    Exit code 0: all files are whole. 1: a file is damaged, or a digest differs.
+
+    Example: gamekeeper verify runs/warehouse-1
     """
-    from gamekeeper.record.verify import verify
+    from gamekeeper.runs.run_check import verify
 
-    found = verify(run, fingerprint=_read(fingerprint))
+    found = verify(run, root=root, fingerprint=fingerprint)
     screen.verdict(str(found), "good" if found.ok else "bad")
-    return Answer(found.to_json(), 0 if found.ok else 1)
-
-
-def _read(fingerprint: str | None) -> str | None:
-    """The fingerprint as it was copied from somewhere, with what stood around it taken off.
-
-    Raises:
-        GamekeeperError: it is none, so that comparing with it would tell nothing of the run.
-    """
-    if fingerprint is None:
-        return None
-    digits = fingerprint.strip().rstrip(".…").lower()
-    if len(digits) in DIGITS and set(digits) <= set("0123456789abcdef"):
-        return digits
-    raise GamekeeperError(
-        "this is no fingerprint",
-        where="--fingerprint",
-        expected=f"{DIGITS.start} to {DIGITS.stop - 1} digits of 0 to 9 and a to f",
-        seen=repr(fingerprint[:80]),
-        mend="copy it from where the run was announced; `gamekeeper show RUN` says it too",
-    )
+    return CommandResult(found.to_json(), 0 if found.ok else 1)

@@ -8,46 +8,43 @@ from typing import Annotated, Final
 import typer
 
 from gamekeeper.cli._options import (
-    MOST,
     SILENCE_S,
     ImportOption,
     ReopenOption,
     RunArgument,
     TimeoutOption,
+    episode_option,
 )
-from gamekeeper.cli._screen import Answer, Screen
+from gamekeeper.cli._screen import CommandResult, Screen
 
 ORDER: Final = 118
 
 OutOption = Annotated[
     Path | None,
     typer.Option(
-        "--out", metavar="PATH",
-        help="A file, .mp4 or .gif, or a folder for both; otherwise both, beside the run.",
+        "--out",
+        metavar="PATH",
+        help="File, .mp4 or .gif, or a folder for both (default: both, beside the run).",
     ),
-]  # fmt: skip
+]
 EpisodeOption = Annotated[
-    int | None,
-    typer.Option(
-        "--episode",
-        metavar="N",
-        min=0,
-        max=MOST,
-        help="Which; otherwise the first that has frames.",
-    ),
+    int | None, episode_option("Episode to show (default: the first that has frames).")
 ]
 FpsOption = Annotated[
     float | None,
     typer.Option(
-        "--fps", metavar="X", min=0.1, max=240,
-        help="Frames a second; otherwise the environment's own, or 10.",
+        "--fps",
+        metavar="X",
+        min=0.1,
+        max=240,
+        help="Speed, in frames per second (default: the environment's render_fps, or 10).",
     ),
-]  # fmt: skip
-RenderOption = Annotated[
-    bool, typer.Option("--render", help="Play the episode again, and render what is seen.")
 ]
-StripOption = Annotated[
-    bool, typer.Option("--strip/--no-strip", help="Actions and rewards below each frame.")
+RenderOption = Annotated[
+    bool, typer.Option("--render", help="Play the episode again, and render it.")
+]
+CaptionOption = Annotated[
+    bool, typer.Option("--strip/--no-strip", help="Write actions and rewards below each frame.")
 ]
 
 
@@ -58,24 +55,26 @@ def command(
     episode: EpisodeOption = None,
     fps: FpsOption = None,
     render: RenderOption = False,
-    strip: StripOption = True,
+    strip: CaptionOption = True,
     env: ReopenOption = None,
     allow_import: ImportOption = False,
     timeout: TimeoutOption = SILENCE_S,
-) -> Answer:
+) -> CommandResult:
     """Writes an episode as mp4 and gif, from recorded frames or by rendering it again.
 
-    Below each frame stands who did what and was paid. Nothing that exists is written over. Exit
-    code 1: what was rendered differs from the run. Needs gamekeeper[video].
-    """
-    from gamekeeper.adapters.video import film
+    Actions and rewards of the turn stand below each frame. Files that exist are never
+    overwritten. Needs gamekeeper[video].
 
-    with screen.progress("filming") as take:
-        found = film(
-            run, out, episode=episode, fps=fps, render=render, has_strip=strip, env=env,
-            allow_import=allow_import, timeout_s=timeout, on_message=take,
-        )  # fmt: skip
-    screen.show(f"Filmed  {found}")
+    Exit code 0: done. 1: the rendered episode differs from the run.
+
+    Example: gamekeeper video runs/warehouse-1 --episode 3 --render
+    """
+    from gamekeeper.viewing.video_file import VideoRendering, film
+
+    with screen.progress("writing video") as take:
+        rendering = VideoRendering(env, allow_import, timeout, take) if render else None
+        found = film(run, out, episode=episode, fps=fps, rendering=rendering, has_strip=strip)
+    screen.show(f"Written  {found}")
     if found.divergence is not None:
-        screen.error(f"the film shows a replay that differs from the run at {found.divergence}")
-    return Answer(found.to_json(), 0 if found.divergence is None else 1)
+        screen.error(f"the video shows a replay that differs from the run at {found.divergence}")
+    return CommandResult(found.to_json(), 0 if found.divergence is None else 1)

@@ -10,43 +10,48 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from gamekeeper.cli._screen import Answer, Screen
+from gamekeeper.cli._screen import CommandResult, Screen
 
 if TYPE_CHECKING:
-    from gamekeeper.adapters.view.view import View
+    from gamekeeper.viewing.viewer import Viewer
 
 ORDER: Final = 96
+STACK_BYTES: Final = 1 << 20
 
 RunsArgument = Annotated[
     list[Path],
     typer.Argument(
-        metavar="RUN", show_default=False, help="Folders of recorded evidence; two to compare."
+        metavar="RUN", show_default=False, help="Folders of recorded runs; two to compare."
     ),
 ]
 PortOption = Annotated[
-    int, typer.Option("--port", metavar="N", min=0, max=65_535, help="0: a free one.")
+    int,
+    typer.Option("--port", metavar="N", min=0, max=65_535, help="Port of the page; 0: a free one."),
 ]
 BrowserOption = Annotated[
     bool,
-    typer.Option("--browser/--no-browser", help="Open it; only on a terminal with a display."),
+    typer.Option(
+        "--browser/--no-browser", help="Open the browser, if this is a terminal with a display."
+    ),
 ]
 
 
 def command(
-    screen: Screen,
-    runs: RunsArgument,
-    port: PortOption = 0,
-    browser: BrowserOption = True,
-) -> Answer:
-    """Shows every episode of a run in the browser, and the run as it grows.
+    screen: Screen, runs: RunsArgument, port: PortOption = 0, browser: BrowserOption = True
+) -> CommandResult:
+    """Shows every episode of a run in the browser, also while it is being recorded.
 
-    Served on this machine alone, to whoever has the address with its token, until Ctrl-C. A run
-    that is still being recorded is read again as it grows. For a file to send to somebody, see
-    `gamekeeper report`.
+    Serves the page on this machine only, under an address with a secret token, until Ctrl-C.
+    `gamekeeper report` writes a file that can be sent to others.
+
+    Example: gamekeeper view runs/warehouse-1
     """
-    from gamekeeper.adapters.view.view import View
+    # Arrow's own allocator reserves a gigabyte of addresses, and a thread's stack eight megabytes.
+    os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
+    threading.stack_size(STACK_BYTES)
+    from gamekeeper.viewing.viewer import Viewer
 
-    view = View(runs, port=port)
+    view = Viewer(runs, port=port)
     try:
         _announce(screen, view, runs, browser=browser)
         view.serve()
@@ -56,10 +61,10 @@ def command(
         view.close()
     if screen.is_json:
         raise SystemExit(0)  # its document was said at the start, when it was of use
-    return Answer()
+    return CommandResult()
 
 
-def _announce(screen: Screen, view: View, runs: list[Path], *, browser: bool) -> None:
+def _announce(screen: Screen, view: Viewer, runs: list[Path], *, browser: bool) -> None:
     document: dict[str, Any] = {"url": view.url, "port": view.port, "runs": [str(r) for r in runs]}
     screen.document(document)
     screen.show(f"View  {view.url}")
@@ -71,7 +76,7 @@ def _announce(screen: Screen, view: View, runs: list[Path], *, browser: bool) ->
 
 
 def is_at_terminal(screen: Screen) -> bool:
-    """Whether somebody reads what is shown, rather than a program."""
+    """Tells if the output goes to a terminal, not to a program."""
     return screen.out.isatty()
 
 
@@ -83,7 +88,7 @@ def open_browser(url: str) -> None:
 
 
 def _has_display() -> bool:
-    """Without one, what opens is a browser in this very terminal."""
+    """Tells if there is a display; without one, a browser would open in this very terminal."""
     if os.name == "nt" or sys.platform == "darwin":
         return True
     return any(os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"))

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import math
+import os
+import threading
 import time
-from typing import Any, Final
+import weakref
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gamekeeper.core.episode_seeds import EpisodeSeeds
 from gamekeeper.errors import SpecError
-from gamekeeper.kernels.arrays import Arrays, Made, arrays_of
-from gamekeeper.kernels.crew import Crew
-from gamekeeper.kernels.drivers import driver_of, plain_driver
-from gamekeeper.kernels.hashing import row_digests
-from gamekeeper.kernels.judge import refuse
+from gamekeeper.kernels.array_views import places_of, tables_of
+from gamekeeper.kernels.blake2b import row_digests
+from gamekeeper.kernels.driver import driver_of, plain_driver
 from gamekeeper.kernels.kernel import Kernel
-from gamekeeper.kernels.places import places_of, tables_of
-from gamekeeper.kernels.rules import numba
+from gamekeeper.kernels.kernel_arrays import Arrays, Made, arrays_of
+from gamekeeper.kernels.legality import refuse
+from gamekeeper.kernels.scalar_rules import numba
+from gamekeeper.randomness.seeds import EpisodeSeeds
 
 DIGEST_SIZE: Final = 16
 """Bytes of a state's digest."""
@@ -32,7 +36,7 @@ class Batch:
     """Copies of one kernel; copy i plays the episodes i, i + num_envs, ... of the run.
 
     `step` overwrites the arrays that it hands out: `arrays.obs`, `arrays.rewards` and all others
-    (see `gamekeeper.kernels.arrays.Arrays`) are the same memory all the time, so that
+    (see `gamekeeper.kernels.kernel_arrays.Arrays`) are the same memory all the time, so that
     `torch.from_dlpack(batch.arrays.obs)` shows every step without a copy. The state of copy e is
     the bytes of `records[e]`.
 
@@ -117,9 +121,14 @@ class Batch:
     def restart(self) -> None:
         """Copies that are over begin their next episodes; what was paid stands."""
         self._driver.restart(
-            self._places, 0, self.num_envs, self._seeds.pool, self._seeds.constant,
-            self.num_envs, self._tells,
-        )  # fmt: skip
+            self._places,
+            0,
+            self.num_envs,
+            self._seeds.pool,
+            self._seeds.constant,
+            self.num_envs,
+            self._tells,
+        )
 
     def overview(self) -> NDArray[Any]:
         """The state of every copy as `state()` gives it, [copy, ...]; the batch's own array."""
@@ -169,7 +178,8 @@ class Batch:
                 "a snapshot of other copies",
                 where="restore",
                 expected=f"{chosen.nbytes} bytes",
-                seen=f"{len(snapshot)} bytes",
+                actual=f"{len(snapshot)} bytes",
+                fix="restore what snapshot() of as many sub-environments of this kernel returned",
             )
         chosen[...] = np.frombuffer(snapshot, self.records.dtype)
         first = 0 if e is None else e
@@ -184,7 +194,7 @@ class Batch:
         return row_digests(self.arrays.raw, DIGEST_SIZE)
 
     def equal(self, other: Batch) -> NDArray[np.bool_]:
-        """Which copies are in the same state as those of another batch of the kernel, [copy]."""
+        """Flags of sub-environments in the same state as those of another batch, [copy]."""
         same: NDArray[np.bool_] = (self.arrays.raw == other.arrays.raw).all(axis=1)
         return same
 
@@ -194,6 +204,109 @@ class Batch:
                 "there is no such copy",
                 where="snapshot",
                 expected=f"0 to {self.num_envs - 1}",
-                seen=repr(e),
+                actual=repr(e),
+                fix="name a sub-environment of this batch",
             )
         return self.records if e is None else self.records[e : e + 1]
+
+
+Job: TypeAlias = Callable[[int, int], Any]
+"""Work on the sub-environments from the first to before the last."""
+PARTS: Final = 6
+"""Parts of a batch for each thread."""
+TOGETHER: Final = 16
+"""Parts begin at multiples of it, so that two threads seldom write to one line of memory."""
+
+
+class Crew:
+    """As many threads as are asked for, the caller's among them.
+
+    They end with the crew's owner, or with the process; after a fork they are hired anew.
+
+    Args:
+        count: threads, 2 or more.
+    """
+
+    def __init__(self, count: int) -> None:
+        self.count, self._pid = count, 0
+        self._mates: tuple[_Mate, ...] = ()
+
+    def run(self, job: Job, copies: int) -> None:
+        """Does the job to all copies, in parts that whichever thread is free takes next.
+
+        A thread that is woken comes late, so parts are smaller than what each has to do.
+
+        Raises:
+            Exception: what a job raised, once all are done.
+        """
+        if self._pid != os.getpid():
+            self._hire()
+        bounds = parts_of(copies, self.count * PARTS)
+        parts = iter(pairwise(bounds))  # handed out one by one, whoever asks
+
+        def share() -> None:
+            for first, last in parts:
+                job(first, last)
+
+        for mate in self._mates:
+            mate.begin(share)
+        try:
+            share()
+        finally:
+            for mate in self._mates:
+                mate.done.acquire()
+        for mate in self._mates:
+            if mate.error is not None:
+                raise mate.error
+
+    def _hire(self) -> None:
+        self._pid = os.getpid()
+        self._mates = tuple(_Mate() for _ in range(self.count - 1))
+        for number, mate in enumerate(self._mates):
+            threading.Thread(
+                target=_work, args=(mate,), name=f"gamekeeper-kernel-{number}", daemon=True
+            ).start()
+            weakref.finalize(self, mate.dismiss)
+
+
+class _Mate:
+    """One other thread: what it is to do, and what came of it."""
+
+    def __init__(self) -> None:
+        self.todo, self.done = threading.Lock(), threading.Lock()
+        self.todo.acquire()
+        self.done.acquire()
+        self.job: Callable[[], None] | None = None
+        self.error: BaseException | None = None
+
+    def begin(self, job: Callable[[], None]) -> None:
+        """Has the thread do a job."""
+        self.job, self.error = job, None
+        self.todo.release()
+
+    def dismiss(self) -> None:
+        """Ends the thread."""
+        self.job = None
+        self.todo.release()
+
+
+def _work(mate: _Mate) -> None:
+    while True:
+        mate.todo.acquire()
+        job = mate.job
+        if job is None:
+            return
+        try:
+            job()
+        except BaseException as error:  # raised where the crew was asked
+            mate.error = error
+        del job
+        mate.job = None
+        mate.done.release()
+
+
+def parts_of(copies: int, count: int) -> list[int]:
+    """Bounds of parts, and the end: at most `count` parts, none of them empty."""
+    size = -(-copies // count)
+    size += -size % TOGETHER
+    return [*range(0, copies, size), copies]

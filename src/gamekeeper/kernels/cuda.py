@@ -6,18 +6,18 @@ from typing import Any, Final
 
 import numpy as np
 
-from gamekeeper.core.episode_seeds import EpisodeSeeds
 from gamekeeper.errors import ActionError, DependencyError, SpecError
-from gamekeeper.kernels.arrays import Arrays, arrays_of
-from gamekeeper.kernels.judge import refuse
+from gamekeeper.kernels.array_views import leaves, tables_of
 from gamekeeper.kernels.kernel import Kernel
-from gamekeeper.kernels.places import leaves, tables_of
+from gamekeeper.kernels.kernel_arrays import Arrays, arrays_of
+from gamekeeper.kernels.legality import refuse
+from gamekeeper.randomness.seeds import EpisodeSeeds
 
 CHECKS: Final = ("each", "later", "never")
 
 
 class CudaBatch:
-    """Copies of one kernel, stepped together on a CUDA device; the twin of `Batch`.
+    """Copies of one kernel, stepped together on a CUDA device; the counterpart of `Batch`.
 
     Copy i plays the episodes i, i + num_envs, ... of the run, with the seeds and draws that they
     have on any engine. `arrays` are on the device and always the same memory: torch sees every step
@@ -25,11 +25,7 @@ class CudaBatch:
     into `torch.from_dlpack(batch.arrays.actions)`. All work is on the default stream, as torch's.
 
     Args:
-        kernel: whose copies.
-        num_envs: how many.
-        seed: of the run.
-        autoreset: `same_step` or `next_step`, as `gk.vector.make` has them.
-        infos: fills `arrays.infos` at every step.
+        kernel, num_envs, seed, autoreset, infos: as of `Batch`.
         checks: of actions. `each`: a step with an illegal one raises, and nothing has changed; this
             waits for the device. `later`: nothing waits; such a step and all after it do nothing,
             until `check` raises. `never`: rules index by what they are given, for actions that are
@@ -45,28 +41,30 @@ class CudaBatch:
         kernel: Kernel,
         num_envs: int,
         *,
+        checks: str = "each",
+        threads: int = 64,
         seed: int = 0,
         autoreset: str = "same_step",
         infos: bool = False,
-        checks: str = "each",
-        threads: int = 64,
     ) -> None:
         _one_of("autoreset", autoreset, ("same_step", "next_step"))
         _one_of("checks", checks, CHECKS)
-        memory_of, code = require_device()
+        code = require_device()
         self.kernel, self.num_envs, self._checks = kernel, num_envs, checks
         self._seeds = EpisodeSeeds(seed)
         self._is_next, self._tells = autoreset == "next_step", infos
         self._records = kernel.records(num_envs)
         self._host, tables = arrays_of(kernel, self._records), tables_of(kernel)
         self._wrong = np.full(1, code.NOBODY, np.int64)
-        self._memory, self._put, self._nobody = memory_of.Memory(), memory_of.put, code.NOBODY
-        twins = self._memory.twins
-        self.records, self.arrays, self._flag = map(twins, (self._records, self._host, self._wrong))
-        self._tables = twins(np.array(tables))
+        self._memory, self._put, self._nobody = code.Memory(), code.put, code.NOBODY
+        counterparts = self._memory.counterparts
+        self.records, self.arrays, self._flag = map(
+            counterparts, (self._records, self._host, self._wrong)
+        )
+        self._tables = counterparts(np.array(tables))
         found = [self.records, self._tables, *leaves(self.arrays)]
-        self._at = np.array([memory_of.address(array) for array in found], np.int64)
-        self._places = twins(self._at)
+        self._at = np.array([code.address(array) for array in found], np.int64)
+        self._places = counterparts(self._at)
         if code.IS_SIMULATED:
             self._code = code.simulated(kernel, self._records, tables, self._host)
         else:
@@ -108,9 +106,15 @@ class CudaBatch:
                 self.check()
         seeds = self._seeds
         self._code.step[self._grid](
-            self._places, self.num_envs, self._flag, seeds.pool, seeds.constant,
-            self.num_envs, self._is_next, self._tells,
-        )  # fmt: skip
+            self._places,
+            self.num_envs,
+            self._flag,
+            seeds.pool,
+            seeds.constant,
+            self.num_envs,
+            self._is_next,
+            self._tells,
+        )
         return a.obs, a.rewards, a.terminated, a.truncated
 
     def check(self) -> None:
@@ -129,7 +133,7 @@ class CudaBatch:
         raise ActionError(  # those that it was are overwritten by now
             "an action wasn't legal",
             where=f"copy {wrong}, a step since the last check",
-            mend='checks="each" names the agent and its action',
+            fix='checks="each" names the agent and its action',
         )
 
     def host(self) -> Arrays:
@@ -153,7 +157,8 @@ class CudaBatch:
                 "a snapshot of other copies",
                 where="restore",
                 expected=f"{self._records.nbytes} bytes",
-                seen=f"{len(snapshot)} bytes",
+                actual=f"{len(snapshot)} bytes",
+                fix="restore what snapshot() of as many sub-environments of this kernel returned",
             )
         self._records[...] = np.frombuffer(snapshot, self._records.dtype)
         self._memory.push(self._records)
@@ -166,30 +171,34 @@ class CudaBatch:
 def _one_of(name: str, value: str, known: tuple[str, ...]) -> None:
     if value not in known:
         raise SpecError(
-            f"a batch has no such {name}", where=name, expected=", ".join(known), seen=repr(value)
+            f"a batch has no such {name}",
+            where=name,
+            expected=", ".join(known),
+            actual=repr(value),
+            fix="use one of these names",
         )
 
 
-def require_device() -> tuple[Any, Any]:
-    """The modules that compile for and hold memory on a device that is there.
+def require_device() -> Any:
+    """The module that compiles for and holds memory on a device that is there.
 
     Raises:
         DependencyError: Numba's CUDA target, or a device, isn't there.
     """
     try:
-        from gamekeeper.kernels import cuda_code, cuda_memory
+        from gamekeeper.kernels import cuda_code
     except ImportError as error:
         raise DependencyError(
             "kernels run on CUDA with Numba alone",
-            seen=str(error),
-            mend="pip install 'gamekeeper[cuda]'",
+            actual=str(error),
+            fix="pip install 'gamekeeper[cuda]'",
         ) from error
     if not cuda_code.cuda.is_available():
         raise DependencyError(
             "there is no CUDA device",
             expected="an NVIDIA device and its driver",
-            seen="none",
-            mend="kernel.batch(...) plays on the processor's cores; NUMBA_ENABLE_CUDASIM=1 "
+            actual="none",
+            fix="Batch(kernel, ...) plays on the processor's cores; NUMBA_ENABLE_CUDASIM=1 "
             "simulates a device, for tests",
         )
-    return cuda_memory, cuda_code
+    return cuda_code

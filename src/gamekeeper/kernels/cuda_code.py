@@ -15,21 +15,22 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 from typing import Any, Final
 
+import numpy as np
 from numpy.typing import NDArray
 
-from gamekeeper.kernels.arrays import Arrays
-from gamekeeper.kernels.drivers import copies
-from gamekeeper.kernels.judge import judge_one
+from gamekeeper.errors import ActionError
+from gamekeeper.kernels.array_views import copy_of, plain_row
+from gamekeeper.kernels.compile_cache import kernel_key
+from gamekeeper.kernels.copy_steps import clear_books, driver_of_one
+from gamekeeper.kernels.driver import copies
 from gamekeeper.kernels.kernel import Kernel
-from gamekeeper.kernels.keys import kernel_key
-from gamekeeper.kernels.parts import Parts
-from gamekeeper.kernels.places import copy_of
-from gamekeeper.kernels.rows import plain_row
-from gamekeeper.kernels.rules import numba_part
-from gamekeeper.kernels.ticks import clear_books, tick_driver
-from gamekeeper.kernels.turns import turn_driver
+from gamekeeper.kernels.kernel_arrays import Arrays
+from gamekeeper.kernels.legality import judge_one
+from gamekeeper.kernels.rule_parts import Parts
+from gamekeeper.kernels.scalar_rules import numba_part
 
 cuda, types = (
     numba_part("cuda"),
@@ -37,7 +38,7 @@ cuda, types = (
 )  # `cuda`: the simulator looks for it here
 IS_SIMULATED: Final = bool(numba_part("core.config").ENABLE_CUDASIM)
 NOBODY: Final = 1 << 62
-"""What stands in `wrong` as long as all actions are legal."""
+"""Value of `wrong` as long as all actions are legal."""
 _WORD, _FLAG = types.int64, types.boolean
 _WORDS: Final = types.Array(types.int64, 1, "C")
 BEGIN: Final = (_WORDS, _WORD, _WORD, _WORD, _FLAG)
@@ -92,8 +93,8 @@ def _known() -> dict[str, Code]:
 
 
 def _threads(parts: Parts, copy: Callable[..., Any]) -> tuple[Any, Any, Any]:
-    """What the thread of one copy does to begin, to judge and to step."""
-    begin_one, step_one = turn_driver(parts) if parts.kernel.api == "aec" else tick_driver(parts)
+    """Functions by which the thread of one sub-environment begins, judges and steps."""
+    begin_one, step_one = driver_of_one(parts)
     judge_one_, clear = judge_one(parts), clear_books(parts)
 
     def begin(places: Any, count: Any, pool: Any, constant: Any, tells: Any) -> None:
@@ -114,9 +115,15 @@ def _threads(parts: Parts, copy: Callable[..., Any]) -> tuple[Any, Any, Any]:
                 cuda.atomic.min(wrong, 0, e)
 
     def step(
-        places: Any, count: Any, wrong: Any,
-        pool: Any, constant: Any, slots: Any, is_next: Any, tells: Any,
-    ) -> None:  # fmt: skip
+        places: Any,
+        count: Any,
+        wrong: Any,
+        pool: Any,
+        constant: Any,
+        slots: Any,
+        is_next: Any,
+        tells: Any,
+    ) -> None:
         e = cuda.grid(1)
         if e < count and wrong[0] == NOBODY:
             s, t, a = copy(places, e)
@@ -135,7 +142,7 @@ def compiled(thread: Callable[..., None], kinds: tuple[Any, ...]) -> Any:
 
 @contextmanager
 def _uncontracted() -> Iterator[None]:
-    """What compiles meanwhile has no fused `a * b + c`, for which Numba has no option.
+    """Keeps `a * b + c` from being fused in what compiles meanwhile; Numba has no option.
 
     Link-time optimisation would fuse them after all, so it is off.
     """
@@ -150,3 +157,98 @@ def _uncontracted() -> Iterator[None]:
         yield
     finally:
         dispatcher.compile_cuda = original
+
+
+CUDA_DEVICE: Final = 2
+"""Number of a CUDA device in DLPack."""
+
+if not IS_SIMULATED:
+    _Base: Any = numba_part("cuda.cudadrv.devicearray").DeviceNDArray
+
+    class DeviceArray(_Base):  # type: ignore[misc]  # Numba ships no types
+        """An array on the device that torch, JAX and CuPy take without a copy.
+
+        By DLPack (`torch.from_dlpack(array)`), or by the CUDA array interface
+        (`torch.as_tensor(array, device="cuda")`).
+        """
+
+        def __dlpack__(self, *, stream: int | None = None, **options: Any) -> Any:
+            """Its memory, which it keeps."""
+            view = import_module("cuda.core.utils").StridedMemoryView.from_cuda_array_interface(
+                self, stream_ptr=-1
+            )
+            return view.__dlpack__(stream=stream, **options)
+
+        def __dlpack_device__(self) -> tuple[int, int]:
+            """The device it is on."""
+            return CUDA_DEVICE, cuda.get_current_device().id
+
+
+class Memory:
+    """Memory on the device for arrays on the host; in the simulator it is the host's."""
+
+    def __init__(self) -> None:
+        self._held: dict[int, tuple[NDArray[np.uint8], Any]] = {}
+
+    def counterpart(self, array: NDArray[Any]) -> Any:
+        """Copy of an array on the device; views of one array share memory."""
+        if IS_SIMULATED:
+            return array
+        if not array.nbytes:
+            return DeviceArray(array.shape, array.strides, array.dtype)
+        held = self._held.get(array.ctypes.data)
+        if held is None:
+            flat = array.reshape(-1).view(np.uint8)
+            held = self._held[array.ctypes.data] = flat, cuda.to_device(flat)
+        data = held[1].gpu_data
+        return DeviceArray(array.shape, array.strides, array.dtype, gpu_data=data)
+
+    def counterparts(self, value: Any) -> Any:
+        """The counterparts of the arrays in a tuple of arrays and such tuples."""
+        if not isinstance(value, tuple):
+            return self.counterpart(value)
+        parts = [self.counterparts(part) for part in value]
+        return type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
+
+    def pull(self, *arrays: NDArray[Any]) -> None:
+        """Copies from the device into these arrays on the host; into all where none is named."""
+        names = [array.ctypes.data for array in arrays] or list(self._held)
+        for name in names:
+            if name in self._held:
+                flat, there = self._held[name]
+                there.copy_to_host(flat)
+
+    def push(self, array: NDArray[Any]) -> None:
+        """Copies an array of the host to the device."""
+        if array.ctypes.data in self._held:
+            flat, there = self._held[array.ctypes.data]
+            there.copy_to_device(flat)
+
+
+def address(array: Any) -> int:
+    """Address of an array on the device."""
+    if IS_SIMULATED:
+        return int(array.ctypes.data)
+    return int(array.device_ctypes_pointer.value or 0)
+
+
+def put(place: Any, given: Any) -> None:
+    """Copies an array, of the host or of the device, over one on the device.
+
+    Raises:
+        ActionError: shapes differ; on the device, types too.
+    """
+    if IS_SIMULATED:
+        place[...] = given
+        return
+    is_there = hasattr(given, "__cuda_array_interface__")
+    found = cuda.as_cuda_array(given) if is_there else np.ascontiguousarray(given, place.dtype)
+    if found.shape != place.shape or found.dtype != place.dtype:
+        raise ActionError(
+            "these aren't actions of all copies",
+            where="step(actions)",
+            expected=f"{place.dtype} {place.shape}",
+            actual=f"{found.dtype} {found.shape}",
+            fix="hand in an array of this type and shape, an action for each sub-environment",
+        )
+    place.copy_to_device(found)

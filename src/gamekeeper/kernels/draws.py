@@ -1,6 +1,6 @@
-"""What rules draw with: the numbers of our Stream, from four integers in a copy's state.
+"""Random numbers for rules: those of our Stream, from four integers in the state.
 
-The same words, in the same order, as `gamekeeper.core.stream.Stream(seed)` gives.
+The same words, in the same order, as `gamekeeper.randomness.stream.Stream(seed)` gives.
 """
 
 from __future__ import annotations
@@ -8,8 +8,8 @@ from __future__ import annotations
 import types
 from typing import Any, Final
 
-from gamekeeper.core import philox
-from gamekeeper.kernels.rules import rule
+from gamekeeper.kernels.scalar_rules import rule
+from gamekeeper.randomness import philox
 
 FIELDS: Final = (
     ("seed", "i8"),

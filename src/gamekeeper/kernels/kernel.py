@@ -1,4 +1,4 @@
-"""What an author writes: the state of one copy, and scalar rules over it."""
+"""Kernel: the state of one sub-environment, and scalar rules over it, as an author writes them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MOST: Final = 2**31
 
 
 @dataclass(frozen=True, slots=True)
-class Group:
+class KernelGroup:
     """Agents in a row that share their spaces.
 
     Attributes:
@@ -116,26 +116,28 @@ class Kernel:
         if clash:
             self._refuse(
                 "a kernel's state has a field that every kernel has",
-                seen=", ".join(clash), mend="give it another name",
-            )  # fmt: skip
+                actual=", ".join(clash),
+                fix="give it another name",
+            )
         if (self.step is None) == (self.act is None):
             self._refuse(
                 "a kernel has either ticks or turns",
                 expected="step (all act at once) or act (one after the other)",
-                seen="both" if self.step is not None else "neither",
+                actual="both" if self.step is not None else "neither",
             )
         if self.act is not None and len(self.groups) > 1:
             self._refuse(
                 "agents that take turns have different spaces",
                 expected="one observation space and one action space",
-                seen=f"{len(self.groups)} kinds of agents",
-                mend="pad the smaller spaces, and mask what they don't have",
+                actual=f"{len(self.groups)} kinds of agents",
+                fix="pad the smaller spaces, and mask what they don't have",
             )
         if self.horizon is not None and self.horizon < 1:
             self._refuse(
                 "a horizon is no number of ticks",
-                expected="a whole number above 0, or None", seen=repr(self.horizon),
-            )  # fmt: skip
+                expected="a whole number above 0, or None",
+                actual=repr(self.horizon),
+            )
         for group in self.groups:
             self._check_spaces(group)
 
@@ -145,9 +147,9 @@ class Kernel:
         return "aec" if self.step is None else "parallel"
 
     @cached_property
-    def groups(self) -> tuple[Group, ...]:
+    def groups(self) -> tuple[KernelGroup, ...]:
         """Neighbours that share their spaces."""
-        found: list[Group] = []
+        found: list[KernelGroup] = []
         for i, agent in enumerate(self.agents):
             kinds = (
                 self._space_of(self.observation_space, agent),
@@ -155,9 +157,9 @@ class Kernel:
             )
             last = found[-1] if found else None
             if last and kinds == (last.observation_space, last.action_space):
-                found[-1] = Group(last.first, last.count + 1, *kinds)
+                found[-1] = KernelGroup(last.first, last.count + 1, *kinds)
             else:
-                found.append(Group(i, 1, *kinds))
+                found.append(KernelGroup(i, 1, *kinds))
         return tuple(found)
 
     @cached_property
@@ -172,7 +174,7 @@ class Kernel:
 
     @property
     def limit(self) -> int:
-        """What stands in `s.limit` of every copy: the horizon, 0 where there is none.
+        """Value of `s.limit` in every sub-environment: the horizon, 0 where there is none.
 
         It is state and no constant of the rules, so that all horizons share their compiled code.
         """
@@ -194,8 +196,8 @@ class Kernel:
         space: Space = self._space_of(self.action_space, agent)
         return space
 
-    def flags(self, group: Group) -> int:
-        """How long the masks of a group are; 0 without one."""
+    def flags(self, group: KernelGroup) -> int:
+        """Length of a group's masks; 0 without one."""
         if self.mask is None:
             return 0
         space = group.action_space
@@ -204,9 +206,13 @@ class Kernel:
     def _own_fields(self) -> list[Any]:
         agents = (len(self.agents),)
         own: list[Any] = [
-            *draws.FIELDS, ("number", "i8"), ("time", "i8"), ("limit", "i4"),
-            ("live", "i1", agents), ("ending", "i1", agents),
-        ]  # fmt: skip
+            *draws.FIELDS,
+            ("number", "i8"),
+            ("time", "i8"),
+            ("limit", "i4"),
+            ("live", "i1", agents),
+            ("ending", "i1", agents),
+        ]
         if self.step is None:
             own += [("turn", "i8"), ("ticks", "i8"), ("acted", "i1", agents), ("due", "i1", agents)]
         return own
@@ -215,21 +221,23 @@ class Kernel:
         is_one = isinstance(spaces_, spaces.Space)  # asked first: a Dict space is a mapping too
         return spaces_ if is_one else spaces_[agent]
 
-    def _check_spaces(self, group: Group) -> None:
+    def _check_spaces(self, group: KernelGroup) -> None:
         seen, done = group.observation_space, group.action_space
         parts = list(seen.spaces.values()) if isinstance(seen, spaces.Dict) else [seen]
         if not all(isinstance(part, spaces.Box | spaces.Discrete) for part in parts):
             self._refuse(
                 "an observation has a part of no fixed shape",
-                expected="Box, Discrete, or a Dict of these", seen=str(seen)[:200],
-            )  # fmt: skip
+                expected="Box, Discrete, or a Dict of these",
+                actual=str(seen)[:200],
+            )
         discrete = spaces.Discrete | spaces.MultiDiscrete
         fits = discrete if self.mask is not None else discrete | spaces.Box
         if not isinstance(done, fits):
             self._refuse(
                 "rules can't take such actions" + (" with a mask" if self.mask is not None else ""),
-                expected="Discrete or MultiDiscrete, without a mask also Box", seen=str(done)[:200],
-            )  # fmt: skip
+                expected="Discrete or MultiDiscrete, without a mask also Box",
+                actual=str(done)[:200],
+            )
 
     def _refuse(self, what: str, **told: Any) -> None:
         raise SpecError(what, where=self.name, **told)
@@ -237,20 +245,3 @@ class Kernel:
     def __deepcopy__(self, memo: object) -> Kernel:
         """A kernel never changes, so copies of it are itself."""
         return self
-
-    def env(self, *, render_mode: str | None = None, debug: bool = False) -> Any:
-        """One copy as PettingZoo has it: an AECEnv or a ParallelEnv.
-
-        Args:
-            render_mode: None, or one of `metadata["render_modes"]`.
-            debug: the rules run as plain Python, for breakpoints.
-        """
-        from gamekeeper.kernels.faces import face_of  # a face knows its kernel, so not above
-
-        return face_of(self, render_mode=render_mode, debug=debug)
-
-    def batch(self, num_envs: int, **options: Any) -> Any:
-        """Many copies in arrays; options as of `gamekeeper.kernels.batch.Batch`."""
-        from gamekeeper.kernels.batch import Batch  # likewise
-
-        return Batch(self, num_envs, **options)

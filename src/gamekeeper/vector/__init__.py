@@ -1,5 +1,5 @@
 """Vector environments: many copies of one environment, stepped together; `gk.vector.make`."""
 
-from gamekeeper.vector.front import make
+from gamekeeper.vector.vector_factory import make
 
 __all__ = ["make"]

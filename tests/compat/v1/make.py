@@ -1,10 +1,10 @@
-"""Records the bundles beside this file; kept to show how they were made, and never run on them.
+"""Records the runs beside this file; kept to show how they were made, and never run on them.
 
-A bundle of format version 1 is what a gamekeeper of that version wrote. Writing them anew would
+A run of format version 1 is what a gamekeeper of that version wrote. Writing them anew would
 only show that the reader of a day reads the writer of that day. So this refuses a folder that holds
 them: for a new format version copy the folder to the next number, change what is new, run it there.
 
-    python make.py FOLDER      # FOLDER holds worlds.py and relay.toml, and no bundle yet
+    python make.py FOLDER      # FOLDER holds worlds.py and relay.toml, and no run yet
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ def killed() -> None:
     env = gk.record(gk.make(MARKET), "open")
     market(env, 21, 99)
     market(env, 22, 3)
-    from gamekeeper.record import recorder
+    from gamekeeper.runs import recorder
 
-    for each in recorder._OPEN:  # what was flushed is there; the process dies before it seals
+    for each in recorder._OPEN:  # what was flushed is there; the process dies before it finalizes
         each._closing = True
         each._wake.set()
         each._thread.join()
@@ -65,7 +65,7 @@ def main() -> None:
     if sys.argv[2:] == ["killed"]:
         killed()
     if list(Path().glob("*/manifest.json")):
-        raise SystemExit("here are bundles already; they are never written anew")
+        raise SystemExit("here are runs already; they are never written anew")
     record_market("parallel")
     record_market("frames", frames=True)
     record_market("digest", level="digest")
@@ -75,7 +75,7 @@ def main() -> None:
     try:
         gk.rollout(MARKET, episodes=2, seed=6, out="failed", env_kwargs={"fails": True})
     except EnvError as error:
-        print(error)  # noqa: T201  # what the failed bundle holds is told to who makes it
+        print(error)  # noqa: T201  # what the failed run holds is told to who makes it
     subprocess.run([sys.executable, __file__, ".", "killed"], check=False)
     label = ["-m", "gamekeeper", "label", "aec", "control", "--episode", "1", "--agent", "runner_1"]
     subprocess.run([sys.executable, *label, "--why", "waits", "--by", "author"], check=True)

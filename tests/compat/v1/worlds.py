@@ -1,6 +1,6 @@
-"""The environments of the bundles beside this file, as they were when these were recorded.
+"""The environments of the runs beside this file, as they were when these were recorded.
 
-Never edited: a replay of the bundles has to find here what played then. Their randomness is their
+Never edited: a replay of the runs has to find here what played then. Their randomness is their
 own arithmetic, so that no generator of a library stands between then and now.
 """
 
@@ -42,7 +42,7 @@ def sight(picture: bool) -> spaces.Dict:
 
 
 class Market(ParallelEnv):
-    """Parallel: nested observations that differ by role, masks, odd values, a late joiner."""
+    """Parallel: nested observations by role, masks, nonconforming values, a late joiner."""
 
     metadata: ClassVar[dict[str, Any]] = {"name": "market_v1", "render_modes": ["rgb_array"]}
 
@@ -77,7 +77,7 @@ class Market(ParallelEnv):
         if self.day == 2:
             near[0], near[1] = np.nan, np.inf
         if self.day == 4 and agent == "buyer_0":
-            near = near.astype(np.float64)  # odd: not the declared dtype
+            near = near.astype(np.float64)  # nonconforming: not the declared dtype
         seen = {
             "near": near, "price": np.int64(self.dice.roll(100) - 50),
             "sign": "aä日"[: self.dice.roll(4)],
@@ -102,7 +102,7 @@ class Market(ParallelEnv):
         rewards: dict[str, Any] = {a: self.dice.roll(9) / 2 - 1 for a in self.agents}
         self.total += sum(rewards.values())
         if self.day == 3:
-            rewards["buyer_0"] = np.array([0.5])  # odd: no number
+            rewards["buyer_0"] = np.array([0.5])  # nonconforming: no number
         if self.day == 2:
             self.agents = [*self.agents, "käufer/2"]  # joins late
         leaves = "käufer/2" if self.day == 5 else None  # leaves alone
@@ -144,10 +144,10 @@ class Relay(gk.TurnEnv):
         self.turn += 1
         self.place += action
         self.wind = self.rng.normal()
-        self.pay(agent, float(action), term="stride")
+        self.add_reward(agent, float(action), term="stride")
         if action == 2:
             for other in self.agents:
-                self.pay(other, 0.25, term="team")
+                self.add_reward(other, 0.25, term="team")
         if agent == "runner_1" and self.turn > 4:
             self.terminate(agent, "tired")
         if self.place >= self.length:

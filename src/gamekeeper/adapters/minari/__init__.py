@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gamekeeper.adapters.minari.reading import load
-from gamekeeper.adapters.minari.writing import export
+from gamekeeper.adapters.minari.minari_export import export
+from gamekeeper.adapters.minari.minari_load import load
 
 __all__ = ["export", "load"]

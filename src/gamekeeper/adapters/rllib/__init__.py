@@ -10,14 +10,18 @@ except ImportError as error:
     raise SpecError(
         "RLlib isn't installed",
         where="gamekeeper.adapters.rllib",
-        mend="pip install 'gamekeeper[rllib]'",
+        fix="pip install 'gamekeeper[rllib]'",
     ) from error
 
-from gamekeeper.adapters.rllib.env import multi_agent_env
-from gamekeeper.adapters.rllib.game import Options
-from gamekeeper.adapters.rllib.policy import policy
-from gamekeeper.adapters.rllib.returns import ReturnsCallback
-from gamekeeper.adapters.rllib.setup import modules, policy_mapping, register
+from gamekeeper.adapters.rllib.rllib_env import multi_agent_env
+from gamekeeper.adapters.rllib.rllib_game import Options
+from gamekeeper.adapters.rllib.rllib_setup import (
+    ReturnsCallback,
+    modules,
+    policy,
+    policy_mapping,
+    register,
+)
 
 VERSION = ray.__version__
 __all__ = [

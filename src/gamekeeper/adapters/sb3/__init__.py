@@ -11,13 +11,11 @@ except ImportError as error:
     raise SpecError(
         "Stable-Baselines3 or sb3-contrib isn't installed",
         where="gamekeeper.adapters.sb3",
-        mend="pip install 'gamekeeper[sb3]'",
+        fix="pip install 'gamekeeper[sb3]'",
     ) from error
 
-from gamekeeper.adapters.sb3.buffers import buffer
-from gamekeeper.adapters.sb3.callbacks import EvalCallback, RecordCallback
-from gamekeeper.adapters.sb3.policy import policy
-from gamekeeper.adapters.sb3.vec_env import vec_env
+from gamekeeper.adapters.sb3.sb3_envs import buffer, vec_env
+from gamekeeper.adapters.sb3.sb3_policy import EvalCallback, RecordCallback, policy
 
 VERSION = stable_baselines3.__version__
 __all__ = ["EvalCallback", "RecordCallback", "buffer", "policy", "vec_env"]

@@ -10,13 +10,11 @@ except ImportError as error:
     raise DependencyError(
         "Tianshou isn't installed",
         where="gamekeeper.adapters.tianshou",
-        mend="pip install 'gamekeeper[tianshou]'",
+        fix="pip install 'gamekeeper[tianshou]'",
     ) from error
 
-from gamekeeper.adapters.tianshou.collector import Collector
-from gamekeeper.adapters.tianshou.nets import masked, unmasked
-from gamekeeper.adapters.tianshou.policy import policy
-from gamekeeper.adapters.tianshou.vector_env import vector_env
+from gamekeeper.adapters.tianshou.tianshou_envs import Collector, vector_env
+from gamekeeper.adapters.tianshou.tianshou_policy import masked, policy, unmasked
 
 VERSION = tianshou.__version__
 __all__ = ["Collector", "masked", "policy", "unmasked", "vector_env"]

@@ -1,0 +1,1 @@
+"""Attacks on what is promised of safety; `benchmarks/attacks.py` runs them."""

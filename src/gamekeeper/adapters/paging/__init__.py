@@ -1,1 +1,0 @@
-"""What a page of the report is put together from: documents, episodes, twins, pictures."""

@@ -1,0 +1,353 @@
+"""A vector environment of ours as Stable-Baselines3's VecEnv, and rollout buffers for it.
+
+The buffers hold agents' decisions only, not the steps in which an agent waits or has ended.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from sb3_contrib.common.maskable.buffers import MaskableDictRolloutBuffer, MaskableRolloutBuffer
+from stable_baselines3.common.buffers import DictRolloutBuffer, RolloutBuffer
+from stable_baselines3.common.vec_env import VecEnv
+
+from gamekeeper.adapters.decisions import decided
+from gamekeeper.adapters.requirements import checked
+from gamekeeper.adapters.slots import Slots
+from gamekeeper.errors import SpecError
+from gamekeeper.interface.joint_policy import Choices
+
+FIX = "load(path, env=venv, **sb3.buffer(venv))"
+
+
+def buffer(venv: Any, *, masked: bool = False) -> dict[str, Any]:
+    """Keyword arguments of PPO, A2C or MaskablePPO: `PPO("MlpPolicy", venv, **buffer(venv))`.
+
+    A saved model doesn't hold the environment: to learn on, `PPO.load(path, env=venv,
+    **buffer(venv))`.
+
+    Args:
+        venv: what `vec_env` returned, before it is wrapped in anything.
+        masked: for sb3-contrib's MaskablePPO.
+    """
+    plain, of_dicts = (
+        (DecisionsMaskableRolloutBuffer, DecisionsMaskableDictRolloutBuffer)
+        if masked
+        else (DecisionsRolloutBuffer, DecisionsDictRolloutBuffer)
+    )
+    is_dict = isinstance(venv.observation_space, spaces.Dict)
+    return {
+        "rollout_buffer_class": of_dicts if is_dict else plain,
+        "rollout_buffer_kwargs": {"watched": Watched(venv.slots)},
+    }
+
+
+class Watched:
+    """Slots that a buffer looks at; a saved model holds it without them.
+
+    Attributes:
+        slots: None once it was saved and loaded.
+    """
+
+    def __init__(self, slots: Slots | None) -> None:
+        self.slots = slots
+
+    def __reduce__(self) -> tuple[type[Watched], tuple[None]]:
+        return Watched, (None,)
+
+    def seen(self) -> Slots:
+        """The slots.
+
+        Raises:
+            SpecError: they are those of another process.
+        """
+        if self.slots is None:
+            raise SpecError(
+                "a loaded model doesn't know which agents acted in its environment",
+                where="rollout_buffer_kwargs",
+                fix=FIX,
+            )
+        return self.slots
+
+
+class _Decisions:
+    """Keeps steps in which a slot acted, each with all it was paid until it acted again.
+
+    Generalised advantage estimation runs over a slot's own decisions: a reward that comes while it
+    waits (or the bootstrap of its truncation) is added to that of its last action, the next value
+    is that of its next decision. What was still open as the rollout ended is left out, and so is
+    what was paid before an agent had done anything. Where everybody acts in every step this is
+    Stable-Baselines3's own estimate.
+    """
+
+    buffer_size: int
+    n_envs: int
+
+    def __init__(self, *args: Any, watched: Watched, **kwargs: Any) -> None:
+        self._watched = watched
+        super().__init__(*args, **kwargs)
+        self._whole = self.buffer_size, self.n_envs
+
+    def reset(self) -> None:
+        self.buffer_size, self.n_envs = getattr(self, "_whole", (self.buffer_size, self.n_envs))
+        self._acted = np.zeros((self.buffer_size, self.n_envs), bool)
+        super().reset()  # type: ignore[misc]  # a buffer of Stable-Baselines3 stands behind
+
+    def add(self, *args: Any, **kwargs: Any) -> None:
+        self._acted[self.pos] = self._watched.seen().acted  # type: ignore[attr-defined]  # likewise
+        super().add(*args, **kwargs)  # type: ignore[misc]  # likewise
+
+    def compute_returns_and_advantage(self, last_values: Any, dones: Any) -> None:
+        buffer: Any = self  # a buffer of Stable-Baselines3 stands behind
+        last = last_values.clone().cpu().numpy().flatten()
+        ends = np.concatenate([buffer.episode_starts[1:], dones[None]]).astype(bool)
+        buffer.advantages, valid = decided(
+            buffer.rewards,
+            buffer.values,
+            self._acted,
+            ends,
+            last,
+            buffer._watched.seen().acting,
+            gamma=buffer.gamma,
+            trace=buffer.gae_lambda,
+        )
+        buffer.returns = buffer.advantages + buffer.values
+        if valid.sum() < 2:  # nothing has a deviation of one
+            raise SpecError(
+                f"{valid.sum()} decisions were made in a whole rollout",
+                where="n_steps",
+                expected="2 or more, to learn from them",
+                actual=f"{len(valid)} steps of {valid.shape[1]} slots",
+                fix="take more steps, or more copies",
+            )
+        self._keep(valid)
+
+    def get(self, batch_size: int | None = None) -> Any:
+        """Batches in an order drawn anew; one decision left over waits for another time.
+
+        How many decisions there are depends on what was played, so that now and then one is left
+        over, and MaskablePPO divides by its deviation: the network would be no numbers from then.
+        """
+        for batch in super().get(batch_size):  # type: ignore[misc]  # likewise
+            if len(batch.actions) > 1:
+                yield batch
+
+    def _keep(self, valid: Any) -> None:
+        """Leaves nothing in the arrays but these steps, as those of one environment."""
+
+        def kept(value: Any) -> Any:
+            is_of_steps = isinstance(value, np.ndarray) and value.shape[:2] == valid.shape
+            return value[valid][:, None] if is_of_steps else value
+
+        for name, value in vars(self).items():
+            is_dict = isinstance(value, dict)
+            parts = {key: kept(part) for key, part in value.items()} if is_dict else kept(value)
+            setattr(self, name, parts)
+        self.buffer_size, self.n_envs = int(valid.sum()), 1
+
+
+class DecisionsRolloutBuffer(_Decisions, RolloutBuffer):
+    """Rollout buffer of PPO and A2C."""
+
+
+class DecisionsDictRolloutBuffer(_Decisions, DictRolloutBuffer):
+    """Rollout buffer of PPO and A2C, for observations that are dictionaries."""
+
+
+class DecisionsMaskableRolloutBuffer(_Decisions, MaskableRolloutBuffer):
+    """Rollout buffer of MaskablePPO."""
+
+
+class DecisionsMaskableDictRolloutBuffer(_Decisions, MaskableDictRolloutBuffer):
+    """Rollout buffer of MaskablePPO, for observations that are dictionaries."""
+
+
+def vec_env(
+    spec: object,
+    num_envs: int,
+    *,
+    role: str | None = None,
+    others: Choices = None,
+    check: str | None = "quick",
+    seed: int = 0,
+    env_kwargs: Mapping[str, Any] | None = None,
+    **options: Any,
+) -> SlotVecEnv:
+    """Copies of a multi-agent environment for Stable-Baselines3: each learning agent is a slot.
+
+    With `role=None` all agents share one policy; else one role learns, the others follow `others`.
+
+    | | |
+    |---|---|
+    | kept | every agent's own end, `terminal_observation`, `TimeLimit.truncated` of each agent, action masks (`env_method("action_masks")`, as MaskablePPO asks for them), seeds: slot e * A + a plays the episodes e, e + num_envs, ... of run `seed`, the same ones as `gk.rollout` |
+    | changed | an agent that ended before its copy is over shows zeros and reward 0 until that resets; who leaves without an ending counts as terminated; in an AEC environment a slot acts in its turns only. `buffer(venv)` keeps such steps out of on-policy training and credits each reward to the action that earned it. A Dict observation loses its `action_mask`; of one other part only that part is left |
+    | lost | infos but for the mask; state(); who acts with whom. Off-policy buffers (DQN, SAC) also store the steps of slots that didn't act, and a recurrent policy isn't told that an agent which had ended begins anew |
+    | refused | spaces that Stable-Baselines3's networks don't take: Tuple, a Dict within a Dict or as an action, MultiDiscrete of two axes, actions of MultiBinary of two, whole numbers that don't count from 0; learners that differ in their spaces (`role=`), others without a policy (`others=`), an environment that breaks the contract (`check=None` lets it pass) |
+
+    Args:
+        spec: where the environment comes from, as `gk.make` takes it.
+        num_envs: how many copies; the VecEnv has A times as many places, A agents learning.
+        role: the role, or the one agent, that learns; None: everybody.
+        others: policies of who doesn't learn, one for all or by agent or role.
+        check: "quick": the quick audit, once for each source digest, before the first step.
+        seed: of the run; `seed()` takes another one for the next reset.
+        env_kwargs: handed to the environment.
+        options: of `gk.vector.make`: `engine`, `workers`, `threads`.
+    Raises:
+        SpecError: see *refused*.
+        ContractError: the audit found that the environment breaks its contract.
+    """  # noqa: E501  # a row of a table is one line
+    checked(spec, check, env_kwargs=env_kwargs)
+    slots = Slots(
+        spec, num_envs, role=role, others=others, seed=seed, env_kwargs=env_kwargs, **options
+    )
+    seen = slots.observation_space
+    try:
+        if isinstance(seen, spaces.Dict):
+            for key, part in seen.spaces.items():
+                _check_space(part, f"observation_space[{key!r}]", axes=None)
+        else:
+            _check_space(seen, "observation_space", axes=None)
+        _check_space(slots.action_space, "action_space", axes=1)
+    except BaseException:
+        slots.close()
+        raise
+    return SlotVecEnv(slots)
+
+
+def _check_space(space: Any, where: str, *, axes: int | None) -> None:
+    """Refuses a space without a network; `axes`: most axes of a MultiBinary, None: any number."""
+    fault = None
+    if isinstance(space, spaces.Dict | spaces.Tuple):
+        fault = "values in parts stand where it takes none"
+    elif isinstance(space, spaces.MultiDiscrete) and len(space.shape) > 1:
+        fault = "a MultiDiscrete has more than one axis"
+    elif isinstance(space, spaces.MultiBinary) and axes is not None and len(space.shape) > axes:
+        fault = "a MultiBinary has more than one axis"
+    elif np.any(getattr(space, "start", 0)):
+        fault = "whole numbers don't count from 0"
+    if fault is not None:
+        raise SpecError(
+            f"Stable-Baselines3 has no network for a space: {fault}",
+            where=where,
+            expected="Box, Discrete, MultiDiscrete, MultiBinary; to observe, also one Dict of them",
+            actual=str(space)[:200],
+            fix="flatten it, or count from 0, in the environment",
+        )
+
+
+class SlotVecEnv(VecEnv):
+    """Use `vec_env`.
+
+    Attributes:
+        slots: the learning agents of all sub-environments.
+    """
+
+    def __init__(self, slots: Slots) -> None:
+        self.slots = slots
+        self.render_mode = None
+        self._next_seed: int | None = None
+        self._actions: Any = None
+        self._nothing: list[dict[str, Any]] = [{} for _ in range(slots.count)]
+        super().__init__(slots.count, slots.observation_space, slots.action_space)
+
+    def reset(self) -> Any:
+        """Begins a run, of the seed last given to `seed()`."""
+        seed, self._next_seed = self._next_seed, None
+        self._begun_s = time.monotonic()
+        self.reset_infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        return self.slots.reset(seed)
+
+    def step_async(self, actions: Any) -> None:
+        """Keeps the actions for `step_wait`; those of a MultiBinary space come as floats."""
+        self._actions = np.asarray(actions).astype(self.action_space.dtype)
+
+    def step_wait(self) -> Any:
+        """Steps every sub-environment; returns observations, rewards, dones, infos of slots."""
+        done = self.slots.step(self._actions)
+        dones = done.terminated | done.truncated
+        infos = self._infos()
+        for slot, final in done.final.items():
+            infos[slot] = {
+                "terminal_observation": final,
+                "TimeLimit.truncated": bool(done.truncated[slot] and not done.terminated[slot]),
+                "episode": {
+                    "r": done.returns[slot],
+                    "l": done.lengths[slot],
+                    "t": round(time.monotonic() - self._begun_s, 6),
+                },
+            }
+        return done.obs, done.rewards.astype(np.float32), dones, infos
+
+    def _infos(self) -> list[dict[str, Any]]:
+        """Returns an empty info for each slot, new ones where the last step's were written into."""
+        if any(self._nothing):
+            self._nothing = [{} for _ in self._nothing]
+        return self._nothing.copy()
+
+    def close(self) -> None:
+        """Closes every sub-environment."""
+        self.slots.close()
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Sets the seed of the run that the next reset begins."""
+        self._next_seed = seed
+        return [seed] * self.num_envs
+
+    def action_masks(self) -> Any:
+        """Actions that each slot may take, [slot, action] of bool; all where it doesn't act."""
+        return self.slots.masks.astype(bool)
+
+    def has_attr(self, name: str) -> bool:
+        """True if a slot has such an attribute."""
+        if name == "action_masks":
+            return self.slots.masks.size > 0
+        return name in ("agent", "role", "render_mode")
+
+    def get_attr(self, name: str, indices: Any = None) -> list[Any]:
+        """Returns `agent` or `role` of slots, or `render_mode`."""
+        learners = self.slots.learners
+        agents = [learners[slot % len(learners)] for slot in self._get_indices(indices)]
+        if name == "render_mode":
+            return [None for _ in agents]
+        if name in ("agent", "role"):
+            return agents if name == "agent" else [self.slots.role_of(agent) for agent in agents]
+        raise AttributeError(
+            f"slots have no attribute {name!r}: they are agents of copies, not environments; "
+            "known are agent, role, render_mode"
+        )
+
+    def set_attr(self, name: str, value: Any, indices: Any = None) -> None:
+        """Refused: what would be set in one slot would change its neighbours' environment.
+
+        Raises:
+            SpecError: always.
+        """
+        raise SpecError(
+            "slots are agents of shared environments, so no attribute is set in one",
+            where=f"set_attr({name!r})",
+            fix="hand it over as env_kwargs",
+        )
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> Any:
+        """Returns `action_masks` of slots; there are no other methods."""
+        if method_name == "action_masks":
+            masks = self.action_masks()
+            return list(masks if indices is None else masks[list(self._get_indices(indices))])
+        raise AttributeError(
+            f"slots have no method {method_name!r}: agents of copies; known is action_masks"
+        )
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """True for a Monitor: infos tell an episode's end as one would."""
+        from stable_baselines3.common.monitor import Monitor
+
+        return [wrapper_class is Monitor for _ in self._get_indices(indices)]
+
+    def get_images(self) -> Sequence[Any]:
+        """Returns no pictures: `gk.record(..., frames=True)` takes them."""
+        return [None] * self.num_envs

@@ -1,0 +1,152 @@
+"""A trained algorithm as a policy for rollouts and evaluation, and networks that take masks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from tianshou.data import Batch, to_numpy
+from tianshou.utils.net.common import AbstractDiscreteActor, ModuleWithVectorOutput
+
+from gamekeeper.adapters.requirements import weights_digest
+from gamekeeper.adapters.slot_views import zeros
+from gamekeeper.adapters.tianshou.tianshou_agents import native
+from gamekeeper.adapters.tianshou.tianshou_envs import AgentsVectorEnv
+from gamekeeper.errors import PolicyError, SpecError
+from gamekeeper.vector.vector_form import MASK
+
+
+def masked(actor: Any) -> MaskedNet:
+    """An actor that never takes an action that its mask forbids; it gives logits, not shares.
+
+    Tianshou's Q-learning policies look at masks themselves; its actors don't.
+
+    Raises:
+        SpecError: the actor ends in a softmax.
+    """
+    if getattr(actor, "softmax_output", False):
+        raise SpecError(
+            "shares can't be masked",
+            where="actor",
+            expected="logits",
+            actual="softmax_output=True",
+            fix="DiscreteActor(..., softmax_output=False)",
+        )
+    return MaskedNet(actor)
+
+
+def unmasked(net: Any) -> Unmasked:
+    """A critic (or any network) that is given the bare observation, without the mask."""
+    return Unmasked(net)
+
+
+class MaskedNet(AbstractDiscreteActor):
+    """Use `masked`."""
+
+    def __init__(self, actor: Any) -> None:
+        super().__init__(actor.get_output_dim())
+        self.actor = actor
+
+    def get_preprocess_net(self) -> Any:
+        """Returns the actor's preprocessing network."""
+        return self.actor.get_preprocess_net()
+
+    def forward(self, obs: Any, state: Any = None, info: Any = None) -> Any:
+        """Returns logits and hidden state; logits of masked actions are the least there is."""
+        logits, hidden = self.actor(obs.obs, state=state, info=info)
+        legal = torch.as_tensor(obs.mask, device=logits.device).bool()
+        return logits.masked_fill(~legal, torch.finfo(logits.dtype).min), hidden
+
+
+class Unmasked(ModuleWithVectorOutput):
+    """Use `unmasked`."""
+
+    def __init__(self, net: Any) -> None:
+        super().__init__(net.get_output_dim())
+        self.net = net
+
+    def forward(self, obs: Any, *args: Any, **kwargs: Any) -> Any:
+        """Returns the network's output for the bare observation."""
+        return self.net(obs.obs, *args, **kwargs)
+
+
+def policy(
+    algorithm: Any, env: AgentsVectorEnv, *, deterministic: bool = True, version: str | None = None
+) -> LearntPolicy:
+    """A policy for `gk.rollout` and wherever else one is taken.
+
+    Args:
+        algorithm: an algorithm or a policy of Tianshou's.
+        env: the environment it learnt in: it has the form of observations.
+        deterministic: takes the likeliest action; else one is drawn.
+        version: kept with the evidence; None: the digest of the weights.
+    """
+    found = getattr(algorithm, "policy", algorithm)
+    return LearntPolicy(
+        found, env, deterministic, version or weights_digest(sorted(found.state_dict().items()))
+    )
+
+
+class LearntPolicy:
+    """Use `policy`.
+
+    Attributes:
+        version: kept with the evidence.
+    """
+
+    def __init__(self, found: Any, env: AgentsVectorEnv, deterministic: bool, version: str) -> None:
+        self._policy, self._env = found, env
+        self._deterministic, self.version = deterministic, version
+
+    def __call__(self, observation: Any, agent: Any, info: Any, rng: Any) -> Any:
+        """The action of one agent.
+
+        Raises:
+            PolicyError: it isn't among the agents that learnt.
+        """
+        slots, forms = self._env.slots, self._env.slots.forms
+        names = [str(learner) for learner in slots.learners]
+        if str(agent) not in names:
+            raise PolicyError(
+                f"{agent!r} isn't among the agents that learnt",
+                where="policy",
+                expected=", ".join(names),
+                actual=str(agent),
+                fix="give it another policy",
+            )
+        place = names.index(str(agent))
+        number = slots.number_of(slots.learners[place])
+        group: Any = slots.venv.groups[number]
+        obs = zeros(forms.observation_space, (1,))
+        forms.put(obs, (0,), number, observation)
+        rows: Any = Batch(obs) if isinstance(obs, dict) else obs
+        if forms.has_masks:
+            rows = Batch(obs=rows, mask=self._mask(group, observation, info))
+        mine = self._policy
+        if self._env.is_multi:
+            mine = mine.policies[str(self._env.named[place])]
+        with torch.no_grad():
+            act = to_numpy(self._chosen(mine, rows, rng))
+        act = np.asarray(mine.map_action(act))[0]
+        action = native(group.action_space, act)
+        return int(action) if forms.actions else action
+
+    def _chosen(self, mine: Any, rows: Any, rng: Any) -> Any:
+        # `out.act` is left aside where there is a distribution: whether Tianshou draws it hangs on
+        # `deterministic_eval`, and on whether its trainer was learning as it was last asked.
+        given = Batch(obs=rows, info=Batch())
+        if self._deterministic:
+            out = mine(given)
+            return out.act if out.get("dist") is None else out.dist.mode
+        with torch.random.fork_rng(devices=range(torch.cuda.device_count())):  # a trainer's draws
+            torch.manual_seed(int(rng.integers(2**31)))
+            out = mine(given)
+            return out.act if out.get("dist") is None else out.dist.sample()
+
+    def _mask(self, group: Any, observation: Any, info: Any) -> Any:
+        flags = np.zeros((1, self._env.slots.forms.actions), bool)
+        given = observation.get(MASK) if isinstance(observation, dict) else None
+        given = info.get(MASK) if given is None else given
+        flags[0, : group.action_space.n] = True if given is None else np.asarray(given) != 0
+        return flags

@@ -1,1 +1,0 @@
-"""`gamekeeper view`: recorded runs, served to a browser on this machine."""

@@ -1,1 +1,0 @@
-"""Checks: pure functions from contract and evidence to occasions, one file each."""

@@ -1,0 +1,152 @@
+"""`gk.audit`: an environment that can be named runs in a process of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from os import PathLike, fspath
+from typing import Any, Final
+
+from gamekeeper.auditing.audit import BUDGET, QUICK, AuditAttempt, OnProbe, audit_here
+from gamekeeper.auditing.result import AuditResult
+from gamekeeper.contract import Contract
+from gamekeeper.errors import EnvError, GamekeeperError
+from gamekeeper.rollouts.workers import run_task
+from gamekeeper.runs.worker_errors import error_fields, error_of
+
+TASK: Final = "gamekeeper.auditing.audit_process:audit_task"
+SILENCE_S: Final = 120.0
+"""A probe is given up after so long; its checks are not exercised, and it is named as hung."""
+MOST_DEATHS: Final = 6
+"""Probes in which the process may end before the audit gives up."""
+
+
+def audit(
+    spec: object,
+    *,
+    contract: Contract | str | PathLike[str] | None = None,
+    budget: int = BUDGET,
+    quick: bool = False,
+    seed: int = 0,
+    select: Sequence[str] = (),
+    ignore: Sequence[str] = (),
+    env_kwargs: Mapping[str, Any] | None = None,
+    silence_s: float = SILENCE_S,
+    memory_bytes: int | None = None,
+    on_probe: OnProbe | None = None,
+) -> AuditResult:
+    """Audits an environment against PettingZoo's contract, and its own where it has one.
+
+    What is named by text runs in a process of its own, so that a crash or a hang is a finding; what
+    is handed over as an object or a factory runs here. Verdicts repeat with the same seed and
+    budget.
+
+    Args:
+        spec: where the environment comes from; of an object, what needs a second instance is
+            *not exercised*.
+        contract: what is declared; None: what lies beside the environment, if anything.
+        budget: environment steps.
+        quick: a budget of 3,000 steps.
+        seed: of the plays; play k is reset with `seed + 1 + k`.
+        select: only checks whose ids begin so; all where empty.
+        ignore: but those whose ids begin so.
+        env_kwargs: handed to the factory.
+        silence_s: a probe that gives no sign of life for so long is given up.
+        memory_bytes: bound of the process's memory.
+        on_probe: called with a probe's name, its place and their number.
+    Raises:
+        SpecError: nothing can be opened under that name.
+        ContractError: the contract doesn't fit the environment.
+        EvidenceError: no check begins like `select` or `ignore`.
+        EnvError: the environment's process ended again and again.
+    """
+    asked: dict[str, Any] = {
+        "budget": QUICK if quick else budget,
+        "seed": seed,
+        "select": list(select),
+        "ignore": list(ignore),
+        "env_kwargs": dict(env_kwargs or {}),
+    }
+    if not isinstance(spec, str):
+        return audit_here(spec, contract=contract, attempt=AuditAttempt(on_probe=on_probe), **asked)
+    asked["contract"] = _env_step(contract)
+    died: dict[str, str] = {}
+    while len(died) <= MOST_DEATHS:
+        value = _tried(spec, asked, died, silence_s, memory_bytes, on_probe)
+        if value is not None:
+            return value
+    raise EnvError(
+        "the environment's process ended again and again",
+        where=spec,
+        actual="; ".join(f"{probe}: {said}" for probe, said in died.items()),
+        fix="play it with `gamekeeper rollout`, which keeps what it did until it ended",
+    )
+
+
+def _tried(
+    spec: str,
+    asked: Mapping[str, Any],
+    died: dict[str, str],
+    silence_s: float,
+    memory_bytes: int | None,
+    on_probe: OnProbe | None,
+) -> AuditResult | None:
+    """One try in a process of its own; None where it died in a probe, which `died` then names."""
+    current = ""
+
+    def take(message: dict[str, Any]) -> None:
+        nonlocal current
+        current = message["probe"]
+        if on_probe is not None:
+            on_probe(current, message["place"], message["count"])
+
+    outcome = run_task(
+        TASK,
+        {"spec": spec, "died": dict(died), **asked},
+        silence_s=silence_s,
+        memory_bytes=memory_bytes,
+        on_message=take,
+    )
+    if outcome.status == "interrupted":
+        raise KeyboardInterrupt
+    if isinstance(outcome.value, dict):
+        if outcome.value["error"] is not None:
+            raise error_of(outcome.value["error"])
+        return AuditResult.from_json(outcome.value["audit"])
+    if outcome.status == "raised" or not current or current in died:
+        raise EnvError(
+            f"the environment's process {outcome.status}: {outcome.error}",
+            where=current or spec,
+            actual=outcome.traceback or "",
+            fix="see the traceback: the process ended, or ran out of time or memory",
+        )
+    died[current] = f"{outcome.status}: {outcome.error}"
+    return None
+
+
+def _env_step(contract: Contract | str | PathLike[str] | None) -> Any:
+    """A contract as it crosses to another process."""
+    if contract is None or isinstance(contract, str):
+        return contract
+    return contract.to_json() if isinstance(contract, Contract) else fspath(contract)
+
+
+def audit_task(
+    report: Callable[..., None],
+    *,
+    spec: str,
+    contract: Any,
+    died: Mapping[str, str],
+    **options: Any,
+) -> dict[str, Any]:
+    """Audits in this process, which was started for it."""
+
+    def on_probe(name: str, place: int, count: int) -> None:
+        report(probe=name, place=place, count=count)
+
+    declared = Contract.from_json(contract) if isinstance(contract, dict) else contract
+    try:
+        attempt = AuditAttempt(died, on_probe, beat=report)
+        found = audit_here(spec, contract=declared, attempt=attempt, **options)
+    except GamekeeperError as error:
+        return {"error": error_fields(error), "audit": None}
+    return {"error": None, "audit": found.to_json()}

@@ -1,0 +1,173 @@
+"""Gathering: the probes at work within a budget of environment steps."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+from gamekeeper.auditing.bulk import EVIDENCE_BYTES, held_bytes, most_turns, slimmed
+from gamekeeper.auditing.probe import Probe, probes
+from gamekeeper.auditing.probe_session import Meter, ProbeSession
+from gamekeeper.checks.probe_evidence import (
+    Fact,
+    ProbeCounterfactual,
+    ProbeDeath,
+    ProbeEvidence,
+    ProbeRun,
+)
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.exception_text import traceback_text
+from gamekeeper.episodes.outcome import check_measured, outcome_of
+from gamekeeper.interface.contract_draft import agent_specs
+from gamekeeper.interface.opening import Opened
+from gamekeeper.rollouts.episode_loop import EpisodePlan
+
+ROLLOUT: Final = "rollout"
+"""The probe that plays whole episodes."""
+
+
+@dataclass(slots=True)
+class Gathering:
+    """Evidence of all probes, with what it takes to rerun them.
+
+    Attributes:
+        lab: the bench; a probe's own is made from it.
+        looks: by probe.
+        plays: by probe and number, what was played.
+        not_exercised: probes that couldn't look, and why.
+        broken: probes that failed through a fault of their own, with the traceback.
+        seconds: by probe.
+    """
+
+    lab: ProbeSession
+    probes: Mapping[str, Probe]
+    looks: dict[str, list[ProbeRun]] = field(default_factory=dict)
+    plays: dict[tuple[str, int], EpisodePlan] = field(default_factory=dict)
+    not_exercised: dict[str, str] = field(default_factory=dict)
+    broken: dict[str, str] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def gathered(self) -> ProbeEvidence:
+        """For the checks to read."""
+        return ProbeEvidence(
+            api=self.lab.api,
+            agents=self.lab.agents,
+            looks={probe: tuple(looks) for probe, looks in self.looks.items()},
+            not_exercised=self.not_exercised,
+        )
+
+
+def lab_of(
+    opened: Opened,
+    contract: Contract | None,
+    *,
+    spec: object,
+    kwargs: Mapping[str, Any],
+    seed: int,
+    budget: int,
+    beat: Callable[[], None] | None = None,
+) -> ProbeSession:
+    """The bench for an environment that is open and wasn't reset yet."""
+    declared = contract or Contract()
+    agents = {each.name: each for each in agent_specs(opened.env, declared)}
+    return ProbeSession(
+        probe="",
+        opened=opened,
+        spec=spec,
+        kwargs=kwargs,
+        api=opened.api,
+        contract=declared,
+        agents=agents,
+        seed=seed + 1,
+        ration=budget,
+        meter=Meter(beat=beat),
+    )
+
+
+def gather(
+    lab: ProbeSession,
+    names: Collection[str],
+    *,
+    died: Mapping[str, str],
+    on_probe: Callable[[str, int, int], None],
+) -> Gathering:
+    """Lets the probes of these names look, one after the other, each within its ration.
+
+    Args:
+        lab: its ration is that of all together.
+        died: probes in which the process of an earlier try died or hung, and what was said of it;
+            they don't look again.
+        on_probe: called with a probe's name, its place and their number, before it looks.
+    """
+    found = probes(names)
+    gathering = Gathering(lab, found)
+    total = sum(probe.share for probe in found.values())
+    for place, (name, probe) in enumerate(found.items()):
+        on_probe(name, place, len(found))
+        if name in died:
+            where = lab.for_probe(name, 0).at()
+            gathering.looks[name] = [ProbeRun(facts=(Fact(where, ProbeDeath(died[name])),))]
+            gathering.not_exercised[name] = f"the environment's process {died[name]}"
+            continue
+        reason = probe.reason_against(lab)
+        if reason is not None:
+            gathering.not_exercised[name] = reason
+            continue
+        begun_s = time.perf_counter()
+        part = probe.share / total
+        _probe(gathering, name, probe, int(lab.ration * part), int(EVIDENCE_BYTES * part))
+        gathering.seconds[name] = time.perf_counter() - begun_s
+        if name == ROLLOUT:
+            _check_measured(gathering)
+    return gathering
+
+
+def _check_measured(gathering: Gathering) -> None:
+    """Checks the failure conditions against the first episode that ended by itself.
+
+    Raises:
+        ContractError: a condition asks for what nothing measures.
+    """
+    contract = gathering.lab.contract
+    traces = [trace for look in gathering.looks[ROLLOUT] for trace in look.traces]
+    ended = next((trace for trace in traces if trace.header.get("end") == "ended"), None)
+    if ended is not None and contract.failure:
+        check_measured(outcome_of(ended), contract.failure, contract)
+
+
+def look_once(lab: ProbeSession, probe: Probe, play: EpisodePlan) -> ProbeRun:
+    """Result of one rerun of a probe; its instances are closed."""
+    lab.base = None
+    try:
+        saw = list(probe.look(lab, play))
+    finally:
+        lab.close()
+    return ProbeRun(
+        traces=tuple(each for each in saw if not isinstance(each, Fact | ProbeCounterfactual)),
+        counterfactuals=tuple(
+            slimmed(each) for each in saw if isinstance(each, ProbeCounterfactual)
+        ),
+        facts=tuple(each for each in saw if isinstance(each, Fact)),
+    )
+
+
+def _probe(gathering: Gathering, name: str, probe: Probe, ration: int, size_bytes: int) -> None:
+    lab = gathering.lab.for_probe(name, ration)
+    longest, held = most_turns(lab, size_bytes), 0
+    looks = gathering.looks.setdefault(name, [])
+    begun = lab.meter.steps
+    try:
+        for number, play in enumerate(probe.plays(lab)):
+            if number and (lab.meter.steps - begun >= ration or held >= size_bytes):
+                break
+            lab.number = number
+            play = replace(play, most_turns=min(play.most_turns, longest))
+            looks.append(look_once(lab, probe, play))
+            held += held_bytes(looks[-1])
+            gathering.plays[name, number] = lab.base or play
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # a fault of the probe's, told as one; the other probes go on
+        gathering.broken[name] = traceback_text(error)

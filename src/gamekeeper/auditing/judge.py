@@ -1,0 +1,79 @@
+"""Judging: checks over what was gathered, and verdicts from their cases. Pure."""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from gamekeeper.checks.case import Case
+from gamekeeper.checks.check import Check
+from gamekeeper.checks.probe_evidence import ProbeEvidence
+from gamekeeper.checks.verdict import Outcome
+from gamekeeper.contract import Contract
+
+MOST_SHOWN: Final = 3
+"""Broken cases of one check that become findings, each of another field."""
+FAR: Final = 1 << 60
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """Outcome of a check before its cases are shrunk."""
+
+    check: Check
+    outcome: Outcome
+    cases: int = 0
+    failed: int = 0
+    shown: tuple[Case, ...] = ()
+    confidence: float = 1.0
+    reason: str = ""
+
+
+def judge(
+    check: Check, contract: Contract, evidence: ProbeEvidence, broken_probes: Mapping[str, str]
+) -> Judged:
+    """Runs one check; what it raises is an *error* of its own, never the environment's fault."""
+    failed = [name for name in check.needs if name in broken_probes]
+    if failed:
+        return Judged(check, "error", reason=broken_probes[failed[0]])
+    try:
+        against = check.reason_against(contract, evidence)
+        if against is not None:
+            return Judged(check, "not_applicable", reason=against)
+        cases = list(check.run(contract, evidence))
+    except Exception:  # a third party's check may raise anything
+        return Judged(check, "error", reason=traceback.format_exc())
+    bad = [each for each in cases if not each.ok]
+    waiver = contract.waivers.get(check.id)
+    if bad:
+        sure = max(each.confidence or check.confidence for each in bad)
+        outcome: Outcome = "failed" if waiver is None else "waived"
+        return Judged(
+            check, outcome, len(cases), len(bad), _first_by_field(bad), sure, waiver or ""
+        )
+    if not cases:
+        return Judged(check, "not_exercised", reason=_not_exercised(check, evidence))
+    reason = "" if waiver is None else f"its waiver isn't needed any more ({waiver})"
+    return Judged(check, "passed", len(cases), reason=reason)
+
+
+def _not_exercised(check: Check, evidence: ProbeEvidence) -> str:
+    reasons = [
+        evidence.not_exercised[name] for name in check.needs if name in evidence.not_exercised
+    ]
+    return reasons[0] if reasons else "no episode had a case for it"
+
+
+def _first_by_field(bad: list[Case]) -> tuple[Case, ...]:
+    """The earliest broken case of each field, the earliest first."""
+    firsts: dict[str, Case] = {}
+    for case in sorted(bad, key=_earliness):
+        firsts.setdefault(case.where.field, case)
+    return tuple(firsts.values())[:MOST_SHOWN]
+
+
+def _earliness(case: Case) -> tuple[int, int]:
+    turn = case.where.turn
+    return (FAR if turn is None else turn, case.where.play)

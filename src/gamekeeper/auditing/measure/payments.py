@@ -1,0 +1,61 @@
+"""Measured rewards: sums, signs, shared by all agents, cancelling out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from gamekeeper.episodes.episode import Episode
+
+LEAST: Final = 5
+"""Steps that paid anything, for a word on whether rewards are shared or cancel out."""
+CLOSE: Final = 1e-9
+
+
+def payments(traces: Sequence[Episode]) -> dict[str, Any]:
+    """Per agent what was paid, and whether steps paid all alike or sum to zero.
+
+    `shared` and `zero_sum` are None where fewer than five steps paid anything, or only one
+    agent plays; `n` counts the steps that paid.
+    """
+    by_agent: dict[str, dict[str, float]] = {}
+    shared = zero = paid = 0
+    most = 0
+    for trace in traces:
+        roster = frozenset[str]()
+        for turn in trace.turns:
+            roster = (roster - turn.ended) | turn.live
+            if not turn.order:
+                continue
+            names = roster | frozenset(turn.rewards)
+            most = max(most, len(names))
+            for agent in turn.rewards:
+                _count(by_agent, agent, turn.rewards[agent])
+            if any(turn.rewards.values()):
+                paid += 1
+                amounts = [turn.rewards.get(name, 0.0) for name in names]
+                shared += max(amounts) - min(amounts) <= CLOSE * max(map(abs, amounts))
+                zero += abs(sum(amounts)) <= CLOSE * sum(map(abs, amounts))
+    return {
+        "by_agent": {
+            agent: {"mean_return": entry["sum"] / max(len(traces), 1), **_signs(entry)}
+            for agent, entry in sorted(by_agent.items())
+        },
+        "shared": shared == paid if paid >= LEAST and most > 1 else None,
+        "zero_sum": zero == paid if paid >= LEAST and most > 1 else None,
+        "n": paid,
+    }
+
+
+def _count(by_agent: dict[str, dict[str, float]], agent: str, amount: float) -> None:
+    entry = by_agent.setdefault(
+        agent, {"sum": 0.0, "positive": 0, "negative": 0, "least": amount, "most": amount}
+    )
+    entry["sum"] += amount
+    entry["positive"] += amount > 0
+    entry["negative"] += amount < 0
+    entry["least"], entry["most"] = min(entry["least"], amount), max(entry["most"], amount)
+
+
+def _signs(entry: Mapping[str, float]) -> dict[str, float]:
+    return {name: entry[name] for name in ("least", "most", "positive", "negative")}

@@ -1,0 +1,257 @@
+"""A probe's place of work: instances of the environment, plays in them, and a count of steps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import nullcontext
+from dataclasses import dataclass, field, replace
+from functools import cache
+from typing import Any, Final, TypeAlias
+
+from gamekeeper.checks.case import Reproducer
+from gamekeeper.checks.probe_evidence import Fact, Kind, ProbeCounterfactual
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.agent_spec import AgentSpec
+from gamekeeper.episodes.episode import Episode
+from gamekeeper.episodes.exception_text import message, traceback_text
+from gamekeeper.episodes.layout import agent_name
+from gamekeeper.episodes.where import Where
+from gamekeeper.interface.opening import Opened, open_env
+from gamekeeper.interface.packing import type_name_of
+from gamekeeper.interface.policy import Chosen, resolve
+from gamekeeper.rollouts.episode_loop import (
+    EpisodePlan,
+    EpisodeResult,
+    EvidenceOptions,
+    FailedCall,
+    StepHook,
+    perform,
+)
+from gamekeeper.rollouts.intervention import Intervention
+from gamekeeper.rollouts.process_randomness import held
+from gamekeeper.runs.recording import cast_of
+
+Saw: TypeAlias = Fact[Any] | ProbeCounterfactual | Episode
+
+LEAST_TURNS: Final = 20
+"""A play shorter than this shows too little."""
+RESET_STEPS: Final = 1
+"""Cost of a reset in the budget, in steps."""
+
+
+@dataclass(slots=True)
+class Meter:
+    """Counts steps of the environment.
+
+    Attributes:
+        steps: taken so far.
+        beat: called at each count, as a sign of life.
+    """
+
+    steps: int = 0
+    beat: Callable[[], None] | None = None
+
+    def count(self, steps: int = 1) -> None:
+        """Counts so many more."""
+        self.steps += steps
+        if self.beat is not None:
+            self.beat()
+
+
+@dataclass(frozen=True, slots=True)
+class Called:
+    """Result of a call into the environment: a value, or its exception."""
+
+    value: Any = None
+    failed: FailedCall | None = None
+
+    @property
+    def said(self) -> str | None:
+        """The exception in words; None where there was none."""
+        return None if self.failed is None else f"{self.failed.kind}: {self.failed.text}"
+
+
+@dataclass(slots=True)
+class ProbeSession:
+    """One probe's bench.
+
+    Attributes:
+        probe: its name.
+        api: `aec` or `parallel`.
+        contract: declared; an empty one where nothing is.
+        agents: what is known of each possible agent before the first reset.
+        seed: play k is reset with `seed + k`; one above the audit's, as 0 is easily taken for no
+            seed: that is for a probe of its own to see, and no other probe's noise.
+        ration: environment steps that the probe may take in all.
+        number: of the play in hand.
+        base: the first play of the look, with its actions, once it was played.
+    """
+
+    probe: str
+    opened: Opened
+    spec: object
+    kwargs: Mapping[str, Any]
+    api: str
+    contract: Contract
+    agents: Mapping[str, AgentSpec]
+    seed: int
+    ration: int
+    meter: Meter = field(default_factory=Meter)
+    number: int = 0
+    base: EpisodePlan | None = None
+    _made: list[Any] = field(default_factory=list)
+
+    @property
+    def can_make(self) -> bool:
+        """Tells whether more than the one instance that was handed over can be had."""
+        return self.opened.make is not None
+
+    def env(self) -> Any:
+        """A fresh instance where one can be had, else the only one."""
+        return self.make() if self.can_make else self.opened.env
+
+    def make(self, **kwargs: Any) -> Any:
+        """A fresh instance, closed after the look; `kwargs` on top of the user's own.
+
+        Raises:
+            SpecError: it can't be built (with these arguments), or only an object is there.
+        """
+        if self.opened.make is None:
+            env = open_env(self.spec, **{**self.kwargs, **kwargs}).env
+        else:
+            env = self.opened.make(**kwargs)
+        self._made.append(env)
+        return env
+
+    def close(self) -> None:
+        """Closes the instances of the look."""
+        made, self._made = self._made, []
+        for env in made:
+            self.call("close", env.close)
+
+    def plays(self, count: int, *, runs: int = 1, most_turns: int = 1000) -> Iterator[EpisodePlan]:
+        """`count` plays from seeds in a row, each played `runs` times within the ration."""
+        turns = max(self.ration // max(count * runs, 1), LEAST_TURNS)
+        for k in range(count):
+            yield EpisodePlan(seed=self.seed + k, stream=k, most_turns=min(turns, most_turns))
+
+    def long_plays(
+        self, count: int, *, runs: int = 1, most_turns: int = 1000
+    ) -> Iterator[EpisodePlan]:
+        """Up to `count` plays of which the first may take the whole ration, `runs` times over.
+
+        So what only happens late in an episode is seen too. Later ones are for what those before
+        left, where they ended early.
+        """
+        begun = self.meter.steps
+        for k in range(count):
+            left = self.ration - (self.meter.steps - begun)
+            turns = max(left // runs, LEAST_TURNS)
+            yield EpisodePlan(seed=self.seed + k, stream=k, most_turns=min(turns, most_turns))
+
+    def play(
+        self,
+        play: EpisodePlan,
+        env: Any = None,
+        *,
+        change: Intervention | None = None,
+        watch: StepHook | None = None,
+        state: bool = True,
+        hold: bool = True,
+    ) -> EpisodeResult:
+        """Plays in `env` (a fresh instance if None), with random legal actions or those on paper.
+
+        The generators of the whole process start from one seed unless `hold` is False, so that who
+        draws from them makes no difference between a play, its unchanged rerun and its
+        counterfactual.
+
+        The first play of a look is its `base`: its actions are what a reader plays again.
+        """
+        env = self.env() if env is None else env
+        self.meter.count(RESET_STEPS)
+        with held() if hold else nullcontext():
+            played = perform(
+                play,
+                env,
+                cast=None if play.actions is not None else cast_of(_random(), env, self.contract),
+                cast_seed=self.seed,
+                change=change,
+                contract=self.contract,
+                keep=EvidenceOptions(
+                    identity=self.opened.identity, label=self.probe, number=self.number, state=state
+                ),
+                watch=watch,
+                on_step=self.meter.count,
+            )
+        if self.base is None:
+            self.base = played.play
+        return played
+
+    def counterfactual(
+        self,
+        base: EpisodeResult,
+        unchanged_rerun: EpisodeResult,
+        change: Intervention,
+        env: Any = None,
+        **options: Any,
+    ) -> ProbeCounterfactual:
+        """The base's actions played again with one change, beside its unchanged rerun."""
+        counterfactual = self.play(base.play, env, change=change, **options)
+        return ProbeCounterfactual(
+            base.trace,
+            unchanged_rerun.trace,
+            counterfactual.trace,
+            change.to_json(),
+            tuple(self.contract.volatile_infos()),
+        )
+
+    def call(
+        self, name: str, function: Callable[..., Any], *arguments: Any, **named: Any
+    ) -> Called:
+        """Calls into the environment; what it raises is data."""
+        try:
+            return Called(function(*arguments, **named))
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # whatever foreign code raises is evidence
+            text = traceback_text(error, limit=-12)
+            kind = type_name_of(type(error))
+            return Called(failed=FailedCall(name, 0, kind, message(error)[:500], text))
+
+    def step(self, env: Any, actions: Any) -> Called:
+        """A counted step, for probes with a loop of their own."""
+        self.meter.count()
+        return self.call("step", env.step, actions)
+
+    def at(self, turn: int | None = None, agent: Any = None, field: str = "") -> Where:
+        """A place in the play in hand."""
+        return Where(
+            self.probe, self.number, turn, None if agent is None else agent_name(agent), field
+        )
+
+    def fact(
+        self,
+        value: Kind,
+        *,
+        turn: int | None = None,
+        agent: Any = None,
+        field: str = "",
+        proof: Reproducer | None = None,
+    ) -> Fact[Kind]:
+        """A fact of the play in hand."""
+        return Fact(self.at(turn, agent, field), value, proof)
+
+    def paper(self, play: EpisodePlan, actions: list[Mapping[Any, Any]]) -> None:
+        """Notes what was played, where a probe has a loop of its own."""
+        if self.base is None:
+            self.base = replace(play, actions=tuple(actions), most_turns=max(len(actions), 1))
+
+    def for_probe(self, probe: str, ration: int) -> ProbeSession:
+        """The same lab for another probe."""
+        return replace(self, probe=probe, ration=ration, number=0, base=None, _made=[])
+
+
+@cache
+def _random() -> Chosen:
+    """The policy of every play, looked up once: that asks all distributions that are installed."""
+    return resolve("random")

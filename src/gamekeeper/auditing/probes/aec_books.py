@@ -1,0 +1,152 @@
+"""Probe of an AEC environment's books: `last()`, `rewards`, resets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from numbers import Real
+from typing import Any, Final
+
+import numpy as np
+
+from gamekeeper.auditing.probe import probe
+from gamekeeper.auditing.probe_session import ProbeSession, Saw
+from gamekeeper.checks.facts.aec_book_facts import LastRewards, MarkedReward, OwedAfterReset
+from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
+
+PLAYS: Final = 3
+RUNS: Final = 3
+"""A play itself, the one with marks, and the one that a reset cuts."""
+MOST_MARKS: Final = 12
+"""Steps of one play before which rewards are marked."""
+MARK: Final = 1234.567
+"""Added to a reward before a step, times its size and one."""
+NEAR: Final = 1e-3
+"""Tolerance, as a part of the mark: accounts may be of float16."""
+
+
+def _books_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """A few, of some length each."""
+    yield from lab.plays(PLAYS, runs=RUNS)
+
+
+@probe("books", share=1.5, plays=_books_plays, api="aec")
+def books(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """Books of an AEC environment: `last()` itself, what stands in `rewards`, resets.
+
+    The trace; then the same play with marked rewards, and once more, cut by a reset.
+
+    Facts:
+        `LastRewards`, `MarkedReward`, `OwedAfterReset`.
+    """
+    env = lab.env()
+    told: dict[int, Any] = {}
+    paid: list[dict[Any, float]] = []
+
+    def watch(turn: int, env: Any, out: Any) -> None:
+        reward = _last(lab, env)
+        if reward is not None:
+            told[turn] = reward
+        paid.append(_book(lab, env, "rewards"))
+
+    played = lab.play(play, env, watch=watch, state=False)
+    yield played.trace
+    yield lab.fact(LastRewards(told), field="cumulative_reward")
+    if not any(paid):
+        return
+    yield from _marks(lab, env, played, paid)
+    yield from _owed(lab, env, played, paid)
+
+
+def _marks(
+    lab: ProbeSession, env: Any, played: EpisodeResult, paid: list[dict[Any, float]]
+) -> Iterator[Saw]:
+    """Tells whether values in `rewards` before a step are gone after it.
+
+    Told by the difference from the play without marks, so that no reward is taken for a mark.
+    """
+    live = [
+        turn.index
+        for turn in played.trace.turns
+        if turn.order and turn.order[0] not in turn.ended and not turn.raised
+    ]
+    places = [turn for turn in live if turn < len(paid) and paid[turn]][:MOST_MARKS]
+    marked: dict[int, dict[Any, float]] = {}
+    after: dict[int, dict[Any, float]] = {}
+
+    def watch(turn: int, env: Any, out: Any) -> None:
+        if turn - 1 in marked:
+            after[turn - 1] = _book(lab, env, "rewards")
+        if turn in places:
+            for agent, reward in paid[turn].items():
+                mark = reward + MARK * (1.0 + abs(reward))
+                lab.call("rewards", _put, env, agent, mark)
+            now = _book(lab, env, "rewards")
+            raised = {agent: now.get(agent, 0.0) - reward for agent, reward in paid[turn].items()}
+            marked[turn] = {agent: mark for agent, mark in raised.items() if mark > MARK / 2}
+
+    if not places:
+        return
+    lab.play(_cut(played.play, places[-1] + 1), env, watch=watch, state=False)
+    for turn in sorted(after.keys() & marked.keys()):
+        for agent, mark in marked[turn].items():
+            plain = paid[turn + 1] if turn + 1 < len(paid) else {}
+            more = after[turn].get(agent, 0.0) - plain.get(agent, 0.0)
+            stood = abs(more - mark) < NEAR * mark
+            value = MarkedReward(agent=agent, reward=paid[turn][agent], mark=mark, stood=stood)
+            yield lab.fact(value, turn=turn, agent=agent, field="rewards")
+
+
+def _owed(
+    lab: ProbeSession, env: Any, played: EpisodeResult, paid: list[dict[Any, float]]
+) -> Iterator[Saw]:
+    """Cumulative rewards after a reset, where the episode before was cut with some due."""
+    turns = len(played.play.actions or ())
+    places = [turn for turn in range(1, turns + 1) if turn < len(paid) and paid[turn]]
+    if not places:
+        return
+    turn = places[-1]
+    lab.play(_cut(played.play, turn), env, state=False)
+    reset = lab.call("reset", env.reset, seed=played.play.seed)
+    lab.meter.count()
+    if reset.failed is None:
+        books = OwedAfterReset(
+            last=_last(lab, env) or 0.0,
+            rewards=_book(lab, env, "rewards"),
+            cumulative=_book(lab, env, "_cumulative_rewards"),
+        )
+        yield lab.fact(books, turn=turn, field="cumulative_reward")
+
+
+def _cut(play: EpisodePlan, turns: int) -> EpisodePlan:
+    return replace(play, actions=(play.actions or ())[:turns], most_turns=max(turns, 1))
+
+
+def _last(lab: ProbeSession, env: Any) -> float | None:
+    """The reward of `last()`, where somebody is in turn and it is a number."""
+    if not lab.call("agents", getattr, env, "agents").value:
+        return None
+    called = lab.call("last", env.last, False)
+    if called.failed is not None and called.failed.kind == "TypeError":
+        called = lab.call("last", env.last)  # one of its own, that always observes
+    try:
+        reward = called.value[1]
+    except (TypeError, IndexError):
+        return None
+    return float(reward) if _is_real(reward) else None
+
+
+def _book(lab: ProbeSession, env: Any, name: str) -> dict[Any, float]:
+    """Values other than 0 in a dictionary of rewards, by agent; no number counts as 0."""
+    book = lab.call(name, getattr, env, name).value
+    if not isinstance(book, Mapping):
+        return {}
+    return {agent: float(reward) for agent, reward in book.items() if _is_real(reward) and reward}
+
+
+def _is_real(value: Any) -> bool:
+    return isinstance(value, Real) and bool(np.isfinite(float(value)))
+
+
+def _put(env: Any, agent: Any, value: float) -> None:
+    env.rewards[agent] = value

@@ -1,0 +1,310 @@
+"""Probes of copies of an environment and of its conversion to Parallel."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+import random
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from operator import methodcaller
+from typing import Any, Final
+
+import numpy as np
+
+from gamekeeper.auditing.probe import probe
+from gamekeeper.auditing.probe_session import Called, ProbeSession, Saw
+from gamekeeper.checks.facts.copy_facts import ChangedView, ConvertedEnv, CopiedEnv, WithinCycle
+from gamekeeper.checks.probe_evidence import Fact
+from gamekeeper.contract import Contract
+from gamekeeper.interface.env_inside import pettingzoo_parallel
+from gamekeeper.rollouts.episode_loop import Actions, EpisodePlan, actions_of
+from gamekeeper.rollouts.snapshots import is_same, snapshot
+
+MOMENTS: Final = 8
+"""Parts of a play, between which copies are made."""
+SHORT: Final = 3
+"""Turns that a copy goes on; the one of the middle goes on to the end."""
+WAYS: Final[Mapping[str, Callable[[Any], Any]]] = {
+    "deepcopy": copy.deepcopy,
+    "pickle": lambda env: pickle.loads(pickle.dumps(env)),
+}
+Told = list[tuple[str, Any, Any]]
+"""By and by what was given: what it is, whose, a snapshot."""
+
+
+def _copies_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """One play, some eight times over; copies are made in its midst."""
+    return lab.plays(1, runs=8, most_turns=60)
+
+
+@probe("copies", share=0.8, plays=_copies_plays)
+def copies(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """Copies of an environment in mid-play go on beside the original, with the same actions.
+
+    Copies at several moments of the play; then the copy goes on, then the original.
+
+    Facts:
+        `CopiedEnv`.
+    """
+    base = lab.play(play, state=False)
+    paper = base.play.actions or ()
+    if not paper:
+        return
+    told, again = _whole(lab, play, paper), _whole(lab, play, paper)
+    if (
+        len(told) != len(paper) or _first_divergence(told, again) is not None
+    ):  # it differs by itself
+        return
+    for way, duplicate in WAYS.items():
+        yield from _copied(lab, play, way, duplicate, paper, told)
+
+
+def _copied(
+    lab: ProbeSession,
+    play: EpisodePlan,
+    way: str,
+    duplicate: Callable[[Any], Any],
+    paper: Sequence[Any],
+    told: list[Told],
+) -> Iterator[Fact[CopiedEnv]]:
+    """Copies made in one way at several moments of one play, up to the first that goes astray."""
+    env = lab.env()
+    _begin(lab, env, play)
+    count = len(paper)
+    moments = sorted({count * k // MOMENTS for k in range(1, MOMENTS)})
+    _tell(lab, env, paper[: moments[0]])
+    for at, until in pairwise((*moments, count)):
+        after = count if at == count // 2 else min(at + SHORT, count)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            made = lab.call(way, duplicate, env)
+        fact = _beside(lab, way, (env, made), paper, told, (at, until, after))
+        if not _is_wrong(fact):
+            yield fact
+            continue
+        if at != moments[0]:  # an earlier copy may be to blame: once more where there was none
+            env = lab.env()
+            _begin(lab, env, play)
+            _tell(lab, env, paper[:at])
+            alone = _beside(
+                lab, way, (env, lab.call(way, duplicate, env)), paper, told, (at, count, count)
+            )
+            if _is_wrong(alone) or fact.value.original is None:
+                fact = alone
+        yield fact
+        return
+
+
+def _is_wrong(fact: Fact[CopiedEnv]) -> bool:
+    return any((fact.value.refused, fact.value.copy, fact.value.original))
+
+
+def _beside(
+    lab: ProbeSession,
+    way: str,
+    pair: tuple[Any, Called],
+    paper: Sequence[Any],
+    told: list[Told],
+    turns: tuple[int, int, int],
+) -> Fact[CopiedEnv]:
+    """Result of a copy, and then of the original.
+
+    Args:
+        turns: at which it was copied, until which the original goes on, and until which the copy.
+    """
+    env, made = pair
+    at, until, after = turns
+    if made.failed is not None:
+        refused = f"{made.failed.kind}: {made.failed.text}"
+        return lab.fact(CopiedEnv(refused, None, None, at), field=way)
+    if not getattr(made.value, "agents", None):  # as EzPickle does: the arguments are kept alone
+        refused = "the copy begins anew: it wants a reset"
+        return lab.fact(CopiedEnv(refused, None, None, at), field=way)
+    # who draws from the global generators is told so elsewhere: here both go on from one place
+    dice = random.getstate(), np.random.get_state()
+    ours = _tell(lab, made.value, paper[at:after])
+    random.setstate(dice[0])
+    np.random.set_state(dice[1])
+    theirs = _tell(lab, env, paper[at:until])
+    lab.call("close", made.value.close)
+    unsteppable = None
+    if ours and ours[0][0][0] == "raises" and told[at][0][0] != "raises":
+        unsteppable = f"the copy can't be stepped: {ours[0][0][2]}"
+    seen: list[int] = []
+    found: dict[str, str] = {}
+    for name, gave, end in (("copy", ours, after), ("original", theirs, until)):
+        first_divergence = _first_divergence(told[at:end], gave)
+        if first_divergence is not None and not (name == "copy" and unsteppable):
+            seen.append(at + first_divergence[0] + 1)
+            found[name] = f"{first_divergence[1]} at turn {seen[-1]}"
+    value = CopiedEnv(unsteppable, found.get("copy"), found.get("original"), at)
+    return lab.fact(value, turn=min(seen, default=None), field=way)
+
+
+def _whole(lab: ProbeSession, play: EpisodePlan, paper: Sequence[Any]) -> list[Told]:
+    env = lab.env()
+    _begin(lab, env, play)
+    return _tell(lab, env, paper)
+
+
+def _begin(lab: ProbeSession, env: Any, play: EpisodePlan) -> None:
+    given = {"seed": play.seed, "options": play.options}
+    lab.call("reset", env.reset, **{key: item for key, item in given.items() if item is not None})
+
+
+def _tell(lab: ProbeSession, env: Any, paper: Sequence[Any]) -> list[Told]:
+    """Steps, and tells of each step all that it gave."""
+    told = []
+    for actions in actions_of(paper):
+        told.append(_step(lab, env, dict(actions)))
+        if told[-1][0][0] == "raises" or not getattr(env, "agents", None):
+            break
+    return told
+
+
+def _step(lab: ProbeSession, env: Any, actions: dict[Any, Any]) -> Told:
+    contract = lab.contract
+    gave: Told = []
+    if lab.api == "aec":
+        last = lab.call("last", env.last)
+        if last.failed is not None:
+            return [("raises", None, f"{last.failed.kind}: {last.failed.text}")]
+        agent = getattr(env, "agent_selection", None)
+        gave.append(("last()", agent, _quiet(last.value, contract)))
+    done = lab.step(env, actions if lab.api == "parallel" else next(iter(actions.values()), None))
+    if done.failed is not None:
+        return [("raises", None, f"{done.failed.kind}: {done.failed.text}")]
+    if lab.api == "aec":
+        gave.append(("rewards", None, snapshot(getattr(env, "rewards", None))))
+    elif isinstance(done.value, tuple) and len(done.value) == 5:
+        names = ("observations", "rewards", "terminations", "truncations")
+        pairs = zip(names, done.value, strict=False)
+        gave += [(name, None, snapshot(part)) for name, part in pairs]
+        infos = done.value[4]
+        if isinstance(infos, dict):
+            gave.append(("infos", None, {a: _without(i, contract) for a, i in infos.items()}))
+    state = lab.call("state", methodcaller("state"), env)
+    if state.failed is None:
+        gave.append(("state()", None, snapshot(state.value)))
+    return gave
+
+
+def _quiet(last: Any, contract: Contract) -> Any:
+    """Values of `last()` without fields of the info that may differ between equal episodes."""
+    if not isinstance(last, tuple) or len(last) != 5:
+        return snapshot(last)
+    return snapshot((*last[:4], _without(last[4], contract)))
+
+
+def _without(info: Any, contract: Contract) -> Any:
+    volatile = contract.volatile_infos()
+    if not isinstance(info, dict):
+        return snapshot(info)
+    return snapshot({key: item for key, item in info.items() if key not in volatile})
+
+
+def _first_divergence(told: list[Told], other: list[Told]) -> tuple[int, str] | None:
+    """The first step that gave something else, and what."""
+    for turn, (one, two) in enumerate(zip(told, other, strict=False)):
+        for (name, agent, value), (name_2, agent_2, value_2) in zip(one, two, strict=False):
+            if name != name_2:
+                return turn, str(value_2) if name_2 == "raises" else f"{name} is missing"
+            if agent != agent_2 or not is_same_copy(value, value_2):
+                return turn, f"{name} differs" if agent == agent_2 else "agent_selection differs"
+        if len(one) != len(two):
+            return turn, "there is more or less of it"
+    if len(told) != len(other):
+        return min(len(told), len(other)), "the episode has another length"
+    return None
+
+
+def is_same_copy(one: Any, other: Any) -> bool:
+    """Tells whether two snapshots are the same; objects that can't be copied aren't compared."""
+    return is_same(_bare(one), _bare(other))
+
+
+def _bare(value: Any) -> Any:
+    """A snapshot with its objects that couldn't be copied left out."""
+    if isinstance(value, dict):
+        return {key: _bare(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_bare(item) for item in value]
+    return None if type(value).__name__ == "OpaqueValue" else value
+
+
+def _conversion_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """Plays in ticks; each tick is a turn of every agent."""
+    agents = max(len(lab.agents), 1)
+    yield from lab.plays(3, runs=2 * agents, most_turns=60)
+
+
+@probe("conversion", share=0.8, plays=_conversion_plays, api="aec")
+def conversion(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """An AEC environment that calls itself parallelizable behind PettingZoo's own conversion.
+
+    Plays it behind the conversion, and looks whether observations wait for the cycle's end.
+
+    Facts:
+        `ConvertedEnv`, `WithinCycle`.
+    """
+    env = lab.env()
+    metadata = getattr(env, "metadata", None)
+    said = bool(isinstance(metadata, dict) and metadata.get("is_parallelizable"))
+    if not said:
+        yield lab.fact(ConvertedEnv(said=False, failed=None, ticks=0), field="metadata")
+        return
+    made = lab.call("aec_to_parallel", pettingzoo_parallel, env)
+    if made.failed is not None:
+        text = f"{made.failed.kind}: {made.failed.text}"
+        value = ConvertedEnv(said=True, failed=text, ticks=0)
+        yield lab.fact(value, turn=0, field="conversion")
+        return
+    played = lab.play(play, made.value, state=False)
+    ticks = len(played.play.actions or ())
+    lab.meter.count(ticks * max(len(lab.agents) - 1, 0))  # a tick is a step of each of them
+    failed = None if played.failed is None else f"{played.failed.kind}: {played.failed.text}"
+    value = ConvertedEnv(said=True, failed=failed, ticks=ticks)
+    turn = None if played.failed is None else ticks
+    yield lab.fact(value, turn=turn, field="conversion")
+    if played.failed is None:
+        yield _cycles(lab, play, list(played.play.actions or ()))
+
+
+def _cycles(lab: ProbeSession, play: EpisodePlan, paper: list[Actions]) -> Saw:
+    """Plays the same actions turn by turn, and compares what was seen within each cycle."""
+    env = lab.env()
+    looks, found, seen_at = 0, None, None
+    if lab.call("reset", env.reset, seed=play.seed).failed is not None:
+        paper = []
+    for tick, actions in enumerate(paper):
+        agents = [a for a in env.agents if not (env.terminations[a] or env.truncations[a])]
+        shown = {a: snapshot(lab.call("observe", env.observe, a).value) for a in agents}
+        acted: list[Any] = []
+        while env.agents and len(acted) < len(agents) and found is None:
+            agent = env.agent_selection
+            if env.terminations[agent] or env.truncations[agent]:
+                break
+            now = lab.call("observe", env.observe, agent).value
+            looks += 1
+            if agent in shown and not is_same(now, shown[agent]):
+                found, seen_at = ChangedView(agent, list(acted)), tick
+            if lab.step(env, actions.get(agent)).failed is not None:
+                break
+            acted.append(agent)
+        while env.agents and _is_over(env) and lab.step(env, None).failed is None:
+            pass
+        if found is not None:
+            break
+    agent = None if found is None else found.agent
+    return replace(
+        lab.fact(WithinCycle(looks=looks, changed=found), agent=agent, field="cycle"),
+        where=lab.at(None if seen_at is None else seen_at + 1, agent, "cycle"),
+    )
+
+
+def _is_over(env: Any) -> bool:
+    agent = env.agent_selection
+    return bool(env.terminations.get(agent) or env.truncations.get(agent))

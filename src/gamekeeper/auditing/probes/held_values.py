@@ -1,0 +1,271 @@
+"""Probes of values that are handed out or handed over, kept and compared later."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from operator import methodcaller
+from typing import Any, Final
+
+from gamekeeper.auditing.probe import probe
+from gamekeeper.auditing.probe_session import ProbeSession, Saw
+from gamekeeper.auditing.probes.moves import affordable
+from gamekeeper.checks.facts.handed_facts import (
+    ChangedArgument,
+    ChangedValue,
+    HandedActions,
+    HandedOptions,
+    KeptValues,
+    SharedValues,
+)
+from gamekeeper.rollouts.episode_loop import EpisodePlan
+from gamekeeper.rollouts.interventions.environment_calls import ActionsOverwritten
+from gamekeeper.rollouts.snapshots import arrays, is_same, share_memory, snapshot
+
+LEAST_AGE: Final = 8
+"""Turns after which something is looked at again; two rounds where there are more agents."""
+PARTS: Final = ("observations", "rewards", "terminations", "truncations", "infos")
+"""Parts that a Parallel environment's step returns; its reset: the first and the last."""
+AT_ONCE: Final = 12
+"""Turns at which what agents were given at once is compared."""
+NEIGHBOURS: Final = 8
+"""Agents after it with whom one is compared."""
+
+
+def _kept_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """Most buffers are used again soon, some only when something rare happens."""
+    return lab.plays(8, most_turns=200)
+
+
+@probe("kept", share=0.8, plays=_kept_plays)
+def kept(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """Values that were handed out, looked at again later: did the environment write into them?
+
+    Keeps everything for some turns, beside a copy.
+
+    Facts:
+        `KeptValues`, `SharedValues`.
+    """
+    shelf = HeldValues(affordable(lab, max(2 * len(lab.agents) + 2, LEAST_AGE)))
+
+    def watch(turn: int, env: Any, out: Any) -> None:
+        shelf.look(turn)
+        for name, agent, value in _given(lab, shelf, env, out):
+            shelf.put(turn, name, agent, value)
+
+    def watch_pairs(turn: int, env: Any, out: Any) -> None:
+        shelf.look_at_pairs(turn, _together(lab, env, out))
+
+    played = lab.play(play, watch=watch, state=False)
+    actions = played.play.actions or ()
+    shelf.look(len(actions), at_all=True)
+    # a play of its own, as asking for everybody's observation may write into those that were kept
+    lab.play(replace(played.play, actions=actions[:AT_ONCE]), watch=watch_pairs, state=False)
+    for name, count in shelf.looks.items():
+        changed = shelf.changed.get(name)
+        turn, agent = (None, None) if changed is None else (changed.seen, changed.agent)
+        value = KeptValues(looks=count, changed=changed)
+        yield lab.fact(value, turn=turn, agent=agent, field=name)
+    for name, count in shelf.pairs.items():
+        turn, pair = shelf.shared.get(name, (None, None))
+        yield lab.fact(SharedValues(looks=count, pair=pair), turn=turn, field=name)
+
+
+@dataclass(slots=True)
+class HeldValues:
+    """Values returned lately, each with a test whether it still is the same."""
+
+    age: int
+    looks: dict[str, int] = field(default_factory=dict)
+    changed: dict[str, ChangedValue] = field(default_factory=dict)
+    pairs: dict[str, int] = field(default_factory=dict)
+    shared: dict[str, tuple[int, tuple[Any, Any]]] = field(default_factory=dict)
+    has_state: bool = True
+    _things: deque[tuple[int, str, Any, Callable[[], bool]]] = field(default_factory=deque)
+
+    def put(self, turn: int, name: str, agent: Any, value: Any) -> None:
+        """Keeps a thing that was handed out at `turn`."""
+        if name not in self.changed:
+            self._things.append((turn, name, agent, _asking(value, name, agent)))
+
+    def look(self, turn: int, *, at_all: bool = False) -> None:
+        """Looks at what was handed out a turn ago, and at what is old enough to be let go."""
+        oldest = turn - self.age
+        for given, name, agent, is_as_it_was in self._things:
+            if name in self.changed or not (at_all or given in (turn - 1, oldest)):
+                continue
+            self.looks[name] = self.looks.get(name, 0) + 1
+            if not is_as_it_was():
+                self.changed[name] = ChangedValue(given, turn, agent)
+        while self._things and self._things[0][0] <= oldest:
+            self._things.popleft()
+
+    def look_at_pairs(self, turn: int, given: Mapping[str, Mapping[Any, Any]]) -> None:
+        """Looks whether two agents were given the same memory at one turn."""
+        for name, by_agent in given.items():
+            items = [(agent, value) for agent, value in by_agent.items() if _can_change(value)]
+            for place, (one, mine) in enumerate(items):
+                for other, theirs in items[place + 1 : place + 1 + NEIGHBOURS]:
+                    self.pairs[name] = self.pairs.get(name, 0) + 1
+                    if name not in self.shared and _is_one(mine, theirs):
+                        self.shared[name] = turn, (one, other)
+
+
+def _asking(value: Any, name: str, agent: Any) -> Callable[[], bool]:
+    """Says, whenever it is asked, whether `value` is what it is now."""
+    if agent is None and name in ("observations", "infos"):  # its entries are kept one by one
+        held = dict(value)
+        return lambda: value.keys() == held.keys() and all(value[a] is held[a] for a in held)
+    copy = snapshot(value)
+    return lambda: is_same(value, copy)
+
+
+def _can_change(value: Any) -> bool:
+    return isinstance(value, dict | list) or any(True for _ in arrays(value))
+
+
+def _is_one(one: Any, other: Any) -> bool:
+    return (one is other and isinstance(one, dict | list)) or share_memory(one, other)
+
+
+def _given(
+    lab: ProbeSession, shelf: HeldValues, env: Any, out: Any
+) -> Iterator[tuple[str, Any, Any]]:
+    """Everything that was just handed out: what it is, whose, the very object."""
+    if lab.api == "parallel":
+        yield from _returned(out)
+    elif env.agents:
+        agent = env.agent_selection
+        last = lab.call("last", env.last).value
+        if isinstance(last, tuple) and len(last) == 5:
+            yield "observations", agent, last[0]
+            yield "infos", agent, last[4]
+    if shelf.has_state and env.agents:
+        state = lab.call("state", methodcaller("state"), env)
+        shelf.has_state = state.failed is None and _can_change(state.value)
+        if shelf.has_state:
+            yield "state", None, state.value
+
+
+def _returned(out: Any) -> Iterator[tuple[str, Any, Any]]:
+    for name, part in _parts(out).items():
+        if name in ("observations", "infos"):
+            for agent, value in part.items():
+                yield name, agent, value
+        yield name, None, part
+
+
+def _parts(out: Any) -> dict[str, dict[Any, Any]]:
+    """The dictionaries that reset or step returned, by name."""
+    if not isinstance(out, tuple | list) or len(out) not in (2, 5):
+        return {}
+    names = PARTS if len(out) == 5 else (PARTS[0], PARTS[4])
+    pairs = zip(names, out, strict=True)
+    return {name: part for name, part in pairs if isinstance(part, dict)}
+
+
+def _together(lab: ProbeSession, env: Any, out: Any) -> dict[str, Mapping[Any, Any]]:
+    """Observations and infos of all agents at one turn."""
+    if lab.api == "parallel":
+        return {name: part for name, part in _parts(out).items() if name in (PARTS[0], PARTS[4])}
+    seen = {}
+    for agent in list(env.agents):
+        called = lab.call("observe", env.observe, agent)
+        if called.failed is None:
+            seen[agent] = called.value
+    infos = getattr(env, "infos", None)
+    return {"observations": seen, "infos": infos if isinstance(infos, Mapping) else {}}
+
+
+def _handed_over_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """One play, four times over."""
+    return lab.plays(1, runs=4, most_turns=200)
+
+
+@probe("handed_over", share=0.6, plays=_handed_over_plays)
+def handed_over(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """Values that are handed over: does the environment write into them, or read them again later?
+
+    Plays, plays again with actions that are compared after the step, and with overwritten ones.
+
+    Facts:
+        `HandedActions`, `HandedOptions`.
+    Counterfactuals:
+        with the change `ActionsOverwritten`, where actions are more than plain numbers.
+    """
+    base = lab.play(play, state=False)
+    actions = [dict(each) for each in base.play.actions or ()]
+    can_change = lab.api == "parallel" or any(map(_is_writable, actions))
+    yield from _options(lab, play)
+    if can_change and actions and base.failed is None:
+        yield _compared(lab, play, actions)
+        unchanged_rerun = lab.play(base.play, state=False)
+        yield lab.counterfactual(base, unchanged_rerun, ActionsOverwritten(), state=False)
+
+
+def _is_writable(actions: Mapping[Any, Any]) -> bool:
+    """Tells whether an action is an object that could be written into."""
+    plain = bool | int | float | str | bytes
+    return any(
+        each is not None and not isinstance(each, plain) and hasattr(each, "__setitem__")
+        for each in actions.values()
+    )
+
+
+def _compared(lab: ProbeSession, play: EpisodePlan, paper: list[dict[Any, Any]]) -> Saw:
+    """Steps with actions of its own and compares them after each step."""
+    env = lab.env()
+    looks, changed = 0, None
+    lab.call("reset", env.reset, **_reset(play))
+    for each in paper:
+        own = {agent: _again(action) for agent, action in each.items()}
+        handed: Any = own
+        if lab.api == "aec":
+            if not env.agents:
+                break
+            lab.call("last", env.last)
+            handed = next(iter(own.values()), None)
+        before = snapshot(each)
+        stepped = lab.step(env, handed)
+        looks += 1
+        changed = _first_changed(own, before)
+        if changed is not None or stepped.failed is not None:
+            break
+    agent = None if changed is None else changed.agent
+    value = HandedActions(looks=looks, changed=changed)
+    seen_at = None if changed is None else looks - 1
+    return lab.fact(value, turn=seen_at, agent=agent, field="actions")
+
+
+def _reset(play: EpisodePlan) -> dict[str, Any]:
+    given = {"seed": play.seed, "options": play.options}
+    return {name: value for name, value in given.items() if value is not None}
+
+
+def _again(action: Any) -> Any:
+    """A copy that can be written to; a plain value is itself."""
+    copy = getattr(action, "copy", None)
+    return copy() if callable(copy) and hasattr(action, "__setitem__") else action
+
+
+def _first_changed(own: dict[Any, Any], before: dict[Any, Any]) -> ChangedArgument | None:
+    if own.keys() != before.keys():
+        return ChangedArgument(None, sorted(map(str, before)), sorted(map(str, own)))
+    for agent, action in own.items():
+        if not is_same(action, before[agent]):
+            return ChangedArgument(agent, before[agent], snapshot(action))
+    return None
+
+
+def _options(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """Resets with options: empty ones, which every environment must bear."""
+    options: dict[str, Any] = dict(play.options or {})
+    before = snapshot(options)
+    env = lab.env()
+    done = lab.call("reset", env.reset, seed=play.seed, options=options)
+    if done.failed is None:
+        changed = (
+            None if is_same(options, before) else ChangedArgument(None, before, snapshot(options))
+        )
+        yield lab.fact(HandedOptions(looks=1, changed=changed), turn=0, field="options")

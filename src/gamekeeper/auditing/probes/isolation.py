@@ -1,0 +1,189 @@
+"""Probes of what plays share: global generators, other instances, other processes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Final
+
+from gamekeeper.auditing.elsewhere import other_hash_seed, played_elsewhere, reason_against
+from gamekeeper.auditing.probe import probe
+from gamekeeper.auditing.probe_session import ProbeSession, Saw
+from gamekeeper.checks.facts.seed_facts import (
+    HashSeed,
+    MovedGenerator,
+    OtherInstance,
+    SettledElsewhere,
+    UnmovedGenerator,
+)
+from gamekeeper.checks.probe_evidence import ProbeCounterfactual
+from gamekeeper.episodes.divergence import Divergence, compare
+from gamekeeper.episodes.episode import Episode
+from gamekeeper.rollouts.episode_loop import Actions, EpisodePlan
+from gamekeeper.rollouts.interventions.generator_futures import GlobalGeneratorsDisturbed
+from gamekeeper.rollouts.process_randomness import held, states
+
+OTHER: Final = 5_180_211
+"""Seed of the global generators while the second instance is built."""
+
+
+def _generators_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """Long ones: what is drawn rarely is drawn at an end, or when two meet."""
+    return lab.plays(3, runs=2)
+
+
+@probe("generators", share=1.5, plays=_generators_plays)
+def generators(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """The generators that all of a process shares: watched in one play, disturbed in the next.
+
+    A counterfactual, and what became of the global generators meanwhile.
+
+    Facts:
+        `UnmovedGenerator`, `MovedGenerator`.
+    """
+    moved: dict[str, tuple[str, int]] = {}
+    with held():
+        seen = states()
+
+        def notice(call: str, turn: int) -> None:
+            now = states()
+            for name in now.keys() & seen.keys():
+                if now[name] != seen[name]:
+                    moved.setdefault(name, (call, turn))
+            seen.update(now)
+
+        def watch(turn: int, env: Any, out: Any) -> None:
+            notice("step" if turn else "reset", turn)
+
+        env = lab.env()
+        notice("make", 0)
+        base = lab.play(play, env, watch=watch)
+    for name in sorted(seen):
+        if name in moved:
+            call, turn = moved[name]
+            yield lab.fact(MovedGenerator(name, call), turn=turn, field=name)
+        else:
+            yield lab.fact(UnmovedGenerator(name), field=name)
+    change = GlobalGeneratorsDisturbed()
+    with held(OTHER):
+        disturbed = lab.play(base.play, lab.env(), change=change)
+    unchanged_rerun, volatile = base, tuple(lab.contract.volatile_infos())
+    if compare(base.trace, disturbed.trace, volatile=volatile).divergence is not None:
+        with held():
+            unchanged_rerun = lab.play(base.play, lab.env())
+    yield ProbeCounterfactual(
+        base.trace, unchanged_rerun.trace, disturbed.trace, change.to_json(), volatile
+    )
+
+
+APART: Final = 500
+"""Distance of the other instance's seed from that of the episode."""
+
+
+def _alternated_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """Two, each played alone and beside another."""
+    return lab.plays(2, runs=4)
+
+
+@probe("alternated", share=1.0, plays=_alternated_plays, fresh=True)
+def alternated(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """A play beside another instance that is built, reset and stepped in turns with it.
+
+    The play alone, and beside the other instance.
+
+    Facts:
+        `OtherInstance`.
+    """
+    volatile = tuple(lab.contract.volatile_infos())
+    with held():
+        base = lab.play(play, lab.env())
+    seed = (base.play.seed or 0) + APART
+    turns = max(len(base.play.actions or ()), 1)
+    with held():
+        other = lab.play(EpisodePlan(seed, base.play.stream + APART, most_turns=turns), lab.env())
+    course = other.play.actions or ()
+    with held():
+        env = lab.env()
+        with held():
+            beside = lab.env()
+        counterfactual = lab.play(base.play, env, watch=_Beside(lab, beside, seed, course))
+    unchanged_rerun = base
+    if compare(base.trace, counterfactual.trace, volatile=volatile).divergence is not None:
+        with held():
+            unchanged_rerun = lab.play(base.play, lab.env())
+        yield lab.fact(OtherInstance(seed, course))
+    change = {"change": "another instance beside"}
+    yield ProbeCounterfactual(
+        base.trace, unchanged_rerun.trace, counterfactual.trace, change, volatile
+    )
+
+
+class _Beside:
+    """Resets the other instance right after the first one's reset, and steps it at every turn."""
+
+    def __init__(self, lab: ProbeSession, env: Any, seed: int, course: tuple[Actions, ...]) -> None:
+        self._lab, self._env, self._seed, self._course = lab, env, seed, course
+
+    def __call__(self, turn: int, env: Any, out: Any) -> None:
+        """Steps the other instance; its exceptions and global draws have no effect here."""
+        with held():
+            if turn == 0:
+                self._lab.call("reset", self._env.reset, seed=self._seed)
+            elif turn <= len(self._course):
+                self._step(self._course[turn - 1])
+
+    def _step(self, actions: Actions) -> None:
+        if self._lab.api == "aec":
+            self._lab.call("last", self._env.last)
+            self._lab.step(self._env, next(iter(actions.values()), None))
+        else:
+            self._lab.step(self._env, dict(actions))
+
+
+MOST_TURNS: Final = 100
+SECOND_FROM: Final = 150
+"""Ration in steps from which on a second hash seed is tried."""
+
+
+def against(lab: ProbeSession) -> str | None:
+    """Only what is named by text can be opened elsewhere."""
+    return reason_against(lab)
+
+
+def _other_process_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """One, or two under different hash seeds."""
+    count = 2 if lab.ration >= SECOND_FROM else 1
+    return lab.plays(count, runs=2, most_turns=MOST_TURNS)
+
+
+@probe("other_process", share=0.5, plays=_other_process_plays, against=against, tries=2)
+def other_process(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """A play in this process and in another, under another hash seed.
+
+    The play here and its counterfactual there.
+
+    Facts:
+        `HashSeed`, `SettledElsewhere`.
+    """
+    with held():
+        base = lab.play(play, lab.env())
+    seed = other_hash_seed(sorted(lab.agents), 1 + 100 * lab.number)
+    there = played_elsewhere(lab, base, seed)
+    if there is None:
+        return
+    change = {"change": "another process", "hash_seed": seed}
+    unchanged_rerun = base.trace
+    if _parts(lab, base.trace, there) is not None:
+        with held():
+            unchanged_rerun = lab.play(base.play, lab.env()).trace
+        yield lab.fact(HashSeed(seed))
+        if _parts(lab, base.trace, unchanged_rerun) is not None:
+            once_more = played_elsewhere(lab, base, seed)
+            is_settled = once_more is not None and _parts(lab, there, once_more) is None
+            yield lab.fact(SettledElsewhere(is_settled))
+    yield ProbeCounterfactual(
+        base.trace, unchanged_rerun, there, change, tuple(lab.contract.volatile_infos())
+    )
+
+
+def _parts(lab: ProbeSession, one: Episode, two: Episode) -> Divergence | None:
+    return compare(one, two, volatile=lab.contract.volatile_infos()).divergence

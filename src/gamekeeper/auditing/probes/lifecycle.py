@@ -1,0 +1,328 @@
+"""Probe of a life cycle: resets, steps out of their order, closing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+from gamekeeper.auditing.probe import probe
+from gamekeeper.auditing.probe_session import Called, ProbeSession, Saw
+from gamekeeper.checks.case import Reproducer
+from gamekeeper.checks.facts.lifecycle_facts import (
+    Closings,
+    DeadAction,
+    IgnoredResets,
+    IteratedAgents,
+    LaterReset,
+    ResetArguments,
+    StepAfterEnd,
+    StepBeforeReset,
+)
+from gamekeeper.checks.literal import literal
+from gamekeeper.checks.reproducer_source import reproducer_of
+from gamekeeper.checks.reproducers import agent_iter_names_actors, reset_forgets
+from gamekeeper.episodes.canonical import to_json
+from gamekeeper.episodes.layout import agent_name
+from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult, FailedCall
+
+MOST_SEEN: Final = 3
+"""Agents whose observations are compared in an AEC environment: they may be large."""
+
+
+@dataclass(slots=True)
+class StartAndEnd:
+    """Texts of the start and the end of an episode; None where they can't be told.
+
+    Attributes:
+        agents: how many stood in `agents` at the start; None where nobody can, which is a fault of
+            the roster's.
+        dead: (AEC) turns at which somebody was to act whose flags were up.
+    """
+
+    lab: ProbeSession
+    first: str | None = None
+    last: str | None = None
+    agents: int | None = None
+    dead: list[int] = field(default_factory=list)
+    _out: Any = None
+
+    def watch(self, turn: int, env: Any, out: Any) -> None:
+        """Looks at the start, and keeps in mind what came last."""
+        self._out = out
+        if turn == 0:
+            self.first = self._seen(env)
+            possible, agents = self._roster(env, "possible_agents"), self._roster(env, "agents")
+            self.agents = len(agents or ()) if possible is None or len(possible) else None
+        if self.lab.api == "aec" and not self.dead and is_dead(self.lab, env):
+            self.dead.append(turn)
+
+    def settle(self, env: Any) -> None:
+        """Looks at the end."""
+        self.last = self._seen(env)
+
+    def _seen(self, env: Any) -> str | None:
+        if self.lab.api == "parallel":
+            seen = self._out[0] if isinstance(self._out, tuple) and self._out else None
+            if isinstance(seen, Mapping):  # who has just ended is seen once more, by no reset
+                live = list(self._roster(env, "agents") or ())
+                seen = {agent: item for agent, item in seen.items() if agent in live}
+            return None if seen is None else to_json(seen)
+        agents = list(self._roster(env, "agents") or ())[:MOST_SEEN]
+        called = [self.lab.call("observe", env.observe, agent) for agent in agents]
+        return None if any(each.failed for each in called) else to_json([e.value for e in called])
+
+    def _roster(self, env: Any, name: str) -> Any:
+        return self.lab.call(name, getattr, env, name).value
+
+
+def is_dead(lab: ProbeSession, env: Any) -> bool:
+    """Tells whether the agent in turn has its flags up."""
+    if not lab.call("agents", getattr, env, "agents").value:
+        return False
+    agent = lab.call("agent_selection", getattr, env, "agent_selection").value
+    books = (lab.call(name, getattr, env, name).value for name in ("terminations", "truncations"))
+    return any(isinstance(book, Mapping) and bool(book.get(agent)) for book in books)
+
+
+def step_argument(api: str, actions: Mapping[Any, Any]) -> str:
+    """The argument of a step, as Python."""
+    return literal(dict(actions) if api == "parallel" else next(iter(actions.values()), None))
+
+
+def goes_on(api: str, actions: Mapping[Any, Any], *, plays: bool) -> Reproducer:
+    """A step where none should be raises, or gives nothing."""
+    start = "" if plays else "env = make()\n"
+    if api == "parallel":
+        lines = (
+            f"try:\n    out = env.step({step_argument(api, actions)})\n"
+            "except Exception:\n    out = ()  # refused\nassert not any(out), out"
+        )
+    else:
+        lines = (
+            f"try:\n    env.step({step_argument(api, actions)})\n"
+            "except Exception:\n    was_refused = True\n"
+            "else:\n    was_refused = not env.agents\nassert was_refused, env.agents"
+        )
+    return Reproducer(start + lines, plays=plays)
+
+
+def refuses(action: Any) -> Reproducer:
+    """A dead agent's action raises."""
+    return Reproducer(
+        f"try:\n    env.step({literal(action)})\nexcept Exception:\n    was_refused = True\n"
+        "else:\n    was_refused = False\nassert was_refused"
+    )
+
+
+def begins(api: str, resets: int, turns: Sequence[Mapping[Any, Any]]) -> Reproducer:
+    """After so many resets there are agents, and the turns can be played."""
+    look = "" if api == "parallel" else "env.last()\n"
+    steps = "".join(f"{look}env.step({step_argument(api, actions)})\n" for actions in turns)
+    seen = (
+        "" if api == "parallel" else "if env.agents:\n    env.last()\n"
+    )  # what the last step left
+    return Reproducer("env.reset(seed=SEED)\n" * resets + "assert env.agents\n" + steps + seen)
+
+
+PARTS: Final = (0.6, 0.2)
+"""Parts of the ration: one episode as long as it may be, to its end, and a shorter one."""
+SHORT: Final = 3
+"""Turns that are played after a reset."""
+MOST_TRIES: Final = 4
+"""Turns whose actions are tried after the end: a mask may forbid those of some."""
+OUT: Final = ("observations", "rewards", "terminations", "truncations", "infos")
+
+
+def _lifecycle_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """A long one and a shorter one."""
+    for k, part in enumerate(PARTS):
+        turns = max(int(lab.ration * part), 20)
+        yield EpisodePlan(seed=lab.seed + k, stream=k, most_turns=turns)
+
+
+@probe("lifecycle", share=2.0, plays=_lifecycle_plays)
+def lifecycle(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """The life of an instance: before a reset, after the end, resets at any time, closing.
+
+    One instance through its life; with the first play also two that were never reset.
+
+    Facts:
+        `StepAfterEnd`, `LaterReset`, `IgnoredResets`, `DeadAction`, `IteratedAgents`,
+        `ResetArguments`, `StepBeforeReset`, `Closings`.
+    """
+    env = lab.env()
+    sight = StartAndEnd(lab)
+    base = lab.play(play, env, watch=sight.watch, state=False)
+    sight.settle(env)
+    yield base.trace
+    if base.is_over and not lab.call("agents", getattr, env, "agents").value:
+        yield _after_end(lab, env, base)
+    yield from _resets(lab, env, base, sight)
+    if lab.api == "aec":
+        yield from _dead_action(lab, env, base, sight.dead)
+        yield from _iterated(lab, env, base)
+    yield _arguments(lab, env, base)
+    if lab.can_make:
+        yield from _closed(lab, env, base)
+
+
+def _after_end(lab: ProbeSession, env: Any, base: EpisodeResult) -> Saw:
+    """Steps with actions of earlier turns once the episode is over."""
+    turns = list(base.play.actions or ())[-MOST_TRIES:][::-1]
+    latest: dict[Any, Any] = {}
+    for actions in base.play.actions or ():
+        latest.update(actions)
+    actions, called, gave = latest, Called(), ""
+    for actions in [latest, *turns] if lab.api == "parallel" else turns:
+        called, gave = _step(lab, env, actions)
+        if gave:
+            break
+    return lab.fact(
+        StepAfterEnd(raised=_kind(called.failed), gave=gave),
+        turn=len(base.play.actions or ()),
+        field="after_end",
+        proof=goes_on(lab.api, actions, plays=True),
+    )
+
+
+def _step(lab: ProbeSession, env: Any, actions: Mapping[Any, Any]) -> tuple[Called, str]:
+    """A step where none should be, and what came of it in words."""
+    if lab.api == "aec":
+        called = lab.step(env, next(iter(actions.values()), None))
+        left = lab.call("agents", getattr, env, "agents").value
+        return called, f"a turn, and {left} go on" if called.failed is None and left else ""
+    called = lab.step(env, dict(actions))
+    out = called.value if isinstance(called.value, tuple) else ()
+    gave = [name for name, part in zip(OUT, out, strict=False) if part]
+    return called, ", ".join(gave)
+
+
+def _resets(lab: ProbeSession, env: Any, base: EpisodeResult, begun: StartAndEnd) -> Iterator[Saw]:
+    """Resets after the play, in the midst of an episode, and twice, each with a few turns."""
+    before, latest = base, begun.last
+    ignored = []
+    for resets in (1, 1, 2):
+        when = "after the end" if before.is_over else "in mid-episode"
+        when = when if resets == 1 else "twice in a row"
+        twice = lab.call("reset", env.reset, seed=base.play.seed) if resets == 2 else Called()
+        sight = StartAndEnd(lab)
+        short = replace(base.play, actions=None, most_turns=SHORT)
+        played = lab.play(short, env, watch=sight.watch, state=False)
+        sight.settle(env)
+        raised = _words(twice.failed or _by_reset(played, base))
+        yield lab.fact(
+            LaterReset(when=when, raised=raised, agents=sight.agents),
+            field=f"reset {when}",
+            proof=begins(lab.api, resets, played.play.actions or ()),
+        )
+        if sight.first is not None and not before.is_over:
+            ignored.append(sight.first == latest and sight.first != begun.first)
+        before, latest = played, sight.last
+    if ignored:
+        yield lab.fact(
+            IgnoredResets(all(ignored)), field="ignored", proof=reproducer_of(reset_forgets)
+        )
+
+
+def _by_reset(played: EpisodeResult, base: EpisodeResult) -> FailedCall | None:
+    """Exception of a reset; a turn may raise in a fresh instance too."""
+    failed = played.failed
+    if failed is None or failed.call == "reset":
+        return failed
+    return None if base.failed is not None or failed.call == "policy" else failed
+
+
+def _dead_action(
+    lab: ProbeSession, env: Any, base: EpisodeResult, dead: list[int]
+) -> Iterator[Saw]:
+    """Result of an ended agent's action, at the first None turn of the episode."""
+    actions = base.play.actions or ()
+    if not dead:
+        return
+    turn = dead[0]
+    lab.play(_cut(base.play, turn), env, state=False)
+    agent = lab.call("agent_selection", getattr, env, "agent_selection").value
+    own = [each[agent] for each in actions[:turn] if each.get(agent) is not None]
+    if own and is_dead(lab, env):
+        raised = _kind(lab.step(env, own[-1]).failed)
+        yield lab.fact(
+            DeadAction(agent=agent, raised=raised),
+            turn=turn,
+            agent=agent,
+            field="dead_action",
+            proof=refuses(own[-1]),
+        )
+
+
+def _iterated(lab: ProbeSession, env: Any, base: EpisodeResult) -> Iterator[Saw]:
+    """`agent_iter` over the first turns of the play."""
+    actions = (base.play.actions or ())[:SHORT]
+    named: list[str] = []
+    selected: list[str] = []
+    if lab.call("reset", env.reset, seed=base.play.seed).failed is not None or not actions:
+        return
+
+    def iterate() -> None:
+        for agent in env.agent_iter(len(actions)):
+            selected.append(agent_name(env.agent_selection))
+            named.append(agent_name(agent))
+            if len(named) > len(actions):
+                return
+            env.last()
+            lab.meter.count()
+            env.step(next(iter(actions[len(named) - 1].values()), None))
+
+    failed = lab.call("agent_iter", iterate).failed
+    left = lab.call("agents", getattr, env, "agents").value
+    if failed is None and (left or len(named) >= len(actions)):
+        value = IteratedAgents(named=named, selected=selected, asked=len(actions))
+        yield lab.fact(
+            value,
+            turn=len(actions),
+            field="agent_iter",
+            proof=reproducer_of(agent_iter_names_actors),
+        )
+
+
+def _arguments(lab: ProbeSession, env: Any, base: EpisodeResult) -> Saw:
+    """Resets with the arguments that every environment of PettingZoo takes."""
+    seed = base.play.seed
+    ways: dict[str, dict[str, Any]] = {
+        "": {},
+        f"seed={seed!r}": {"seed": seed},
+        "options=None": {"options": None},
+        f"seed={seed!r}, options=None": {"seed": seed, "options": None},
+    }
+    raised: dict[str, str | None] = {}
+    for words, named in ways.items():
+        lab.meter.count()
+        raised[words] = _words(lab.call("reset", env.reset, **named).failed)
+    return lab.fact(ResetArguments(raised), field="reset")
+
+
+def _closed(lab: ProbeSession, env: Any, base: EpisodeResult) -> Iterator[Saw]:
+    """Closes twice; with the first play also an instance that was never reset."""
+    raised = {
+        when: _words(lab.call("close", env.close).failed) for when in ("after a reset", "twice")
+    }
+    if lab.number == 0:
+        raised["before any reset"] = _words(lab.call("close", lab.make().close).failed)
+        for actions in (base.play.actions or ())[:1]:
+            called, gave = _step(lab, lab.make(), actions)
+            value = StepBeforeReset(raised=_kind(called.failed), gave=gave)
+            proof = goes_on(lab.api, actions, plays=False)
+            yield lab.fact(value, turn=1, field="unborn_step", proof=proof)
+    yield lab.fact(Closings(raised), field="close")
+
+
+def _kind(failed: FailedCall | None) -> str | None:
+    return None if failed is None else failed.kind
+
+
+def _words(failed: FailedCall | None) -> str | None:
+    return None if failed is None else f"{failed.call}: {failed.kind}: {failed.text}"
+
+
+def _cut(play: EpisodePlan, turns: int) -> EpisodePlan:
+    return replace(play, actions=(play.actions or ())[:turns], most_turns=max(turns, 1))

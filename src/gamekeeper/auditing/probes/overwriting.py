@@ -1,0 +1,229 @@
+"""Probe of values that are overwritten by their reader."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from operator import methodcaller
+from typing import Any, Final
+
+import pyarrow as pa
+from numpy.random import Generator
+
+from gamekeeper.auditing.probe import probe
+from gamekeeper.auditing.probe_session import ProbeSession, Saw
+from gamekeeper.checks.case import Reproducer
+from gamekeeper.checks.facts.handed_facts import WrittenValues
+from gamekeeper.checks.probe_evidence import Fact
+from gamekeeper.checks.story import (
+    OVERWRITE,
+    OVERWRITE_MASKS,
+    env_steps_of,
+    first_divergence_words,
+    story_proof,
+)
+from gamekeeper.episodes.divergence import Divergence, compare
+from gamekeeper.episodes.episode import MASK, Episode
+from gamekeeper.interface.capture import AgentId
+from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
+from gamekeeper.rollouts.intervention import Hooks, Intervention
+from gamekeeper.rollouts.snapshots import Undo, overwrite
+
+SURE: Final = 3
+"""More unchanged reruns of an episode that diverges: with few draws, two are often equal."""
+KINDS: Final = ("observations", "infos", "masks", "dictionaries", "state")
+
+
+def _written_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """Long ones; each is played as it is, with an unchanged rerun, and written into."""
+    return lab.long_plays(4, runs=3, most_turns=200)
+
+
+@probe("written", share=0.8, plays=_written_plays)
+def written(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """Values that were handed out, written into: does the game go another way?
+
+    Plays the same actions while everything that was handed out is overwritten after each turn.
+
+    Where the play goes another way, each kind of thing is overwritten alone to tell which it was.
+
+    Facts:
+        `WrittenValues`.
+    """
+    base = lab.play(play, state=False)
+    if base.failed is not None:  # what it does then is for others to look at
+        return
+    asked = next((kinds for kinds in (KINDS, KINDS[:-1]) if _bears(lab, base, kinds)), None)
+    if asked is None:  # it differs by itself, or by being asked
+        return
+    pen = _Pen(lab, asked, writes=True)
+    everything = _played(lab, base, pen)
+    kinds = [kind for kind in asked if pen.count.get(kind)]
+    if _first_divergence(lab, "", base, everything) is None:
+        for kind in kinds:
+            yield lab.fact(WrittenValues(writes=pen.count[kind], seen=None), field=kind)
+        return
+    if not all(_bears(lab, base, asked) for _ in range(SURE)):  # it differs by itself, now and then
+        return
+    for kind in kinds:
+        yield _alone(lab, kind, base)
+
+
+def _bears(lab: ProbeSession, base: EpisodeResult, kinds: tuple[str, ...]) -> bool:
+    """True if the episode is the same with values read and not written: the unchanged rerun."""
+    unchanged_rerun = _played(lab, base, _Pen(lab, kinds, writes=False))
+    return _first_divergence(lab, "", base, unchanged_rerun) is None
+
+
+def _played(lab: ProbeSession, base: EpisodeResult, pen: _Pen) -> EpisodeResult:
+    try:
+        if lab.api == "parallel":
+            return lab.play(base.play, watch=pen, state=False)
+        return lab.play(base.play, change=HandoutsOverwritten(pen), state=False)
+    finally:
+        pen.undo.undo()  # an array of a module outlives its instance, and would spoil later plays
+
+
+def _alone(lab: ProbeSession, kind: str, base: EpisodeResult) -> Fact[WrittenValues]:
+    """Effect of overwriting one kind of value."""
+    pen = _Pen(lab, (kind,), writes=True)
+    played = _played(lab, base, pen)
+    found = _first_divergence(lab, kind, base, played)
+    if found is None:
+        return lab.fact(WrittenValues(writes=pen.count.get(kind, 0), seen=None), field=kind)
+    seen = first_divergence_words(found)
+    if played.failed is not None:
+        seen = f"{played.failed.call} raises {played.failed.kind}: {played.failed.text}"
+    value = WrittenValues(writes=pen.count.get(kind, 0), seen=seen)
+    return lab.fact(value, turn=env_steps_of(found), field=kind, proof=_proof(lab.api, kind))
+
+
+def _first_divergence(
+    lab: ProbeSession, kind: str, base: EpisodeResult, other: EpisodeResult
+) -> Divergence | None:
+    """First divergence of the other episode from its base.
+
+    Infos of an AEC environment are its own dictionaries, which stay what they are until its rules
+    replace them: what is written into them is read there again, and that is no fault by itself.
+    """
+    one, two = base.trace, other.trace
+    if lab.api == "aec" and kind in ("", "infos", "masks"):
+        one, two = _without_infos(one), _without_infos(two)
+    return compare(one, two, volatile=lab.contract.volatile_infos()).divergence
+
+
+def _without_infos(trace: Episode) -> Episode:
+    steps = trace.steps
+    for name in ("info", "action_mask"):
+        place = steps.schema.get_field_index(name)
+        nulls = pa.nulls(steps.num_rows, steps.schema.field(place).type)
+        steps = steps.set_column(place, steps.schema.field(place), nulls)
+    return replace(trace, steps=steps, _cache={})
+
+
+@dataclass(slots=True)
+class _Pen:
+    """Writes into what was handed out, or only asks for it where it doesn't write."""
+
+    lab: ProbeSession
+    kinds: tuple[str, ...]
+    writes: bool
+    count: dict[str, int] = field(default_factory=dict)
+    undo: Undo = field(default_factory=Undo)
+
+    def __call__(self, turn: int, env: Any, out: Any) -> None:
+        """After reset and step of a Parallel environment: into what they returned."""
+        self.write(env, list(out) if isinstance(out, tuple | list) else [])
+
+    def write(self, env: Any, parts: list[Any]) -> None:
+        """Writes into `parts`, of which the first are observations and the last infos."""
+        for kind in self.kinds:
+            if kind == "state":
+                value = self.lab.call("state", methodcaller("state"), env).value
+            elif kind == "dictionaries":
+                value = parts if self.lab.api == "parallel" else []
+            else:
+                value = _of_kind(kind, parts)
+            if self.writes:
+                written = _empty(value) if kind == "dictionaries" else overwrite(value, self.undo)
+                self.count[kind] = self.count.get(kind, 0) + written
+
+
+@dataclass(frozen=True, slots=True)
+class HandoutsOverwritten(Intervention):
+    """In an AEC environment, writes into what `last()` gives, just before each step."""
+
+    pen: _Pen
+
+    def start(self, rng: Generator) -> Hooks:
+        """The hooks; they draw nothing."""
+        return _BeforeSteps(self.pen)
+
+    def to_json(self) -> dict[str, Any]:
+        """Its kind and what it writes into."""
+        return {"change": type(self).__name__, "kinds": list(self.pen.kinds)}
+
+
+class _BeforeSteps(Hooks):
+    def __init__(self, pen: _Pen) -> None:
+        self._pen, self._env = pen, None
+
+    def between(self, turn: int, env: Any) -> None:
+        """Remembers the environment."""
+        self._env = env
+
+    def acts(self, turn: int, actions: dict[AgentId, Any]) -> dict[AgentId, Any]:
+        """Looks once more, and writes into that: no look comes between it and the step."""
+        last = self._pen.lab.call("last", self._env.last).value  # type: ignore[attr-defined]
+        self._pen.write(self._env, list(last) if isinstance(last, tuple) else [])
+        return actions
+
+
+def _of_kind(kind: str, parts: list[Any]) -> Any:
+    if not parts:
+        return None
+    if kind == "masks":
+        return [*_masks(parts[0]), *_masks(parts[-1])]
+    return _unmasked(parts[0 if kind == "observations" else -1])
+
+
+def _masks(value: Any) -> Iterator[Any]:
+    """The action masks in a value, however deep they stand."""
+    if isinstance(value, dict):
+        for key, item in value.items():
+            if key == MASK:
+                yield item
+            else:
+                yield from _masks(item)
+
+
+def _unmasked(value: Any) -> Any:
+    """The value without its action masks."""
+    if not isinstance(value, dict):
+        return value
+    return {key: _unmasked(item) for key, item in value.items() if key != MASK}
+
+
+def _empty(parts: Any) -> int:
+    """Empties dictionaries, as a wrapper does that takes out who is gone."""
+    for part in parts or ():
+        if isinstance(part, dict):
+            part.clear()
+    return len(parts or ())
+
+
+def _proof(api: str, kind: str) -> Reproducer:
+    if kind == "dictionaries":
+        return story_proof(api, "for part in out:\n    part.clear()")
+    if kind == "state":
+        first = OVERWRITE + "\n"
+        return story_proof(api, "overwrite(env.state())", idle="env.state()", first=first)
+    out = "out" if api == "parallel" else "env.last()"
+    lines = f"overwrite({out}[0])" if kind == "observations" else f"overwrite({out}[-1])"
+    first = OVERWRITE
+    if kind == "masks":
+        # asked for once: a look after the writing may fix it
+        lines = f"given = {out}\nfor part in (given[0], given[-1]):\n    overwrite_masks(part)"
+        first = OVERWRITE_MASKS
+    idle = "pass" if api == "parallel" else out
+    return story_proof(api, lines, idle=idle, first=first + "\n", infos=kind == "observations")

@@ -1,0 +1,146 @@
+"""Probe of calls that only look, made more often."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any, Final
+
+from gamekeeper.auditing.probe import probe
+from gamekeeper.auditing.probe_session import ProbeSession, Saw
+from gamekeeper.checks.facts.handed_facts import OfferedCalls, RepeatedLast
+from gamekeeper.checks.probe_evidence import ProbeCounterfactual
+from gamekeeper.episodes.divergence import compare
+from gamekeeper.episodes.episode import Episode
+from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
+from gamekeeper.rollouts.intervention import Intervention
+from gamekeeper.rollouts.interventions.environment_calls import CALLS, ExtraCalls
+from gamekeeper.rollouts.snapshots import is_same, snapshot
+
+ONLY_AEC: Final = ("observe", "last")
+RESETS: Final = 12
+"""Resets without a seed that must agree before one of them is compared with another play."""
+
+
+def _extra_calls_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """Long episodes: as they are, with an unchanged rerun, with the calls; all of it twice."""
+    return lab.long_plays(3, runs=7, most_turns=200)
+
+
+@probe("extra_calls", share=1.0, plays=_extra_calls_plays)
+def extra_calls(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """Calls that only look are made more often: does the game go another way?
+
+    Plays the same actions with calls in between, all kinds at once.
+
+    Where the play goes another way, each kind is tried alone to tell which it was.
+
+    Counterfactuals:
+        with the change `ExtraCalls`: all kinds that the environment offers, or one of them; and the
+            same with `next` in the change: what the next reset in that instance, without a seed,
+            came to. A draw is seen there that the rest of the play doesn't show.
+    Facts:
+        `OfferedCalls`, `RepeatedLast`.
+    """
+    base = lab.play(play, state=False)
+    if play.actions is None:  # policies ask for spaces, a play on paper doesn't
+        base = lab.play(base.play, state=False)
+    env = lab.env()
+    unchanged_rerun = lab.play(base.play, env, state=False)
+    kinds = _offered(lab, env, play)
+    yield lab.fact(OfferedCalls(list(kinds)))
+    if lab.api == "aec":
+        yield _asked_twice(lab, base.play)
+    counterfactual = lab.counterfactual(base, unchanged_rerun, ExtraCalls(kinds), state=False)
+    if (
+        counterfactual.noise is not None or base.failed is not None
+    ):  # it differs, or breaks off, by itself
+        return
+    yield counterfactual
+    if counterfactual.divergence is not None:
+        for kind in kinds:
+            yield lab.counterfactual(base, unchanged_rerun, ExtraCalls((kind,)), state=False)
+        return
+    if _resets_differ(lab, base.play):
+        return
+    beside = _next(lab, base, None), _next(lab, base, None)
+    after = _next_counterfactual(lab, base, beside, kinds)
+    if after.noise is not None:  # resets without a seed differ by themselves
+        return
+    yield after
+    if after.divergence is not None:
+        for kind in kinds:
+            yield _next_counterfactual(lab, base, beside, (kind,))
+
+
+def _resets_differ(lab: ProbeSession, play: EpisodePlan) -> bool:
+    """Tells whether resets without a seed draw from the system, so that each is another.
+
+    Where few openings are possible, two of them agree by chance: several are compared.
+    """
+    volatile = tuple(lab.contract.volatile_infos())
+    openings: list[Episode] = []
+    for _ in range(RESETS):
+        env = lab.env()
+        lab.play(replace(play, actions=()), env, state=False)
+        openings.append(lab.play(EpisodePlan(seed=None, actions=()), env, state=False).trace)
+    first = openings[0]
+    return any(
+        compare(first, other, volatile=volatile).divergence is not None for other in openings[1:]
+    )
+
+
+def _next(lab: ProbeSession, base: EpisodeResult, change: Intervention | None) -> Episode:
+    """Episode after a reset without a seed, in an instance that played one before."""
+    env = lab.env()
+    lab.play(base.play, env, change=change, state=False)
+    return lab.play(EpisodePlan(seed=None, actions=()), env, state=False).trace
+
+
+def _next_counterfactual(
+    lab: ProbeSession, base: EpisodeResult, beside: tuple[Episode, Episode], kinds: tuple[str, ...]
+) -> ProbeCounterfactual:
+    change = ExtraCalls(kinds)
+    about = {**change.to_json(), "next": len(base.play.actions or ())}
+    volatile = tuple(lab.contract.volatile_infos())
+    return ProbeCounterfactual(*beside, _next(lab, base, change), about, volatile)
+
+
+def _asked_twice(lab: ProbeSession, play: EpisodePlan) -> Saw:
+    """Tells whether `last()` gives the same reward and flags when it is called again."""
+    looks, told, at = 0, None, None
+
+    def watch(turn: int, env: Any, out: Any) -> None:
+        nonlocal looks, told, at
+        if told is not None or not env.agents:
+            return
+        both = [lab.call("last", env.last).value for _ in range(2)]
+        if all(isinstance(each, tuple) and len(each) == 5 for each in both):
+            looks += 1
+            first, second = ([snapshot(item) for item in each[1:4]] for each in both)
+            if not is_same(second, first):
+                told, at = (first, second), turn
+
+    lab.play(play, watch=watch, state=False)
+    return lab.fact(RepeatedLast(looks=looks, told=told), turn=at, field="twice")
+
+
+def _offered(lab: ProbeSession, env: Any, play: EpisodePlan) -> tuple[str, ...]:
+    """The kinds of calls that this environment answers after a reset; it isn't played on."""
+    if lab.call("reset", env.reset, seed=play.seed).failed is not None:
+        return ()
+    found = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for kind, call in CALLS.items():
+            if (kind in ONLY_AEC and lab.api != "aec") or (kind == "render" and _on_screen(env)):
+                continue
+            if lab.call(kind, call, env).failed is None:
+                found.append(kind)
+    return tuple(found)
+
+
+def _on_screen(env: Any) -> bool:
+    """Tells whether rendering would open a window."""
+    return getattr(env, "render_mode", None) == "human"

@@ -1,0 +1,145 @@
+"""Probes of recorded plays: rollouts from several seeds, and a replay from evidence alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+from gymnasium.spaces import Space
+
+from gamekeeper.auditing.probe import probe
+from gamekeeper.auditing.probe_session import RESET_STEPS, ProbeSession, Saw
+from gamekeeper.auditing.probes.moves import affordable
+from gamekeeper.auditing.probes.state_calls import form_of, space_of
+from gamekeeper.checks.facts.play_facts import (
+    AgentNames,
+    RaisedCall,
+    SelectedAgents,
+    StateForms,
+    TurnRosters,
+    UnwrittenActions,
+)
+from gamekeeper.checks.facts.state_facts import StateAnswer
+from gamekeeper.checks.probe_evidence import ProbeCounterfactual
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.episode import Episode
+from gamekeeper.episodes.layout import agent_name
+from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.rollouts.episode_loop import EpisodePlan
+from gamekeeper.rollouts.memory import MemorySink
+from gamekeeper.rollouts.process_randomness import held
+from gamekeeper.rollouts.reruns import replay_trace
+
+PLAYS: Final = 8
+"""Episodes at least, however long."""
+SHORT_PLAYS: Final = 16
+"""Further episodes, where the first ones ended early and left steps to spend."""
+
+
+def _rollout_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """First a few that may be long, then more while there are steps left."""
+    turns = max(lab.ration // PLAYS, 20)
+    for k in range(PLAYS + SHORT_PLAYS):
+        yield EpisodePlan(seed=lab.seed + k, stream=k, most_turns=turns)
+
+
+@probe("rollout", share=6.0, plays=_rollout_plays)
+def rollout(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """Rollouts from several seeds with random legal actions, long enough to see endings.
+
+    The trace, and what raised.
+
+    Facts:
+        `RaisedCall`, `SelectedAgents`, `TurnRosters`, `StateForms`.
+    """
+    rosters: list[list[str]] = []
+    selected: list[tuple[str | None, bool]] = []
+
+    def watch(turn: int, env: Any, out: Any) -> None:
+        agents = env.agents
+        rosters.append([agent_name(agent) for agent in agents])
+        if lab.api == "aec" and agents:
+            chosen = getattr(env, "agent_selection", None)
+            selected.append((None if chosen is None else agent_name(chosen), chosen in agents))
+
+    env = lab.env()
+    played = lab.play(play, env, watch=watch)
+    yield played.trace
+    yield from _states(lab, space_of(lab, env), played.trace)
+    yield lab.fact(TurnRosters(rosters), field="agents")
+    if lab.api == "aec":
+        yield lab.fact(SelectedAgents(selected), field="agent_selection")
+    if played.failed is not None:
+        failed = played.failed
+        raised = RaisedCall(failed.call, failed.kind, failed.text, failed.traceback)
+        yield lab.fact(raised, turn=failed.turn, field="raised")
+
+
+def _states(lab: ProbeSession, space: Space[Any] | None, trace: Episode) -> Iterator[Saw]:
+    """The forms of state() in a play; rare ones are met in long plays alone."""
+    forms: dict[str, StateAnswer] = {}
+    for turn in trace.turns if trace.states is not None else ():
+        if isinstance(turn.state, np.ndarray):
+            form = form_of(turn.index, turn.state, space)
+            forms.setdefault(str(replace(form, turn=0)), form)
+    if forms:
+        yield lab.fact(StateForms(answers=list(forms.values())), field="state")
+
+
+MOST_TURNS: Final = 60
+
+
+def _evidence_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """Two; each played, played again, and replayed from its evidence."""
+    yield from lab.plays(2, runs=3, most_turns=affordable(lab, MOST_TURNS))
+
+
+@probe("evidence", share=0.5, plays=_evidence_plays)
+def evidence(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """A play recorded, and played again from nothing but its evidence.
+
+    A play, the same again, and what its evidence alone gives.
+
+    Counterfactuals:
+        `Replayed`.
+
+    Facts:
+        `AgentNames`, `UnwrittenActions`.
+    """
+    env = lab.env()
+    names: dict[Any, list[str]] = {}
+
+    def watch(turn: int, env: Any, out: Any) -> None:
+        for agent in [*(getattr(env, "possible_agents", None) or ()), *env.agents]:
+            names.setdefault(agent, [str(agent), type(agent).__name__])
+
+    base = lab.play(play, env, watch=watch)
+    yield lab.fact(AgentNames(list(names.values())), field="agents")
+    if base.failed is not None or len({text for text, _ in names.values()}) < len(names):
+        return
+    unchanged_rerun = lab.play(base.play)
+    again = _replayed(lab, base.trace, lab.env(), {agent_name(agent): agent for agent in names})
+    if isinstance(again, Episode):
+        volatile = tuple(lab.contract.volatile_infos())
+        yield ProbeCounterfactual(
+            base.trace, unchanged_rerun.trace, again, {"change": "Replayed"}, volatile
+        )
+    else:
+        yield lab.fact(UnwrittenActions(again), turn=0, field="actions")
+
+
+def _replayed(lab: ProbeSession, trace: Episode, env: Any, agents: dict[str, Any]) -> Episode | str:
+    """The trace of a replay; what was said where an action couldn't be built from its text."""
+    declared: Contract = lab.contract
+    sink = MemorySink(terms=tuple(declared.rewards), volatile=declared.volatile_infos())
+    game = game_of(env, sink=sink)
+    game.episode = trace.episode - 1
+    lab.meter.count(RESET_STEPS)
+    count = lab.meter.count
+    with held():  # as the play itself was: generators of the whole process are for other probes
+        done = lab.call("replay", replay_trace, trace, game, agents=agents, after_turn=count)
+    if done.failed is not None:
+        return done.failed.text
+    return next(iter(sink.evidence({}, contract=declared).episodes))

@@ -1,0 +1,299 @@
+"""Probe of render modes and frames."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+
+from gamekeeper.auditing.probe import probe
+from gamekeeper.auditing.probe_session import Called, ProbeSession, Saw
+from gamekeeper.auditing.probes.moves import affordable, moves
+from gamekeeper.checks.facts.render_facts import (
+    BuiltMode,
+    ChangedFrames,
+    FilmedPlay,
+    FirstFrame,
+    SecondFrame,
+    Shot,
+    WrittenFrames,
+)
+from gamekeeper.checks.probe_evidence import ProbeCounterfactual
+from gamekeeper.episodes.divergence import compare
+from gamekeeper.interface.packing import type_name_of
+from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
+
+MOST_MODES: Final = 3
+MOST_TURNS: Final = 40
+"""Turns of a film; rendering is slow."""
+WRITTEN_TURNS: Final = 6
+"""Turns at which frames are written into."""
+LATE_TURNS: Final = 2
+"""The last turns, at which an instance is asked for its first frame."""
+PATTERN: Final = 98
+"""Values that are written into a frame: 1 up to here, over and over; fits into an int8."""
+KEPT_BYTES: Final = 32 << 20
+"""Frames that are kept to be looked at once more."""
+SCREENLESS: Final = {"SDL_VIDEODRIVER": "dummy", "SDL_AUDIODRIVER": "dummy", "MPLBACKEND": "Agg"}
+NEEDS_MORE: Final = re.compile(
+    r"display|opengl|\bglx?\b|\begl\b|x11|xcb|screen|not ?installed|ImportError|ModuleNotFound",
+    re.IGNORECASE,
+)
+"""Words of messages about a missing screen or package, which is no fault of the env."""
+
+
+def _render_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """Two; each is played a handful of times."""
+    yield from lab.plays(2, runs=7, most_turns=affordable(lab, MOST_TURNS))
+
+
+@probe("render", share=1.5, plays=_render_plays)
+def render(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """Every render mode but "human": built, played and filmed beside the play without a camera.
+
+    A mode's instance beside the plain one, and a film beside the same without a camera.
+
+    Counterfactuals:
+        `RenderMode`, `Rendered`.
+
+    Facts:
+        `BuiltMode`, `FilmedPlay`, `ChangedFrames`, `WrittenFrames`, `FirstFrame`, `SecondFrame`.
+    """
+    with _screenless():
+        env = lab.env()
+        own = getattr(env, "render_mode", None)
+        metadata = getattr(env, "metadata", None)
+        base = lab.play(play, env)
+        if base.failed is not None and play.actions is not None:
+            return  # a shorter play that breaks off shows another thing
+        unchanged_rerun = lab.play(base.play)
+        takes = lab.can_make and lab.call("make", lab.make, render_mode=None).failed is None
+        if takes and own is not None:
+            yield _counterfactual(
+                "RenderMode", None, base, unchanged_rerun, lab.play(base.play, _plain(lab)), lab
+            )
+        for mode in _modes(metadata, own):
+            yield from _mode(
+                lab, mode, own=own, takes=takes, base=base, unchanged_rerun=unchanged_rerun
+            )
+
+
+def _mode(
+    lab: ProbeSession,
+    mode: str,
+    *,
+    own: Any,
+    takes: bool,
+    base: EpisodeResult,
+    unchanged_rerun: EpisodeResult,
+) -> Iterator[Saw]:
+    is_own = mode == own
+    options = {} if is_own else {"render_mode": mode}
+
+    def built() -> Called:
+        return Called(lab.env()) if is_own else lab.call("make", lab.make, **options)
+
+    about = BuiltMode(mode, takes or is_own, is_own, options, None, False, None)
+    if not (takes or is_own):
+        yield lab.fact(about)
+        return
+    made = built()
+    said = None if made.failed is None else _first_line(made.failed.text)
+    shown = getattr(made.value, "render_mode", None)
+    yield lab.fact(replace(about, failed=said, is_missing=_is_missing(said), shown=shown))
+    if made.failed is not None:
+        return
+    still = base
+    if not is_own:
+        still = lab.play(base.play, made.value)
+        yield _counterfactual("RenderMode", mode, base, unchanged_rerun, still, lab)
+        made = built()
+    camera = Camera(lab)
+    filmed = lab.play(base.play, made.value, watch=camera)
+    yield _counterfactual("Rendered", mode, still, unchanged_rerun, filmed, lab)
+    yield lab.fact(FilmedPlay(mode, options, moves(filmed.trace), camera.shots), field="render")
+    yield lab.fact(ChangedFrames(mode, options, camera.changed(), len(camera.kept)))
+    volatile = lab.contract.volatile_infos()
+    if compare(base.trace, unchanged_rerun.trace, volatile=volatile).divergence is None:
+        yield from _looked_twice(lab, about, base.play, made.value)
+    turns = len(base.play.actions or ())
+    last = range(max(turns - LATE_TURNS + 1, 1), turns + 1)
+    for first in sorted({*last, *(_since(camera.shots, turn) for turn in last)} - {0}):
+        late = Camera(lab, first=first)
+        again = lab.play(base.play, built().value, watch=late)
+        is_same = compare(filmed.trace, again.trace, volatile=volatile).divergence is None
+        for shot in late.shots[:1] if is_same else ():
+            yield lab.fact(FirstFrame(mode, options, first, shot.digest))
+    pen = Pen(lab)
+    lab.play(_shorter(base.play), built().value, watch=pen)
+    yield lab.fact(WrittenFrames(mode, options, pen.turns, pen.count))
+
+
+def _looked_twice(
+    lab: ProbeSession, about: BuiltMode, play: EpisodePlan, env: Any
+) -> Iterator[Saw]:
+    """The first frame of a second episode in the instance that was filmed."""
+    if lab.call("reset", env.reset, seed=play.seed, options=play.options).failed is None:
+        digest = _digest(lab.call("render", env.render).value)
+        yield lab.fact(SecondFrame(about.mode, about.options, digest))
+
+
+def _since(shots: list[Shot], turn: int) -> int:
+    """The first of the turns in a row, this one the last, at which a film shows the same."""
+    shown = {shot.turn: shot.digest for shot in shots}
+    while turn - 1 in shown and shown[turn - 1] == shown.get(turn):
+        turn -= 1
+    return turn
+
+
+class Camera:
+    """Renders after the reset and after every step, from turn `first` on."""
+
+    def __init__(self, lab: ProbeSession, first: int = 0) -> None:
+        self.shots: list[Shot] = []
+        self.kept: list[tuple[int, Any, str]] = []
+        self._lab, self._first, self._bytes = lab, first, 0
+
+    def __call__(self, turn: int, env: Any, out: Any) -> None:
+        """One frame."""
+        if turn < self._first:
+            return
+        called = self._lab.call("render", env.render)
+        shot = _shot(turn, called, over=not env.agents)
+        self.shots.append(shot)
+        self._bytes += sum(frame.nbytes for frame in _arrays(called.value))
+        if shot.digest is not None and shot.frames and self._bytes < KEPT_BYTES:
+            self.kept.append((turn, called.value, shot.digest))
+
+    def changed(self) -> list[int]:
+        """Turns whose frames are no longer what they were."""
+        return [turn for turn, frame, digest in self.kept if _digest(frame) != digest]
+
+
+class Pen:
+    """Writes into the frames of a moment, and looks whether the next frame of it shows that."""
+
+    def __init__(self, lab: ProbeSession) -> None:
+        self.turns: list[int] = []
+        self.count = 0
+        self._lab = lab
+
+    def __call__(self, turn: int, env: Any, out: Any) -> None:
+        """Two frames of one moment, which agree; a third after writing into them."""
+        frames = [_arrays(self._lab.call("render", env.render).value) for _ in range(2)]
+        before = [[array.copy() for array in each] for each in frames]
+        if not before[0] or _digest(before[0]) != _digest(before[1]):
+            return
+        pairs = [pair for each in frames for pair in zip(each, before[0], strict=True)]
+        if not all(_can_write(array) for array, _ in pairs):
+            return
+        for array, old in pairs:  # both frames may be one array
+            array[...] = _scribble(old)
+        self.count += 1
+        after = _arrays(self._lab.call("render", env.render).value)
+        if _is_shown(before[0], after):
+            self.turns.append(turn)
+
+
+def _is_shown(before: list[Any], after: list[Any]) -> bool:
+    """Tells whether a frame differs from the last by what was written into that one."""
+    differing = written = 0
+    for old, new in zip(before, after, strict=False):
+        if old.shape == new.shape:
+            differing += int((new != old).sum())
+            written += int(((new != old) & (new == _scribble(old))).sum())
+    return written > 0 and written >= 0.9 * differing
+
+
+def _shot(turn: int, called: Called, *, over: bool) -> Shot:
+    frames = [[each.dtype.name, list(each.shape)] for each in _arrays(called.value)]
+    kind, digest = type_name_of(type(called.value)), _digest(called.value)
+    return Shot(turn, over, called.said, _is_missing(called.said), kind, frames, digest)
+
+
+def _arrays(frame: Any) -> list[Any]:
+    """The arrays that a frame consists of."""
+    items = frame if isinstance(frame, list | tuple) else [frame]
+    return [item for item in items if isinstance(item, np.ndarray)]
+
+
+def _digest(frame: Any) -> str | None:
+    """Digest of a frame's arrays or text; None where it is neither."""
+    if isinstance(frame, str):
+        return hashlib.blake2b(frame.encode("utf-8", "replace"), digest_size=16).hexdigest()
+    arrays = _arrays(frame)
+    if not arrays or any(array.dtype == object for array in arrays):
+        return None
+    hashed = hashlib.blake2b(digest_size=16)
+    for array in arrays:
+        hashed.update(f"{array.dtype}{array.shape}".encode() + array.tobytes())
+    return hashed.hexdigest()
+
+
+def _can_write(array: Any) -> bool:
+    return bool(array.flags.writeable and array.dtype.kind in "uif" and array.size)
+
+
+def _scribble(array: Any) -> Any:
+    """Another value for every element, of a pattern that no picture has by itself."""
+    marks = np.resize(np.arange(1, PATTERN), array.shape).astype(array.dtype)
+    return np.where(array == marks, marks + 1, marks).astype(array.dtype)
+
+
+def _plain(lab: ProbeSession) -> Any:
+    return lab.make(render_mode=None)
+
+
+def _counterfactual(
+    kind: str,
+    mode: str | None,
+    base: EpisodeResult,
+    unchanged_rerun: EpisodeResult,
+    other: EpisodeResult,
+    lab: ProbeSession,
+) -> ProbeCounterfactual:
+    change = {"change": kind, "mode": mode}
+    volatile = tuple(lab.contract.volatile_infos())
+    return ProbeCounterfactual(base.trace, unchanged_rerun.trace, other.trace, change, volatile)
+
+
+def _modes(metadata: Any, own: Any) -> list[str]:
+    """The declared modes, and the one in use, without "human", which needs a screen."""
+    declared = metadata.get("render_modes") if isinstance(metadata, dict) else None
+    listed = declared if isinstance(declared, list | tuple) else ()
+    named = [mode for mode in (own, *listed) if isinstance(mode, str) and mode != "human"]
+    return list(dict.fromkeys(named))[:MOST_MODES]
+
+
+def _shorter(play: EpisodePlan) -> EpisodePlan:
+    actions = (play.actions or ())[:WRITTEN_TURNS]
+    return EpisodePlan(play.seed, play.stream, actions, max(len(actions), 1), play.options)
+
+
+def _first_line(text: str) -> str:
+    return text.partition("\n")[0]
+
+
+def _is_missing(said: str | None) -> bool:
+    return said is not None and NEEDS_MORE.search(said) is not None
+
+
+@contextmanager
+def _screenless() -> Iterator[None]:
+    """No window opens in here; the process's surroundings are as they were afterwards."""
+    before = {name: os.environ.get(name) for name in SCREENLESS}
+    os.environ.update(SCREENLESS)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value

@@ -1,0 +1,229 @@
+"""Probes of replaced actions: what else an agent could have done."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import islice
+from typing import Any, Final
+
+import numpy as np
+from gymnasium.spaces import Discrete
+
+from gamekeeper.auditing.probe import probe
+from gamekeeper.auditing.probe_session import ProbeSession, Saw
+from gamekeeper.auditing.probes.moves import legal
+from gamekeeper.checks.facts.play_facts import MoverTrial, Payment
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.episode import Episode, Turn
+from gamekeeper.episodes.layout import agent_name
+from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
+from gamekeeper.rollouts.interventions.action_substitutes import ReplacedAction
+
+LENGTHS: Final = (8, 14, 24, 40)
+"""Turns of the plays, over and over: short ones are cheap, in long ones the middle is seen."""
+INFLUENCE_MOST_PLAYS: Final = 40
+TRIALS: Final = 8
+"""Replaced actions in one play."""
+LAGS: Final = 2
+"""Ticks (AEC: rounds) after the step that are looked at where no mask forbids it."""
+MOST_LATER: Final = 12
+TRIES: Final = 8
+
+
+def _influence_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """Plays of several lengths; in AEC environments as many rounds."""
+    scale = max(len(lab.agents), 1) if lab.api == "aec" else 1
+    for k in range(INFLUENCE_MOST_PLAYS):
+        turns = min(LENGTHS[k % len(LENGTHS)] * min(scale, 8), max(lab.ration // 8, 8))
+        yield EpisodePlan(seed=lab.seed + k, stream=k, most_turns=turns)
+
+
+@probe("influence", share=3.0, plays=_influence_plays, tries=8)
+def influence(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """One action replaced at one turn by another legal one, everybody else's as they were.
+
+    What differs from a rerun with nothing changed is that action's doing, though it may work
+    through the random stream. Later actions stand on paper, so no policy carries an effect on.
+
+    A counterfactual for each replaced action, cut a few turns after it; their unchanged rerun is
+    one and the same.
+    """
+    env = lab.env()
+    base = lab.play(play, env, state=False)
+    spots = [turn for turn in base.trace.turns if _influence_movers(turn)]
+    if not spots:
+        return
+    unchanged_rerun = lab.play(base.play, env, state=False)
+    step = max(len(spots) // TRIALS, 1)
+    offset = play.stream % step
+    for place, turn in enumerate(spots[offset::step][: TRIALS + 1]):
+        movers = _influence_movers(turn)
+        agent = movers[(place + play.stream) % len(movers)]
+        mask = turn.masks.get(agent)
+        found, action = _other(lab, agent, turn.actions[agent], mask, turn.index)
+        if not found:
+            continue
+        later = 0 if turn.masks else _later(lab)
+        # in AEC what comes of the last step is only seen by whoever is asked next
+        cut = (base.play.actions or ())[: turn.index + 1 + later + (lab.api == "aec")]
+        trial = replace(base, play=replace(base.play, actions=cut, most_turns=len(cut)))
+        change = ReplacedAction(turn.index, _own(base, agent), action)
+        counterfactual = lab.counterfactual(trial, unchanged_rerun, change, env, state=False)
+        yield replace(
+            counterfactual, change={**counterfactual.change, "agent": agent, "later": later}
+        )
+
+
+def _later(lab: ProbeSession) -> int:
+    return LAGS if lab.api == "parallel" else min(LAGS * len(lab.agents), MOST_LATER)
+
+
+def _influence_movers(turn: Turn) -> list[str]:
+    """Those who acted and were alive."""
+    return [agent for agent in turn.order if turn.actions.get(agent) is not None]
+
+
+def _other(lab: ProbeSession, agent: str, action: Any, mask: Any, turn: int) -> tuple[bool, Any]:
+    """Another legal action, if one is found."""
+    spec = lab.agents.get(agent)
+    space = None if spec is None else spec.action_space
+    rng = np.random.default_rng([13, turn])
+    if isinstance(space, Discrete):
+        choices = legal(space, mask)
+        place = choices.index(int(action)) if int(action) in choices else len(choices)
+        count = len(choices) - (place < len(choices))
+        if not count:
+            return False, None
+        at = int(rng.integers(count))
+        return True, space.dtype.type(choices[at + (at >= place)])
+    if space is None or mask is not None:
+        return False, None
+    own = lab.call("deepcopy", copy.deepcopy, space)
+    if own.failed is not None:
+        return False, None
+    own.value.seed(int(rng.integers(1 << 31)))
+    for _ in range(TRIES):
+        drawn = own.value.sample()
+        if repr(drawn) != repr(action):
+            return True, drawn
+    return False, None
+
+
+TURNS: Final = 16
+"""Rounds of a play: each alternative plays it again up to the payment."""
+ALTERNATIVES_MOST_PLAYS: Final = 24
+EVENTS: Final = 2
+"""Payments of one play that are looked into, of each term and sign."""
+ALTERNATIVES: Final = 6
+
+
+def individual_terms(contract: Contract) -> tuple[str, ...]:
+    """The declared terms that are paid to the agent that earned them."""
+    return tuple(
+        name
+        for name, term in contract.rewards.items()
+        if term.kind == "individual" and term.payee == ("earner",)
+    )
+
+
+def paid(contract: Contract, turn: Turn, agent: str, term: str) -> float:
+    """Reward of the step to the agent for that term; a single term is the whole reward."""
+    if turn.terms:
+        return turn.terms.get(agent, {}).get(term, 0.0)
+    return turn.rewards.get(agent, 0.0) if len(contract.rewards) == 1 else 0.0
+
+
+def _alternatives_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """Short plays, as long as there are declared terms to look at."""
+    if not individual_terms(lab.contract):
+        return
+    scale = max(len(lab.agents), 1) if lab.api == "aec" else 1
+    for k in range(ALTERNATIVES_MOST_PLAYS):
+        yield EpisodePlan(seed=lab.seed + k, stream=k, most_turns=TURNS * scale)
+
+
+@probe("alternatives", share=1.0, plays=_alternatives_plays)
+def alternatives(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """Other actions of each agent at the turn that paid a declared individual term.
+
+    Only where the contract declares a term that is paid to its earner; else it costs nothing.
+
+    A fact for each payment that was looked into.
+
+    Facts:
+        `Payment`.
+    """
+    env = lab.env()
+    base = lab.play(play, env, state=False)
+    begun = lab.meter.steps
+    looked: dict[tuple[str, bool], int] = {}
+    for turn in base.trace.turns:
+        for term in individual_terms(lab.contract):
+            for agent in turn.agents:
+                amount = paid(lab.contract, turn, agent, term)
+                key = term, amount > 0
+                if amount == 0 or looked.get(key, 0) >= EVENTS:
+                    continue
+                if lab.meter.steps - begun > lab.ration:
+                    return
+                looked[key] = looked.get(key, 0) + 1
+                movers = _alternatives_movers(lab, env, base, turn, agent, term, amount)
+                value = Payment(term=term, agent=agent, amount=amount, movers=movers)
+                yield lab.fact(value, turn=turn.index, agent=agent, field="rewards")
+
+
+def _alternatives_movers(
+    lab: ProbeSession,
+    env: Any,
+    base: EpisodeResult,
+    turn: Turn,
+    payee: str,
+    term: str,
+    amount: float,
+) -> dict[str, MoverTrial]:
+    """By agent, whether something else that it could have done makes the payment smaller."""
+    found: dict[str, MoverTrial] = {}
+    cut = (base.play.actions or ())[: turn.index + 1]
+    short = replace(base.play, actions=cut, most_turns=len(cut))
+    for agent, then in _last_acts(base.trace, turn.index).items():
+        tried, instead = 0, None
+        for action in _others(lab, agent, then):
+            change = ReplacedAction(then.index, _own(base, agent), action)
+            counterfactual = lab.play(short, env, change=change, state=False)
+            if counterfactual.failed is not None:
+                continue
+            tried += 1
+            after = next((t for t in counterfactual.trace.turns if t.index == turn.index), None)
+            now = 0.0 if after is None else paid(lab.contract, after, payee, term)
+            if abs(now) < abs(amount) and instead is None:
+                instead = action
+        found[agent] = MoverTrial(then.index, tried, instead)
+    return found
+
+
+def _last_acts(trace: Episode, turn: int) -> dict[str, Turn]:
+    """The last turn at which each agent acted, no later than `turn`."""
+    found: dict[str, Turn] = {}
+    for each in trace.turns:
+        if each.index > turn:
+            break
+        found.update({a: each for a in each.order if each.actions.get(a) is not None})
+    return found
+
+
+def _others(lab: ProbeSession, agent: str, turn: Turn) -> list[Any]:
+    spec = lab.agents.get(agent)
+    space = None if spec is None else spec.action_space
+    if not isinstance(space, Discrete):
+        return []
+    own = int(turn.actions[agent])
+    others = (each for each in legal(space, turn.masks.get(agent)) if each != own)
+    return [space.dtype.type(each) for each in islice(others, ALTERNATIVES)]
+
+
+def _own(base: EpisodeResult, name: str) -> Any:
+    """The agent as the environment calls it."""
+    known = (agent for each in base.play.actions or () for agent in each)
+    return next((agent for agent in known if agent_name(agent) == name), name)

@@ -1,0 +1,364 @@
+"""Probes of seeds: the same seed, special ones, none, and a second episode."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from hashlib import blake2b
+from typing import Any, Final
+
+from gamekeeper.auditing.probe import probe
+from gamekeeper.auditing.probe_session import ProbeSession, Saw
+from gamekeeper.checks.facts.seed_facts import (
+    EpisodeBefore,
+    LaterSeeds,
+    PlainSeed,
+    PlayElsewhere,
+    SeededPlays,
+    SpecialRefused,
+    UnseededOpenings,
+    UnseededPlays,
+)
+from gamekeeper.checks.paired_plays import told_difference
+from gamekeeper.checks.probe_evidence import ProbeCounterfactual
+from gamekeeper.episodes.canonical import to_json
+from gamekeeper.episodes.divergence import compare
+from gamekeeper.episodes.episode import Episode, digests_of
+from gamekeeper.episodes.layout import agent_name
+from gamekeeper.interface.generators import is_same_state
+from gamekeeper.rollouts.episode_loop import Actions, EpisodePlan, EpisodeResult, StepHook
+from gamekeeper.rollouts.interventions.generator_futures import GeneratorsElsewhere
+from gamekeeper.rollouts.process_randomness import LATER_S, held, later, standing
+
+PLAYS: Final = 3
+
+
+def _same_seed_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """Long ones, each played twice, the first one once more."""
+    return lab.plays(PLAYS, runs=2)
+
+
+@probe("same_seed", share=1.5, plays=_same_seed_plays)
+def same_seed(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """The same seed and actions once more, in a second instance where one can be had.
+
+    The play and its counterfactual; generators of the whole process start from the same state.
+
+    Counterfactuals by `change`: `nothing`; in the first play also `empty options`, whose unchanged
+    rerun is that, and `the time of day`, where nothing else made a difference.
+    """
+    volatile = tuple(lab.contract.volatile_infos())
+    with held():
+        base = lab.play(play, lab.env())
+    with held():
+        again = lab.play(base.play, lab.env())
+    same = ProbeCounterfactual(base.trace, base.trace, again.trace, {"change": "nothing"}, volatile)
+    yield same
+    if lab.number == 0 and same.divergence is None:
+        for seconds in LATER_S:
+            with held(), later(seconds):
+                other = lab.play(base.play, lab.env())
+            change = {"change": "the time of day", "later_s": seconds}
+            moved = ProbeCounterfactual(base.trace, again.trace, other.trace, change, volatile)
+            yield moved
+            if moved.divergence is not None:
+                break
+    if lab.number == 0 and play.options is None:
+        short = replace(base.play, options={}, actions=(base.play.actions or ())[:1])
+        with held():
+            empty = lab.play(short, lab.env())
+        if empty.failed is None or base.failed is not None:
+            with held():
+                none = lab.play(replace(short, options=None), lab.env())
+            yield ProbeCounterfactual(
+                none.trace, none.trace, empty.trace, {"change": "empty options"}, volatile
+            )
+
+
+SPECIAL_SEEDS: Final = (0, 2**31 - 1)
+PLAIN: Final = 12345
+"""A seed like any other, to compare with."""
+SPECIAL_TURNS: Final = 8
+AGAIN: Final = 4
+"""Further plays of a seed: where few openings are possible, two are often equal by chance."""
+
+
+def _special_seeds_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """One for each of the seeds."""
+    for seed, play in zip(
+        SPECIAL_SEEDS,
+        lab.plays(len(SPECIAL_SEEDS), runs=AGAIN + 1, most_turns=SPECIAL_TURNS),
+        strict=True,
+    ):
+        yield replace(play, seed=seed)
+
+
+@probe("special_seeds", share=1.0, plays=_special_seeds_plays)
+def special_seeds(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """Seeds that are easily taken for something else: 0 for none, large ones for no integer.
+
+    The play and its counterfactual.
+
+    Facts:
+        `SpecialRefused`, `PlainSeed`.
+    """
+    volatile = tuple(lab.contract.volatile_infos())
+    one, two = _twice(lab, play)
+    yield ProbeCounterfactual(
+        one.trace, one.trace, two.trace, {"change": "nothing", "seed": play.seed}, volatile
+    )
+    is_refused = one.failed is not None and one.failed.call == "reset"
+    if one.failed is not None and is_refused:
+        yield lab.fact(SpecialRefused(f"{one.failed.kind}: {one.failed.text}"))
+    if is_refused or _parts(lab, one, two):
+        plain, again = _twice(lab, replace(play, seed=PLAIN, actions=None))
+        is_same = not _parts(lab, plain, again)
+        raises = plain.failed is not None and plain.failed.call == "reset"
+        yield lab.fact(PlainSeed(is_same and not raises))
+
+
+def _twice(lab: ProbeSession, play: EpisodePlan) -> tuple[EpisodeResult, EpisodeResult]:
+    """The play, and another one of it that differs because of its seed, where one does.
+
+    What differs only in a used instance is the seed's doing where plays without a seed go the same
+    way; else it is what the last play left.
+    """
+    one = _fresh(lab, play)[0]
+    paper = replace(play, actions=one.play.actions)
+    again, env = _fresh(lab, paper)
+    used = [again]
+    while len(used) < AGAIN and not _parts(lab, one, used[-1]):
+        used.append(_played(lab, paper, env))
+    if len(used) == 1 or not _parts(lab, one, used[-1]):
+        return one, used[-1]
+    if not _parts(lab, used[-1], _unseeded(lab, paper, len(used))):
+        return one, used[-1]
+    for _ in range(AGAIN):
+        again = _fresh(lab, paper)[0]
+        if _parts(lab, one, again):
+            break
+    return one, again
+
+
+def _unseeded(lab: ProbeSession, paper: EpisodePlan, count: int) -> EpisodeResult:
+    """The last of so many plays in one instance, of which only the first has its seed."""
+    played, env = _fresh(lab, paper)
+    for _ in range(count - 1):
+        played = _played(lab, replace(paper, seed=None), env)
+    return played
+
+
+def _fresh(lab: ProbeSession, play: EpisodePlan) -> tuple[EpisodeResult, Any]:
+    with held():
+        env = lab.env()
+    return _played(lab, play, env), env
+
+
+def _played(lab: ProbeSession, play: EpisodePlan, env: Any) -> EpisodeResult:
+    with held():
+        return lab.play(play, env)
+
+
+def _parts(lab: ProbeSession, one: EpisodeResult, two: EpisodeResult) -> bool:
+    volatile = lab.contract.volatile_infos()
+    return compare(one.trace, two.trace, volatile=volatile).divergence is not None
+
+
+FEW: Final = 4
+"""Plays of a kind, unless something is suspicious."""
+MANY: Final = 16
+"""Plays of a kind, where one kind varies and the other doesn't."""
+UNSEEDED_TURNS: Final = 25
+LATER_PLAYS: Final = 3
+"""Number of episodes that may be longer, where none has made a difference so far."""
+LONG: Final = 100
+GLOBAL: Final = 2
+"""The first places are those of Python's and NumPy's generators, of which other probes see."""
+ELSEWHERE: Final = 7_919
+"""Any number that nobody is likely to seed with."""
+
+
+def _unseeded_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """A short one: what is drawn at the reset shows at once."""
+    return lab.plays(1, runs=8, most_turns=UNSEEDED_TURNS)
+
+
+@probe("unseeded", share=0.5, plays=_unseeded_plays)
+def unseeded(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """Resets with several seeds beside resets without one: where do they lead?
+
+    What plays came to, as digests.
+
+    Facts:
+        `SeededPlays`, `UnseededPlays`, `UnseededOpenings`, `PlayElsewhere`.
+    """
+    seeded = [_told(lab.play(play, lab.env(), hold=False))]
+    _until_two(seeded, FEW, lambda: _told(_seeded(lab, play, len(seeded))))
+    env = lab.env()
+    lab.play(replace(play, actions=lab.base.actions if lab.base else None), env, hold=False)
+    unseeded: list[str] = []
+    again = replace(play, seed=None)
+    _until_two(unseeded, FEW, lambda: _told(lab.play(again, env, hold=False)))
+    kinds = len(set(seeded)), len(set(unseeded))
+    if kinds[0] > 1 and kinds[1] == 1:
+        while len(seeded) < MANY:
+            seeded.append(_told(_seeded(lab, play, len(seeded))))
+        while len(unseeded) < MANY and len(set(unseeded)) == 1:
+            unseeded.append(_told(lab.play(again, env, hold=False)))
+    elif kinds[0] == 1 and kinds[1] > 1:
+        _until_two(seeded, MANY, lambda: _told(_seeded(lab, play, len(seeded))))
+        yield lab.fact(UnseededOpenings(_openings(lab, lab.env())))
+    elif kinds == (1, 1):
+        yield lab.fact(PlayElsewhere(_elsewhere(lab, play)))
+    yield lab.fact(SeededPlays(seeded))
+    yield lab.fact(UnseededPlays(unseeded))
+
+
+def _until_two(found: list[str], most: int, more: Any) -> None:
+    """Goes on until two differ."""
+    while len(found) < most and len(set(found)) < 2:
+        found.append(more())
+
+
+def _seeded(lab: ProbeSession, play: EpisodePlan, number: int) -> EpisodeResult:
+    return lab.play(replace(play, seed=(play.seed or 0) + number), lab.env(), hold=False)
+
+
+def _told(played: EpisodeResult) -> str:
+    """All that was given and done, and nothing of how it came about."""
+    trace = played.trace
+    text = blake2b(digests_of(trace.steps).tobytes(), digest_size=8)
+    for info in trace.steps["info"].to_pylist():
+        text.update(str(info).encode())
+    return text.hexdigest()
+
+
+def _elsewhere(lab: ProbeSession, play: EpisodePlan) -> str | None:
+    """Course of an episode from elsewhere in the streams that don't depend on the seed.
+
+    A game without chance draws from nothing, or what it draws makes no difference.
+    """
+    if play.actions is None:
+        play = replace(play, most_turns=max(play.most_turns, min(lab.ration // LATER_PLAYS, LONG)))
+    played, begun = [], []
+    for number in range(LATER_PLAYS):
+        stands: list[Any] = []
+        again = replace(play, seed=(play.seed or 0) + number)
+        played.append(lab.play(again, lab.env(), watch=_noting(stands), hold=False))
+        begun.append(stands)
+    if len(set(map(_told, played))) > 1:
+        return None  # later on they part
+    places = [
+        place
+        for place, stand in enumerate(zip(*begun, strict=False))
+        if place >= GLOBAL and all(is_same_state(stand[0], each) for each in stand[1:])
+    ]
+    change = GeneratorsElsewhere(tuple(places), number=ELSEWHERE)
+    other = lab.play(played[0].play, lab.env(), change=change, hold=False)
+    volatile = lab.contract.volatile_infos()
+    found = compare(played[0].trace, other.trace, volatile=volatile).divergence
+    return None if found is None else told_difference(found)
+
+
+def _noting(stands: list[Any]) -> StepHook:
+    """Notes where the generators stand after the reset."""
+
+    def watch(turn: int, env: Any, out: Any) -> None:
+        if turn == 0:
+            stands.extend(standing(env))
+
+    return watch
+
+
+def _openings(lab: ProbeSession, env: Any) -> list[str]:
+    found = []
+    for _ in range(FEW):
+        lab.meter.count()
+        out = lab.call("reset", env.reset)
+        if out.failed is not None:
+            break
+        seen = out.value[0] if lab.api == "parallel" else _observed(lab, env)
+        found.append(to_json(list(seen.values()) if isinstance(seen, dict) else seen))
+    return found
+
+
+def _observed(lab: ProbeSession, env: Any) -> dict[str, Any]:
+    return {
+        agent_name(agent): lab.call("observe", env.observe, agent).value for agent in env.agents
+    }
+
+
+APART: Final = 1000
+"""Distance of the last episode's seed from that of the present one."""
+
+
+def _second_episode_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """Long ones, so that whole episodes go before."""
+    return lab.plays(2, runs=6)
+
+
+@probe("second_episode", share=1.5, plays=_second_episode_plays)
+def second_episode(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """An episode in an instance that was used before, beside the same in a fresh one.
+
+    Counterfactuals: what went before the play differs.
+
+    The same episode, one of another seed that is cut in its middle, a reset with the same seed and
+    no step. Each comes only where those before it told nothing. Facts, beside a counterfactual
+    that parts:
+        `EpisodeBefore`, `LaterSeeds`.
+    """
+    volatile = tuple(lab.contract.volatile_infos())
+    with held():
+        base = lab.play(play, lab.env())
+    change = {"change": "an episode before"}
+    for before in (base.play, _cut(lab, base), replace(base.play, actions=(), most_turns=0)):
+        after = _after(lab, before, base.play)
+        if compare(base.trace, after.trace, volatile=volatile).divergence is None:
+            yield ProbeCounterfactual(base.trace, base.trace, after.trace, change, volatile)
+            continue
+        with held():
+            unchanged_rerun = lab.play(base.play, lab.env())
+        yield ProbeCounterfactual(base.trace, unchanged_rerun.trace, after.trace, change, volatile)
+        if compare(base.trace, unchanged_rerun.trace, volatile=volatile).divergence is None:
+            yield lab.fact(EpisodeBefore(None if before is base.play else _on_paper(lab, before)))
+            yield lab.fact(LaterSeeds(*_seeds_matter(lab, before, base, after)))
+        return
+
+
+def _cut(lab: ProbeSession, base: EpisodeResult) -> EpisodePlan:
+    # an odd number of turns in one look, an even one in the other: somebody else may be in turn
+    turns = len(base.play.actions or ()) // 4 * 2 + 1 + lab.number % 2
+    seed = (base.play.seed or 0) + APART
+    return EpisodePlan(seed=seed, stream=base.play.stream + APART, most_turns=turns)
+
+
+def _after(lab: ProbeSession, before: EpisodePlan, play: EpisodePlan) -> EpisodeResult:
+    """The play in an instance in which another was played before."""
+    with held():
+        env = lab.env()
+        lab.play(before, env)
+    with held():
+        return lab.play(play, env)
+
+
+def _on_paper(lab: ProbeSession, before: EpisodePlan) -> tuple[int | None, tuple[Actions, ...]]:
+    if before.actions is None:
+        with held():
+            before = lab.play(before, lab.env()).play
+    return before.seed, before.actions or ()
+
+
+def _seeds_matter(
+    lab: ProbeSession, before: EpisodePlan, base: EpisodeResult, after: EpisodeResult
+) -> tuple[bool, bool]:
+    """Tells whether another seed makes another episode, in a fresh instance and a used one."""
+    other = replace(base.play, seed=(base.play.seed or 0) + 1)
+    with held():
+        fresh = lab.play(other, lab.env())
+    used = _after(lab, before, other)
+    return _differ(lab, base.trace, fresh.trace), _differ(lab, after.trace, used.trace)
+
+
+def _differ(lab: ProbeSession, one: Episode, two: Episode) -> bool:
+    return compare(one, two, volatile=lab.contract.volatile_infos()).divergence is not None

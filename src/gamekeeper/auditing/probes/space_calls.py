@@ -1,0 +1,199 @@
+"""Probe of spaces: asked for before a reset, along a play and after it."""
+
+from __future__ import annotations
+
+import inspect
+import pickle
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any, Final
+
+from gymnasium.spaces import Space
+
+from gamekeeper.auditing.probe import probe
+from gamekeeper.auditing.probe_session import Called, ProbeSession, Saw
+from gamekeeper.checks.facts.space_facts import (
+    AskedSpace,
+    ChangedSpace,
+    OthersView,
+    PickledInfo,
+    SpaceEntry,
+    SpaceFaults,
+)
+from gamekeeper.checks.probe_evidence import Fact
+from gamekeeper.episodes.canonical import shown, type_name
+from gamekeeper.episodes.spaces.misfit import faults, kept, misfits, same
+from gamekeeper.rollouts.episode_loop import EpisodePlan
+from gamekeeper.rollouts.interventions.action_substitutes import Held
+
+MOST_TURNS: Final = 60
+EVERY: Final = 8
+"""Turns from one look at the live agents' spaces and infos to the next."""
+MOST_OBSERVED: Final = 240
+"""Observations of others that are looked at in one play."""
+MOST_AGENTS: Final = 64
+"""Live agents whose spaces are asked for again and again; of a crowd the first ones."""
+HELD: Final = 1_000
+"""Streams from here on are of plays in which each agent holds its action for a while."""
+HELD_PLAYS: Final = 12
+SIDES: Final = ("observation", "action")
+
+
+def _spaces_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """Two short ones, then some in which actions are held, as long as there are steps left."""
+    yield from lab.plays(2, most_turns=MOST_TURNS)
+    turns = max(lab.ration // 3, 20)
+    for k in range(HELD_PLAYS):
+        yield EpisodePlan(seed=lab.seed + k, stream=HELD + k, most_turns=turns)
+
+
+@probe("spaces", share=1.0, plays=_spaces_plays)
+def spaces(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """Spaces asked for before the reset, after it, along a play and after another reset.
+
+    What spaces are there and whether they stay the same; what others than the mover observe.
+
+    Traces of plays in which actions are held, which come to the borders of what is observed.
+
+    Facts:
+        `AskedSpace`, `ChangedSpace`, `SpaceFaults`, `SpaceEntry`, `OthersView`, `PickledInfo`.
+    """
+    env = lab.env()
+    if play.stream >= HELD:
+        yield from _held(lab, play, env)
+        return
+    watch = _Watch(lab, env)
+    if lab.can_make:
+        watch.ask_all(list(getattr(env, "possible_agents", None) or ()), "before reset", 0)
+    played = lab.play(play, env, watch=watch, state=False)
+    watch.ask_all(
+        list(getattr(env, "possible_agents", None) or ())[:MOST_AGENTS], "after the play", None
+    )
+    if played.failed is None:
+        after = None if play.seed is None else play.seed + 1
+        if lab.call("reset", env.reset, seed=after).failed is None:
+            lab.meter.count()
+            possible = list(getattr(env, "possible_agents", None) or env.agents)
+            watch.ask_all(possible, "after another reset", None)
+    yield from watch.facts
+
+
+def _held(lab: ProbeSession, play: EpisodePlan, env: Any) -> Iterator[Saw]:
+    """A longer play; where masks forbid actions nothing can be held."""
+    if play.actions is None:
+        first = lab.play(replace(play, most_turns=2), env, state=False)
+        declared = [role.mask for role in lab.contract.roles.values()]
+        if any(turn.masks for turn in first.trace.turns) or set(declared) - {None, "none"}:
+            return
+        lab.base = None  # what follows is what is to be seen again
+    change = Held() if play.actions is None else None
+    played = lab.play(play, env, change=change, state=False)
+    yield played.trace
+
+
+@dataclass(slots=True)
+class _Watch:
+    """Looks at the spaces now and then."""
+
+    lab: ProbeSession
+    env: Any
+    facts: list[Fact[Any]] = field(default_factory=list)
+    _first: dict[tuple[str, Any], Any] = field(default_factory=dict)
+    _sound: set[int] = field(default_factory=set)
+    _roster: list[Any] = field(default_factory=list)
+    _observed: int = 0
+
+    def __call__(self, turn: int, env: Any, out: Any) -> None:
+        """After the reset and after every step."""
+        roster = list(env.agents)
+        if roster != self._roster or turn % EVERY == 0:
+            gone = [agent for agent in self._roster if agent not in roster]
+            self._roster = roster
+            self.ask_all(gone[:MOST_AGENTS], "after it left", turn)
+            self.ask_all(roster[:MOST_AGENTS], "live", turn)
+            self._look_at_infos(turn, out, roster)
+        if self.lab.api == "aec" and self._observed < MOST_OBSERVED:
+            self._observe(turn, roster)
+
+    def ask_all(self, agents: list[Any], when: str, turn: int | None) -> None:
+        """Asks for both spaces of every agent, twice in a row."""
+        for agent in agents:
+            for which in SIDES:
+                self._ask(agent, which, when, turn)
+
+    def _ask(self, agent: Any, which: str, when: str, turn: int | None) -> None:
+        name = f"{which}_space"
+        one, other = (_quietly(self.lab, name, getattr(self.env, name), agent) for _ in range(2))
+        space = one.value if isinstance(one.value, Space) else None
+        said = None if one.failed is None else f"{one.failed.kind}: {one.failed.text}"
+        asked = AskedSpace(which, when, space, said, type_name(one.value), one.value is other.value)
+        self._note(asked, turn, agent, name)
+        if space is None:
+            return
+        first = self._first.setdefault((which, agent), kept(space))
+        if first is not None and when != "before reset":
+            alike = same(first, space)
+            if alike is not None:
+                changed = ChangedSpace(when, shown(first), shown(space), alike)
+                self._note(changed, turn, agent, name)
+        if id(space) not in self._sound:
+            self._sound.add(id(space))
+            self._note(
+                SpaceFaults(faults=faults(space, sample=which == "action")), turn, agent, name
+            )
+            self._compare_attribute(agent, which, space, turn)
+
+    def _compare_attribute(self, agent: Any, which: str, space: Any, turn: int | None) -> None:
+        """The dictionary of spaces, where the environment itself has one that names the agent."""
+        name = f"{which}_spaces"
+        beside = inspect.getattr_static(self.env, name, None)
+        if isinstance(beside, dict) and isinstance(beside.get(agent), Space):
+            alike = same(beside[agent], space)
+            if alike is not None:
+                entry = SpaceEntry(shown(beside[agent]), shown(space), alike)
+                self._note(entry, turn, agent, name)
+
+    def _observe(self, turn: int, roster: list[Any]) -> None:
+        chosen = getattr(self.env, "agent_selection", None)
+        for agent in roster:
+            space = self._space(agent)
+            if agent == chosen or space is None:
+                continue
+            self._observed += 1
+            seen = self.lab.call("observe", self.env.observe, agent)
+            if seen.failed is not None:
+                said = f"{seen.failed.kind}: {seen.failed.text}"
+                self._note(OthersView(failed=said, misfits=[]), turn, agent, "observe")
+                continue
+            found = [
+                [each.kind, each.path, each.expected, each.actual, each.test]
+                for each in misfits(space, seen.value)
+            ]
+            self._note(OthersView(failed=None, misfits=found), turn, agent, "observe")
+
+    def _space(self, agent: Any) -> Any:
+        asked = _quietly(self.lab, "observation_space", self.env.observation_space, agent)
+        return asked.value if isinstance(asked.value, Space) else None
+
+    def _look_at_infos(self, turn: int, out: Any, roster: list[Any]) -> None:
+        infos = getattr(self.env, "infos", None) if self.lab.api == "aec" else None
+        if isinstance(out, tuple | list) and len(out) in (2, 5):
+            infos = out[-1]
+        if not isinstance(infos, dict):
+            return
+        for agent in roster:
+            if isinstance(infos.get(agent), dict):
+                done = self.lab.call("pickle", pickle.dumps, infos[agent])
+                why = None if done.failed is None else f"{done.failed.kind}: {done.failed.text}"
+                self._note(PickledInfo(unpicklable=why), turn, agent, "infos")
+
+    def _note(self, value: object, turn: int | None, agent: Any, place: str) -> None:
+        self.facts.append(self.lab.fact(value, turn=turn, agent=agent, field=place))
+
+
+def _quietly(lab: ProbeSession, name: str, function: Any, *arguments: Any) -> Called:
+    """Calls without the warning of PettingZoo's own method, which reads the dictionaries."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return lab.call(name, function, *arguments)

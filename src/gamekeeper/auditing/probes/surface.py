@@ -1,0 +1,361 @@
+"""Probes of what stands on the outside of an environment: rosters, counts, books, metadata."""
+
+from __future__ import annotations
+
+import inspect
+import operator
+import re
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from types import FunctionType, MethodType, ModuleType
+from typing import Any, Final
+
+from gymnasium.spaces import Space
+
+from gamekeeper.auditing.probe import probe
+from gamekeeper.auditing.probe_session import RESET_STEPS, ProbeSession, Saw
+from gamekeeper.checks.facts.surface_facts import (
+    AgentCounts,
+    BookEntries,
+    FlaggedAgents,
+    LaterMetadata,
+    LiveRosters,
+    Metadata,
+    PossibleAgents,
+    ReturnedForms,
+    RosterKinds,
+    TimeLimits,
+    TurnBooks,
+)
+from gamekeeper.episodes.canonical import to_json, type_name
+from gamekeeper.episodes.layout import agent_name
+from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
+
+LIMIT: Final = re.compile(
+    r"(^|_)(max|limit|horizon|cutoff|timeout|deadline|closing|duration|(n|num)_(steps|cycles|ticks))"
+    r"(_|$)",
+    re.IGNORECASE,
+)
+"""Names of limits of time."""
+NO_LIMIT: Final = re.compile(
+    r"round|turn|move|hand|card|score|point|size|width|height|agent|player|speed|reward|health",
+    re.IGNORECASE,
+)
+"""Words for units of which a game's rules may have a last one, or that are no time."""
+TIME: Final = re.compile(
+    r"step|cycle|tick|time|frame|iter|episode|len|horizon|cutoff|deadline|closing|duration",
+    re.IGNORECASE,
+)
+"""Words for units of time, of which a limit is one."""
+LIMITS: Final = range(5, 1_000_000)
+_NO_SETTINGS: Final = (type, ModuleType, FunctionType, MethodType, Space)
+
+
+def limits_of(env: Any) -> dict[str, int]:
+    """Such numbers by name; the nearer one where two have the same name.
+
+    They are looked for in the instance, in what it holds (a dictionary or an object of settings),
+    in its classes, in its constructors' defaults and in the modules that the classes stand in.
+    """
+    inner = getattr(env, "unwrapped", env)
+    own = dict(getattr(inner, "__dict__", {}))
+    found: dict[str, int] = {}
+    for named in (own, *map(_settings, own.values()), *_of_classes(type(inner))):
+        for name, value in named.items():
+            if _is_limit(name, value):
+                found.setdefault(name, value)
+    return found
+
+
+def _is_limit(name: object, value: object) -> bool:
+    return (
+        type(value) is int
+        and value in LIMITS
+        and isinstance(name, str)
+        and LIMIT.search(name) is not None
+        and NO_LIMIT.search(name) is None
+        and (TIME.search(name) is not None or not LIMIT.sub("", name))
+    )
+
+
+def _settings(value: Any) -> Mapping[Any, Any]:
+    """Items of a dictionary, or attributes of an object."""
+    if isinstance(value, dict):
+        return value
+    held = None if isinstance(value, _NO_SETTINGS) else getattr(value, "__dict__", None)
+    return held if isinstance(held, dict) else {}
+
+
+def _of_classes(kind: type) -> Iterator[Mapping[Any, Any]]:
+    for each in kind.__mro__:
+        if each.__module__.partition(".")[0] in sys.stdlib_module_names:
+            continue  # Python's own limits are no environment's
+        yield vars(each)
+        yield _defaults(vars(each).get("__init__"))
+        yield getattr(sys.modules.get(each.__module__), "__dict__", {})
+
+
+def _defaults(function: Any) -> Mapping[str, Any]:
+    """The defaults of a constructor's parameters."""
+    try:
+        parameters = inspect.signature(function).parameters
+    except (TypeError, ValueError):  # none of Python's, or none of its own
+        return {}
+    return {name: each.default for name, each in parameters.items()}
+
+
+PLAYS: Final = 3
+"""Episodes at least, however long."""
+SHORT_PLAYS: Final = 6
+"""Further episodes, where the first ones ended early and left steps to spend."""
+BOOKS: Final = ("rewards", "_cumulative_rewards", "terminations", "truncations", "infos")
+"""Dictionaries that an AEC environment keeps by agent, in the order `last` reads them."""
+FLAGS: Final = ("terminations", "truncations")
+PARTS: Final = {2: "observations infos", 5: "observations rewards terminations truncations infos"}
+"""Parts that reset and step of a Parallel environment return."""
+LAST: Final = 5
+"""Values that `last()` of an AEC environment returns."""
+
+
+def _surface_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """First a few that may be long, then more while there are steps left."""
+    turns = max(lab.ration // PLAYS, 20)
+    for k in range(PLAYS + SHORT_PLAYS):
+        yield EpisodePlan(seed=lab.seed + k, stream=k, most_turns=turns)
+
+
+@probe("surface", share=1.5, plays=_surface_plays)
+def surface(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """Rosters, counts and books on the outside of an environment, turn by turn.
+
+    The trace; attributes before a reset, after it, after each step, after another reset.
+
+    Facts, each with names of agents as texts:
+        `PossibleAgents`, `LiveRosters`, `RosterKinds`, `AgentCounts`, `ReturnedForms`,
+        `BookEntries`, `TimeLimits`, `FlaggedAgents`.
+    """
+    env = lab.env()
+    before, first = _names(lab, env, "possible_agents"), _reset(lab, env, play)
+    flagged = [_flagged(env)] if lab.api == "aec" else []
+    limits = limits_of(env)
+    seen = _Seen(lab)
+    played = lab.play(play, env, watch=seen.watch)
+    limits = {name: value for name, value in limits_of(env).items() if limits.get(name) == value}
+    yield played.trace
+    again = _reset(lab, env, play)
+    possible = PossibleAgents(
+        lab.can_make, before, seen.possible, _names(lab, env, "possible_agents")
+    )
+    midway = _midway(lab, env, played, seen.rosters)
+    rosters = LiveRosters(first, seen.rosters, again, midway)
+    yield lab.fact(possible, field="possible_agents")
+    yield lab.fact(rosters, field="agents")
+    yield lab.fact(RosterKinds(seen.kinds), field="agents")
+    yield lab.fact(TimeLimits(limits), field="terminations")
+    yield lab.fact(AgentCounts(seen.counts), field="num_agents")
+    returned = [_wrong_last(lab, env)] if lab.api == "aec" else seen.returned
+    yield lab.fact(ReturnedForms(returned), field="returned")
+    if lab.api == "aec":
+        yield lab.fact(BookEntries(seen.books), field="books")
+        flagged += [seen.flagged, _flagged(env)]
+        yield lab.fact(FlaggedAgents(flagged), field="terminations")
+
+
+class _Seen:
+    """Roster and dictionaries at the start of each turn of an episode."""
+
+    def __init__(self, lab: ProbeSession) -> None:
+        self.rosters: list[Any] = []
+        self.possible: list[Any] = []
+        self.counts: list[list[Any]] = []
+        self.returned: list[str] = []
+        self.books: list[TurnBooks] = []
+        self.kinds: list[tuple[int, list[str]]] = []
+        self.flagged: list[str] = []
+        self._lab = lab
+        self._last: dict[str, tuple[Any, Any]] = {}
+
+    def watch(self, turn: int, env: Any, out: Any) -> None:
+        """One turn's start."""
+        self.rosters.append(self._names(env, "agents"))
+        self.possible.append(self._names(env, "possible_agents"))
+        counted = [_count(env, name) for name in ("num_agents", "max_num_agents")]
+        named = self.rosters[-1], self.possible[-1]
+        sizes = [None if names is None else len(names) for names in named]
+        self.counts.append([*counted, *sizes])
+        if self._lab.api == "parallel":
+            self.returned.append(_wrong(out, 5 if turn else 2))
+        else:
+            self.books.append(_books(env))
+        kinds = [_kind(env, name) for name in ("agents", "possible_agents")]
+        if not self.kinds or kinds != self.kinds[-1][1]:
+            self.kinds.append((turn, kinds))
+        if not turn:
+            self.flagged = _flagged(env) if self._lab.api == "aec" else []
+
+    def _names(self, env: Any, attribute: str) -> Any:
+        """The names, spelt anew only where they have changed."""
+        value = getattr(env, attribute, None)
+        known = self._last.get(attribute)
+        if known is not None and value.__class__ is list and value == known[0]:
+            return known[1]
+        names = _names(self._lab, env, attribute)
+        if value.__class__ is list:
+            self._last[attribute] = list(value), names
+        return names
+
+
+def _reset(lab: ProbeSession, env: Any, play: EpisodePlan) -> Any:
+    """The roster after a reset with the play's seed; None where it raised."""
+    lab.meter.count(RESET_STEPS)
+    given: dict[str, Any] = {} if play.seed is None else {"seed": play.seed}
+    if play.options is not None:
+        given["options"] = dict(play.options)
+    failed = lab.call("reset", env.reset, **given).failed
+    return _names(lab, env, "agents") if failed is None else None
+
+
+def _midway(
+    lab: ProbeSession, env: Any, played: EpisodeResult, rosters: Sequence[Any]
+) -> tuple[int, list[str] | None] | None:
+    """After the first turns of a play, until somebody has left, a reset: its roster."""
+    for turn, names in enumerate(rosters):
+        if names and rosters[0] and not set(rosters[0]) <= set(names):
+            paper = (played.play.actions or ())[:turn]
+            if turn and len(paper) == turn:
+                lab.play(replace(played.play, actions=paper, most_turns=turn), env)
+                return turn, _reset(lab, env, played.play)
+            return None
+    return None
+
+
+def _names(lab: ProbeSession, env: Any, attribute: str) -> list[str] | None:
+    """The names in a roster, however it is kept; None where there is none."""
+    called = lab.call(attribute, lambda: list(getattr(env, attribute)))
+    return None if called.failed is not None else [agent_name(agent) for agent in called.value]
+
+
+def _count(env: Any, name: str) -> Any:
+    try:
+        count: Any = getattr(env, name, None)
+    except Exception:  # where it counts what isn't there yet
+        return None
+    if count is None:
+        return None
+    return operator.index(count) if hasattr(count, "__index__") else repr(count)
+
+
+def _kind(env: Any, name: str) -> str:
+    value = getattr(env, name, None)
+    return "" if value is None else type_name(value)
+
+
+def _wrong(out: Any, count: int) -> str:
+    """Fault in the form of a returned value; empty if there is none."""
+    if not isinstance(out, tuple | list):
+        return f"a {type(out).__name__}"
+    if len(out) != count:
+        return f"a {type(out).__name__} of {len(out)}"
+    nonconforming = [
+        f"{name}: {type(part).__name__}"
+        for name, part in zip(PARTS[count].split(), out, strict=True)
+        if not isinstance(part, Mapping)
+    ]
+    return ", ".join(nonconforming)
+
+
+def _wrong_last(lab: ProbeSession, env: Any) -> str:
+    """Fault in the value of `last()`; empty if there is none, or if it raised."""
+    if not getattr(env, "agents", None):
+        return ""
+    called = lab.call("last", env.last)
+    if called.failed is not None or (isinstance(called.value, tuple) and len(called.value) == LAST):
+        return ""
+    return _wrong(called.value, LAST) or f"a {type(called.value).__name__}"
+
+
+def _books(env: Any) -> TurnBooks:
+    """Agents without an entry in the AEC dictionaries, and entries without an agent."""
+    missing: dict[str, list[str]] = {}
+    strangers: dict[str, list[str]] = {}
+    agents: Sequence[Any] = list(getattr(env, "agents", None) or ())
+    for name in BOOKS:
+        book = getattr(env, name, None)
+        if not isinstance(book, Mapping):
+            missing[name] = [agent_name(agent) for agent in agents]
+            continue
+        if book.keys() == set(agents):
+            continue
+        missing[name] = [agent_name(agent) for agent in agents if agent not in book]
+        strangers[name] = [agent_name(agent) for agent in book if agent not in agents]
+    return TurnBooks(
+        {name: names for name, names in missing.items() if names},
+        {name: names for name, names in strangers.items() if names},
+    )
+
+
+def _flagged(env: Any) -> list[str]:
+    """Agents that an AEC environment says have ended."""
+    found: dict[str, None] = {}
+    for name in FLAGS:
+        book = getattr(env, name, None)
+        if isinstance(book, Mapping):
+            found.update((agent_name(agent), None) for agent, flag in book.items() if _is_up(flag))
+    return list(found)
+
+
+def _is_up(flag: Any) -> bool:
+    try:
+        return bool(flag)
+    except Exception:  # an array of flags says nothing
+        return False
+
+
+MOST_TURNS: Final = 20
+MOST_MODES: Final = 3
+
+
+def _metadata_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """One short play."""
+    yield from lab.plays(1, most_turns=MOST_TURNS)
+
+
+@probe("metadata", share=0.2, plays=_metadata_plays)
+def metadata(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """Metadata, before and after the environment was used.
+
+    Metadata before and after a play, a render and further instances.
+
+    Facts:
+        `Metadata`, `LaterMetadata`.
+    """
+    env = lab.env()
+    metadata = getattr(env, "metadata", None)
+    before = to_json(metadata)
+    lab.play(play, env)
+    own = getattr(env, "render_mode", None)
+    fields = dict(metadata) if isinstance(metadata, dict) else {}
+    yield lab.fact(
+        Metadata(kind=type(metadata).__name__, fields=dict(fields), own=own), field="metadata"
+    )
+    after: list[tuple[str, str | None, str]] = [
+        ("play", None, to_json(getattr(env, "metadata", None)))
+    ]
+    if own is not None and own != "human":
+        lab.call("render", env.render)
+        after.append(("render", None, to_json(getattr(env, "metadata", None))))
+    if lab.can_make:
+        lab.call("make", lab.make)
+        after.append(("make", None, to_json(getattr(env, "metadata", None))))
+        for mode in _modes(fields):
+            lab.call("make", lab.make, render_mode=mode)
+            after.append(("make", mode, to_json(getattr(env, "metadata", None))))
+    yield lab.fact(LaterMetadata(before=before, after=after), field="metadata")
+
+
+def _modes(fields: dict[str, Any]) -> list[str]:
+    """Modes in which further instances are built; "human" needs a screen."""
+    declared = fields.get("render_modes")
+    listed = declared if isinstance(declared, list | tuple) else ()
+    return [mode for mode in listed if isinstance(mode, str) and mode != "human"][:MOST_MODES]

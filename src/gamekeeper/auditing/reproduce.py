@@ -1,0 +1,135 @@
+"""From a broken case to a finding: shrunk, and with the program that shows it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from gamekeeper.auditing.gather import Gathering, look_once
+from gamekeeper.auditing.judge import Judged
+from gamekeeper.auditing.snippet import Home, snippet
+from gamekeeper.checks.case import Case, Reproducer
+from gamekeeper.checks.check import Check
+from gamekeeper.checks.probe_evidence import ProbeEvidence
+from gamekeeper.checks.verdict import Finding, Verdict
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.canonical import shown
+from gamekeeper.rollouts.episode_loop import EpisodePlan
+from gamekeeper.rollouts.reruns import shrink
+
+MOST_TRIES: Final = 48
+"""Shorter plays that are tried for one finding."""
+
+
+@dataclass(slots=True)
+class Reproduction:
+    """Means of rerunning a case, within a budget of steps of its own."""
+
+    gathering: Gathering
+    contract: Contract
+    home: Home
+    steps_left: int
+
+
+def verdict_of(judged: Judged, bench: Reproduction) -> Verdict:
+    """The verdict, each broken case that is shown shrunk and made a finding."""
+    check = judged.check
+    findings = tuple(_finding(check, case, bench) for case in judged.shown)
+    return Verdict(
+        id=check.id,
+        claim=check.claim,
+        outcome=judged.outcome,
+        severity=check.severity,
+        confidence=judged.confidence,
+        cases=judged.cases,
+        failed=judged.failed,
+        findings=findings,
+        reason=judged.reason,
+    )
+
+
+def _finding(check: Check, case: Case, bench: Reproduction) -> Finding:
+    play = bench.gathering.plays.get((case.where.probe, case.where.play), EpisodePlan())
+    play, case = _shortest(check, case, play, bench)
+    proof = Reproducer(case.proof) if isinstance(case.proof, str) else case.proof
+    expected, actual = words(case.expected), words(case.actual)
+    program = snippet(
+        bench.home,
+        bench.gathering.lab.api,
+        play,
+        proof,
+        title=f"{check.id}: {check.claim}",
+        shows=f"expected: {expected}\nactual: {actual}",
+    )
+    return Finding(str(case.where), expected, actual, check.fix, program)
+
+
+def _shortest(
+    check: Check, case: Case, play: EpisodePlan, bench: Reproduction
+) -> tuple[EpisodePlan, Case]:
+    """The shortest play found that breaks the check in the same field, and where it does."""
+    name = case.where.probe
+    probe = bench.gathering.probes.get(name)
+    if probe is None or play.actions is None:
+        return play, case
+    lab = bench.gathering.lab.for_probe(name, bench.steps_left)
+    lab.number = case.where.play
+    most_tries = MOST_TRIES if probe.tries is None else probe.tries
+    tries = 0
+    best = play, case
+
+    def still(shorter: EpisodePlan) -> bool:
+        nonlocal tries, best
+        tries += 1
+        if tries > most_tries or bench.steps_left <= 0:
+            return False
+        begun = lab.meter.steps
+        try:
+            look = look_once(lab, probe, shorter)
+        finally:
+            bench.steps_left -= lab.meter.steps - begun
+        bad = _broken_alike(check, case, bench.contract, _gathered(bench, name, look))
+        if bad is not None:
+            best = lab.base or shorter, bad
+        return bad is not None
+
+    turns = case.where.env_steps
+    shrink(play, still, turns=turns, plain=_plain(bench))
+    if best[0] is play and turns is not None:  # nothing was tried, or nothing shorter shows it
+        cut = replace(play, actions=play.actions[:turns], most_turns=max(turns, 1))
+        return (cut if bench.steps_left <= 0 else play), case
+    return best
+
+
+def _gathered(bench: Reproduction, probe: str, look: Any) -> ProbeEvidence:
+    return replace(bench.gathering.gathered(), looks={probe: (look,)})
+
+
+def _broken_alike(
+    check: Check, case: Case, contract: Contract, evidence: ProbeEvidence
+) -> Case | None:
+    """The first case at which the check is broken in the same field."""
+    try:
+        bad = [each for each in check.run(contract, evidence) if not each.ok]
+    except Exception:  # a third party's check that can't read so little
+        return None
+    alike = [each for each in bad if each.where.field == case.where.field]
+    return min(alike, key=lambda each: each.where.turn or 0, default=None)
+
+
+def _plain(bench: Reproduction) -> Mapping[Any, Any]:
+    """A simple action for each agent: the declared noop, else 0 where there is one."""
+    found: dict[Any, Any] = {}
+    for agent, spec in bench.gathering.lab.agents.items():
+        space, noop = spec.action_space, spec.noop_action()
+        if noop is not None:
+            found[agent] = noop
+        elif space is not None and type(space).__name__ == "Discrete":
+            found[agent] = int(space.start)  # type: ignore[attr-defined]  # a Discrete has one
+    return found
+
+
+def words(value: Any) -> str:
+    """A value in words; words as they are."""
+    return value if isinstance(value, str) else shown(value)

@@ -1,0 +1,30 @@
+"""Source of an environment's rules: the class, its file and its line."""
+
+from __future__ import annotations
+
+import inspect
+from typing import Any
+
+
+def source_of(env: Any) -> dict[str, Any]:
+    """The class that holds the rules, with `file` and `line` where it was read from a file.
+
+    Of an environment of another shape it is the guest's own class.
+    """
+    kind = _class_of(env)
+    found: dict[str, Any] = {"class": f"{kind.__module__}.{kind.__qualname__}"}
+    try:
+        found["file"] = inspect.getsourcefile(kind)
+        found["line"] = inspect.getsourcelines(kind)[1]
+    except (TypeError, OSError, IndexError):  # typed at a prompt, compiled, or edited meanwhile
+        pass
+    return {name: value for name, value in found.items() if value is not None}
+
+
+def _class_of(env: Any) -> type:
+    try:
+        inner = env.unwrapped
+        guest = getattr(inner, "guest", inner)
+        return type(getattr(guest, "unwrapped", guest))
+    except Exception:  # a wrapper of the environment's own that keeps no such attribute
+        return type(env)

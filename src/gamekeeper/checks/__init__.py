@@ -1,0 +1,1 @@
+"""Checks: pure functions from contract and evidence to cases, in folders by family."""

@@ -1,0 +1,53 @@
+"""Cases: the places where a check looks at a promise, good or bad, and proofs of the bad ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from gamekeeper.episodes.where import Where
+
+
+@dataclass(frozen=True, slots=True)
+class Reproducer:
+    """Lines of Python that raise while the fault is there, and pass once it is fixed.
+
+    They stand after a play: `env` is where it has led, and with a Parallel environment
+    `observations`, `rewards`, `terminations`, `truncations`, `infos` are what the last call gave
+    (after no step at all only `observations` and `infos`). `make()` builds another instance, `SEED`
+    and `ACTIONS` are the play, `np` is numpy.
+
+    Attributes:
+        lines: Python.
+        plays: False: nothing is played before; the lines do it all, from `make()` on.
+        imports: modules that the lines need, beside numpy.
+        options: what `make()` hands to the factory, beside the user's own arguments; `plain()`
+            is then an instance without them.
+    """
+
+    lines: str
+    plays: bool = True
+    imports: tuple[str, ...] = ()
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One look at a promise.
+
+    Attributes:
+        where: what was looked at.
+        ok: whether the promise held.
+        expected: what would have been right; a value or words.
+        actual: what was there.
+        proof: lines that raise while the fault is there; text stands for `Reproducer(text)`.
+        confidence: how sure it is, in (0, 1]; None: as sure as the check in general.
+    """
+
+    where: Where
+    ok: bool
+    expected: Any = None
+    actual: Any = None
+    proof: Reproducer | str | None = None
+    confidence: float | None = None

@@ -1,0 +1,1 @@
+"""Checks of copies and conversions, GK7xx."""

@@ -1,0 +1,133 @@
+"""Checks of copies of a running environment."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+from gamekeeper.checks.case import Case
+from gamekeeper.checks.check import MEDIUM, check
+from gamekeeper.checks.facts.copy_facts import CopiedEnv
+from gamekeeper.checks.probe_evidence import ProbeEvidence
+from gamekeeper.checks.reproducer_source import reproducer_of
+from gamekeeper.checks.reproducers import copies_go_on
+from gamekeeper.contract import Contract
+
+
+def copied_cases(evidence: ProbeEvidence, way: str, who: str) -> Iterator[Case]:
+    """Yields a case for every copy made in this way, of the `copy` or of the `original`."""
+    for fact in evidence.facts(CopiedEnv):
+        if fact.where.field != way or (who == "copy" and fact.value.refused):
+            continue
+        if who == "original" and fact.value.refused and fact.value.original is None:
+            continue
+        wrong = fact.value.copy if who == "copy" else fact.value.original
+        yield Case(
+            replace(fact.where, turn=None if wrong is None else fact.where.turn),
+            wrong is None,
+            "it goes on like a play of which no copy was made",
+            "it does" if wrong is None else wrong,
+            proof=reproducer_of(copies_go_on, at=fact.value.at, way=way, who=who),
+        )
+
+
+def refused(way: str) -> Callable[[Contract, ProbeEvidence], str | None]:
+    """Reason why there is no case: copying isn't promised."""
+
+    def against(contract: Contract, evidence: ProbeEvidence) -> str | None:
+        reasons = [f.value.refused for f in evidence.facts(CopiedEnv) if f.where.field == way]
+        if reasons and all(reasons):
+            return f"it doesn't let itself be copied, which nobody promises ({reasons[0]:.120})"
+        return None
+
+    return against
+
+
+@check(
+    "GK701",
+    needs=("copies",),
+    severity=MEDIUM,
+    fix="let every attribute be copied (views of arrays and closures aren't), or raise in "
+    "__deepcopy__",
+    applies=refused("deepcopy"),
+)
+def deepcopies_go_on_the_same(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """A copy.deepcopy that is made in mid-episode goes on like its original, state() too.
+
+    Tree search and counterfactual estimates play on in copies. A copy that has lost a part of the
+    state, a view of an array or the place in the random stream, plays another game.
+
+    Bad:
+
+    ```python
+    self.world = np.zeros(8)
+    self.position = self.world[:4]          # a view: in a deep copy it is an array of its own
+    ```
+
+    Good:
+
+    ```python
+    self.position, self.goal = np.zeros(4), np.zeros(4)
+    def state(self):
+        return np.concatenate([self.position, self.goal])
+    ```
+
+    Refusing to be copied is fine: nobody promises it.
+    """
+    yield from copied_cases(evidence, "deepcopy", "copy")
+
+
+@check(
+    "GK702",
+    needs=("copies",),
+    severity=MEDIUM,
+    fix="keep the game's state in the instance: no class attributes, globals or shared "
+    "generators, and copy all of it in __deepcopy__",
+    applies=refused("deepcopy"),
+)
+def originals_go_on_beside_a_deepcopy(
+    contract: Contract, evidence: ProbeEvidence
+) -> Iterator[Case]:
+    """Stepping a copy.deepcopy doesn't move its original.
+
+    A planner that tries a move in a copy would have made it in the game itself.
+
+    Bad:
+
+    ```python
+    def __deepcopy__(self, memo):
+        counterfactual = type(self)()
+        counterfactual.__dict__.update(self.__dict__)     # the same board, the same generator
+        return counterfactual
+    ```
+
+    Good: leave `__deepcopy__` alone, or copy every attribute in it.
+    """
+    yield from copied_cases(evidence, "deepcopy", "original")
+
+
+@check(
+    "GK703",
+    needs=("copies",),
+    severity=MEDIUM,
+    fix="leave nothing of the game's state out of __getstate__, or raise there",
+    applies=refused("pickle"),
+)
+def pickled_copies_go_on_the_same(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """A copy by pickle that is made in mid-episode goes on like its original, state() too.
+
+    Checkpoints and worker processes pickle environments. What is left out of the pickle, such as
+    the place in the random stream, is another game from there on.
+
+    Bad:
+
+    ```python
+    def __getstate__(self):
+        return {k: v for k, v in self.__dict__.items() if k != "rng"}
+    ```
+
+    Good: pickle the generator too; `np.random.Generator` can be pickled.
+
+    Refusing to be pickled is fine, and so is a copy that begins anew and wants a reset (EzPickle).
+    """
+    yield from copied_cases(evidence, "pickle", "copy")

@@ -1,0 +1,60 @@
+"""Agents that have ended, rosters and ticks of a play, turn by turn."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from typing import Any, Final
+
+from gamekeeper.checks.facts.play_facts import TurnRosters
+from gamekeeper.checks.probe_evidence import ProbeEvidence
+from gamekeeper.episodes.episode import Episode, Turn
+
+FLAGS: Final = ("terminated", "truncated")
+
+
+def ended_in(turn: Turn) -> frozenset[str]:
+    """Agents whose flags are up at the turn's start, also where a flag is no bool."""
+    nonconforming = {
+        agent
+        for agent, fields in turn.nonconforming.items()
+        if any(_is_up(fields.get(name, {}).get("value")) for name in FLAGS)
+    }
+    return turn.ended | nonconforming
+
+
+def is_twofold(turn: Turn) -> bool:
+    """A name stands twice in the roster, so that rows don't tell who is who."""
+    return len(set(turn.agents)) < len(turn.agents)
+
+
+def _is_up(flag: Any) -> bool:
+    try:
+        return bool(flag)
+    except Exception:  # an array of flags says nothing
+        return False
+
+
+def plays_with_rosters(evidence: ProbeEvidence) -> Iterator[tuple[Episode, list[list[str]]]]:
+    """Each play of the rollouts, with the roster at the start of each of its turns."""
+    for look in evidence.looks.get("rollout", ()):
+        rosters = look.fact(TurnRosters)
+        if look.traces and rosters is not None:
+            yield look.traces[0], rosters.value.turns
+
+
+def ticks_before(trace: Episode, api: str) -> Iterator[tuple[Turn, int]]:
+    """Each turn with the ticks that were over at its start.
+
+    Parallel: a tick is a step. AEC: a tick is over when nobody has more turns of its own in it, so
+    as many are over, or under way, as the agent that has acted most has acted.
+    """
+    acted: Counter[str] = Counter()
+    most = 0
+    for turn in trace.turns:
+        yield turn, turn.index if api == "parallel" else most
+        ended = ended_in(turn)
+        for agent in turn.order:
+            if agent not in ended:
+                acted[agent] += 1
+                most = max(most, acted[agent])

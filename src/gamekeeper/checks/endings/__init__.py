@@ -1,0 +1,1 @@
+"""Checks of endings, roles and life cycles, GK5xx."""

@@ -1,0 +1,231 @@
+"""Checks of agents that end: they are told, leave, and all leave with the episode."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Set
+from typing import Final
+
+from gamekeeper.checks.case import Reproducer
+from gamekeeper.checks.check import HIGH, Case, check
+from gamekeeper.checks.ended_agents import ended_in, is_twofold, plays_with_rosters
+from gamekeeper.checks.probe_evidence import ProbeEvidence
+from gamekeeper.checks.reproducer_source import reproducer_of
+from gamekeeper.checks.reproducers import agents_leave_by_ending as agents_left
+from gamekeeper.checks.reproducers import endings_take_all
+from gamekeeper.checks.timing.agent_turns import aec_steps
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.episode import Episode, Turn
+
+KINDS: Final = {"termination": "terminated", "truncation": "truncated"}
+
+
+def _undeclared(contract: Contract, evidence: ProbeEvidence) -> str | None:
+    owners = {ending.owner for ending in contract.endings.values()} - {None, "agent"}
+    return None if owners else "no ending is declared to be everybody's, or a role's"
+
+
+@check(
+    "GK500",
+    needs=("rollout",),
+    severity=HIGH,
+    fix="end every agent that the ending belongs to in the same step, or declare its owner as it "
+    "is",
+    applies=_undeclared,
+)
+def endings_reach_all_whom_they_are_declared_for(
+    contract: Contract, evidence: ProbeEvidence
+) -> Iterator[Case]:
+    """An ending that is declared to be everybody's, or a role's, ends all of them at once.
+
+    Who goes on playing after the game is over for the others earns rewards in a world that the
+    rules don't describe.
+
+    Bad: `cleared = { kind = "termination", owner = "all" }`, and only the carrier terminates.
+
+    Good: `terminations = dict.fromkeys(self.agents, self.is_cleared)`.
+    """
+    for trace, rosters in plays_with_rosters(evidence):
+        known: set[str] = set()
+        for turn in trace.turns:
+            new = turn.ended - known
+            known |= turn.ended
+            roster = rosters[turn.index - 1] if 0 < turn.index <= len(rosters) else []
+            for agent in sorted(new & set(roster)):
+                owed = _owners(contract, trace, turn, agent, roster)
+                if owed is None:
+                    continue
+                left = sorted(owed - known)
+                yield Case(
+                    trace.at(turn, agent, "endings"),
+                    not left,
+                    "all of them end with it",
+                    f"{', '.join(left)} went on",
+                    proof=reproducer_of(endings_take_all, api=evidence.api),
+                )
+
+
+def _owners(
+    contract: Contract, trace: Episode, turn: Turn, agent: str, roster: list[str]
+) -> Set[str] | None:
+    """Agents that the agent's ending has to end too; None where that isn't declared."""
+    reason = trace.endings.get(agent)
+    if reason is not None:
+        declared = contract.endings.get(reason)
+        owner = None if declared is None else declared.owner
+    else:  # no reason is named: only where all endings of the kind are everybody's
+        flags = {kind for kind, name in KINDS.items() if getattr(turn, name).get(agent)}
+        owners = {each.owner for each in contract.endings.values() if each.kind in flags}
+        owner = "all" if owners == {"all"} else None
+    if owner in (None, "agent"):
+        return None
+    return {a for a in roster if owner == "all" or contract.role_of(a) == owner}
+
+
+PROOFS: Final = {
+    "parallel": Reproducer("""\
+gone = [agent for agent in ACTIONS[-1] if agent not in env.agents]
+silent = [a for a in gone if not terminations.get(a) and not truncations.get(a)]
+assert not silent, silent"""),
+    "aec": reproducer_of(agents_left),
+}
+
+
+@check(
+    "GK501",
+    needs=("rollout",),
+    severity=HIGH,
+    fix="set the agent's termination or truncation in the step that takes it out of `agents`, "
+    "or declare may_leave for its role",
+)
+def agents_leave_by_ending(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """An agent leaves `agents` only once it has terminated or truncated, and the flag says so.
+
+    A learner that sees no end waits for an agent that never acts again, and bootstraps from
+    nothing.
+
+    Bad: `self.agents.remove(walker)`, while `terminations[walker]` is False.
+
+    Good: `terminations[walker] = True` in the step that removes it.
+    """
+    left = _left_a_turn if evidence.api == "aec" else _left_a_tick
+    for trace, turn, agent, has_ended in left(evidence):
+        if not _may_leave(contract, agent):
+            yield Case(
+                trace.at(turn, agent, "agents"),
+                has_ended,
+                "a termination or a truncation",
+                "it is gone without either",
+                proof=PROOFS[evidence.api],
+            )
+
+
+def _left_a_tick(evidence: ProbeEvidence) -> Iterator[tuple[Episode, int, str, bool]]:
+    """Yields each agent that left a Parallel episode, its turn, and if its flags had been up."""
+    for trace in evidence["rollout"]:
+        live: frozenset[str] = frozenset()
+        ended: set[str] = set()
+        for turn in trace.turns:
+            new = ended_in(turn)
+            ended |= new
+            left = live - turn.live
+            is_over = not turn.live and len(left) > 1 and bool(left & new)
+            left = left & ended if is_over else left  # at the others GK502 looks
+            if not is_twofold(turn):
+                yield from ((trace, turn.index, agent, agent in ended) for agent in sorted(left))
+            live = turn.live
+
+
+def _left_a_turn(evidence: ProbeEvidence) -> Iterator[tuple[Episode, int, str, bool]]:
+    """Yields each agent that left an AEC episode, its turn, and if its flags were or are up."""
+    for play in aec_steps(evidence):
+        leaving = {each.turn + 1: each for each in play if set(each.before) - set(each.after)}
+        for turn in play[0].trace.turns if leaving else ():
+            if turn.index in leaving:
+                each = leaving[turn.index]
+                for agent in sorted(set(each.before) - set(each.after)):
+                    yield each.trace, turn.index, agent, agent in each.ended | ended_in(turn)
+
+
+def _may_leave(contract: Contract, agent: str) -> bool:
+    name = contract.role_of(agent)
+    return bool(name is not None and contract.roles[name].may_leave)
+
+
+ALL_OVER_PROOF = """\
+silent = [a for a in ACTIONS[-1] if not terminations.get(a) and not truncations.get(a)]
+assert env.agents or not silent, silent"""
+
+
+@check(
+    "GK502",
+    needs=("rollout",),
+    severity=HIGH,
+    fix="where one agent's end is the end for all, terminate (or truncate) all of them in that "
+    "step; else keep the others in `agents`",
+    api="parallel",
+)
+def the_episode_is_over_for_those_who_ended(
+    contract: Contract, evidence: ProbeEvidence
+) -> Iterator[Case]:
+    """No end of one empties `agents` while the others neither terminate nor truncate.
+
+    The others' last step looks like any other: their returns are bootstrapped from a state that
+    nobody ever plays on from.
+
+    Bad: `if any(terminations.values()): self.agents = []`.
+
+    Good: the same, after `terminations = dict.fromkeys(terminations, True)`.
+    """
+    for trace in evidence["rollout"]:
+        live: frozenset[str] = frozenset()
+        for turn in trace.turns:
+            ended = ended_in(turn) & live
+            if ended and not turn.live and not is_twofold(turn):
+                silent = sorted(live - ended)
+                yield Case(
+                    trace.at(turn, silent[0] if silent else None, "agents"),
+                    not silent,
+                    "a termination or a truncation of everybody",
+                    f"{', '.join(sorted(ended))} ended, and {', '.join(silent)} "
+                    "stopped without either",
+                    proof=ALL_OVER_PROOF,
+                )
+            live = turn.live
+
+
+ENDED_OUT_PROOF = """\
+ended = [a for a in env.agents if terminations.get(a) or truncations.get(a)]
+assert not ended, ended"""
+
+
+@check(
+    "GK503",
+    needs=("rollout",),
+    severity=HIGH,
+    fix="take agents that terminate or truncate out of `agents` before step returns; when the "
+    "episode is over, `self.agents = []`",
+    api="parallel",
+)
+def the_ended_are_out_of_agents(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """An agent that has terminated or truncated is out of `agents` when that step returns.
+
+    `while env.agents` is how an episode is played: where `agents` isn't emptied at the end it goes
+    on for ever, and where one stays in it the dead are asked for actions.
+
+    Bad: `truncations = dict.fromkeys(self.agents, True)`, and `agents` stays as it was.
+
+    Good: `self.agents = [a for a in self.agents if not (terminations[a] or truncations[a])]`.
+    """
+    for trace in evidence["rollout"]:
+        for turn in trace.turns:
+            ended = ended_in(turn)
+            if not ended or not turn.index:
+                continue
+            still = sorted(ended & turn.live)
+            yield Case(
+                trace.at(turn, still[0] if still else None, "agents"),
+                not still,
+                "only those who go on",
+                f"{', '.join(still)} ended, and stays",
+                proof=ENDED_OUT_PROOF,
+            )

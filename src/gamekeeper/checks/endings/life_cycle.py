@@ -1,0 +1,350 @@
+"""Checks of steps and resets out of their order, of closing, and of the agent loop."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, Final
+
+from gamekeeper.checks.case import Reproducer
+from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, check
+from gamekeeper.checks.ended_agents import ended_in
+from gamekeeper.checks.facts.action_facts import EndedActions
+from gamekeeper.checks.facts.lifecycle_facts import (
+    Closings,
+    DeadAction,
+    IgnoredResets,
+    LaterReset,
+    ResetArguments,
+    StepAfterEnd,
+    StepBeforeReset,
+)
+from gamekeeper.checks.facts.play_facts import RaisedCall, SelectedAgents
+from gamekeeper.checks.probe_evidence import ProbeEvidence, ProbeRun
+from gamekeeper.checks.reproducer_source import reproducer_of
+from gamekeeper.checks.reproducers import closes
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.episode import Episode
+
+
+@check(
+    "GK520",
+    needs=("lifecycle",),
+    severity=LOW,
+    fix="return empty dictionaries (Parallel), or raise, once `agents` is empty",
+)
+def steps_end_with_the_episode(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """A step after the end of the episode doesn't silently go on and return rewards or turns.
+
+    A loop that forgets a reset then trains on an episode that isn't there. An exception of any kind
+    is fine, and so are five empty dictionaries.
+
+    Bad:
+    ```python
+    def step(self, actions):
+        now = self.agents or self.possible_agents
+        ...
+    ```
+    Good:
+    ```python
+    def step(self, actions):
+        if not self.agents:
+            return {}, {}, {}, {}, {}
+    ```
+    """
+    for fact in evidence.facts(StepAfterEnd):
+        gave = fact.value.gave
+        yield Case(
+            fact.where,
+            not gave,
+            "an exception, or nothing",
+            f"the step after the end gives {gave}",
+            proof=fact.proof,
+        )
+
+
+@check(
+    "GK521",
+    needs=("lifecycle",),
+    severity=LOW,
+    confidence=0.8,
+    fix="raise an error in step() while no reset has been made",
+)
+def steps_begin_with_a_reset(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """A step before the first reset doesn't silently play: it raises, or gives nothing.
+
+    An episode that nobody has reset has no seed: it can't be played again, and its first state may
+    be one that no episode begins with. An exception of any kind is fine.
+
+    Bad:
+    ```python
+    def __init__(self):
+        self.agents = self.possible_agents[:]     # and step() plays on from here
+    ```
+    Good:
+    ```python
+    def step(self, actions):
+        if self.state is None:
+            raise RuntimeError("call reset() before step()")
+    ```
+    """
+    for fact in evidence.facts(StepBeforeReset):
+        gave = fact.value.gave
+        yield Case(
+            fact.where,
+            not gave,
+            "an exception, or nothing",
+            f"the step before any reset gives {gave}",
+            proof=fact.proof,
+        )
+
+
+@check(
+    "GK522",
+    needs=("lifecycle",),
+    severity=MEDIUM,
+    api="aec",
+    fix="hand the action on: `self._was_dead_step(action)` raises where it isn't None",
+)
+def the_dead_only_pass(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """A dead agent's only action is None: a real action of an agent that has ended is refused.
+
+    A loop that forgets to look at the flags would go on choosing for an agent that isn't there any
+    more, and nobody would hear of it. An exception of any kind is fine.
+
+    Bad:
+    ```python
+    if self.terminations[agent]:
+        self._was_dead_step(None)             # whatever the action was
+        return
+    ```
+    Good:
+    ```python
+    if self.terminations[agent]:
+        return self._was_dead_step(action)
+    ```
+    """
+    for fact in evidence.facts(DeadAction):
+        yield Case(
+            fact.where,
+            fact.value.raised is not None,
+            "an exception",
+            f"{fact.value.agent!r} has ended, and its action is accepted",
+            proof=fact.proof,
+        )
+
+
+@check(
+    "GK523",
+    needs=("lifecycle",),
+    severity=HIGH,
+    fix="let reset() make the whole state new, whatever the state of the episode before",
+)
+def resets_begin_anew(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """A reset begins a new episode at any time: in mid-episode, after the end, twice in a row.
+
+    Vector environments and evaluation loops reset whenever they like. A reset that raises, leaves
+    nobody in `agents`, or is ignored until the episode is over, breaks them.
+
+    Bad:
+    ```python
+    def reset(self, seed=None, options=None):
+        if self.agents:
+            return self._observations, self._infos    # not over yet
+    ```
+    Good:
+    ```python
+    def reset(self, seed=None, options=None):
+        self.agents = self.possible_agents[:]
+        self.board = new_board(self._rng)
+    ```
+    """
+    for fact in evidence.facts(LaterReset):
+        raised, agents = fact.value.raised, fact.value.agents
+        yield Case(
+            fact.where,
+            raised is None and agents != 0,
+            "a new episode that can be played",
+            f"{fact.value.when}: {raised or 'nobody is in agents'}",
+            proof=fact.proof,
+        )
+    for ignored in evidence.facts(IgnoredResets):
+        yield Case(
+            ignored.where,
+            not ignored.value.is_ignored,
+            "what the first reset with this seed gave",
+            "a reset in mid-episode gives what stood there before it",
+            proof=ignored.proof,
+        )
+
+
+@check(
+    "GK524",
+    needs=("lifecycle",),
+    severity=MEDIUM,
+    fix="declare `def reset(self, seed=None, options=None):`",
+)
+def resets_take_seed_and_options(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """`reset` takes `seed` and `options` by keyword, and neither is needed.
+
+    Wrappers, vector environments and trainers call `reset(seed=..., options=...)`; where one of
+    them isn't known, they crash with a TypeError.
+
+    Bad:
+    ```python
+    def reset(self, seed=None): ...
+    ```
+    Good:
+    ```python
+    def reset(self, seed=None, options=None): ...
+    ```
+    """
+    for fact in evidence.facts(ResetArguments):
+        for words, raised in fact.value.raised.items():
+            yield Case(
+                fact.where,
+                raised is None,
+                f"reset({words}) begins an episode",
+                raised,
+                proof=Reproducer(f"make().reset({words})", plays=False),
+            )
+
+
+@check(
+    "GK525",
+    needs=("lifecycle",),
+    severity=LOW,
+    fix="let close() look whether there is anything to close: `if self.screen is not None: ...`",
+)
+def close_never_raises(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """`close` raises at no time: not before a reset, and not when it is called twice.
+
+    It is called while cleaning up, often after another error, which its own would then hide; and
+    `finally` blocks, wrappers and garbage collection may call it more than once.
+
+    Bad:
+    ```python
+    def close(self):
+        self.screen.close()                   # None before the first frame
+    ```
+    Good:
+    ```python
+    def close(self):
+        if self.screen is not None:
+            self.screen.close()
+            self.screen = None
+    ```
+    """
+    for fact in evidence.facts(Closings):
+        for when, raised in fact.value.raised.items():
+            yield Case(
+                fact.where,
+                raised is None,
+                f"close() {when} does nothing, or closes",
+                raised,
+                proof=reproducer_of(
+                    closes, resets=int(when != "before any reset"), times=1 + (when == "twice")
+                ),
+            )
+
+
+@check(
+    "GK526",
+    needs=("ended",),
+    severity=MEDIUM,
+    api="parallel",
+    fix="read the actions of agents in `agents` only, or raise where there are others",
+)
+def the_ended_dont_act(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """An agent that has ended acts no more: its entry in the actions is ignored or refused.
+
+    Trainers with a fixed number of slots go on sending actions for those that are gone. Where these
+    still move something, the game depends on what isn't in it. Looked at with two different actions
+    of agents that have ended, and with none, everything else being equal.
+
+    Bad:
+    ```python
+    for agent, action in actions.items():
+        self.move(agent, action)
+    ```
+    Good:
+    ```python
+    for agent in self.agents:
+        self.move(agent, actions[agent])
+    ```
+    """
+    for fact in evidence.facts(EndedActions):
+        turn, agents = fact.value.turn, fact.value.agents
+        yield Case(
+            fact.where,
+            turn is None,
+            "the same play, whatever those who ended do",
+            f"another one from turn {turn} on, by what {agents} did",
+            proof=fact.proof,
+        )
+
+
+EXPECTED: Final = "`last()` and None steps that raise nothing"
+SHOWN: Final = {"last": "env.last()", "step": "# nothing more: the None step above raised"}
+
+
+@check(
+    "GK527",
+    needs=("rollout",),
+    severity=HIGH,
+    api="aec",
+    fix="let `observe` answer for every agent in `agents`, also for one that has ended, and hand "
+    "the None of a dead agent to `self._was_dead_step(action)`",
+)
+def the_loop_goes_through(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """The loop over agents goes through: `last()` and the None steps of the dead raise nothing.
+
+    `for agent in env.agent_iter()` asks whoever is in turn for `last()`, an agent that has just
+    ended too: that is where its learner reads the last reward. What raises there ends every
+    training, and mostly late, once somebody has ended. Judged where the agent in turn is in
+    `agents`; a step of the living that raises is another promise.
+
+    Bad:
+    ```python
+    def observe(self, agent):
+        return self.views[agent]              # whose entry went with its end
+    ```
+    Good:
+    ```python
+    def observe(self, agent):
+        return self.views.get(agent, self.blank)
+    ```
+    """
+    for look in evidence.looks.get("rollout", ()):
+        raised, named = look.fact(RaisedCall), look.fact(SelectedAgents)
+        selected = [] if named is None else named.value.turns
+        if raised is None:
+            yield Case(_end(look), True)
+        elif selected and selected[-1][1] and _is_of_the_loop(look, raised.value):
+            agent = selected[-1][0]
+            yield Case(
+                _trace(look).at(raised.where.turn, agent, "raised"),
+                False,
+                EXPECTED,
+                f"{raised.value.kind}: {raised.value.text}",
+                proof=SHOWN[raised.value.call],
+            )
+
+
+def _trace(look: ProbeRun) -> Episode:
+    return look.traces[0]
+
+
+def _end(look: ProbeRun) -> Any:
+    return _trace(look).at(None, None, "raised")
+
+
+def _is_of_the_loop(look: ProbeRun, raised: RaisedCall) -> bool:
+    """Tells whether `last()` raised, or the None step of one that had ended."""
+    if raised.call == "last":
+        return True
+    turns = [turn for turn in _trace(look).turns if turn.raised and turn.order]
+    return raised.call == "step" and any(
+        agent in ended_in(turn) and turn.actions.get(agent) is None
+        for turn in turns
+        for agent in turn.order
+    )

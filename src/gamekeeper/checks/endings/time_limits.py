@@ -1,0 +1,259 @@
+"""Checks of time limits: they truncate, and endings are of their declared kind."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from gamekeeper.checks.case import Reproducer
+from gamekeeper.checks.check import HIGH, LOW, Case, check
+from gamekeeper.checks.ended_agents import ticks_before
+from gamekeeper.checks.facts.surface_facts import TimeLimits
+from gamekeeper.checks.probe_evidence import ProbeEvidence
+from gamekeeper.checks.reproducer_source import reproducer_of
+from gamekeeper.checks.reproducers import no_termination_alone, no_truncation_alone
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.episode import Episode, Turn
+
+OVER = {
+    "parallel": "assert not env.agents, 'the episode goes on beyond its horizon'",
+    "aec": "going_on = [a for a in env.agents if not (env.terminations[a] or env.truncations[a])]\n"
+    "assert not going_on, going_on",
+}
+CUT = {
+    "parallel": "assert any(truncations.values()), (terminations, truncations)",
+    "aec": "assert any(env.truncations.values()), (env.terminations, env.truncations)",
+}
+
+
+def _no_horizon(contract: Contract, evidence: ProbeEvidence) -> str | None:
+    return "no horizon is declared" if contract.schedule.horizon is None else None
+
+
+@check(
+    "GK507",
+    needs=("rollout",),
+    severity=HIGH,
+    fix="set truncations, not terminations, for all who are left in the tick that fills the "
+    "declared horizon; or declare the horizon as it is",
+    applies=_no_horizon,
+)
+def the_declared_horizon_truncates(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """An episode that reaches its declared horizon is truncated there: not terminated, not later.
+
+    A time limit is no rule of the game: a learner that is told of a termination values the last
+    state at nothing, and one that is cut early or late learns another game.
+
+    Bad: `terminations = dict.fromkeys(self.agents, self.tick >= 200)`.
+
+    Good: `truncations = dict.fromkeys(self.agents, self.tick >= 200)`.
+    """
+    horizon, api = contract.schedule.horizon or 0, evidence.api
+    by_rule = any(each.kind == "truncation" for each in contract.endings.values())
+    ended_by_rule: list[Case] = []
+    is_truncated = False
+    for trace in evidence["rollout"]:
+        for turn, tick in ticks_before(trace, api):
+            acting = [agent for agent in turn.order if agent not in turn.ended]
+            is_late = tick >= horizon if api == "parallel" else tick > horizon
+            if is_late and acting:
+                yield Case(
+                    trace.at(turn, None, "agents"),
+                    False,
+                    f"the end after {horizon} ticks",
+                    f"{', '.join(acting)} acted in tick {max(tick, horizon + 1)}",
+                    proof=OVER[api],
+                )
+                break
+            early = _cut(turn)
+            if early and tick < horizon and not by_rule:
+                yield Case(
+                    trace.at(turn, early[0], "truncations"),
+                    False,
+                    f"nobody before tick {horizon}",
+                    f"truncated after {tick}",
+                    proof=reproducer_of(no_truncation_alone, api=api),
+                )
+                break
+            if tick == horizon and turn.ended:
+                is_truncated = is_truncated or bool(early)
+                if early or _are_reasons_declared(contract, trace, turn):
+                    yield Case(trace.at(turn, None, "truncations"), True)
+                else:
+                    ended_by_rule.append(
+                        Case(
+                            trace.at(turn, None, "truncations"),
+                            False,
+                            "truncated by the time limit",
+                            "terminated",
+                            proof=CUT[api],
+                        )
+                    )
+    # a rule may end one episode in its last tick by chance; not each of them
+    if len(ended_by_rule) > 1 and not is_truncated:
+        yield from ended_by_rule
+
+
+def _cut(turn: Turn) -> list[str]:
+    return sorted(a for a in turn.truncated if turn.truncated[a] and not turn.terminated.get(a))
+
+
+def _are_reasons_declared(contract: Contract, trace: Episode, turn: Turn) -> bool:
+    reasons = [trace.endings.get(agent) for agent in turn.ended]
+    return all(reason in contract.endings for reason in reasons)
+
+
+PLAYS = 2
+"""By chance a rule ends an episode in its last tick once, not again and again."""
+
+
+def _declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
+    is_declared = contract.schedule.horizon is not None
+    return "the horizon is declared, so GK507 judges it" if is_declared else None
+
+
+@check(
+    "GK508",
+    needs=("surface", "rollout"),
+    severity=LOW,
+    confidence=0.6,
+    fix="truncate where time is up: `truncations = dict.fromkeys(agents, time >= max_time)`; if "
+    "the last tick is a rule of the game, declare it in the contract's endings as a termination",
+    applies=_declared,
+)
+def time_limits_truncate(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """A time limit truncates an episode, it doesn't terminate it.
+
+    Learners bootstrap past a truncation, and not past a termination: told the one for the other
+    they value the states before the limit at nothing.
+
+    A heuristic, as nobody has declared a limit: an attribute, a constant of the module or a
+    parameter that is called like one (`max_steps`, `horizon`, `LIMIT`) holds the very number of
+    ticks after which episodes end by termination, in two plays or more and in half of those that
+    came to an end; none lasts longer, and nothing was ever truncated. A rule that ends games then
+    by chance, as a battery that is empty in the last tick, would have to do so again and again.
+
+    Bad: `terminations = dict.fromkeys(agents, time >= self.max_time)`.
+
+    Good: `truncations = dict.fromkeys(agents, time >= self.max_time)`.
+    """
+    if any(ending.kind == "termination" for ending in contract.endings.values()):
+        return
+    looks = (*evidence.looks.get("surface", ()), *evidence.looks.get("rollout", ()))
+    traces = [trace for look in looks for trace in look.traces]
+    limits = {
+        name: value
+        for name, value in _limits(evidence).items()
+        if not any(_lasts_longer(evidence.api, trace, value) for trace in traces)
+    }
+    found = [each for trace in traces for each in _at_the_limit(evidence.api, trace, limits)]
+    is_truncated = any(_is_truncated(turn) for trace in traces for turn in trace.turns)
+    whole = sum(trace.header.get("end") == "ended" for trace in traces)
+    least = max(min(PLAYS, len(traces)), whole / 2)
+    is_sure = sum(not each.ok for each in found) >= least and not is_truncated
+    yield from (each for each in found if each.ok or is_sure)
+
+
+def _limits(evidence: ProbeEvidence) -> dict[str, int]:
+    """Names of limits that hold one number in all plays."""
+    found = [fact.value.limits for fact in evidence.facts(TimeLimits)]
+    return {
+        name: value
+        for name, value in (found[0] if found else {}).items()
+        if all(each.get(name) == value for each in found)
+    }
+
+
+def _lasts_longer(api: str, trace: Episode, limit: int) -> bool:
+    """Tells whether an agent acts once that many ticks are over."""
+    over = limit if api == "parallel" else limit + 1  # where the last tick is still under way
+    return any(
+        tick >= over and not set(turn.order) <= turn.ended
+        for turn, tick in ticks_before(trace, api)
+    )
+
+
+def _at_the_limit(api: str, trace: Episode, limits: Mapping[str, int]) -> Iterator[Case]:
+    """The turn, if there is one, at which a limit is met and somebody ends."""
+    for turn, tick in ticks_before(trace, api):
+        names = [name for name, value in limits.items() if value == tick]
+        if names and turn.ended and _is_last(trace, turn):
+            yield Case(
+                trace.at(turn, None, "terminations"),
+                any(turn.truncated.values()),
+                f"truncated after {tick} ticks, as {names[0]} = {tick}",
+                f"terminated: {', '.join(sorted(turn.ended))}",
+                proof=reproducer_of(no_termination_alone, api=api),
+            )
+            return
+
+
+def _is_truncated(turn: Turn) -> bool:
+    """Somebody is; or a flag that is no bool may say so."""
+    return any(turn.truncated.values()) or any(
+        "truncated" in nonconforming for nonconforming in turn.nonconforming.values()
+    )
+
+
+def _is_last(trace: Episode, turn: Turn) -> bool:
+    """Tells whether no agent that hasn't ended acts from here on."""
+    rest = (each for each in trace.turns if each.index >= turn.index)
+    ended = set(turn.ended)
+    for each in rest:
+        ended |= each.ended
+        if not set(each.order) <= ended:
+            return False
+    return True
+
+
+FLAGS = {"termination": "terminated", "truncation": "truncated"}
+
+
+def _no_ending_kind(contract: Contract, evidence: ProbeEvidence) -> str | None:
+    if not contract.endings:
+        return "no endings are declared"
+    named = any(trace.endings for trace in evidence["rollout"])
+    return None if named else "the environment names no reasons in `endings`"
+
+
+@check(
+    "GK509",
+    needs=("rollout",),
+    severity=HIGH,
+    fix="set the flag that the contract declares for the reason, or declare the reason's kind as "
+    "it is: limits from outside truncate, rules of the task terminate",
+    applies=_no_ending_kind,
+)
+def endings_are_of_their_declared_kind(
+    contract: Contract, evidence: ProbeEvidence
+) -> Iterator[Case]:
+    """An ending that is declared a truncation truncates, one declared a termination terminates.
+
+    A learner bootstraps past a truncation and not past a termination: told the one for the other
+    it values the states before it wrongly.
+
+    Bad: `battery = { kind = "truncation" }` in the contract, `self.terminate(agent, "battery")` in
+    the rules.
+
+    Good: `self.truncate(agent, "battery")`.
+    """
+    for trace in evidence["rollout"]:
+        for turn in trace.turns:
+            for agent in sorted(turn.ended):
+                reason = trace.endings.get(agent)
+                declared = None if reason is None else contract.endings.get(reason)
+                if declared is None or declared.kind is None:
+                    continue
+                flag = FLAGS[declared.kind]
+                other = next(kind for kind in FLAGS if kind != declared.kind)
+                yield Case(
+                    trace.at(turn, agent, "endings"),
+                    bool(getattr(turn, flag).get(agent)),
+                    f"a {declared.kind} by {reason!r}",
+                    f"a {other}",
+                    proof=_proof(evidence.api, agent, declared.kind),
+                )
+
+
+def _proof(api: str, agent: str, kind: str) -> Reproducer:
+    book = f"{kind}s" if api == "parallel" else f"env.{kind}s"
+    return Reproducer(f"flags = {book}\nassert flags.get({agent!r}), flags")

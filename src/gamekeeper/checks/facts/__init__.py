@@ -1,0 +1,1 @@
+"""Facts: what probes saw that is no turn; frozen classes that checks read."""

@@ -1,0 +1,48 @@
+"""Facts of the probes `illegal` and `ended`: actions that the rules need not take."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class TriedAction:
+    """An illegal action, or a legal one that random play seldom comes to, on a fresh play.
+
+    Attributes:
+        is_legal: whether it is a legal one.
+        case: `outside`, `below`, `masked`, `none`, `nan`, `missing`, `stranger`; legal ones `low`,
+            `high`, `plain`, `narrow`.
+        action: actions as they were handed to step.
+        raised: by the step.
+        reward: paid to the agent.
+        legal_reward: paid for the legal action.
+        is_over: whether the agent has ended.
+        again: raised by a reset and the legal play after it.
+    """
+
+    is_legal: bool
+    case: str
+    action: Mapping[Any, Any]
+    raised: str | None
+    reward: float | None
+    legal_reward: float | None
+    is_over: bool
+    again: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class EndedActions:
+    """Actions of agents that have ended; without `raised` and `turn` they made no difference.
+
+    Attributes:
+        agents: whose.
+        raised: the class of the exception.
+        turn: the first at which what is given differs.
+    """
+
+    agents: list[Any]
+    raised: str | None
+    turn: int | None

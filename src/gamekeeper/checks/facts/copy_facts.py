@@ -1,0 +1,64 @@
+"""Facts of the probes `copies` and `conversion`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class ChangedView:
+    """An observation that changed within a cycle.
+
+    Attributes:
+        agent: whose.
+        after: agents that had acted in between.
+    """
+
+    agent: Any
+    after: list[Any]
+
+
+@dataclass(frozen=True, slots=True)
+class CopiedEnv:
+    """A copy that was made in one way (the field) in mid-play.
+
+    Attributes:
+        refused: what was raised where it lets itself not be copied or stepped.
+        copy: what the copy gave otherwise than a play without a copy, in words.
+        original: what the original gave otherwise.
+        at: turns after which it was made.
+    """
+
+    refused: str | None
+    copy: str | None
+    original: str | None
+    at: int
+
+
+@dataclass(frozen=True, slots=True)
+class ConvertedEnv:
+    """An AEC environment behind PettingZoo's conversion to Parallel.
+
+    Attributes:
+        said: whether its metadata say that it is parallelizable.
+        failed: what was raised behind the conversion.
+        ticks: played so.
+    """
+
+    said: bool
+    failed: str | None
+    ticks: int
+
+
+@dataclass(frozen=True, slots=True)
+class WithinCycle:
+    """Observations when an agent's turn came, beside those from the cycle's start.
+
+    Attributes:
+        looks: how many.
+        changed: the first that had changed.
+    """
+
+    looks: int
+    changed: ChangedView | None

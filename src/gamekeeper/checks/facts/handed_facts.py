@@ -1,0 +1,125 @@
+"""Facts of the probes `kept`, `handed_over`, `written` and `extra_calls`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class ChangedValue:
+    """A value that changed after it was handed out.
+
+    Attributes:
+        given: the turn at which it was handed out.
+        seen: the turn at which the change was seen.
+        agent: whose; None for the dictionary itself.
+    """
+
+    given: int
+    seen: int
+    agent: Any
+
+
+@dataclass(frozen=True, slots=True)
+class ChangedArgument:
+    """An argument that changed in a call.
+
+    Attributes:
+        agent: whose; None for the dictionary itself.
+        before: what it was.
+        after: what it is.
+    """
+
+    agent: Any
+    before: Any
+    after: Any
+
+
+@dataclass(frozen=True, slots=True)
+class KeptValues:
+    """Values of one kind (the field) that were handed out and looked at later.
+
+    Attributes:
+        looks: how many.
+        changed: the first that changed.
+    """
+
+    looks: int
+    changed: ChangedValue | None
+
+
+@dataclass(frozen=True, slots=True)
+class SharedValues:
+    """Values of one kind (the field) that agents were given at one turn.
+
+    Attributes:
+        looks: at pairs.
+        pair: the first two that were given the same memory.
+    """
+
+    looks: int
+    pair: tuple[Any, Any] | None
+
+
+@dataclass(frozen=True, slots=True)
+class HandedActions:
+    """Actions after each step, beside what they were before.
+
+    Attributes:
+        looks: how many.
+        changed: the first that changed.
+    """
+
+    looks: int
+    changed: ChangedArgument | None
+
+
+@dataclass(frozen=True, slots=True)
+class HandedOptions:
+    """Options of a reset, beside what they were before.
+
+    Attributes:
+        looks: how many.
+        changed: where they changed.
+    """
+
+    looks: int
+    changed: ChangedArgument | None
+
+
+@dataclass(frozen=True, slots=True)
+class WrittenValues:
+    """Values of one kind (the field) that were written into.
+
+    Attributes:
+        writes: how many.
+        seen: how the play went another way, in words.
+    """
+
+    writes: int
+    seen: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class OfferedCalls:
+    """Calls that the environment answers.
+
+    Attributes:
+        kinds: of calls.
+    """
+
+    kinds: list[str]
+
+
+@dataclass(frozen=True, slots=True)
+class RepeatedLast:
+    """`last()` called twice at each turn.
+
+    Attributes:
+        looks: how many.
+        told: reward and flags by both calls where they first differed.
+    """
+
+    looks: int
+    told: tuple[Any, Any] | None

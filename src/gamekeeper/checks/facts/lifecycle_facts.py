@@ -1,0 +1,108 @@
+"""Facts of the probe `lifecycle`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class StepAfterEnd:
+    """A step after the end of an episode.
+
+    Attributes:
+        raised: the class of the exception.
+        gave: what came of it, in words; empty where nothing did.
+    """
+
+    raised: str | None
+    gave: str
+
+
+@dataclass(frozen=True, slots=True)
+class LaterReset:
+    """A reset, then a few turns.
+
+    Attributes:
+        when: in words.
+        raised: in words.
+        agents: in the roster.
+    """
+
+    when: str
+    raised: str | None
+    agents: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class IgnoredResets:
+    """Resets in the midst of an episode.
+
+    Attributes:
+        is_ignored: whether all gave what stood there before.
+    """
+
+    is_ignored: bool
+
+
+@dataclass(frozen=True, slots=True)
+class DeadAction:
+    """An action of a dead agent that isn't None.
+
+    Attributes:
+        agent: whose.
+        raised: the class of the exception.
+    """
+
+    agent: Any
+    raised: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class IteratedAgents:
+    """`agent_iter` over the first turns.
+
+    Attributes:
+        named: by `agent_iter`.
+        selected: by `agent_selection` at that time.
+        asked: turns that were asked for.
+    """
+
+    named: list[str]
+    selected: list[str]
+    asked: int
+
+
+@dataclass(frozen=True, slots=True)
+class ResetArguments:
+    """Resets with arguments.
+
+    Attributes:
+        raised: by arguments in words.
+    """
+
+    raised: dict[str, str | None]
+
+
+@dataclass(frozen=True, slots=True)
+class StepBeforeReset:
+    """A step before any reset.
+
+    Attributes:
+        raised: the class of the exception.
+        gave: what came of it, in words; empty where nothing did.
+    """
+
+    raised: str | None
+    gave: str
+
+
+@dataclass(frozen=True, slots=True)
+class Closings:
+    """Calls of `close`.
+
+    Attributes:
+        raised: by when.
+    """
+
+    raised: dict[str, str | None]

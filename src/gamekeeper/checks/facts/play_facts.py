@@ -1,0 +1,140 @@
+"""Facts of the probes `rollout`, `evidence`, `order` and `alternatives`: whole plays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from gamekeeper.checks.facts.state_facts import StateAnswer
+
+
+@dataclass(frozen=True, slots=True)
+class MoverTrial:
+    """Alternatives of one agent to what it did before a payment.
+
+    Attributes:
+        turn: at which it acted.
+        tried: how many alternatives.
+        instead: the first that made the payment smaller; None where none did.
+    """
+
+    turn: int
+    tried: int
+    instead: Any
+
+
+@dataclass(frozen=True, slots=True)
+class TurnRosters:
+    """Rosters of a rollout.
+
+    Attributes:
+        turns: after the reset and after each env step.
+    """
+
+    turns: list[list[str]]
+
+
+@dataclass(frozen=True, slots=True)
+class SelectedAgents:
+    """Agents that `agent_selection` named, before each turn and after the last.
+
+    Attributes:
+        turns: the name, and whether it stood in `agents`.
+    """
+
+    turns: list[tuple[str | None, bool]]
+
+
+@dataclass(frozen=True, slots=True)
+class RaisedCall:
+    """A call of a rollout that raised.
+
+    Attributes:
+        call: `reset`, `last`, `step`, ...
+        kind: the class of the exception.
+        text: its message.
+        traceback: its traceback.
+    """
+
+    call: str
+    kind: str
+    text: str
+    traceback: str
+
+
+@dataclass(frozen=True, slots=True)
+class StateForms:
+    """Forms of the arrays that `state()` gave in a rollout.
+
+    Attributes:
+        answers: the first answer of each form.
+    """
+
+    answers: list[StateAnswer]
+
+
+@dataclass(frozen=True, slots=True)
+class AgentNames:
+    """Agents of a play, in the order of `possible_agents` and then of appearance.
+
+    Attributes:
+        names: text and type of each agent's identity.
+    """
+
+    names: list[list[str]]
+
+
+@dataclass(frozen=True, slots=True)
+class UnwrittenActions:
+    """Actions that couldn't be taken from the evidence.
+
+    Attributes:
+        reason: why, in words.
+    """
+
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class OrderOutcome:
+    """Outcome of other orders of the action dictionary.
+
+    Attributes:
+        result: `same`, `rounding` (last digits), `noise` (the unchanged rerun differs too),
+            `draws`, `outcome` or `undecided`.
+        ticks: compared.
+        order: name of the order that differs.
+        turn: env steps after which the difference shows.
+        part: what differs.
+        agent: whose; empty where it is nobody's own.
+        one: in the first order.
+        two: in the other one.
+        p_values: of the tests whether it is draws.
+    """
+
+    result: str
+    ticks: int
+    order: str = "reversed"
+    turn: int | None = None
+    part: str = ""
+    agent: str = ""
+    one: Any = None
+    two: Any = None
+    p_values: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Payment:
+    """A payment of a declared term that was looked into.
+
+    Attributes:
+        term: its name.
+        agent: the payee.
+        amount: paid.
+        movers: by agent that acted before.
+    """
+
+    term: str
+    agent: str
+    amount: float
+    movers: dict[str, MoverTrial]

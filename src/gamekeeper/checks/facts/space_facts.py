@@ -1,0 +1,94 @@
+"""Facts of the probe `spaces`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class AskedSpace:
+    """A space that was asked for twice in a row.
+
+    Attributes:
+        which: `observation` or `action`.
+        when: `before reset`, `live`, `after it left`, `after the play`, `after another reset`.
+        space: the space, or None.
+        failed: what was raised.
+        type: of what was given.
+        is_same: whether both are one object.
+    """
+
+    which: str
+    when: str
+    space: Any
+    failed: str | None
+    type: str
+    is_same: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ChangedSpace:
+    """A space beside what it was first.
+
+    Attributes:
+        when: as in `AskedSpace`.
+        was: at first.
+        now: now.
+        is_same: whether they are equal.
+    """
+
+    when: str
+    was: str
+    now: str
+    is_same: bool
+
+
+@dataclass(frozen=True, slots=True)
+class SpaceFaults:
+    """Faults of a space's making.
+
+    Attributes:
+        faults: what, in words.
+    """
+
+    faults: list[str]
+
+
+@dataclass(frozen=True, slots=True)
+class SpaceEntry:
+    """An entry of `observation_spaces` or `action_spaces` beside the method.
+
+    Attributes:
+        dictionary: its space as text.
+        method: the method's.
+        is_same: whether they are equal.
+    """
+
+    dictionary: str
+    method: str
+    is_same: bool
+
+
+@dataclass(frozen=True, slots=True)
+class OthersView:
+    """Observation by `observe` of a live agent that isn't in turn.
+
+    Attributes:
+        failed: what was raised.
+        misfits: kind, path, expected, seen and test of each.
+    """
+
+    failed: str | None
+    misfits: list[list[Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class PickledInfo:
+    """A live agent's info, pickled.
+
+    Attributes:
+        unpicklable: why it can't be pickled.
+    """
+
+    unpicklable: str | None

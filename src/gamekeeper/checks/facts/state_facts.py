@@ -1,0 +1,97 @@
+"""Facts of the probe `state`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class StateAnswer:
+    """One answer of `state()`.
+
+    Attributes:
+        turn: at which it was asked for.
+        failed: what was raised.
+        kind: the type of the answer.
+        dtype: of an array.
+        shape: of an array.
+        is_within: whether it lies within the space; None without one.
+        has_nan: whether a NaN is in it.
+        over: whether the episode was over.
+        digest: of the answer.
+        again: digest of a second answer.
+    """
+
+    turn: int
+    failed: str | None
+    kind: str
+    dtype: str | None
+    shape: list[int] | None
+    is_within: bool | None
+    has_nan: bool
+    over: bool = False
+    digest: str = ""
+    again: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class StateSpace:
+    """The declared space of `state()`.
+
+    Attributes:
+        is_there: whether there is a state.
+        space: the space as text.
+        shape: of the space, where it has one.
+        dtype: of the space, where it has one.
+    """
+
+    is_there: bool
+    space: str | None
+    shape: Any
+    dtype: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class StateAnswers:
+    """Answers of `state()` along a play.
+
+    Attributes:
+        moves: turns at which an agent's observation changed.
+        answers: by turn.
+    """
+
+    moves: int
+    answers: list[StateAnswer]
+
+
+@dataclass(frozen=True, slots=True)
+class UsedState:
+    """The second of two equal episodes of an instance.
+
+    Only where a state asked twice is the same.
+
+    Attributes:
+        turn: of the first other state.
+    """
+
+    turn: int | None
+
+
+@dataclass(frozen=True, slots=True)
+class LateState:
+    """Trials with other actions at one turn, in which observations changed at once.
+
+    Attributes:
+        trials: how many.
+        at_once: of them, states that changed at once.
+        later: of them, states that changed a turn later.
+        turn: of the last of them.
+        other: its other actions.
+    """
+
+    trials: int
+    at_once: int
+    later: int
+    turn: int | None
+    other: dict[Any, Any] | None

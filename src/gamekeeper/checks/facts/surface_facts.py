@@ -1,0 +1,151 @@
+"""Facts of the probes `surface` and `metadata`: the outside of an environment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class PossibleAgents:
+    """`possible_agents` along a play; None where it isn't there.
+
+    Attributes:
+        fresh: whether the instance was a fresh one.
+        before: named before the reset.
+        turns: named at the start of each turn.
+        again: named after the play and one more reset.
+    """
+
+    fresh: bool
+    before: list[str] | None
+    turns: list[list[str] | None]
+    again: list[str] | None
+
+
+@dataclass(frozen=True, slots=True)
+class LiveRosters:
+    """`agents` along a play; None where a reset raised.
+
+    Attributes:
+        first: after a reset.
+        turns: after a reset with the same seed, and at the start of each turn.
+        again: after the play and a third reset.
+        midway: where an agent left before the others: turns played until then, and the roster after
+            a reset at once.
+    """
+
+    first: list[str] | None
+    turns: list[list[str] | None]
+    again: list[str] | None
+    midway: tuple[int, list[str] | None] | None
+
+
+@dataclass(frozen=True, slots=True)
+class RosterKinds:
+    """Types of the rosters.
+
+    Attributes:
+        kinds: turn and types of `agents` and `possible_agents`, after the reset and wherever they
+            change.
+    """
+
+    kinds: list[tuple[int, list[str]]]
+
+
+@dataclass(frozen=True, slots=True)
+class AgentCounts:
+    """Counts of agents as the environment gives them.
+
+    Attributes:
+        turns: by turn: num_agents, max_num_agents (None where it gives none), and the sizes of
+            `agents` and `possible_agents`.
+    """
+
+    turns: list[list[Any]]
+
+
+@dataclass(frozen=True, slots=True)
+class ReturnedForms:
+    """Forms of what was returned.
+
+    Attributes:
+        calls: by call of reset and step (Parallel), or of `last` after the third reset (AEC): what
+            is wrong, in words; empty if nothing is.
+    """
+
+    calls: list[str]
+
+
+@dataclass(frozen=True, slots=True)
+class TurnBooks:
+    """Agents and the books of an AEC environment at one turn.
+
+    Attributes:
+        missing: by book, live agents without an entry.
+        strangers: by book, agents with an entry that aren't in `agents`.
+    """
+
+    missing: dict[str, list[str]]
+    strangers: dict[str, list[str]]
+
+
+@dataclass(frozen=True, slots=True)
+class BookEntries:
+    """Agents of which an AEC environment's books speak.
+
+    Attributes:
+        turns: by turn.
+    """
+
+    turns: list[TurnBooks]
+
+
+@dataclass(frozen=True, slots=True)
+class TimeLimits:
+    """Whole numbers that an environment holds from the reset to the end of a play.
+
+    Attributes:
+        limits: by name, where it sounds like a limit of time.
+    """
+
+    limits: dict[str, int]
+
+
+@dataclass(frozen=True, slots=True)
+class FlaggedAgents:
+    """Agents whose flags are up right after a reset of an AEC environment.
+
+    Attributes:
+        resets: after the first, second and third reset.
+    """
+
+    resets: list[list[str]]
+
+
+@dataclass(frozen=True, slots=True)
+class Metadata:
+    """Contents of `metadata`.
+
+    Attributes:
+        kind: its type.
+        fields: its entries.
+        own: the render mode in use.
+    """
+
+    kind: str
+    fields: dict[str, Any]
+    own: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class LaterMetadata:
+    """Metadata before and after the environment was used, as canonical text.
+
+    Attributes:
+        before: at first.
+        after: what was done, in which mode, and the text then.
+    """
+
+    before: str
+    after: list[tuple[str, str | None, str]]

@@ -1,0 +1,1 @@
+"""Checks of rendering, state, metadata and cost, GK8xx."""

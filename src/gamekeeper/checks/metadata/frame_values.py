@@ -1,0 +1,297 @@
+"""Checks of render modes and their frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from textwrap import indent
+from typing import Any, Final
+
+from gamekeeper.checks.case import Reproducer
+from gamekeeper.checks.check import LOW, MEDIUM, Case, check
+from gamekeeper.checks.facts.render_facts import (
+    BuiltMode,
+    ChangedFrames,
+    FilmedPlay,
+    Shot,
+    WrittenFrames,
+)
+from gamekeeper.checks.probe_evidence import Fact, ProbeEvidence
+from gamekeeper.checks.reproducer_source import reproducer_of
+from gamekeeper.checks.reproducers import (
+    frames_have_one_shape,
+    frames_have_their_form,
+    frames_stay,
+    written_frames_are_gone,
+)
+from gamekeeper.checks.reproducers import frames_move as moving_frames
+from gamekeeper.contract import Contract
+
+
+def nothing_to_film(contract: Contract, evidence: ProbeEvidence) -> str | None:
+    """Reason why there are no frames to judge; None where there are, or where none was tried."""
+    modes = [fact.value for fact in evidence.facts(BuiltMode)]
+    if not evidence.looks.get("render") or any(mode.taken for mode in modes):
+        return None
+    if modes:
+        return "its factory takes no render_mode"
+    return "it declares no render mode but perhaps 'human', which needs a screen"
+
+
+def film_proof(api: str, options: Mapping[str, Any], lines: str) -> Reproducer:
+    """A proof that renders at every turn of the play into `frames`, and ends with `lines`."""
+    play = (
+        "env = make()\nenv.reset(seed=SEED)\nframes = [env.render()]\n"
+        f"for action in ACTIONS:\n{_step(api)}    frames.append(env.render())\n"
+    )
+    return Reproducer(play + lines, plays=False, options=options)
+
+
+def course_lines(api: str) -> str:
+    """Lines of a function `course(env, film)`: all that a play gives, filmed or not."""
+    if api == "parallel":
+        step, after = "told.append(env.step(action))", ""
+    else:
+        step = "told.append(env.last())\n    env.step(action)"
+        after = "if film:\n    env.render()\ntold += [env.last()] if env.agents else []\n"
+    body = (
+        "told = [env.reset(seed=SEED)]\n"
+        f"for action in ACTIONS:\n    if film:\n        env.render()\n    {step}\n"
+        f"{after}return repr(told)\n"
+    )
+    head = "np.set_printoptions(threshold=10**9, precision=17)\n"
+    return f"{head}def course(env, film):\n{indent(body, '    ')}"
+
+
+def _step(api: str) -> str:
+    return (
+        "    env.step(action)\n" if api == "parallel" else "    env.last()\n    env.step(action)\n"
+    )
+
+
+@check(
+    "GK801",
+    needs=("render",),
+    severity=MEDIUM,
+    fix="build the environment in every mode of metadata['render_modes'], or take out those that "
+    "it doesn't have",
+    applies=nothing_to_film,
+)
+def modes_can_be_built(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """Every render mode that the metadata declares can be built.
+
+    Readers choose a mode from `metadata["render_modes"]`; tools that record videos do so unasked.
+    The mode "human" is never tried, as it needs a screen; neither is one whose screen or package
+    is missing here.
+
+    Bad:
+        metadata = {"render_modes": ["rgb_array", "ansi"]}
+
+        def __init__(self, render_mode=None):
+            assert render_mode in (None, "rgb_array")
+
+    Good:
+        metadata = {"render_modes": ["rgb_array"]}
+    """
+    for fact in evidence.facts(BuiltMode):
+        seen = fact.value
+        if seen.taken and not seen.is_missing:
+            failed = seen.failed
+            yield Case(
+                fact.where,
+                failed is None,
+                f"an environment in mode {seen.mode!r}",
+                failed or "an environment",
+                proof=Reproducer("make()", plays=False, options=seen.options),
+            )
+
+
+PROMISED: Final = {
+    "rgb_array": "a numpy.ndarray of uint8, [height, width, 3]",
+    "ansi": "a str",
+    "rgb_array_list": "a list of numpy.ndarrays of uint8, [height, width, 3]",
+    "ansi_list": "a list of str",
+}
+
+
+@check(
+    "GK802",
+    needs=("render",),
+    severity=MEDIUM,
+    fix="return uint8 in [0, 255] of shape [height, width, 3] in mode 'rgb_array' "
+    "((frame * 255).astype(np.uint8) for floats in [0, 1]), a str in mode 'ansi'",
+    applies=nothing_to_film,
+)
+def frames_are_as_promised(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """render() returns what its mode promises: uint8 [height, width, 3] for "rgb_array", a str for "ansi".
+
+    Floats, None, a transposed or an empty picture, or an exception stop whoever writes a video, or
+    give a black one. What it does once the episode is over isn't judged.
+
+    Source: PettingZoo's `render_test`; `AECEnv.render`.
+
+    Bad:
+        return frame / 255.0
+
+    Good:
+        return frame.astype(np.uint8)
+    """  # noqa: E501  # the claim is one line
+    for fact in evidence.facts(FilmedPlay):
+        mode = fact.value.mode
+        if mode not in PROMISED:
+            continue
+        proof = reproducer_of(frames_have_their_form, options=fact.value.options, mode=mode)
+        for shot in fact.value.shots:
+            failed = shot.failed
+            if failed is not None and (shot.over or shot.is_missing):
+                continue
+            if shot.over and shot.kind == "NoneType":
+                continue
+            where = _at(fact.where, shot.turn)
+            seen = f"it raised {failed}" if failed else _words(shot)
+            yield Case(where, _is_right(mode, shot), PROMISED[mode], seen, proof=proof)
+
+
+def _at(where: Any, turn: int) -> Any:
+    return type(where)(where.probe, where.play, turn, None, "render")
+
+
+def _is_right(mode: str, shot: Shot) -> bool:
+    if shot.failed is not None:
+        return False
+    if mode == "ansi":
+        return bool(shot.kind == "str")
+    if mode.endswith("_list") and shot.kind != "list":
+        return False
+    if mode == "ansi_list":
+        return True
+    pictures = shot.frames
+    right = all(d == "uint8" and len(s) == 3 and s[2] == 3 and 0 not in s for d, s in pictures)
+    return right and (mode == "rgb_array_list" or (len(pictures) == 1 and _is_array(shot)))
+
+
+def _is_array(shot: Shot) -> bool:
+    return shot.kind not in ("list", "tuple")
+
+
+def _words(shot: Shot) -> str:
+    pictures = [f"{dtype}, {shape}" for dtype, shape in shot.frames[:1]]
+    return " of ".join([f"a {shot.kind}", *pictures])
+
+
+@check(
+    "GK803",
+    needs=("render",),
+    severity=MEDIUM,
+    fix="draw on a canvas of one size, whoever is still alive",
+    applies=nothing_to_film,
+)
+def frames_keep_their_shape(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """All frames of a play have one shape.
+
+    A video has one size: writers refuse the first frame of another, or the whole video is lost.
+
+    Bad:
+        frame = np.zeros((8, 8 * len(self.agents), 3), np.uint8)
+
+    Good:
+        frame = np.zeros((8, 8 * len(self.possible_agents), 3), np.uint8)
+    """
+    for fact in evidence.facts(FilmedPlay):
+        if fact.value.mode != "rgb_array":
+            continue
+        proof = reproducer_of(frames_have_one_shape, options=fact.value.options)
+        pictures = [shot for shot in fact.value.shots if len(shot.frames) == 1]
+        for shot in pictures[1:]:
+            first, shape = pictures[0].frames[0][1], shot.frames[0][1]
+            yield Case(
+                replace(fact.where, turn=shot.turn), shape == first, first, shape, proof=proof
+            )
+
+
+@check(
+    "GK804",
+    needs=("render",),
+    severity=MEDIUM,
+    fix="return a new array from every render(): self.canvas.copy()",
+    applies=nothing_to_film,
+)
+def frames_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """A frame is its reader's own: it doesn't change later, and writing into it shows in no other.
+
+    Frames that are collected for a video would otherwise all show the last moment, and a caption
+    that is drawn into one stays in all that follow.
+
+    Bad:
+        self.canvas[...] = 0
+        ...
+        return self.canvas
+
+    Good:
+        return self.canvas.copy()
+    """
+    for fact in evidence.facts(ChangedFrames):
+        seen, options = fact.value, fact.value.options
+        proof = reproducer_of(frames_stay, options=options)
+        if seen.count > 1:
+            turns = seen.turns
+            yield Case(
+                replace(fact.where, turn=turns[0] + 1 if turns else None, field="render"),
+                not turns,
+                "every frame as it was handed out",
+                f"{len(turns)} of {seen.count} frames changed later",
+                proof=proof,
+            )
+    for written in evidence.facts(WrittenFrames):
+        frames, turns = written.value, written.value.turns
+        if frames.count:
+            yield Case(
+                replace(written.where, turn=turns[0] if turns else None, field="frame"),
+                not turns,
+                "the next frame as it would have been",
+                f"what was written into {len(turns)} of {frames.count} frames stands in the next",
+                proof=reproducer_of(written_frames_are_gone, options=frames.options),
+            )
+
+
+LEAST_MOVES: Final = 8
+"""Turns at which observations changed, before a still picture says anything."""
+
+
+@check(
+    "GK809",
+    needs=("render",),
+    severity=LOW,
+    confidence=0.9,
+    fix="draw the state that step() has changed",
+    applies=nothing_to_film,
+)
+def frames_move(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """Frames follow the game: while observations change over a whole play, the picture does too.
+
+    A video of it shows nothing. Only plays in which somebody's observation changed at eight turns
+    or more are looked at; a single other frame in any play is enough.
+
+    Bad:
+        def render(self):
+            return self.first_frame.copy()
+
+    Good:
+        def render(self):
+            return self.draw(self.cells)
+    """
+    films: dict[str, list[tuple[Fact[FilmedPlay], int]]] = {}
+    for fact in evidence.facts(FilmedPlay):
+        shots = [shot.digest for shot in fact.value.shots if shot.digest is not None]
+        if len(shots) > LEAST_MOVES and fact.value.moves >= LEAST_MOVES:
+            films.setdefault(fact.value.mode, []).append((fact, len(set(shots))))
+    for looks in films.values():
+        is_ok = any(different > 1 for _, different in looks)
+        fact, different = looks[0]
+        yield Case(
+            replace(fact.where, turn=None, field="frames"),
+            is_ok,
+            "frames that change as the game moves",
+            f"{different} different frame",
+            proof=reproducer_of(moving_frames, options=fact.value.options),
+        )

@@ -1,0 +1,343 @@
+"""Checks of `state()`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any, Final
+
+from gamekeeper.checks.check import MEDIUM, Case, check
+from gamekeeper.checks.facts.play_facts import StateForms
+from gamekeeper.checks.facts.state_facts import (
+    LateState,
+    StateAnswer,
+    StateAnswers,
+    StateSpace,
+    UsedState,
+)
+from gamekeeper.checks.probe_evidence import Fact, ProbeEvidence
+from gamekeeper.checks.reproducer_source import reproducer_of
+from gamekeeper.checks.reproducers import (
+    state_has_dtype,
+    state_has_shape,
+    state_keeps_dtype,
+    state_keeps_shape,
+    states_are_current,
+    states_forget,
+    states_move,
+)
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.where import Where
+
+
+def stateless(contract: Contract, evidence: ProbeEvidence) -> str | None:
+    """Reason why there is no state to judge; None where there is, or where none was asked for."""
+    facts = list(evidence.facts(StateSpace))
+    if not facts or any(fact.value.is_there for fact in facts):
+        return None
+    return "it has no state(), which is optional"
+
+
+def space_of(evidence: ProbeEvidence, play: int) -> StateSpace:
+    """The declared space of the play's state."""
+    facts = list(evidence.facts(StateSpace))
+    own = [fact for fact in facts if fact.where.play == play] or facts
+    return own[0].value if own else StateSpace(is_there=False, space=None, shape=None, dtype=None)
+
+
+def answers(evidence: ProbeEvidence) -> Iterator[tuple[Fact[Any], StateAnswer]]:
+    """Every answer that state() gave or should have given, with the fact of its play."""
+    for fact in evidence.facts(StateAnswers):
+        for answer in fact.value.answers:
+            yield fact, answer
+
+
+def forms(evidence: ProbeEvidence) -> Iterator[tuple[Fact[Any], StateAnswer]]:
+    """Every answer, and of rollouts, which are longer, the first one of each form."""
+    yield from answers(evidence)
+    if any(fact.value.is_there for fact in evidence.facts(StateSpace)):
+        for fact in evidence.facts(StateForms):
+            for answer in fact.value.answers:
+                yield fact, answer
+
+
+def answer_at(fact: Fact[Any], answer: StateAnswer, field: str = "state") -> Where:
+    """The place of an answer."""
+    return replace(fact.where, turn=answer.turn, field=field)
+
+
+@check(
+    "GK811",
+    needs=("state", "rollout"),
+    severity=MEDIUM,
+    fix="make state() of one shape, whoever is still alive, and declare it in state_space",
+    applies=stateless,
+)
+def states_have_their_shape(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """state() has the shape of state_space, and without one a shape that it keeps.
+
+    A critic's network has one input. Rows of agents that have ended are zero, not gone.
+
+    Bad:
+        return np.concatenate([self.row(agent) for agent in self.agents])
+
+    Good:
+        return np.concatenate([self.row(agent) for agent in self.possible_agents])
+    """
+    firsts: dict[tuple[str, int], list[int]] = {}
+    for fact, answer in forms(evidence):
+        play = fact.where.probe, fact.where.play
+        if answer.failed is not None:
+            continue
+        shape, declared = answer.shape, space_of(evidence, fact.where.play)
+        if declared.shape is not None:
+            expected, proof = list(declared.shape), reproducer_of(state_has_shape)
+        elif declared.space is None and shape is not None:
+            expected, proof = firsts.setdefault(play, shape), reproducer_of(state_keeps_shape)
+        else:
+            continue
+        seen = f"a {answer.kind}" if shape is None else shape
+        yield Case(answer_at(fact, answer), shape == expected, expected, seen, proof=proof)
+
+
+@check(
+    "GK812",
+    needs=("state", "rollout"),
+    severity=MEDIUM,
+    fix="state().astype(self.state_space.dtype)",
+    applies=stateless,
+)
+def states_have_their_dtype(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """state() has the dtype of state_space, and without one a dtype that it keeps.
+
+    Buffers are allocated after the space: a float64 loses digits in them, or is refused.
+
+    Bad:
+        return np.concatenate(rows)                       # float64
+
+    Good:
+        return np.concatenate(rows, dtype=np.float32)     # as state_space says
+    """
+    firsts: dict[tuple[str, int], object] = {}
+    for fact, answer in forms(evidence):
+        play = fact.where.probe, fact.where.play
+        dtype, declared = answer.dtype, space_of(evidence, fact.where.play)
+        if answer.failed is not None or dtype is None:
+            continue
+        is_declared = declared.dtype is not None
+        if declared.space is not None and not is_declared:
+            continue
+        expected = declared.dtype if is_declared else firsts.setdefault(play, dtype)
+        proof = reproducer_of(state_has_dtype if is_declared else state_keeps_dtype)
+        yield Case(
+            answer_at(fact, answer, "state.dtype"), dtype == expected, expected, dtype, proof
+        )
+
+
+WITHIN = "state = env.state()\nassert env.state_space.contains(state), (state, env.state_space)"
+NUMBER = "state = env.state()\nassert not np.isnan(state).any(), state"
+
+
+@check(
+    "GK813",
+    needs=("state", "rollout"),
+    severity=MEDIUM,
+    fix="scale state(), or widen state_space to what it can be; keep NaN out of both",
+    applies=stateless,
+)
+def states_are_within_bounds(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """state() lies within the bounds of state_space, and is never NaN.
+
+    Normalisation relies on the bounds; one NaN makes a critic's weights NaN for good.
+
+    Bad:
+        self.state_space = Box(0, 1, (4,))
+        return self.cells / 4          # up to 1.25
+
+    Good:
+        return self.cells / 5
+    """
+    for fact, answer in forms(evidence):
+        if answer.has_nan:
+            where = answer_at(fact, answer, "state.nan")
+            yield Case(where, False, "numbers", "NaN", NUMBER)
+        elif answer.is_within is not None:
+            space = space_of(evidence, fact.where.play).space
+            seen = "a value in it" if answer.is_within else "a value outside"
+            yield Case(
+                answer_at(fact, answer, "state.bounds"),
+                answer.is_within,
+                f"in {space}",
+                seen,
+                WITHIN,
+            )
+        elif answer.dtype is not None:
+            yield Case(answer_at(fact, answer, "state.nan"), True, "numbers", "numbers", NUMBER)
+
+
+STATE_TWICE_PROOF = (
+    "first, second = env.state(), env.state()\n"
+    "assert np.array_equal(first, second), 'state() is another when it is asked again'"
+)
+
+
+@check(
+    "GK814",
+    needs=("state",),
+    severity=MEDIUM,
+    fix="make state() a function of the game alone; noise belongs into observations, drawn in "
+    "step()",
+    applies=stateless,
+)
+def states_are_the_same_asked_twice(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """state() says the same when it is asked twice at one moment: it neither draws nor counts.
+
+    What differs from one call to the next isn't the game's state; if it is drawn from the game's
+    own generator, asking also changes the future.
+
+    Bad:
+        return self.table() + self.rng.normal(0, 0.01, 12)
+
+    Good:
+        return self.table()
+    """
+    for fact, answer in answers(evidence):
+        if answer.failed is None:
+            is_same = answer.digest == answer.again
+            seen = "the same" if is_same else "another"
+            yield Case(
+                answer_at(fact, answer), is_same, "the same state twice", seen, STATE_TWICE_PROOF
+            )
+
+
+@check(
+    "GK815",
+    needs=("state",),
+    severity=MEDIUM,
+    fix="forget in reset() whatever state() keeps",
+    applies=stateless,
+)
+def states_forget_the_last_episode(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """state() is of this episode alone: after a reset nothing of the last one stands in it.
+
+    The same play is played twice in one instance. Where all observations and rewards are equal, so
+    must be the states.
+
+    Bad:
+        def state(self):
+            if self.kept is None:
+                self.kept = self.table()
+            return self.kept             # step() forgets it, reset() doesn't
+
+    Good:
+        def reset(self, seed=None, options=None):
+            self.kept = None
+    """
+    proof = reproducer_of(states_forget)
+    for fact in evidence.facts(UsedState):
+        is_same = fact.value.turn is None
+        seen = "the same" if is_same else "another"
+        yield Case(fact.where, is_same, "the state that the same play had before", seen, proof)
+
+
+LEAST_MOVES: Final = 8
+"""Turns at which observations changed, before a state that stays says anything."""
+
+
+@check(
+    "GK816",
+    needs=("state",),
+    severity=MEDIUM,
+    confidence=0.9,
+    fix="make state() from what step() changes",
+    applies=stateless,
+)
+def states_follow_the_game(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """state() follows the game: while observations change over a whole play, it does too.
+
+    A central critic learns nothing from a state that stands still. Only plays in which somebody's
+    observation changed at eight turns or more are looked at; one other state in any play is enough.
+
+    Bad:
+        def state(self):
+            return self.start_table
+
+    Good:
+        def state(self):
+            return self.table()
+    """
+    looks = [
+        (fact, {a.digest for a in fact.value.answers if a.failed is None})
+        for fact in evidence.facts(StateAnswers)
+        if fact.value.moves >= LEAST_MOVES
+    ]
+    looks = [(fact, states) for fact, states in looks if states]
+    if looks:
+        is_ok = any(len(states) > 1 for _, states in looks)
+        where = replace(looks[0][0].where, turn=None, field="states")
+        proof = reproducer_of(states_move)
+        seen = "it changes" if is_ok else "one state from the reset to the end"
+        yield Case(where, is_ok, "states that change as the game moves", seen, proof)
+
+
+LEAST_TRIALS: Final = 4
+
+
+@check(
+    "GK817",
+    needs=("state",),
+    severity=MEDIUM,
+    confidence=0.8,
+    fix="make state() of what the step has led to, not of what it came from",
+    applies=stateless,
+)
+def states_are_not_late(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """state() shows what a step has done at once, not a turn late.
+
+    Another legal action is played at one turn. Where observations show the difference at once in
+    four trials or more, while state() never does, and mostly does one turn later, it is late.
+
+    Bad:
+        def step(self, actions):
+            self.kept = self.table()     # before anybody has moved
+            ...
+
+    Good:
+        def state(self):
+            return self.table()
+    """
+    for fact in evidence.facts(LateState):
+        trials, later = fact.value.trials, fact.value.later
+        if fact.value.at_once:
+            yield Case(fact.where, True, "shown at once", "shown at once")
+        elif trials >= LEAST_TRIALS and later > trials / 2:
+            seen = f"in none of {trials} trials, and in {later} of them a turn later"
+            other = fact.value.other or {}
+            other = other if evidence.api == "parallel" else next(iter(other.values()))
+            proof = reproducer_of(states_are_current, turn=fact.value.turn, other=other)
+            yield Case(fact.where, False, "shown at once", seen, proof)
+
+
+@check(
+    "GK818",
+    needs=("state",),
+    severity=MEDIUM,
+    fix="let state() answer at any time after reset(), whoever is still alive",
+    applies=stateless,
+)
+def states_answer_all_along(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """state() answers at every turn of a play, once it is there at all.
+
+    Collectors ask for it after every step. What it does once the episode is over isn't judged.
+
+    Bad:
+        return np.concatenate([self.rows[agent] for agent in self.possible_agents])   # KeyError
+
+    Good:
+        return np.concatenate([self.row(agent) for agent in self.possible_agents])
+    """
+    for fact, answer in answers(evidence):
+        failed = answer.failed
+        if failed is None or not answer.over:
+            where = answer_at(fact, answer)
+            yield Case(where, failed is None, "a state", failed or "a state", "env.state()")

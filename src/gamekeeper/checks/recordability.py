@@ -1,0 +1,76 @@
+"""Checks of evidence: it replays, and agents have names."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+from gamekeeper.checks.case import Reproducer
+from gamekeeper.checks.check import HIGH, MEDIUM, Case, check
+from gamekeeper.checks.facts.play_facts import AgentNames, UnwrittenActions
+from gamekeeper.checks.paired_plays import counterfactual_cases
+from gamekeeper.checks.probe_evidence import ProbeEvidence
+from gamekeeper.contract import Contract
+
+REPLAY_PROOF = (
+    "assert not any('object at' in repr(each) for each in ACTIONS), 'these are no values'"
+)
+
+
+@check(
+    "GK901",
+    needs=("evidence",),
+    severity=HIGH,
+    fix="take actions as numbers, texts and arrays in an ordinary space, and let step() depend on "
+    "their values alone",
+)
+def evidence_replays(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """A play replays bit for bit from its evidence: seed, options and the actions as they were written.
+
+    What is recorded is all that a later reader has. Where the same actions from the same seed give
+    another play already, nothing is said here: then it is the seed that doesn't settle the game.
+
+    Bad:
+        class Orders(gymnasium.Space):
+            def sample(self, mask=None):
+                return Order(self.np_random)       # an object that no file holds
+
+    Good:
+        self.action_spaces = {agent: Discrete(5) for agent in self.possible_agents}
+    """  # noqa: E501  # the claim is one line
+    for counterfactual in evidence.counterfactuals("evidence"):
+        yield from counterfactual_cases(
+            counterfactual, "the play as it was recorded", Reproducer(REPLAY_PROOF)
+        )
+    for fact in evidence.facts(UnwrittenActions):
+        yield Case(
+            fact.where, False, "actions that can be written", fact.value.reason, proof=REPLAY_PROOF
+        )
+
+
+NAMES_PROOF = (
+    "names = [str(agent) for agent in dict.fromkeys([*env.possible_agents, *env.agents])]\n"
+    "assert len(set(names)) == len(names), names\nassert all(names), names"
+)
+
+
+@check(
+    "GK902", needs=("evidence",), severity=MEDIUM, fix="give every agent a name of its own, as text"
+)
+def agents_can_be_told_apart_as_text(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """Agents can be told apart as text: no two are written alike, and none is empty.
+
+    Tables, files and most trainers know agents by their text; the int 1 and the text "1" become
+    one. Agents that aren't texts are fine as long as their texts differ.
+
+    Bad:
+        self.possible_agents = [1, "1"]
+
+    Good:
+        self.possible_agents = ["player_1", "judge_1"]
+    """
+    for fact in evidence.facts(AgentNames):
+        counted = Counter(text for text, _ in fact.value.names)
+        alike = [text for text, count in counted.items() if count > 1 or not text]
+        seen = alike or list(counted)
+        yield Case(fact.where, not alike, "texts that differ", seen, proof=NAMES_PROOF)

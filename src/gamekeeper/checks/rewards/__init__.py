@@ -1,0 +1,1 @@
+"""Checks of rewards, GK4xx."""

@@ -1,0 +1,1 @@
+"""Checks of rosters, GK1xx."""

@@ -1,0 +1,409 @@
+"""Checks of what the dictionaries say of agents that live, end or have left."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, check
+from gamekeeper.checks.facts.surface_facts import BookEntries, ReturnedForms
+from gamekeeper.checks.probe_evidence import ProbeEvidence
+from gamekeeper.checks.reproducer_source import reproducer_of
+from gamekeeper.checks.reproducers import gives_dictionaries
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.episode import Episode, Turn
+from gamekeeper.episodes.where import Where
+
+PARTS: Final = {
+    "obs": "observations",
+    "cumulative_reward": "rewards",
+    "terminated": "terminations",
+    "truncated": "truncations",
+    "info": "infos",
+}
+"""Parts of a row, and the dictionary in which each stands."""
+ENTRIES_AT_RESET: Final = frozenset({"obs", "info"})
+
+
+@dataclass(frozen=True, slots=True)
+class TurnEntries:
+    """One turn of a Parallel environment beside the one before.
+
+    Attributes:
+        turn: what was given at its start.
+        before: the roster at the start of the turn before; empty after the reset.
+        acted: who acted in the turn before.
+        missing: parts that say nothing of an agent, by agent; only agents of whom any says.
+    """
+
+    turn: Turn
+    before: frozenset[str]
+    acted: frozenset[str]
+    missing: dict[str, frozenset[str]]
+
+    @property
+    def all_parts(self) -> frozenset[str]:
+        """The parts that were returned by the call."""
+        return frozenset(PARTS) if self.turn.index else ENTRIES_AT_RESET
+
+    def has(self, agent: str) -> frozenset[str]:
+        """The parts that say something of an agent in this turn."""
+        return self.all_parts - self.missing.get(agent, frozenset())
+
+    @property
+    def says_nothing(self) -> bool:
+        """No dictionary speaks of anybody: what was returned has another form."""
+        return bool(self.turn.live) and not any(self.has(agent) for agent in self.turn.live)
+
+
+def turn_entries(trace: Episode) -> Iterator[TurnEntries]:
+    """The turns of a Parallel trace with what their dictionaries leave out."""
+    before: frozenset[str] = frozenset()
+    acted: frozenset[str] = frozenset()
+    is_nonconforming = has_nonconforming_rows(trace)
+    for turn in trace.turns:
+        missing = {
+            agent: frozenset(
+                part for part in PARTS if nonconforming.get(part, {}).get("type") == "missing"
+            )
+            for agent, nonconforming in (turn.nonconforming.items() if is_nonconforming else ())
+        }
+        if not turn.raised:
+            yield TurnEntries(turn, before, acted, missing)
+        before, acted = turn.live, frozenset(turn.order)
+
+
+def has_nonconforming_rows(trace: Episode) -> bool:
+    """Tells whether any value isn't as declared; asking turns for it takes long."""
+    return trace.steps["nonconforming"].null_count < trace.steps.num_rows  # type: ignore[no-any-return]
+
+
+def entry_place(trace: Episode, turn: Turn, agent: str, part: str) -> Where:
+    """Place of a missing entry; a reward belongs to the turn whose step gave it."""
+    number = turn.index - 1 if part == "cumulative_reward" else turn.index
+    return trace.at(number, agent, PARTS[part])
+
+
+ACCOUNTS: Final = frozenset({"cumulative_reward", "terminated", "truncated"})
+BOOKS: Final = ("rewards", "terminations", "truncations", "infos")
+
+
+@check(
+    "GK106",
+    needs=("rollout", "surface"),
+    severity=MEDIUM,
+    fix="build the dictionaries over those who acted in this step (and who joined in it), not "
+    "over possible_agents",
+)
+def accounts_are_kept_of_the_living_only(
+    contract: Contract, evidence: ProbeEvidence
+) -> Iterator[Case]:
+    """An agent that has left has no entry in rewards, terminations, truncations.
+
+    Readers walk over the dictionaries: they store steps that the dead never made, count its end
+    once a step, or add up what nobody was paid.
+
+    Bad: `rewards = {a: 0.0 for a in self.possible_agents}` in every step.
+
+    Good: `rewards = {a: 0.0 for a in self.agents}`, taken before anybody is removed.
+    """
+    if evidence.api == "aec":
+        yield from _gone_in_books(evidence)
+        return
+    for trace in evidence["rollout"]:
+        ever: set[str] = set()
+        for each in turn_entries(trace):
+            ever |= each.turn.live
+            gone = {a for a in each.turn.agents if a in ever or a in evidence.agents}
+            gone -= each.turn.live | each.before | each.acted
+            gone -= each.turn.ended - ever  # they joined, and ended in the same step
+            bad = [(a, part) for a in sorted(gone) for part in sorted(each.has(a) & ACCOUNTS)]
+            for agent, part in bad:
+                yield Case(
+                    entry_place(trace, each.turn, agent, part),
+                    False,
+                    "no entry: it isn't in the game",
+                    f"an entry in {PARTS[part]}",
+                    proof=_gone_proof(part),
+                )
+            if not bad:
+                yield Case(trace.at(each.turn, None, "agents"), True)
+
+
+def _gone_in_books(evidence: ProbeEvidence) -> Iterator[Case]:
+    for fact in evidence.facts(BookEntries):
+        for turn, books in enumerate(fact.value.turns):
+            found = {name: books.strangers.get(name) for name in BOOKS}
+            for name, agents in found.items():
+                if agents:
+                    yield Case(
+                        replace(fact.where, turn=turn, agent=agents[0], field=name),
+                        False,
+                        "entries of those in agents",
+                        f"also of {', '.join(agents)}",
+                        proof=f"gone = set(env.{name}) - set(env.agents)\nassert not gone, gone",
+                    )
+            if not any(found.values()):
+                yield Case(replace(fact.where, turn=turn, field="agents"), True)
+
+
+def _gone_proof(part: str) -> str:
+    return f"gone = set({PARTS[part]}) - set(env.agents) - set(ACTIONS[-1])\nassert not gone, gone"
+
+
+@check(
+    "GK107",
+    needs=("rollout", "surface"),
+    severity=HIGH,
+    fix="give every agent in `agents` its entry in each dictionary, also where nothing happened "
+    "to it: build them over `self.agents`",
+)
+def every_live_agent_is_told_everything(
+    contract: Contract, evidence: ProbeEvidence
+) -> Iterator[Case]:
+    """Every agent in `agents` is given an observation, a reward and both flags, at every step.
+
+    An agent without an observation can't choose an action, and one without a reward or a flag
+    makes learners raise KeyError or shift their batches by a step.
+
+    Bad: `observations = {a: see(a) for a in moved}`: who waited is told nothing.
+
+    Good: `observations = {a: see(a) for a in self.agents}`.
+    """
+    if evidence.api == "aec":
+        yield from _living_in_books(evidence)
+        return
+    for trace in evidence["rollout"]:
+        for each in turn_entries(trace):
+            if each.says_nothing:
+                continue
+            bad = [(a, p) for a in sorted(each.missing) for p in _owed(each, a)]
+            for agent, part in bad:
+                yield Case(
+                    entry_place(trace, each.turn, agent, part),
+                    False,
+                    "an entry, as the agent is live",
+                    "no entry",
+                    proof=_living_proof(PARTS[part]),
+                )
+            if not bad:
+                yield Case(trace.at(each.turn, None, "agents"), True)
+
+
+def _owed(each: TurnEntries, agent: str) -> list[str]:
+    """Parts that a live agent should have; one that has just joined needs only an observation."""
+    if agent not in each.turn.live:
+        return []
+    has_joined = each.turn.index and agent not in each.before
+    owed = {"obs"} if has_joined else each.all_parts - {"info"}
+    return sorted(each.missing[agent] & owed)
+
+
+def _living_in_books(evidence: ProbeEvidence) -> Iterator[Case]:
+    for fact in evidence.facts(BookEntries):
+        for turn, books in enumerate(fact.value.turns):
+            missing = {name: a for name, a in books.missing.items() if name != "infos"}
+            for name, agents in missing.items():
+                yield Case(
+                    replace(fact.where, turn=turn, agent=agents[0], field=name),
+                    False,
+                    "an entry for every agent in agents",
+                    f"none for {', '.join(agents)}",
+                    proof=_living_proof(f"env.{name}"),
+                )
+            if not missing:
+                yield Case(replace(fact.where, turn=turn, field="agents"), True)
+
+
+def _living_proof(book: str) -> str:
+    return f"missing = set(env.agents) - set({book})\nassert not missing, missing"
+
+
+@check(
+    "GK108",
+    needs=("rollout",),
+    severity=HIGH,
+    fix="build the dictionaries of a step over those who acted in it, before the ones that ended "
+    "are taken out of `agents`",
+    api="parallel",
+)
+def the_last_step_is_told_whole(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """An agent that ends is given its last reward, last observation and both flags in that step.
+
+    The reward for winning or dying is most often the last one. Without its entry the agent never
+    learns of it, and without the last observation a truncated return can't be bootstrapped.
+
+    Bad: `self.agents` loses the dead, then `rewards = {a: pay[a] for a in self.agents}`.
+
+    Good: `rewards = {a: pay[a] for a in acting}`, with `acting` as it was before the step.
+    """
+    for trace in evidence["rollout"]:
+        for each in turn_entries(trace):
+            for agent in sorted(each.acted - each.turn.live):
+                if not each.has(agent) or agent not in each.turn.agents:
+                    continue  # nothing is told of it at all: it left without ending
+                lost = sorted(each.missing.get(agent, frozenset()) - {"info"})
+                for part in lost:
+                    yield Case(
+                        entry_place(trace, each.turn, agent, part),
+                        False,
+                        "an entry in the step that ends the agent",
+                        "no entry",
+                        proof=_last_step_proof(part),
+                    )
+                if not lost:
+                    yield Case(trace.at(each.turn, agent, "agents"), True)
+
+
+def _last_step_proof(part: str) -> str:
+    return (
+        "ended = [agent for agent in ACTIONS[-1] if agent not in env.agents]\n"
+        f"missing = [agent for agent in ended if agent not in {PARTS[part]}]\n"
+        "assert not missing, missing"
+    )
+
+
+INFOS_AT_RESET = "assert not set(env.agents) - set(infos), set(env.agents) - set(infos)"
+IN_STEP = """\
+owed = [agent for agent in ACTIONS[-1] if agent in terminations]
+missing = [agent for agent in owed if agent not in infos]
+assert not missing, missing"""
+IN_BOOKS = "assert not set(env.agents) - set(env.infos), set(env.agents) - set(env.infos)"
+
+
+@check(
+    "GK109",
+    needs=("rollout", "surface"),
+    severity=MEDIUM,
+    fix="give every agent an info, an empty dictionary where there is nothing to say: "
+    "`{a: {} for a in agents}`",
+)
+def every_agent_is_given_an_info(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """Every agent has its entry in infos: after reset, in every step, and in its last one.
+
+    Wrappers and trainers read `infos[agent]` for masks and statistics, and raise KeyError where an
+    entry is missing; an empty dictionary does.
+
+    Bad: `return observations, {}` from reset.
+
+    Good: `return observations, {a: {} for a in self.agents}`.
+    """
+    if evidence.api == "aec":
+        for fact in evidence.facts(BookEntries):
+            for turn, books in enumerate(fact.value.turns):
+                agents = books.missing.get("infos", ())
+                yield Case(
+                    replace(fact.where, turn=turn, field="infos"),
+                    not agents,
+                    "an entry for every agent in agents",
+                    f"none for {', '.join(agents)}",
+                    proof=IN_BOOKS,
+                )
+        return
+    for trace in evidence["rollout"]:
+        for each in turn_entries(trace):
+            if each.says_nothing:
+                continue
+            live = each.turn.live if not each.turn.index else each.turn.live & each.before
+            owed = live | {agent for agent in each.acted if each.has(agent)}
+            owed &= set(each.turn.agents)
+            lost = sorted(a for a in owed if "info" in each.missing.get(a, ()))
+            yield Case(
+                trace.at(each.turn, lost[0] if lost else None, "infos"),
+                not lost,
+                "an entry for every agent",
+                f"none for {', '.join(lost)}",
+                proof=IN_STEP if each.turn.index else INFOS_AT_RESET,
+            )
+
+
+EXPECTED: Final = {
+    True: "a pair of dictionaries: observations, infos",
+    False: "five dictionaries: observations, rewards, terminations, truncations, infos",
+}
+LAST: Final = "a tuple of five: observation, reward, terminated, truncated, info"
+PROOF_AEC: Final = "out = env.last()\nassert isinstance(out, tuple) and len(out) == 5, out"
+
+
+@check(
+    "GK110",
+    needs=("surface",),
+    severity=HIGH,
+    fix="return (observations, infos) from reset and (observations, rewards, terminations, "
+    "truncations, infos) from step, each a dictionary by agent, also once the episode is over; "
+    "leave last() as AECEnv has it",
+)
+def reset_returns_two_dictionaries_and_step_five(
+    contract: Contract, evidence: ProbeEvidence
+) -> Iterator[Case]:
+    """A reset returns two dictionaries by agent, a step five, and last() five values; never fewer.
+
+    The first two are for Parallel environments, `last()` is for AEC ones. Every loop unpacks them.
+    Four values are the form of before PettingZoo 1.24, which had no truncations; one flag for all
+    can't say who has ended.
+
+    Bad: `return observations, rewards, dones, infos`.
+
+    Good: `return observations, rewards, terminations, truncations, infos`.
+    """
+    for fact in evidence.facts(ReturnedForms):
+        for turn, wrong in enumerate(fact.value.calls):
+            if evidence.api == "aec":
+                where = replace(fact.where, turn=turn, field="what last returns")
+                yield Case(where, not wrong, LAST, wrong, proof=PROOF_AEC)
+                continue
+            field = "what step returns" if turn else "what reset returns"
+            yield Case(
+                replace(fact.where, turn=turn, field=field),
+                not wrong,
+                EXPECTED[not turn],
+                wrong,
+                proof=reproducer_of(gives_dictionaries),
+            )
+
+
+@check(
+    "GK113",
+    needs=("rollout",),
+    severity=LOW,
+    fix="build observations and infos over those who acted in this step (and who joined in it), "
+    "not over possible_agents",
+    api="parallel",
+)
+def the_gone_are_shown_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """An agent that has left the game stands no longer in observations or infos.
+
+    Whoever takes the keys of the observations for the agents that are to act next hands over
+    actions of the dead, and stores steps that they never made.
+
+    Bad: `observations = {a: see(a) for a in self.possible_agents}` in every step.
+
+    Good: `observations = {a: see(a) for a in acting}`.
+    """
+    for trace in evidence["rollout"]:
+        ever: set[str] = set()
+        for each in turn_entries(trace):
+            ever |= each.turn.live
+            gone = (set(each.turn.agents) & ever) - each.turn.live - each.before - each.acted
+            bad = [
+                (a, part) for a in sorted(gone) for part in sorted(each.has(a) & ENTRIES_AT_RESET)
+            ]
+            for agent, part in bad:
+                yield Case(
+                    entry_place(trace, each.turn, agent, part),
+                    False,
+                    "no entry: it has left",
+                    f"an entry in {PARTS[part]}",
+                    proof=_gone_view_proof(part),
+                )
+            if not bad:
+                yield Case(trace.at(each.turn, None, "agents"), True)
+
+
+def _gone_view_proof(part: str) -> str:
+    return (
+        f"gone = set({PARTS[part]}) & set(env.possible_agents)\n"
+        "gone -= set(env.agents) | set(ACTIONS[-1])\n"
+        "assert not gone, gone"
+    )

@@ -1,0 +1,228 @@
+"""Checks of `possible_agents`: they are known, stay, are distinct, and nobody else takes part."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any, Final
+
+from gamekeeper.checks.case import Reproducer
+from gamekeeper.checks.check import HIGH, MEDIUM, Case, check
+from gamekeeper.checks.facts.play_facts import TurnRosters
+from gamekeeper.checks.facts.surface_facts import LiveRosters, PossibleAgents
+from gamekeeper.checks.probe_evidence import Fact, ProbeEvidence
+from gamekeeper.checks.reproducer_source import reproducer_of
+from gamekeeper.checks.reproducers import names_stay, names_stay_after_reset
+from gamekeeper.checks.rosters.agent_entries import PARTS, entry_place, turn_entries
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.where import Where
+
+PROOF = Reproducer(
+    "env = make()\nassert list(env.possible_agents), env.possible_agents", plays=False
+)
+
+
+@check(
+    "GK101",
+    needs=("surface",),
+    severity=MEDIUM,
+    fix="fill possible_agents in the constructor with every agent that may ever appear; leave the "
+    "attribute out where nobody can know them",
+)
+def possible_agents_are_known_before_a_reset(
+    contract: Contract, evidence: ProbeEvidence
+) -> Iterator[Case]:
+    """possible_agents names every possible agent before the first reset; it isn't empty.
+
+    Wrappers, vector environments and trainers ask it for spaces and build one policy for each name
+    before anything is reset. An environment that can't know its agents leaves the attribute out.
+
+    Bad: `self.possible_agents = []` in the constructor, filled by `reset`.
+
+    Good: `self.possible_agents = [f"rover_{i}" for i in range(count)]` in the constructor.
+    """
+    for fact in evidence.facts(PossibleAgents):
+        before = fact.value.before
+        if before is None and all(names is None for names in fact.value.turns):
+            continue
+        yield Case(
+            replace(fact.where, turn=0),
+            bool(before),
+            "the names of all possible agents, before any reset",
+            "no such attribute until the reset" if before is None else before,
+            proof=PROOF,
+        )
+
+
+OF_ANOTHER = Reproducer(
+    """\
+one, other = list(make().possible_agents), list(make().possible_agents)
+assert one == other, (one, other)""",
+    plays=False,
+)
+
+
+@check(
+    "GK102",
+    needs=("surface",),
+    severity=HIGH,
+    fix="build possible_agents once in the constructor and never touch it again; in reset take a "
+    "copy: `self.agents = self.possible_agents[:]`",
+)
+def possible_agents_never_change(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """possible_agents stays the same list of names for good, whoever leaves `agents`.
+
+    Where `agents` is the same list as `possible_agents`, or shares it between instances, an agent
+    that is removed is gone from every later episode, and readers who built a policy for each
+    possible agent play another game than the first.
+
+    Bad: `self.agents = self.possible_agents`, then `self.agents.remove(agent)`.
+
+    Good: `self.agents = self.possible_agents[:]`.
+    """
+    first = list(evidence.agents)  # named before anything was played
+    for fact in evidence.facts(PossibleAgents):
+        before, turns = fact.value.before, fact.value.turns
+        named = before or next((names for names in turns if names), None)
+        if named is None:
+            continue
+        if first and before:
+            is_fresh = fact.value.fresh
+            whose = "of another instance" if is_fresh else "since the audit began"
+            where = replace(fact.where, turn=0, field=f"possible_agents {whose}")
+            yield _look(
+                where,
+                list(dict.fromkeys(before)),
+                first,
+                OF_ANOTHER if is_fresh else reproducer_of(names_stay),
+            )
+        yield from _in_play(fact, named, turns)
+
+
+def _in_play(fact: Fact[PossibleAgents], named: list[str], turns: list[Any]) -> Iterator[Case]:
+    for turn, names in enumerate(turns):
+        yield _look(replace(fact.where, turn=turn), names, named, reproducer_of(names_stay))
+        if names != named:
+            return
+    if turns and fact.value.again is not None:
+        where = replace(fact.where, turn=len(turns) - 1, field="possible_agents after a reset")
+        yield _look(where, fact.value.again, named, reproducer_of(names_stay_after_reset))
+
+
+def _look(where: Where, names: Any, named: list[str], proof: Reproducer) -> Case:
+    return Case(where, names == named, named, names, proof=proof)
+
+
+@check(
+    "GK104",
+    needs=("rollout", "surface"),
+    severity=HIGH,
+    fix="keep each name once; take agents out of the list that is there, or build it anew in "
+    "reset, before names are added",
+)
+def every_agent_is_named_once(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """No name stands twice in `agents` or in `possible_agents`.
+
+    Two agents of one name are one in every dictionary: an action, a reward, a policy is lost, and
+    who is removed once is still there.
+
+    Bad: `self.agents += self.possible_agents` in a reset that doesn't empty the list first.
+
+    Good: `self.agents = self.possible_agents[:]`.
+    """
+    for roster in evidence.facts(TurnRosters):
+        for turn, names in enumerate(roster.value.turns):
+            yield Case(
+                replace(roster.where, turn=turn),
+                len(set(names)) == len(names),
+                "each name once",
+                names,
+                proof=_distinct_proof("agents"),
+            )
+    for fact in evidence.facts(PossibleAgents):
+        for turn, named in enumerate(fact.value.turns):
+            if named is not None:
+                yield Case(
+                    replace(fact.where, turn=turn),
+                    len(set(named)) == len(named),
+                    "each name once",
+                    named,
+                    proof=_distinct_proof("possible_agents"),
+                )
+
+
+def _distinct_proof(roster: str) -> str:
+    return f"names = list(map(str, env.{roster}))\nassert len(names) == len(set(names)), names"
+
+
+FREE: Final = frozenset({"obs", "info"})
+"""PettingZoo's own test allows keys for all of them, such as `common`, beside the agents'."""
+ROSTER: Final = """\
+strangers = set(env.agents) - set(env.possible_agents)
+assert not strangers, strangers"""
+
+
+@check(
+    "GK105",
+    needs=("rollout", "surface"),
+    severity=HIGH,
+    fix="list in possible_agents every agent that may ever join, and speak of agents only in the "
+    "dictionaries; where names can't be known leave possible_agents out",
+)
+def only_possible_agents_take_part(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """Agents in `agents`, or with a reward or an ending, are among possible_agents.
+
+    A trainer has no policy, no space and no column for a name that it never heard of: it crashes
+    in the middle of an episode, or drops the agent. `__all__` is another library's habit.
+
+    Bad: `self.agents.append(f"guest_{self.count}")`, while possible_agents lists three hosts.
+
+    Good: `possible_agents` lists as many guests as can ever come, and `agents` those who are there.
+    """
+    possible = set(evidence.agents)
+    for fact in evidence.facts(PossibleAgents):
+        stages = [fact.value.before, *fact.value.turns, fact.value.again]
+        possible.update(name for names in stages for name in names or ())
+    if not possible:
+        return
+    for roster in evidence.facts(LiveRosters):
+        for turn, names in enumerate(roster.value.turns):
+            strangers = sorted(set(names or ()) - possible)
+            yield Case(
+                replace(roster.where, turn=turn),
+                not strangers,
+                sorted(possible),
+                f"also {', '.join(strangers)}",
+                proof=ROSTER,
+            )
+    if evidence.api == "parallel":
+        yield from _strangers_in_dictionaries(evidence, possible)
+
+
+def _strangers_in_dictionaries(evidence: ProbeEvidence, possible: set[str]) -> Iterator[Case]:
+    for trace in evidence["rollout"]:
+        for each in turn_entries(trace):
+            if not each.turn.index:
+                continue
+            strangers = [a for a in each.turn.agents if not _is_known(a, possible)]
+            for agent in strangers:
+                for part in sorted(each.has(agent) - FREE):
+                    yield Case(
+                        entry_place(trace, each.turn, agent, part),
+                        False,
+                        "entries of agents only",
+                        f"an entry of {agent!r}",
+                        proof=_stranger_proof(part),
+                    )
+            if not strangers:
+                yield Case(trace.at(each.turn, None, "agents"), True)
+
+
+def _is_known(agent: str, possible: set[str]) -> bool:
+    """Possible, or no text: spelt in another way where agents were asked for, or told apart."""
+    return agent in possible or agent.startswith(("{", "[")) or agent.rstrip("'") in possible
+
+
+def _stranger_proof(part: str) -> str:
+    book = PARTS[part]
+    return f"strangers = set({book}) - set(env.possible_agents)\nassert not strangers, strangers"

@@ -1,0 +1,1 @@
+"""Checks of seeds, leaks and aliasing, GK6xx."""

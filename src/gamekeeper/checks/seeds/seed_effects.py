@@ -1,0 +1,373 @@
+"""Checks of seeds: they settle a play, differ, and hold for later episodes."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+from gamekeeper.checks.case import Reproducer
+from gamekeeper.checks.check import HIGH, Case, check
+from gamekeeper.checks.facts.seed_facts import (
+    PlainSeed,
+    PlayElsewhere,
+    SeededPlays,
+    SettledElsewhere,
+    SpecialRefused,
+    UnseededOpenings,
+    UnseededPlays,
+)
+from gamekeeper.checks.paired_plays import (
+    FIELD,
+    SAME,
+    difference_place,
+    draws_nothing,
+    is_blind_later,
+    parted,
+    program,
+    settled_by_seed,
+    told_difference,
+    told_of,
+    whole,
+)
+from gamekeeper.checks.probe_evidence import ProbeEvidence
+from gamekeeper.contract import Contract
+
+SEEDS: Final = 16
+"""Seeds that the program tries."""
+
+
+@check(
+    "GK600",
+    needs=("unseeded",),
+    severity=HIGH,
+    fix="build the generator from `seed` in reset(), and draw from nothing else",
+    applies=draws_nothing,
+)
+def seeds_make_a_difference(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """Different seeds give different episodes where a game draws; the seed isn't ignored.
+
+    Who trains on a thousand seeds trains on one, and a test on other seeds tests nothing. A game
+    without any randomness keeps it: judged only where there is chance, seen in one of two ways.
+    Resets without a seed lead to different openings, while 16 seeds give equal plays: where seeds
+    are obeyed that needs one opening of a probability near 1, and happens in fewer than one of
+    1,000 environments. Or resets without a seed give that same play too, and yet it goes another
+    way where a generator that the environment holds is moved elsewhere in its stream after the
+    reset, one that every reset begins at the same place. What is drawn in the reset alone, from a
+    constant, is a layout like any other.
+
+    Bad: a generator from the constructor, whatever the seed.
+
+    ```python
+    def __init__(self):
+        self.rng = np.random.default_rng(42)
+    def reset(self, seed=None, options=None):
+        self.board = self.rng.permutation(9)
+    ```
+
+    Good:
+
+    ```python
+    def reset(self, seed=None, options=None):
+        if seed is not None or self.rng is None:
+            self.rng = np.random.default_rng(seed)
+        self.board = self.rng.permutation(9)
+    ```
+    """
+    for look in evidence.looks.get("unseeded", ()):
+        plays, first, other = (
+            look.fact(SeededPlays),
+            look.fact(UnseededOpenings),
+            look.fact(PlayElsewhere),
+        )
+        if plays is None:
+            continue
+        seeded = plays.value.digests
+        openings = () if first is None else first.value.openings
+        if len(set(seeded)) > 1:
+            yield Case(plays.where, True, "plays that differ", "plays that differ")
+        elif len(set(openings)) > 1:
+            yield Case(
+                plays.where,
+                False,
+                "plays that differ, as unseeded ones do",
+                f"{len(seeded)} seeds, and all of them give the same play",
+                _differing_seeds_proof(evidence.api),
+            )
+        elif other is not None and other.value.difference is not None:
+            yield Case(
+                other.where,
+                False,
+                "plays that differ, as the game draws at random",
+                f"all seeds and no seed give the same play; with other draws "
+                f"{other.value.difference}",
+                _differing_seeds_proof(evidence.api),
+            )
+
+
+def _differing_seeds_proof(api: str) -> Reproducer:
+    line = f"assert len({{play(make(), seed) for seed in range({SEEDS})}}) > 1"
+    return program(api, line)
+
+
+AGAIN: Final = 8
+"""Plays that the program compares: of few possible ones two are often equal."""
+
+
+@check(
+    "GK601",
+    needs=("same_seed", "other_process"),
+    severity=HIGH,
+    fix="draw everything from one generator that reset(seed) builds from the seed; nothing from "
+    "the clock, the system's entropy, or spaces that nobody seeded",
+    applies=settled_by_seed,
+)
+def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """A seed settles the play: after reset(seed) the same actions give the same play again.
+
+    Otherwise the seed is ignored, or part of the randomness isn't seeded, and no result can be
+    reproduced. Observations, masks, infos, rewards, ends, the order of agents and state() are
+    compared, over whole episodes; the generators of numpy, random and torch that all of a process
+    shares are held still meanwhile (see GK602). Options that are empty make no difference either,
+    nor does the time of day.
+
+    Bad:
+
+    ```python
+    def step(self, actions):
+        wind = np.random.default_rng().normal()
+    ```
+
+    Good:
+
+    ```python
+    def step(self, actions):
+        wind = self.rng.normal()
+    ```
+    """
+    if any(fact.value.is_settled for fact in evidence.facts(SettledElsewhere)):
+        return  # instances share something, and that is another promise
+    for counterfactual in evidence.counterfactuals("same_seed"):
+        if counterfactual.change["change"] == "nothing":
+            yield from parted(
+                counterfactual, _again(evidence.api, told_of(contract, counterfactual))
+            )
+        elif counterfactual.change["change"] == "the time of day":
+            proof = _later(
+                evidence.api, counterfactual.change["later_s"], told_of(contract, counterfactual)
+            )
+            yield from parted(
+                counterfactual, proof, expected="the same play, whatever the clock says"
+            )
+        elif not any(
+            each.divergence
+            for each in evidence.counterfactuals("same_seed")
+            if each is not counterfactual
+        ):
+            yield from parted(counterfactual, _empty(evidence.api), expected="as without options")
+
+
+def _again(api: str, tells: frozenset[str]) -> Reproducer:
+    return program(api, f"assert len({{play(make()) for _ in range({AGAIN})}}) == 1", tells=tells)
+
+
+def _later(api: str, seconds: int, tells: frozenset[str]) -> Reproducer:
+    lines = (
+        "first, now = play(make()), time.time",
+        f"time.time = lambda: now() + {seconds}  # as if it were run again later",
+        f"time.time_ns = lambda: int(now() + {seconds}) * 10**9",
+        "assert play(make()) == first",
+    )
+    return program(api, *lines, tells=tells, imports=("time",))
+
+
+def _empty(api: str) -> Reproducer:
+    see = "seen" if api == "parallel" else "env.last()"
+    lines = ["def first(**options):", "    env = make()"]
+    lines.append("    seen = env.reset(seed=SEED, **options)")
+    lines += [f"    return repr({see})", "assert first() == first(options={})"]
+    return Reproducer("\n".join(lines), plays=False)
+
+
+@check(
+    "GK605",
+    needs=("special_seeds",),
+    severity=HIGH,
+    fix="ask `if seed is not None`, never `if seed`, and take any non-negative integer",
+    applies=settled_by_seed,
+)
+def seed_zero_is_a_seed(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """Seed 0 is a seed like any other, and so is 2**31 - 1.
+
+    0 is the seed that most people try first; where it is taken for no seed, exactly their runs
+    don't repeat. Looked at beside a plain seed, which goes well.
+
+    Bad:
+
+    ```python
+    def reset(self, seed=None, options=None):
+        if seed:
+            self.rng = np.random.default_rng(seed)
+    ```
+
+    Good:
+
+    ```python
+    def reset(self, seed=None, options=None):
+        if seed is not None:
+            self.rng = np.random.default_rng(seed)
+    ```
+    """
+    for look in evidence.looks.get("special_seeds", ()):
+        plain, refused = look.fact(PlainSeed), look.fact(SpecialRefused)
+        for counterfactual in look.counterfactuals:
+            seed = counterfactual.change["seed"]
+            proof = _seed_zero_proof(evidence.api, seed, told_of(contract, counterfactual))
+            if plain is None:
+                yield Case(whole(counterfactual), True, SAME, SAME)
+            elif plain.value.is_fine and refused is not None:
+                at = counterfactual.base.at(0, None, FIELD)
+                yield Case(at, False, "a seed like any other", refused.value.text, proof)
+            elif plain.value.is_fine:
+                yield from parted(
+                    counterfactual, proof, expected=f"the same play for seed {seed} again"
+                )
+
+
+def _seed_zero_proof(api: str, seed: int, tells: frozenset[str]) -> Reproducer:
+    line = f"assert len({{play(make(), seed={seed}) for _ in range({AGAIN})}}) == 1"
+    return program(api, line, tells=tells)
+
+
+@check(
+    "GK606",
+    needs=("second_episode",),
+    severity=HIGH,
+    fix="build the generator anew whenever reset() is given a seed, not only where there is none "
+    "yet",
+    applies=settled_by_seed,
+)
+def later_seeds_are_obeyed(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """Every reset(seed) seeds the play, not only the first one of an instance.
+
+    Where later seeds are ignored, an evaluation on fixed seeds in one instance isn't one: its
+    episodes depend on what was played before. In a used instance several seeds give one and the
+    same play, while in fresh instances they give different ones.
+
+    Bad:
+
+    ```python
+    def reset(self, seed=None, options=None):
+        if self.rng is None:
+            self.rng = np.random.default_rng(seed)
+    ```
+
+    Good:
+
+    ```python
+    def reset(self, seed=None, options=None):
+        if self.rng is None or seed is not None:
+            self.rng = np.random.default_rng(seed)
+    ```
+    """
+    for look in evidence.looks.get("second_episode", ()):
+        for counterfactual in look.counterfactuals:
+            if counterfactual.divergence is None:
+                yield Case(whole(counterfactual), True, "seeds are obeyed", "seeds are obeyed")
+            elif counterfactual.noise is None and is_blind_later(look):
+                yield Case(
+                    difference_place(counterfactual, counterfactual.divergence),
+                    False,
+                    "the play of this seed",
+                    f"the same play for any seed: {told_difference(counterfactual.divergence)}",
+                    _later_seeds_proof(evidence.api),
+                )
+
+
+def _later_seeds_proof(api: str) -> Reproducer:
+    return program(
+        api,
+        "def later(seed):",
+        "    env = make()",
+        "    play(env)",
+        "    return play(env, seed)",
+        f"assert len({{later(seed) for seed in range({SEEDS})}}) > 1",
+    )
+
+
+FALSE_ALARM: Final = 1e-3
+RESETS: Final = 16
+"""Resets that the program tries."""
+
+
+@check(
+    "GK609",
+    needs=("unseeded",),
+    severity=HIGH,
+    fix="let reset() without a seed go on with the generator that is there; build one only where "
+    "a seed is given or none was built yet",
+    applies=draws_nothing,
+)
+def unseeded_resets_draw_anew(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """A reset without a seed goes on drawing; it doesn't re-seed with a constant or the last seed.
+
+    Training resets without a seed, and would see one and the same episode again and again. Judged
+    only where seeds make a difference. Fisher's exact test on how often plays of 16 resets without
+    a seed and of 16 seeds are the most frequent one, one-sided, once per audit: in fewer than one
+    of 1,000 environments that are right is this broken.
+
+    Bad:
+
+    ```python
+    def reset(self, seed=None, options=None):
+        self.rng = np.random.default_rng(0 if seed is None else seed)
+    ```
+
+    Good:
+
+    ```python
+    def __init__(self):
+        self.rng = np.random.default_rng()
+    def reset(self, seed=None, options=None):
+        if seed is not None:
+            self.rng = np.random.default_rng(seed)
+    ```
+    """
+    for look in evidence.looks.get("unseeded", ()):
+        plays, others = look.fact(SeededPlays), look.fact(UnseededPlays)
+        if plays is None or others is None:
+            continue
+        seeded, unseeded, at = plays.value.digests, others.value.digests, others.where
+        if len(set(unseeded)) > 1:
+            yield Case(at, True, "plays that differ", "plays that differ")
+        elif len(set(seeded)) > 1:
+            p = p_all_alike(seeded, len(unseeded))
+            if p < FALSE_ALARM:
+                yield Case(
+                    at,
+                    False,
+                    "plays that differ, as those of seeds do",
+                    f"{len(unseeded)} resets without a seed, and the same play after each",
+                    _unseeded_proof(evidence.api),
+                    confidence=1.0 - p,
+                )
+
+
+def p_all_alike(seeded: Sequence[str], count: int) -> float:
+    """Probability that `count` further plays are all the most frequent of the seeded ones.
+
+    Source: Fisher's exact test, one-sided, for a table with one empty cell.
+    """
+    often = max(Counter(seeded).values())
+    return math.comb(often + count, count) / math.comb(len(seeded) + count, count)
+
+
+def _unseeded_proof(api: str) -> Reproducer:
+    return program(
+        api,
+        "env = make()",
+        "env.reset(seed=SEED)",
+        f"assert len({{play(env) for _ in range({RESETS})}}) > 1",
+        reset="env.reset()",
+    )

@@ -1,0 +1,324 @@
+"""Checks of state that plays share: global generators, earlier episodes, other instances."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from gamekeeper.checks.case import Reproducer
+from gamekeeper.checks.check import HIGH, MEDIUM, Case, check
+from gamekeeper.checks.facts.seed_facts import (
+    EpisodeBefore,
+    HashSeed,
+    MovedGenerator,
+    OtherInstance,
+    SettledElsewhere,
+    UnmovedGenerator,
+)
+from gamekeeper.checks.literal import literal
+from gamekeeper.checks.paired_plays import (
+    difference_place,
+    ignores_seeds,
+    is_blind_later,
+    parted,
+    program,
+    settled_by_seed,
+    told_difference,
+    told_of,
+    used_beside_fresh,
+    whole,
+)
+from gamekeeper.checks.probe_evidence import ProbeEvidence
+from gamekeeper.contract import Contract
+
+
+@check(
+    "GK602",
+    needs=("generators",),
+    severity=HIGH,
+    fix="draw from a generator of the environment's own, built in reset(seed): "
+    "np.random.default_rng(seed)",
+    applies=settled_by_seed,
+)
+def draws_come_from_an_own_generator(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """The game draws from a generator of its own, not from the global ones of numpy, random, torch.
+
+    Whoever else draws from them, a learner or a second environment, changes the game, and reset's
+    seed doesn't settle it. They are seeded anew before the reset and between all turns; a play in
+    which nobody does is compared with that.
+
+    Bad:
+
+    ```python
+    def step(self, actions):
+        wind = np.random.normal()
+    ```
+
+    Good:
+
+    ```python
+    def reset(self, seed=None, options=None):
+        if seed is not None or self.rng is None:
+            self.rng = np.random.default_rng(seed)
+    def step(self, actions):
+        wind = self.rng.normal()
+    ```
+    """
+    for look in evidence.looks.get("generators", ()):
+        facts = [fact.value for fact in look.facts]
+        moved = [each.generator for each in facts if isinstance(each, MovedGenerator)]
+        for counterfactual in look.counterfactuals:
+            proof = _own_generator_proof(evidence.api, moved, told_of(contract, counterfactual))
+            yield from parted(counterfactual, proof, expected="the same, whoever draws from them")
+
+
+def _own_generator_proof(api: str, moved: list[str], tells: frozenset[str]) -> Reproducer:
+    seeding = ["np.random.seed(n)", "random.seed(n)"]
+    if "torch" in moved:
+        seeding.append("torch.manual_seed(n)")
+    return program(
+        api,
+        "def seed_all(n):",
+        *(f"    {line}" for line in seeding),
+        "seed_all(1)",
+        "alone = play(make())",
+        "seed_all(2)",
+        "beside = play(make(), between=lambda: seed_all(3))",
+        "assert alone == beside",
+        tells=tells,
+        imports=("random", *(["torch"] if "torch" in moved else [])),
+    )
+
+
+@check(
+    "GK603",
+    needs=("generators",),
+    severity=MEDIUM,
+    fix="leave np.random.seed, random.seed and torch.manual_seed to whoever runs the environment; "
+    "build a generator of the environment's own",
+)
+def global_generators_are_left_alone(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """The environment leaves the global generators of numpy, random and torch as they are.
+
+    One that seeds them makes the exploration of a learner repeat itself with every episode, and
+    results of a whole run hang on how often it was reset. Not looked at where the game's own draws
+    come from them: that is GK602.
+
+    Bad:
+
+    ```python
+    def reset(self, seed=None, options=None):
+        np.random.seed(seed)
+    ```
+
+    Good:
+
+    ```python
+    def reset(self, seed=None, options=None):
+        self.rng = np.random.default_rng(seed)
+    ```
+    """
+    is_judged = settled_by_seed(contract, evidence) is None
+    for look in evidence.looks.get("generators", ()):
+        parts = any(
+            counterfactual.divergence is not None and counterfactual.noise is None
+            for counterfactual in look.counterfactuals
+        )
+        if parts and is_judged:
+            continue
+        for fact in look.facts:
+            if isinstance(fact.value, UnmovedGenerator):
+                yield Case(fact.where, True, "as it was", "as it was")
+            elif isinstance(fact.value, MovedGenerator):
+                name, call = fact.value.generator, fact.value.call
+                yield Case(
+                    fact.where,
+                    False,
+                    "as it was",
+                    f"{name} was seeded or drawn from in {call}",
+                    _global_generator_proof(evidence.api, name),
+                )
+
+
+def _global_generator_proof(api: str, name: str) -> Reproducer:
+    state = {
+        "numpy.random": "[list(part) if hasattr(part, '__len__') else part "
+        "for part in np.random.get_state()]",
+        "random": "random.getstate()",
+        "torch": "torch.get_rng_state().tolist()",
+    }[name]
+    lines = [f"state = lambda: {state}", "before = state()", "play(make())"]
+    imports = () if name == "numpy.random" else (name,)
+    return program(api, *lines, "assert state() == before", imports=imports)
+
+
+@check(
+    "GK604",
+    needs=("second_episode", "unseeded"),
+    severity=HIGH,
+    fix="set everything that the rules read in reset(), and take nothing over from the episode "
+    "before",
+    applies=settled_by_seed,
+)
+def nothing_survives_a_reset(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """reset(seed) starts the same play in a used instance as in a fresh one; no state survives it.
+
+    Training runs thousands of episodes in one instance; where something of the last one is left,
+    no episode can be played again on its own. The same episode goes before, or one of another seed
+    that is cut in its middle.
+
+    Bad: what one step has noted stays for the next episode.
+
+    ```python
+    def reset(self, seed=None, options=None):
+        self.rng = np.random.default_rng(seed)
+        self.agents = list(self.possible_agents)   # and self.collected is as it was
+    ```
+
+    Good:
+
+    ```python
+    def reset(self, seed=None, options=None):
+        self.rng = np.random.default_rng(seed)
+        self.agents = list(self.possible_agents)
+        self.collected = set()
+    ```
+    """
+    if ignores_seeds(evidence):
+        return  # an episode hangs on what was drawn before, which is another promise
+    for look in evidence.looks.get("second_episode", ()):
+        if is_blind_later(look):
+            continue  # later seeds are ignored, which is another promise
+        fact = look.fact(EpisodeBefore)
+        before = None if fact is None else fact.value.episode
+        for counterfactual in look.counterfactuals:
+            proof = used_beside_fresh(evidence.api, before, told_of(contract, counterfactual))
+            for seen in parted(
+                counterfactual, proof, expected="the same play as in a fresh instance"
+            ):
+                # where the play itself went before, all of it takes part, wherever they differ
+                yield replace(seen, where=whole(counterfactual)) if before is None else seen
+
+
+@check(
+    "GK607",
+    needs=("alternated", "other_process"),
+    severity=HIGH,
+    fix="keep generators and state in the instance: set them in __init__ and reset, not on the "
+    "class, the module or in a mutable default argument",
+    applies=settled_by_seed,
+)
+def instances_share_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """Instances of the environment share nothing: no generator and no state of a class or module.
+
+    A vector environment steps many instances in turns, an evaluation runs beside the training; what
+    one of them does then changes the others. A second instance is built, reset and stepped in
+    turns with the first. Where an instance plays otherwise only because another one was there
+    before, two new processes agree with each other.
+
+    Bad:
+
+    ```python
+    class Game(ParallelEnv):
+        rng = np.random.default_rng()
+        def reset(self, seed=None, options=None):
+            Game.rng = np.random.default_rng(seed)
+    ```
+
+    Good:
+
+    ```python
+    class Game(ParallelEnv):
+        def reset(self, seed=None, options=None):
+            self.rng = np.random.default_rng(seed)
+    ```
+    """
+    for look in evidence.looks.get("alternated", ()):
+        other = look.fact(OtherInstance)
+        for counterfactual in look.counterfactuals:
+            proof = _beside(
+                evidence.api,
+                None if other is None else other.value,
+                told_of(contract, counterfactual),
+            )
+            yield from parted(counterfactual, proof, expected="the same play as alone")
+    for look in evidence.looks.get("other_process", ()):
+        settled = look.fact(SettledElsewhere)
+        if settled is not None and settled.value.is_settled:
+            for counterfactual in look.counterfactuals:
+                if counterfactual.noise is not None:
+                    line = "assert play(make()) == play(make())"
+                    yield Case(
+                        difference_place(counterfactual, counterfactual.noise),
+                        False,
+                        "the same play as in a first instance",
+                        told_difference(counterfactual.noise),
+                        program(evidence.api, line, tells=told_of(contract, counterfactual)),
+                    )
+
+
+def _beside(api: str, other: OtherInstance | None, tells: frozenset[str]) -> Reproducer:
+    seed, actions = (0, ()) if other is None else (other.seed, other.actions)
+    turns = [dict(a) if api == "parallel" else next(iter(a.values()), None) for a in actions]
+    return program(
+        api,
+        "alone = play(make())",
+        "env, other = make(), make()",
+        "calls = [lambda: None]",
+        f"calls += [lambda: other.reset(seed={seed})]",
+        f"calls += [lambda actions=actions: other.step(actions) for actions in {literal(turns)}]",
+        "calls = iter(calls)",
+        "assert alone == play(env, between=lambda: next(calls, lambda: None)())",
+        tells=tells,
+    )
+
+
+@check(
+    "GK608",
+    needs=("other_process",),
+    severity=HIGH,
+    fix="sort a set before its order matters (agents, items, draws), and derive nothing from "
+    "hash(), id(), the process's number or the clock",
+    applies=settled_by_seed,
+)
+def other_processes_play_the_same(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """The same seed and actions give the same play in other processes; no set's order decides.
+
+    Python shuffles the order of sets of text anew in every process, so that results repeat within
+    one run and never in the next. The other process runs under another PYTHONHASHSEED.
+
+    Bad: `agents` in the order of a set.
+
+    ```python
+    self.agents = list({*self.hunters, *self.prey})
+    ```
+
+    Good:
+
+    ```python
+    self.agents = [*self.hunters, *self.prey]
+    ```
+    """
+    for look in evidence.looks.get("other_process", ()):
+        fact = look.fact(HashSeed)
+        seed = None if fact is None else fact.value.seed
+        for counterfactual in look.counterfactuals:
+            proof = _process_proof(evidence.api, seed, told_of(contract, counterfactual))
+            yield from parted(counterfactual, proof, expected="the same play as in this process")
+
+
+def _process_proof(api: str, seed: int | None, tells: frozenset[str]) -> Reproducer:
+    """Starts itself again under hash seeds, each of which prints its play."""
+    return program(
+        api,
+        'if "HASHED" in os.environ:',
+        "    print(play(make()))",
+        "    sys.exit()",
+        "def played(hash_seed):",
+        '    surroundings = {**os.environ, "HASHED": "1", "PYTHONHASHSEED": str(hash_seed)}',
+        "    again = [sys.executable, *sys.orig_argv[1:]]",
+        "    return subprocess.run(again, env=surroundings, capture_output=True).stdout",
+        f"assert len({{played(hash_seed) for hash_seed in ({seed}, 11, 12, 13, 14, 15)}}) == 1",
+        tells=tells,
+        imports=("os", "subprocess", "sys"),
+    )

@@ -1,0 +1,1 @@
+"""Checks of spaces, masks, actions and infos, GK2xx."""

@@ -1,0 +1,314 @@
+"""Checks of legal and illegal actions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Final
+
+from gamekeeper.checks.case import Reproducer
+from gamekeeper.checks.check import HIGH, MEDIUM, Case, check
+from gamekeeper.checks.ended_agents import ended_in
+from gamekeeper.checks.facts.action_facts import TriedAction
+from gamekeeper.checks.facts.play_facts import RaisedCall
+from gamekeeper.checks.literal import literal
+from gamekeeper.checks.probe_evidence import ProbeDeath, ProbeEvidence, ProbeRun
+from gamekeeper.checks.spaces.action_masks import is_legal, mask_of
+from gamekeeper.checks.spaces.observation_values import spaces_of
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.episode import Episode, Turn
+
+
+@dataclass(frozen=True, slots=True)
+class LegalTurn:
+    """A turn at which live agents acted, all of them legally.
+
+    Attributes:
+        is_masked: a mask said to one of them what is legal.
+        raised: what the step raised, in words; None where it was accepted.
+    """
+
+    trace: Episode
+    turn: Turn
+    agent: str
+    is_masked: bool
+    raised: str | None
+
+
+def legal_turns(contract: Contract, evidence: ProbeEvidence) -> Iterator[LegalTurn]:
+    """Turns of rollouts at which live agents acted.
+
+    Random play is legal by its making. Where a step raised, every turn is looked at, as the actions
+    may come from elsewhere: then it is turns up to the first that isn't legal, or can't be judged.
+    """
+    known = spaces_of(evidence, "action")
+    for look in evidence.looks.get("rollout", ()):
+        raised = _raised(look)
+        for trace in look.traces:
+            for turn in trace.turns:
+                ended = ended_in(turn)
+                acting = [agent for agent in turn.order if agent not in ended]
+                if not acting:
+                    continue
+                masks = {agent: mask_of(contract, turn, agent) for agent in acting}
+                if raised and not all(_plays(known, turn, each, masks[each]) for each in acting):
+                    break
+                said = raised if turn.raised else None
+                masked = any(mask is not None for mask in masks.values())
+                yield LegalTurn(trace, turn, acting[0], masked, said)
+
+
+def _plays(known: dict[str, Any], turn: Turn, agent: str, mask: Any) -> bool:
+    space, action = known.get(agent), turn.actions.get(agent)
+    return space is not None and action is not None and is_legal(space, mask, action)
+
+
+def _raised(look: ProbeRun) -> str | None:
+    """Exception of a step in this episode, in words."""
+    raised = look.fact(RaisedCall)
+    if raised is None or raised.value.call != "step":
+        return None
+    return f"{raised.value.kind}: {raised.value.text}"
+
+
+def illegal_proof(api: str, turn: int | None, value: TriedAction, then: str) -> Reproducer:
+    """Lines that play up to the illegal action, take it, and go on with `then`.
+
+    Args:
+        turn: the turn of the illegal action.
+        value: what was tried.
+        then: lines that raise; `out` is what the step gave, `error` what it raised.
+    """
+    actions = value.action
+    handed = literal(dict(actions) if api == "parallel" else next(iter(actions.values()), None))
+    return Reproducer(
+        "env = make()\n"
+        "env.reset(seed=SEED)\n"
+        f"for actions in ACTIONS[:{turn}]:\n"
+        "    env.step(actions)\n"
+        "out = error = None\n"
+        "try:\n"
+        f"    out = env.step({handed})\n"
+        "except Exception as raised:\n"
+        "    error = raised\n"
+        f"{then}",
+        plays=False,
+    )
+
+
+PROOF = "# nothing more: a step above raised, and every action in it is one of its action space"
+
+
+@check(
+    "GK221",
+    needs=("rollout", "spaces", "illegal"),
+    severity=HIGH,
+    fix="take every action of the action space, make the space smaller, or give an action mask",
+)
+def actions_of_the_space_are_accepted(
+    contract: Contract, evidence: ProbeEvidence
+) -> Iterator[Case]:
+    """Every action of the action space is accepted: `step` raises nothing.
+
+    A policy chooses from the action space and knows no other rule, unless a mask tells it. A step
+    that raises ends a training after hours, mostly in a corner that random play seldom reaches: at
+    the very bounds of a Box, or with an action that is an int and no np.int64.
+
+    Bad:
+
+        self.action_spaces[agent] = Discrete(6)        # and action 5 is an index past the end
+
+    Good:
+
+        self.action_spaces[agent] = Discrete(5)
+    """
+    for fact in evidence.facts(TriedAction):
+        if not fact.value.is_legal:
+            continue
+        raised = fact.value.raised
+        yield Case(
+            fact.where,
+            raised is None,
+            "a step that takes an action of the space",
+            raised,
+            proof=illegal_proof(
+                evidence.api, fact.where.turn, fact.value, "assert error is None, error"
+            ),
+        )
+    for taken in legal_turns(contract, evidence):
+        if not taken.is_masked:
+            yield Case(
+                taken.trace.at(taken.turn, taken.agent, "raised"),
+                taken.raised is None,
+                "a step that takes actions of the action space",
+                taken.raised,
+                proof=PROOF,
+            )
+
+
+@check(
+    "GK222",
+    needs=("illegal",),
+    severity=MEDIUM,
+    fix="refuse an illegal action before anything is changed, and let reset() start from nothing",
+)
+def illegal_actions_break_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """An illegal action is taken or refused, and after it a reset starts a playable episode.
+
+    An environment may raise whatever it likes, or coerce the action. But a process that dies, and
+    an instance that can't be reset any more, take a whole training with them.
+
+    Bad:
+
+        self.is_stepping = True
+        position = MOVES[action]               # raises; is_stepping stays, and reset() refuses
+
+    Good:
+
+        if not self.action_space(agent).contains(action):
+            raise ValueError(f"{agent}: {action!r} is no action")
+    """
+    for death in evidence.facts(ProbeDeath):
+        if death.where.probe == "illegal":
+            said = f"the process {death.value.text}"
+            yield Case(death.where, False, "an exception at most", said)
+    for fact in evidence.facts(TriedAction):
+        if fact.value.is_legal:
+            continue
+        value = fact.value
+        yield Case(
+            fact.where,
+            value.again is None,
+            "a reset that starts a playable episode",
+            f"after the action ({value.case}) {value.again}",
+            proof=illegal_proof(evidence.api, fact.where.turn, value, AGAIN),
+        )
+
+
+AGAIN = "env.reset(seed=SEED)\nfor actions in ACTIONS:\n    env.step(actions)"
+
+
+def _none_declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
+    is_declared = any(role.illegal is not None for role in contract.roles.values())
+    return None if is_declared else "the contract says of no role what a masked action brings"
+
+
+@check(
+    "GK237",
+    needs=("illegal",),
+    severity=HIGH,
+    fix="do with a masked action what roles.<role>.illegal says, or declare what is done",
+    applies=_none_declared,
+)
+def masked_actions_bring_what_is_declared(
+    contract: Contract, evidence: ProbeEvidence
+) -> Iterator[Case]:
+    """An action that the mask forbids raises, costs, or ends, as the contract declares.
+
+    A learner without masks learns the rules from this alone: if what is forbidden is quietly taken,
+    it learns another game.
+
+    Bad:
+
+        illegal = "error"             # and the environment plays the forbidden move
+
+    Good:
+
+        if not mask[action]: raise ValueError(f"{action} is forbidden now")
+    """
+    for fact in evidence.facts(TriedAction):
+        role = contract.role_of(fact.where.agent)
+        declared = None if role is None else contract.roles[role].illegal
+        value = fact.value
+        if value.case != "masked" or declared is None:
+            continue
+        agent = str(fact.where.agent)
+        yield Case(
+            fact.where,
+            _is_as(declared, value),
+            EXPECTED[declared],
+            _seen(value),
+            proof=illegal_proof(
+                evidence.api, fact.where.turn, value, _then(evidence.api, declared, agent)
+            ),
+        )
+
+
+EXPECTED = {
+    "error": "the step raises",
+    "penalty": "the agent is paid less than for a legal action, or less than 0",
+    "end": "the agent has ended",
+}
+
+
+def _is_as(declared: str, value: TriedAction) -> bool:
+    if declared == "error":
+        return value.raised is not None
+    if value.raised is not None:
+        return False
+    if declared == "end":
+        return bool(value.is_over)
+    paid, legal = value.reward, value.legal_reward
+    return paid is not None and (paid < 0 or (legal is not None and paid < legal))
+
+
+def _seen(value: TriedAction) -> str:
+    if value.raised is not None:
+        return f"it raised {value.raised}"
+    ended = "it has ended" if value.is_over else "it goes on"
+    return f"the action was taken, it was paid {value.reward}, {ended}"
+
+
+def _then(api: str, declared: str, agent: str) -> str:
+    if declared == "error":
+        return "assert error is not None, 'the forbidden action was taken'"
+    lines = ["assert error is None, error"]
+    if declared == "end":
+        over = f"all(str(a) != {agent!r} for a in env.agents)"
+        if api == "aec":
+            flags = (
+                "{**env.terminations, **{a: True for a in env.truncations if env.truncations[a]}}"
+            )
+            over += f" or any(f for a, f in {flags}.items() if str(a) == {agent!r})"
+        lines.append(f"assert {over}, 'it goes on'")
+    else:
+        rewards = "out[1]" if api == "parallel" else "env.rewards"
+        lines.append(f"reward = next(r for a, r in {rewards}.items() if str(a) == {agent!r})")
+        lines.append("assert reward < 0, reward")
+    return "\n".join(lines)
+
+
+UNFINISHED: Final = (
+    "# nothing more: a step above raised, and the masks given before it allow all its actions"
+)
+
+
+@check(
+    "GK235",
+    needs=("rollout", "spaces"),
+    severity=HIGH,
+    fix="make the mask from the state that the action will meet, for the agent that will act",
+)
+def allowed_actions_are_accepted(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """Every action that an action mask allows is accepted: the mask is neither wrong nor stale.
+
+    A mask that was made before the last move, for another agent, or the wrong way round offers
+    actions that the rules refuse.
+
+    Bad:
+
+        mask = board == 0                  # kept from before the other player's move
+
+    Good:
+
+        def observe(self, agent): return {..., "action_mask": self._legal_now(agent)}
+    """
+    for taken in legal_turns(contract, evidence):
+        if taken.is_masked:
+            yield Case(
+                taken.trace.at(taken.turn, taken.agent, "raised"),
+                taken.raised is None,
+                "a step that takes what the masks allow",
+                taken.raised,
+                proof=UNFINISHED,
+            )

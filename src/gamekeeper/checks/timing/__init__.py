@@ -1,0 +1,1 @@
+"""Checks of turns and their order, GK3xx."""

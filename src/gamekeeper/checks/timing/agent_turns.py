@@ -1,0 +1,282 @@
+"""Checks of the agent in turn: it is live, and an agent that ended gets its last turn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from gamekeeper.checks.check import HIGH, MEDIUM, Case, check
+from gamekeeper.checks.ended_agents import ended_in
+from gamekeeper.checks.facts.lifecycle_facts import IteratedAgents
+from gamekeeper.checks.facts.play_facts import SelectedAgents, TurnRosters
+from gamekeeper.checks.probe_evidence import ProbeEvidence
+from gamekeeper.checks.reproducer_source import reproducer_of
+from gamekeeper.checks.reproducers import dead_agents_wait, dead_turns_are_taken
+from gamekeeper.checks.reproducers import dead_steps_remove as dead_agent_is_removed
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.episode import Episode
+
+
+@dataclass(frozen=True, slots=True)
+class AecStep:
+    """One step of an AEC play.
+
+    Attributes:
+        trace: of which play.
+        turn: the one that it ends.
+        actor: whose step it was.
+        is_dead: the actor had ended before it.
+        before: `agents` before the step.
+        after: `agents` after it.
+        ended: agents whose flags were up before it, and that haven't left.
+    """
+
+    trace: Episode
+    turn: int
+    actor: str
+    is_dead: bool
+    before: Sequence[str]
+    after: Sequence[str]
+    ended: frozenset[str]
+
+
+def aec_steps(evidence: ProbeEvidence) -> Iterator[list[AecStep]]:
+    """The steps of each play that have been made."""
+    rosters = [fact.value.turns for fact in evidence.facts(TurnRosters)]
+    for trace, agents in zip(evidence["rollout"], rosters, strict=False):
+        yield list(_env_steps(trace, agents))
+
+
+def _env_steps(trace: Episode, agents: Sequence[Sequence[str]]) -> Iterator[AecStep]:
+    ended: frozenset[str] = frozenset()
+    for turn in trace.turns:
+        if turn.index + 1 >= len(agents) or not turn.order:
+            return
+        before, after = agents[turn.index], agents[turn.index + 1]
+        actor = turn.order[0]
+        # an agent that is back under its name begins anew
+        flagged = ended_in(turn)
+        ended = (ended | flagged) & frozenset(before)
+        yield AecStep(trace, turn.index, actor, actor in flagged, before, after, ended)
+
+
+@check(
+    "GK301",
+    needs=("rollout",),
+    severity=HIGH,
+    api="aec",
+    fix="after every step name an agent of `agents` in `agent_selection`, also after the None "
+    "step of a dead agent",
+)
+def selection_is_live(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """`agent_selection` names an agent of `agents` as long as there are any, never one removed.
+
+    `last()` and `step()` speak of the agent that is selected: where it isn't in the game any more,
+    the loop that everybody writes ends in a KeyError, or one agent's turn is taken for another's.
+
+    Bad:
+    ```python
+    if self.terminations[agent]:
+        self.agents.remove(agent)             # and it stays selected
+        return
+    ```
+    Good:
+    ```python
+    if self.terminations[agent]:
+        self._was_dead_step(action)           # selects who comes next
+        return
+    ```
+    """
+    for fact in evidence.facts(SelectedAgents):
+        at = fact.where
+        for turn, (name, is_in) in enumerate(fact.value.turns):
+            yield Case(
+                type(at)(at.probe, at.play, turn, None, "agent_selection"),
+                is_in,
+                "an agent of `agents`",
+                f"{name!r}, who isn't in `agents`",
+                proof="assert not env.agents or env.agent_selection in env.agents, "
+                "(env.agent_selection, env.agents)",
+            )
+
+
+@check(
+    "GK302",
+    needs=("rollout",),
+    severity=HIGH,
+    api="aec",
+    fix="leave an agent that has ended in `agents` with its flag set until it was selected for "
+    "its None step, as `self._deads_step_first()` and `self._was_dead_step(action)` do",
+)
+def dead_agents_get_their_turn(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """An agent that ends is selected once more before it is removed, for its None turn.
+
+    That turn is where its learner reads the last reward and that it has ended, with `last()`. An
+    agent that is removed by somebody else's step, or with the step that ends it, never hears of
+    either.
+
+    Bad:
+    ```python
+    if money[agent] <= 0:
+        self.agents.remove(agent)
+    ```
+    Good:
+    ```python
+    if money[agent] <= 0:
+        self.terminations[agent] = True
+    ...
+    self._deads_step_first()
+    ```
+    """
+    for play in aec_steps(evidence):
+        for each in play:
+            if each.before == each.after:
+                continue
+            for agent in sorted(set(each.before) - set(each.after)):
+                if not _may_leave(contract, agent):
+                    is_own = agent == each.actor and each.is_dead
+                    yield Case(
+                        each.trace.at(each.turn + 1, agent, "agents"),
+                        is_own,
+                        "removed by its own None step",
+                        f"removed by the step of {each.actor!r}, so its end can't be read",
+                        proof=reproducer_of(dead_turns_are_taken),
+                    )
+
+
+def _may_leave(contract: Contract, agent: str) -> bool:
+    name = contract.role_of(agent)
+    return bool(name is not None and contract.roles[name].may_leave)
+
+
+@check(
+    "GK303",
+    needs=("rollout",),
+    severity=HIGH,
+    api="aec",
+    fix="remove a dead agent from `agents` in its None step, as `self._was_dead_step(action)` does",
+)
+def dead_steps_remove(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """A dead agent has one None turn, which removes it: it isn't selected again.
+
+    A loop over `agent_iter()` goes on until `agents` is empty. A dead agent that stays there is
+    asked again and again; its last reward is read more than once, and the loop may never end.
+
+    Bad:
+    ```python
+    if self.terminations[agent]:
+        self.agent_selection = self._selector.next()      # and it comes round again
+        return
+    ```
+    Good:
+    ```python
+    if self.terminations[agent]:
+        return self._was_dead_step(action)                # takes it out of `agents`
+    ```
+    """
+    for play in aec_steps(evidence):
+        for each in play:
+            if each.is_dead:
+                yield Case(
+                    each.trace.at(each.turn + 1, each.actor, "agents"),
+                    each.actor not in each.after,
+                    "gone after its None step",
+                    "still in `agents`",
+                    proof=reproducer_of(dead_agent_is_removed),
+                )
+
+
+ROUNDS: Final = 5
+"""Rounds of everybody in `agents` after which a dead agent has waited for too long."""
+LEAST_TURNS: Final = 20
+"""Turns of others that a dead agent may wait in any case."""
+
+
+@check(
+    "GK304",
+    needs=("rollout",),
+    severity=MEDIUM,
+    api="aec",
+    confidence=0.95,
+    fix="select agents that have ended before the live ones: end step() with "
+    "`self._deads_step_first()`",
+)
+def dead_agents_arent_kept_waiting(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """A dead agent in `agents` is selected for its None turn before long, and not forgotten.
+
+    Until then its learner doesn't know of the end, nor of its last reward. PettingZoo's own way is
+    to let dead agents step first; one that waits for its turn in the order is no fault. Five rounds
+    of all agents, and 20 turns at least, are.
+
+    Bad:
+    ```python
+    live = [a for a in self.agents if not self.terminations[a]]
+    self.agent_selection = live[self.turn % len(live)]
+    ```
+    Good:
+    ```python
+    self.agent_selection = live[self.turn % len(live)]
+    self._deads_step_first()
+    ```
+    """
+    for play in aec_steps(evidence):
+        yield from _waits(play)
+
+
+def _waits(play: list[AecStep]) -> Iterator[Case]:
+    since: dict[str, int] = {}
+    told: set[str] = set()
+    for each in play:
+        since = {agent: since.get(agent, each.turn) for agent in each.ended}
+        told &= each.ended
+        if each.is_dead:
+            yield Case(each.trace.at(each.turn, each.actor, "agent_selection"), True)
+        for agent, turn in since.items():
+            most = max(LEAST_TURNS, ROUNDS * len(each.before))
+            if each.turn - turn >= most and agent != each.actor and agent not in told:
+                told.add(agent)
+                yield Case(
+                    each.trace.at(each.turn, agent, "agent_selection"),
+                    False,
+                    "selected for its None turn",
+                    f"ended {each.turn - turn} turns ago, waiting",
+                    proof=reproducer_of(dead_agents_wait, agent=agent, most=most),
+                )
+
+
+@check(
+    "GK305",
+    needs=("lifecycle",),
+    severity=MEDIUM,
+    api="aec",
+    fix="leave `agent_iter` as `AECEnv` has it: it yields `agent_selection` until `agents` is "
+    "empty, `max_iter` times at most",
+)
+def agent_iter_names_who_acts(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """`agent_iter` names the agent that is to act, as often as it is asked to.
+
+    Everybody plays with `for agent in env.agent_iter():`. An iterator of one's own that runs
+    through the agents in its own order gives one agent's observation to another's policy.
+
+    Bad:
+    ```python
+    def agent_iter(self, max_iter=2**63):
+        return iter(self.agents)
+    ```
+    Good:
+    ```python
+    for agent in env.agent_iter():            # AECEnv's own
+        observation, reward, terminated, truncated, info = env.last()
+    ```
+    """
+    for fact in evidence.facts(IteratedAgents):
+        seen = fact.value
+        is_long = len(seen.named) == seen.asked
+        yield Case(
+            fact.where,
+            is_long and seen.named == seen.selected,
+            f"{seen.asked} turns, of {seen.selected}",
+            f"{seen.named}",
+            proof=fact.proof,
+        )

@@ -1,0 +1,218 @@
+"""Checks of the declared order of turns, and of moves that are made at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from gamekeeper.checks.case import Reproducer
+from gamekeeper.checks.check import HIGH, Case, check
+from gamekeeper.checks.effects import later_looks
+from gamekeeper.checks.literal import literal
+from gamekeeper.checks.probe_evidence import ProbeEvidence
+from gamekeeper.checks.reproducer_source import reproducer_of
+from gamekeeper.checks.reproducers import shows_order
+from gamekeeper.checks.timing.agent_turns import AecStep, aec_steps
+from gamekeeper.contract import Contract
+
+ORDERED: Final = ("fixed", "rotating")
+
+
+def _undeclared(contract: Contract, evidence: ProbeEvidence) -> str | None:
+    schedule = contract.schedule
+    if schedule.order in ORDERED or len(schedule.stages or ()) > 1:
+        return None
+    return "no order is declared that could be looked at (fixed, rotating, or several stages)"
+
+
+@check(
+    "GK306",
+    needs=("rollout",),
+    severity=HIGH,
+    api="aec",
+    fix="select agents in the order that the contract declares, or declare another one",
+    applies=_undeclared,
+)
+def order_is_as_declared(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """Agents act in the declared order: stage after stage, fixed or rotating, nobody left out.
+
+    A tick is a round in which everybody who is live acts once. Who acts late sees more: an order
+    that isn't the declared one gives away, or takes, what the game form promises to each role.
+
+    Bad:
+    ```toml
+    [schedule]
+    stages = [["picker"], ["carrier"]]        # and a carrier acts between two pickers
+    order = "fixed"
+    ```
+    Good:
+    ```python
+    self._selector.reinit([*pickers, *carriers])
+    ```
+    """
+    for play in aec_steps(evidence):
+        live = [each for each in play if not each.is_dead]
+        before: _Tick | None = None
+        for tick in _ticks(live):
+            yield from _looks(contract, before, tick)
+            before = tick
+
+
+@dataclass(frozen=True, slots=True)
+class _Tick:
+    """A round: who acted in it, and those who were live throughout."""
+
+    env_steps: Sequence[AecStep]
+    throughout: frozenset[str]
+    is_whole: bool
+
+    @property
+    def movers(self) -> list[str]:
+        return [each.actor for each in self.env_steps]
+
+
+def _ticks(live: list[AecStep]) -> Iterator[_Tick]:
+    """Rounds; a new one begins where somebody acts for the second time, or everybody has."""
+    start = 0
+    seen: set[str] = set()
+    for place, each in enumerate(live):
+        due = {agent for agent in each.before if agent not in each.ended}
+        if each.actor in seen or due <= seen:
+            yield _tick(live[start:place], each)
+            start, seen = place, set()
+        seen.add(each.actor)
+    if live[start:]:
+        yield _tick(live[start:], None)
+
+
+def _tick(env_steps: list[AecStep], following: AecStep | None) -> _Tick:
+    at = [*env_steps, following] if following is not None else env_steps
+    stayed = [frozenset(each.before) - each.ended for each in at]
+    return _Tick(env_steps, frozenset.intersection(*stayed), following is not None)
+
+
+def _looks(contract: Contract, before: _Tick | None, tick: _Tick) -> Iterator[Case]:
+    movers, last = tick.movers, tick.env_steps[-1]
+    faults = [_out_of_stage(contract, movers)]
+    if tick.is_whole and contract.schedule.order in ORDERED:
+        left_out = sorted(tick.throughout - set(movers))
+        faults.append(f"{left_out} didn't act in the round {movers}" if left_out else None)
+    if before is not None and tick.is_whole:
+        faults.append(_out_of_order(contract, before, tick))
+    for fault in faults:
+        yield Case(
+            tick.env_steps[0].trace.at(last.turn, last.actor, "order"),
+            fault is None,
+            _declared_order_applies(contract),
+            fault,
+            proof=reproducer_of(shows_order),
+        )
+
+
+def _declared_order_applies(contract: Contract) -> str:
+    stages = contract.schedule.stages
+    told = f", stages {[list(each) for each in stages]}" if stages else ""
+    return f"order {contract.schedule.order!r}{told}"
+
+
+def _stage_of(contract: Contract, agent: str) -> int:
+    role = contract.role_of(agent)
+    stages = contract.schedule.stages or ()
+    return next((place for place, roles in enumerate(stages) if role in roles), 0)
+
+
+def _out_of_stage(contract: Contract, movers: list[str]) -> str | None:
+    places = [_stage_of(contract, agent) for agent in movers]
+    return None if places == sorted(places) else f"in one round: {movers}"
+
+
+def _out_of_order(contract: Contract, before: _Tick, tick: _Tick) -> str | None:
+    """Against the round before, stage by stage, of those who acted in both."""
+    order = contract.schedule.order
+    both = set(before.movers) & set(tick.movers)
+    same = set(before.movers) == set(tick.movers)
+    for stage in sorted({_stage_of(contract, agent) for agent in both}):
+        then, now = (
+            [a for a in each.movers if a in both and _stage_of(contract, a) == stage]
+            for each in (before, tick)
+        )
+        turned = [then[n:] + then[:n] for n in range(len(then))]
+        fine = {"fixed": [then], "rotating": turned[1:2] or turned if same else turned}
+        if now not in fine.get(order or "", [now]):
+            return f"after the round {then}: {now}"
+    return None
+
+
+def _hidden_moves_applies(contract: Contract, evidence: ProbeEvidence) -> str | None:
+    schedule = contract.schedule
+    if schedule.order == "none" or schedule.observe == "after tick":
+        return None
+    return "the contract doesn't declare that agents act at once (schedule.order, .observe)"
+
+
+@check(
+    "GK331",
+    needs=("influence",),
+    severity=HIGH,
+    fix="let observe() show what was at the start of the tick until all have acted, or declare "
+    'schedule.observe = "after turn"',
+    api="aec",
+    applies=_hidden_moves_applies,
+)
+def moves_of_the_tick_stay_hidden(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+    """Later agents of a simultaneous tick don't observe what earlier ones did in it.
+
+    An environment that plays a simultaneous game in turns must hide the moves of the tick: else the
+    last to act answers them, and it is another game, won by whoever is asked last.
+
+    By intervention: one agent's action is replaced, and what later agents of the same tick and
+    stage observe is compared.
+
+    Bad:
+
+        def step(self, action):
+            self.hands[self.agent_selection] = action   # observe() shows self.hands
+
+    Good:
+
+        def step(self, action):
+            self.chosen[self.agent_selection] = action
+            if self.is_last():
+                self.hands = dict(self.chosen)
+    """
+    for counterfactual in evidence.counterfactuals("influence"):
+        start, agent = int(counterfactual.change["turn"]), str(counterfactual.change["agent"])
+        for (turn, other), is_seen in later_looks(counterfactual):
+            if _stage(contract, agent) == _stage(contract, other):
+                yield Case(
+                    counterfactual.base.at(turn, other, "observations"),
+                    not is_seen,
+                    f"the same observation whatever {agent!r} did at turn {start} of this tick",
+                    f"another one where {agent!r} does {literal(counterfactual.change['action'])}",
+                    proof=_proof(start, turn, counterfactual.change["action"]),
+                )
+
+
+def _stage(contract: Contract, agent: str) -> int | None:
+    """The place of the agent's stage; None where no stages are declared."""
+    role = contract.role_of(agent)
+    stages = contract.schedule.stages or ()
+    return next((place for place, stage in enumerate(stages) if role in stage), None)
+
+
+def _proof(start: int, turn: int, action: Any) -> Reproducer:
+    return Reproducer(
+        "def seen(actions):\n"
+        "    env = make()\n"
+        "    env.reset(seed=SEED)\n"
+        "    for action in actions:\n"
+        "        env.last()\n"
+        "        env.step(action)\n"
+        "    return env.last()[0]\n"
+        "\n"
+        "other = list(ACTIONS)\n"
+        f"other[{start}] = {literal(action)}\n"
+        f"np.testing.assert_equal(seen(other[:{turn}]), seen(ACTIONS[:{turn}]))",
+        plays=False,
+    )

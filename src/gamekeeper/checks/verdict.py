@@ -1,0 +1,85 @@
+"""Verdicts: the outcome of a check, with findings that name the shortest way to see them again."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Final, Literal, TypeAlias
+
+Outcome: TypeAlias = Literal[
+    "passed", "failed", "not_exercised", "not_applicable", "waived", "error"
+]
+Severity: TypeAlias = Literal["high", "medium", "low"]
+
+HIGH: Final = "high"
+"""The game isn't the one that is described: results are wrong."""
+MEDIUM: Final = "medium"
+"""Some readers of the environment are misled, or crash."""
+LOW: Final = "low"
+"""A nuisance."""
+SEVERITIES: Final = (HIGH, MEDIUM, LOW)
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One place where a promise was broken.
+
+    Attributes:
+        where: the place, in words.
+        expected: what would have been right, in words.
+        actual: what was there, in words.
+        fix: what the author can do about it.
+        reproducer: a Python program that raises as long as the fault is there.
+    """
+
+    where: str
+    expected: str
+    actual: str
+    fix: str
+    reproducer: str
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """Outcome of one check, with its findings.
+
+    Attributes:
+        id: of the check.
+        claim: the promise, in one sentence.
+        outcome: `passed`, `failed`, `not_exercised` (no case to look), `not_applicable` (nothing
+            of the kind is declared, or is there), `waived` (failed, with a reason in the
+            contract), `error` (the check itself raised).
+        severity: how bad it is to break the promise.
+        confidence: how sure the outcome is, in (0, 1].
+        cases: how often it looked.
+        failed: how many of these cases failed.
+        findings: the first places, the shortest ways to see them first.
+        reason: why it is not exercised, not applicable, waived or an error.
+    """
+
+    id: str
+    claim: str
+    outcome: Outcome
+    severity: Severity
+    confidence: float = 1.0
+    cases: int = 0
+    failed: int = 0
+    findings: tuple[Finding, ...] = ()
+    reason: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data, as it stands in the audit's document."""
+        return {
+            **{name: getattr(self, name) for name in self.__slots__ if name != "findings"},
+            "findings": [finding.to_json() for finding in self.findings],
+        }
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Verdict:
+        """The verdict from plain data."""
+        findings = tuple(Finding(**finding) for finding in data["findings"])
+        return cls(**{**data, "findings": findings})

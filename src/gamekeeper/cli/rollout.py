@@ -1,0 +1,124 @@
+"""`gamekeeper rollout ENV`: plays episodes with policies, and records them as a run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+from gamekeeper.cli import _options as shared
+from gamekeeper.cli._fan import (
+    ExecutorOption,
+    FanOption,
+    StorageOption,
+    free_for,
+    is_fanned,
+    record_by_workers,
+)
+from gamekeeper.cli._screen import CommandResult, Screen, error_document
+from gamekeeper.cli._worker import Recorded, evidence_folder, plan_of, record_in_worker
+from gamekeeper.import_guard import unguarded
+
+if TYPE_CHECKING:
+    from gamekeeper.episodes.evidence import Evidence
+
+ORDER: Final = 30
+
+
+@unguarded()  # the user names what is run
+def command(
+    screen: Screen,
+    env: shared.EnvArgument,
+    policy: shared.PolicyOption = None,
+    episodes: shared.EpisodesOption = shared.EPISODES,
+    seed: shared.SeedOption = 0,
+    out: shared.OutFolderOption = None,
+    level: shared.LevelOption = "full",
+    frames: shared.FramesOption = False,
+    contract: shared.ContractOption = None,
+    kwargs: shared.KwargsOption = None,
+    options: shared.ResetOption = None,
+    most_turns: shared.TurnsOption = None,
+    timeout: shared.TimeoutOption = shared.SILENCE_S,
+    memory: shared.MemoryOption = None,
+    workers: FanOption = None,
+    executor: ExecutorOption = None,
+    storage: StorageOption = None,
+) -> CommandResult:
+    """Plays episodes, and records them as a run.
+
+    The environment runs in a process of its own: if it raises, hangs or kills the process, the
+    turns until then are finalized as a failed run, with the traceback, and the exit code is 1.
+    Ctrl-C finalizes the run too. With --workers, --executor or --storage, ranges of episodes are
+    played in parallel and merged; after an interruption the same command continues.
+
+    Example: gamekeeper rollout butterfly/pistonball-v6 --episodes 5 --seed 7
+    """
+    plan = plan_of(
+        env,
+        policy=policy,
+        episodes=episodes,
+        seed=seed,
+        level=level,
+        frames=frames,
+        contract=contract,
+        kwargs=kwargs,
+        options=options,
+        most_turns=most_turns,
+    )
+    if is_fanned(workers, executor, storage):
+        with evidence_folder(out, spec=env, is_free=free_for(plan, storage)) as folder:
+            recorded = record_by_workers(
+                screen,
+                plan,
+                folder,
+                workers=workers,
+                executor=executor,
+                storage=storage,
+                silence_s=timeout,
+                memory_mb=memory,
+            )
+    else:
+        with evidence_folder(out, spec=env) as folder, screen.progress("recording") as take:
+            recorded = record_in_worker(
+                plan, folder, silence_s=timeout, memory_mb=memory, on_message=take
+            )
+    say_end(screen, recorded)
+    show_recorded(screen, recorded.evidence)
+    return CommandResult(rollout_document(recorded), exit_code(recorded))
+
+
+def show_recorded(screen: Screen, evidence: Evidence) -> None:
+    """Shows what was recorded, agent by agent, and where it lies."""
+    from gamekeeper.reporting.results_text import counted, digests_text, summary_text
+
+    screen.show(f"Recorded  {counted(evidence.summary)}")
+    screen.show(summary_text(evidence.summary, width=screen.width))
+    screen.show(f"\nEvidence  {evidence.path}\n{digests_text(evidence)}")
+
+
+def say_end(screen: Screen, recorded: Recorded) -> None:
+    """Says on stderr why a recording ended early, if it did."""
+    path = recorded.evidence.path
+    if recorded.is_interrupted:
+        screen.error(f"interrupted; the turns until then are finalized in {path}")
+    elif recorded.error is not None:
+        screen.error(f"{type(recorded.error).__name__}: {recorded.error}")
+        status = recorded.evidence.manifest.get("status")
+        screen.error(f"  recorded up to the last complete turn, status {status}: {path}")
+
+
+def rollout_document(recorded: Recorded) -> dict[str, Any]:
+    """The document of a recording; `error` stands in it only where there was one."""
+    status = recorded.evidence.manifest.get("status")
+    document: dict[str, Any] = {**recorded.evidence.to_json(), "status": status}
+    if recorded.is_interrupted:
+        document["interrupted"] = True
+    if recorded.error is not None:
+        document["error"] = error_document(recorded.error)
+    return document
+
+
+def exit_code(recorded: Recorded) -> int:
+    """0: recorded. 1: the environment failed. 130: interrupted."""
+    if recorded.is_interrupted:
+        return 130
+    return 0 if recorded.error is None else 1

@@ -1,0 +1,214 @@
+"""Reading a contract's sections from plain data: every key known, every section its class."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Final
+
+from gamekeeper.contract.failure import Failure
+from gamekeeper.contract.sections import (
+    AFTER_END,
+    APIS,
+    CONFLICTS,
+    ENDING_KINDS,
+    ILLEGAL,
+    KINDS,
+    KNOB_OF,
+    NONE,
+    OBSERVE,
+    ORDERS,
+    Ending,
+    InfoField,
+    Knob,
+    Plain,
+    RewardTerm,
+    Role,
+    Schedule,
+    Seeds,
+    frozen,
+)
+from gamekeeper.contract.validation import (
+    Read,
+    SourcePath,
+    different,
+    listed,
+    named,
+    names,
+    nearest,
+    section,
+    text,
+    truth,
+    unknown_key,
+    whole,
+    word,
+)
+from gamekeeper.errors import ContractError
+
+CHECK_ID: Final = re.compile(r"[A-Z]{2,8}\d{3,4}")
+MASK: Final = re.compile(r"(infos|observation)(\.[^.\s]+)+")
+MAX_DEPTH: Final = 16
+"""Levels of lists and tables in a noop or an ideal value."""
+
+
+def mask(value: object, at: SourcePath) -> str:
+    """Reads where a mask stands."""
+    if isinstance(value, str) and (value == NONE or MASK.fullmatch(value)):
+        return value
+    usual = ("infos.action_mask", "observation.action_mask", NONE)
+    near = nearest(value, usual)
+    raise at.error(
+        f"'{at.text}' doesn't say where the mask stands",
+        expected='"infos.KEY", "observation.KEY", or "none"',
+        actual=value,
+        fix=f'write "{near or usual[0]}"',
+    )
+
+
+def anything(value: object, at: SourcePath) -> Plain:
+    """Reads any value that TOML and JSON both hold exactly."""
+    try:
+        _bounded(value, MAX_DEPTH)
+        return frozen(value)
+    except TypeError as error:
+        raise at.error(
+            f"'{at.text}' is not a plain value",
+            expected="text, a finite number of 64 bits, true or false, or a list or table of them",
+            actual=value,
+            fix=f"replace {error}",
+        ) from None
+
+
+def _bounded(value: object, depth: int) -> None:
+    if depth < 0:
+        raise TypeError("what is nested so deeply")
+    items = value.values() if isinstance(value, Mapping) else value
+    if isinstance(value, Mapping | list | tuple):
+        for item in items:  # type: ignore[attr-defined]
+            _bounded(item, depth - 1)
+
+
+def failure(value: object, at: SourcePath) -> Failure:
+    """Reads a condition."""
+    written = text(value, at)
+    try:
+        return Failure(written)
+    except ContractError as error:
+        raise at.error(error.what, expected=error.expected, actual=written, fix=error.fix) from None
+
+
+def waiver(value: object, at: SourcePath) -> str:
+    """Reads the reason of a waiver, whose key is the id of a check."""
+    check = str(at.path[-1])
+    if not CHECK_ID.fullmatch(check):
+        upper = check.upper().replace("-", "").replace("_", "")
+        right = CHECK_ID.fullmatch(upper)
+        raise at.error(
+            f"{check!r} is not the id of a check",
+            expected="capital letters and a number of three or four digits, as GK402",
+            actual=check,
+            fix=f"write {upper}" if right else "take the id from the audit's report",
+        )
+    if not isinstance(value, str) or not value.strip():
+        raise at.error(
+            f"{check} is waived without a reason",
+            expected="the reason as text",
+            actual=value,
+            fix=f'write why it is so on purpose: {check} = "…"',
+        )
+    return text(value, at)
+
+
+DTYPES: Final = (
+    "bool",
+    "int8",
+    "int16",
+    "int32",
+    "int64",
+    "uint8",
+    "uint16",
+    "uint32",
+    "uint64",
+    "float16",
+    "float32",
+    "float64",
+    "str",
+    "json",
+)
+
+
+STAGE: Final = listed(text, least=1)
+SCHEDULE: Final = section(
+    Schedule,
+    {
+        "stages": listed(lambda value, at: different(STAGE(value, at), at), least=1),
+        "order": word(*ORDERS),
+        "observe": word(*OBSERVE),
+        "conflicts": word(*CONFLICTS),
+        "horizon": whole(1),
+    },
+)
+ROLE: Final = section(
+    Role,
+    {
+        "agents": names,
+        "symmetric": truth,
+        "may_join": truth,
+        "may_leave": truth,
+        "noop": anything,
+        "mask": mask,
+        "messages": lambda value, at: different(listed(text)(value, at), at),
+        "illegal": word(*ILLEGAL),
+    },
+)
+TERM: Final = section(RewardTerm, {"kind": word(*KINDS), "earner": names, "payee": names})
+ENDING: Final = section(Ending, {"kind": word(*ENDING_KINDS), "owner": text})
+INFO: Final = section(
+    InfoField, {"dtype": word(*DTYPES), "shape": listed(whole(0)), "volatile": truth}
+)
+KNOB: Final = section(
+    Knob,
+    {
+        "label": text,
+        "ideal": anything,
+        "of": word(*KNOB_OF),
+        "worst": anything,
+        "contains": lambda value, at: different(listed(text)(value, at), at),
+    },
+    "label",
+)
+
+SECTIONS: Final[Mapping[str, Read[object]]] = {
+    "name": text,
+    "api": word(*APIS),
+    "why": text,
+    "schedule": SCHEDULE,
+    "roles": named(ROLE),
+    "rewards": named(TERM),
+    "endings": named(ENDING),
+    "seeds": section(Seeds, {"deterministic": truth}),
+    "infos": named(INFO),
+    "knobs": named(KNOB),
+    "failure": named(failure),
+    "waivers": named(waiver),
+}
+"""The sections of a contract in the order they are written, and how each is read."""
+
+
+def read_sections(value: object, at: SourcePath) -> dict[str, object]:
+    """The declared sections of a contract, each as its frozen data.
+
+    Raises:
+        ContractError: a key is unknown, or a value isn't of its key's kind.
+    """
+    table = dict(at.table(value))
+    for key in table:
+        if key not in SECTIONS:
+            raise unknown_key(at / key, SECTIONS)
+    found: dict[str, object] = {}
+    rewards = table.get("rewards")
+    if isinstance(rewards, Mapping) and "after_end" in rewards:
+        place = at / "rewards" / "after_end"
+        found["after_end"] = word(*AFTER_END)(rewards["after_end"], place)
+        table["rewards"] = {key: item for key, item in rewards.items() if key != "after_end"}
+    return found | {key: SECTIONS[key](item, at / key) for key, item in table.items()}

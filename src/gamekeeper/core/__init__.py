@@ -1,1 +1,0 @@
-"""Pure data and functions: no file, clock, print, environment variable or own randomness."""

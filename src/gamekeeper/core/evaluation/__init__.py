@@ -1,1 +1,0 @@
-"""Statistics of evaluation: estimates, and intervals that cover as they say or are refused."""

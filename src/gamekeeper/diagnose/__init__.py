@@ -1,1 +1,0 @@
-"""Which agent and which cause: controlled experiments on recorded runs."""

@@ -1,0 +1,347 @@
+"""Arms of an experiment: set-ups played on the same seeds, here or in worker processes.
+
+An outcome is keyed by arm, run seed and episode, never by who played it, and is written down as it
+comes: an experiment that was stopped goes on where it was.
+"""
+
+from __future__ import annotations
+
+import atexit
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from threading import Lock
+from typing import Any, Final, TypeVar
+
+from gamekeeper.contract import Contract
+from gamekeeper.diagnosis.played_setup import OpenSetup, Setup
+from gamekeeper.episodes.outcome import Outcome
+from gamekeeper.errors import EnvError, RunError, SpecError
+from gamekeeper.rollouts.executors.local import LocalExecutor
+from gamekeeper.rollouts.executors.task import Executor, Limits, WorkTask, stopped_after
+
+
+def play_shares(
+    call: str,
+    shares: Iterable[Mapping[str, Any]],
+    take: Callable[[Any], None],
+    *,
+    workers: int | Executor,
+    silence_s: float | None,
+    where: str,
+    fix: str,
+    on_report: Callable[[dict[str, Any]], None] | None = None,
+) -> None:
+    """Plays each share by a task, `workers` of them at a time.
+
+    Args:
+        call: "module:function".
+        shares: the arguments of each task; drawn as workers get free, in several threads.
+        take: called with what each task returned, once, in this thread.
+        workers: how many processes of this machine; or who plays in their place.
+        silence_s: longest time without a sign of life.
+        where, fix: what an error says of the place and of what to do.
+        on_report: called with each report, one at a time, in several threads; of a task that is
+            tried again, more than once.
+    Raises:
+        EnvError: a worker process hung, or died as often as it was tried.
+        KeyboardInterrupt: by Ctrl-C.
+    """
+
+    def report(key: str, fields: dict[str, Any]) -> None:
+        if on_report is not None:
+            on_report(fields)
+
+    tasks = (WorkTask(f"share-{number:07d}", call, share) for number, share in enumerate(shares))
+    players = LocalExecutor(workers) if isinstance(workers, int) else workers
+    answers = players.map(tasks, limits=Limits(silence_s=silence_s), on_report=report)
+    with stopped_after(answers) as ends:
+        for done in ends:
+            end = done.outcome
+            if end.status == "interrupted":
+                raise KeyboardInterrupt
+            if end.status != "done":
+                raise EnvError(
+                    f"a worker process {end.status} while it played",
+                    where=where,
+                    actual=str(end.error),
+                    fix=fix,
+                )
+            take(end.value)
+
+
+Opened = TypeVar("Opened", bound=AbstractContextManager[Any])
+
+
+@dataclass(slots=True)
+class _Kept:
+    """The one set-up that a worker process holds open from task to task."""
+
+    key: object = None
+    opened: Any = None
+    at_exit: list[bool] = field(default_factory=list)
+
+    def close(self) -> None:
+        opened, self.key, self.opened = self.opened, None, None
+        if opened is not None:
+            opened.__exit__(None, None, None)
+
+
+_KEPT: Final = _Kept()
+
+
+@contextmanager
+def kept_open(key: object, make: Callable[[], Opened]) -> Iterator[Opened]:
+    """Environment that `make` opens, kept for the next task of this process that asks for it.
+
+    At most one is kept, the last. It is closed when another is asked for, when something is raised
+    while it is in use, and when the process ends. For worker processes: tasks come one at a time.
+
+    Args:
+        key: equal for what is the same.
+        make: opens it; what it opened is its own context, which closes it.
+    """
+    if _KEPT.opened is None or key != _KEPT.key:
+        _KEPT.close()
+        if not _KEPT.at_exit:
+            _KEPT.at_exit.append(True)
+            atexit.register(_KEPT.close)
+        _KEPT.opened, _KEPT.key = make(), key
+    opened: Opened = _KEPT.opened
+    try:
+        yield opened
+    except BaseException:
+        _KEPT.close()
+        raise
+
+
+TASK: Final = "gamekeeper.diagnosis.arms:arms_task"
+SILENCE_S: Final = 60.0
+EPISODES_EACH: Final = 4
+"""Most episodes of a worker's task: how far workers can end apart."""
+Key = tuple[str, int, int]
+"""Arm, run seed, episode."""
+
+
+@dataclass(frozen=True, slots=True)
+class ArmOrder:
+    """Episodes of an arm that are wanted."""
+
+    arm: str
+    setup: Setup
+    run_seed: int
+    episodes: range
+
+
+@dataclass(slots=True)
+class ArmRunner:
+    """Plays orders and keeps what came of them.
+
+    Attributes:
+        contract: names reward terms and volatile infos.
+        workers: processes that play; 0: this one does; or an executor that plays.
+        notes: the file in which outcomes are kept; None: they are kept in memory.
+        head: what the file has to begin with, so that no other experiment's outcomes are taken.
+        on_message: called with `{"episode", "episodes"}`.
+        outcomes: what is known.
+        broken: by arm, why it can't be played.
+        spent: episodes played so far, those of an earlier call not among them.
+    """
+
+    contract: Contract
+    workers: int | Executor = 0
+    notes: Path | None = None
+    head: Mapping[str, Any] = field(default_factory=dict)
+    on_message: Callable[[dict[str, Any]], None] | None = None
+    silence_s: float | None = SILENCE_S
+    outcomes: dict[Key, Outcome] = field(default_factory=dict)
+    broken: dict[str, str] = field(default_factory=dict)
+    spent: int = 0
+    _lock: Any = field(default_factory=Lock)
+
+    def __post_init__(self) -> None:
+        if self.notes is not None:
+            self.outcomes.update(_noted(self.notes, self.head))
+
+    def play(self, orders: Sequence[ArmOrder]) -> None:
+        """Plays what isn't known yet.
+
+        Raises:
+            EnvError: a worker process hung or died.
+            GamekeeperError: a policy can't choose, or an arm that nothing was changed in can't be
+                opened.
+        """
+        wanted = [
+            (
+                order,
+                [k for k in order.episodes if (order.arm, order.run_seed, k) not in self.outcomes],
+            )
+            for order in orders
+            if order.arm not in self.broken
+        ]
+        wanted = [(order, episodes) for order, episodes in wanted if episodes]
+        total = sum(len(episodes) for _, episodes in wanted)
+        if not total:
+            return
+        self._say(episode=0, episodes=total)
+        if self.workers == 0:
+            self._play_here(wanted, total)
+        else:
+            self._play_apart(wanted, total)
+
+    def of(self, arm: str, run_seed: int, episodes: range) -> list[Outcome]:
+        """The outcomes of an arm, in the order of its episodes."""
+        return [self.outcomes[arm, run_seed, k] for k in episodes]
+
+    def _play_here(self, wanted: Any, total: int) -> None:
+        done = 0
+        for order, episodes in wanted:
+            try:
+                stage = OpenSetup(order.setup, self.contract)
+            except SpecError as error:
+                self.broken[order.arm] = str(error.what)
+                continue
+            with stage:
+                for episode in episodes:
+                    outcome = stage.outcome(order.run_seed, episode)
+                    self._take((order.arm, order.run_seed, episode), outcome)
+                    done += 1
+                    self._say(episode=done, episodes=total)
+
+    def _play_apart(self, wanted: Any, total: int) -> None:
+        """Workers play a few episodes at a time; outcomes are kept as they come."""
+        done = [0]
+        given = [(order, order.setup.to_json(), episodes) for order, episodes in wanted]
+
+        def hear(fields: dict[str, Any]) -> None:
+            if "outcome" in fields:
+                key = (fields["arm"], fields["run_seed"], fields["episode"])
+                if self._take(key, Outcome.from_json(fields["outcome"])):
+                    done[0] += 1
+                    self._say(episode=done[0], episodes=total)
+            elif "broken" in fields:
+                self.broken[fields["arm"]] = fields["broken"]
+
+        def take(answers: Any) -> None:
+            for fields in answers:
+                hear(fields)
+
+        play_shares(
+            TASK,
+            self._shares(given),
+            take,
+            on_report=hear,
+            workers=self.workers,
+            silence_s=self.silence_s,
+            where=", ".join(dict.fromkeys(order.arm for order, _ in wanted))[:300],
+            fix="what was played is kept; run the same command again to go on",
+        )
+
+    def _shares(self, given: Any) -> Iterator[dict[str, Any]]:
+        """A few episodes of an arm each, so that workers end at about the same time."""
+        contract = self.contract.to_json()
+        workers = self.workers if isinstance(self.workers, int) else self.workers.workers
+        for order, setup, episodes in given:
+            most = min(max(-(-len(episodes) // (2 * workers)), 1), EPISODES_EACH)
+            for at in range(0, len(episodes), most):
+                if order.arm in self.broken:
+                    break
+                yield {
+                    "order": {
+                        "arm": order.arm,
+                        "setup": setup,
+                        "run_seed": order.run_seed,
+                        "episodes": episodes[at : at + most],
+                    },
+                    "contract": contract,
+                }
+
+    def _take(self, key: Key, outcome: Outcome) -> bool:
+        """Keeps an outcome; False where it is known, as of a task that was tried again."""
+        with self._lock:
+            if key in self.outcomes:
+                return False
+            self.outcomes[key] = outcome
+            self.spent += 1
+            if self.notes is not None:
+                line = json.dumps({"key": list(key), "outcome": outcome.to_json()})
+                with self.notes.open("a", encoding="utf-8") as file:
+                    file.write(line + "\n")
+            return True
+
+    def _say(self, **fields: Any) -> None:
+        if self.on_message is not None:
+            self.on_message(fields)
+
+
+def arms_task(
+    report: Callable[..., None], *, order: Mapping[str, Any], contract: Any
+) -> list[dict[str, Any]]:
+    """Plays an order in this process; reports each outcome, and returns them all."""
+    setup = order["setup"]
+
+    def make() -> OpenSetup:
+        try:
+            return OpenSetup(Setup.from_json(setup), Contract.from_json(contract))
+        except SpecError as error:
+            raise _Unopened(error.what) from error
+
+    found: list[dict[str, Any]] = []
+    try:
+        with kept_open(json.dumps([setup, contract], sort_keys=True), make) as stage:
+            for episode in order["episodes"]:
+                outcome = stage.outcome(order["run_seed"], episode, on_step=report)
+                found.append(
+                    {
+                        "arm": order["arm"],
+                        "run_seed": order["run_seed"],
+                        "episode": episode,
+                        "outcome": outcome.to_json(),
+                    }
+                )
+                report(**found[-1])
+    except _Unopened as error:
+        return [{"arm": order["arm"], "broken": str(error)}]
+    return found
+
+
+class _Unopened(Exception):  # noqa: N818  # no error of the run: the arm is told as broken
+    """An arm's set-up can't be opened."""
+
+
+def _noted(path: Path, head: Mapping[str, Any]) -> Iterator[tuple[Key, Outcome]]:
+    """Outcomes noted by an earlier call; a last line that was torn is dropped from the file.
+
+    Raises:
+        RunError: the file is another experiment's.
+    """
+    lines = path.read_bytes().split(b"\n") if path.exists() else []
+    if not lines:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(dict(head), sort_keys=True) + "\n", encoding="utf-8")
+        return
+    if lines[0].decode("utf-8", "replace") != json.dumps(dict(head), sort_keys=True):
+        raise RunError(
+            "outcomes of another experiment lie here",
+            where=str(path),
+            expected="the same run, seed and set-up",
+            actual=lines[0].decode("utf-8", "replace")[:200],
+            fix="name another folder with --out, or take this one away",
+        )
+    whole = lines[:-1]
+    for number, line in enumerate(whole[1:], start=2):
+        try:
+            data = json.loads(line)
+            arm, run_seed, episode = data["key"]
+            yield (arm, run_seed, episode), Outcome.from_json(data["outcome"])
+        except (ValueError, KeyError, TypeError) as error:
+            raise RunError(
+                "a noted outcome is damaged",
+                where=f"{path}, line {number}",
+                actual=str(error)[:200],
+                fix="take the file away: the experiment is played anew",
+            ) from error
+    if lines[-1]:
+        path.write_bytes(b"\n".join(whole) + b"\n")

@@ -1,0 +1,356 @@
+"""Measures of agents from outcomes and scans: shares, laziness, influence, Shapley values.
+
+Pure; nothing is played here.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from math import factorial
+from typing import Any, Final
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from gamekeeper.checks.effects import influence_rows
+from gamekeeper.episodes.outcome import Outcome
+from gamekeeper.episodes.summary import Summary
+from gamekeeper.statistics.paired import FEWEST, paired_effect
+from gamekeeper.statistics.significance import Share, wilson
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """A mean over episodes, in units of return.
+
+    Attributes:
+        value: the mean.
+        low: lower bound of its 95 % interval; None where fewer than 50 episodes were played.
+        high: upper bound.
+        p: of it being 0.
+        n: episodes.
+        baseline: what it is measured against.
+    """
+
+    value: float
+    low: float | None
+    high: float | None
+    p: float | None
+    n: int
+    baseline: str
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "value": self.value,
+            "low": self.low,
+            "high": self.high,
+            "p": self.p,
+            "n": self.n,
+            "baseline": self.baseline,
+        }
+
+
+def measured(
+    values: NDArray[np.float64], *, baseline: str, rng: Generator, unit: float = 1.0
+) -> Measured | None:
+    """The mean of figures of episodes; None where there is no episode.
+
+    Args:
+        values: [episodes].
+        baseline: what they are measured against.
+        rng: draws resamples.
+        unit: what one of them could be where all are 0: that none was seen doesn't show that there
+            is none, so the interval holds as many as n episodes may well have hidden.
+    """
+    if not len(values):
+        return None
+    if len(values) < FEWEST:
+        return Measured(float(np.mean(values)), None, None, None, len(values), baseline)
+    effect = paired_effect(np.zeros(len(values)), np.asarray(values, np.float64), rng=rng)
+    scale = unit if not values.any() else 1.0
+    low, high = effect.low * scale, effect.high * scale
+    return Measured(effect.value, low, high, effect.p, effect.n, baseline)
+
+
+@dataclass(frozen=True, slots=True)
+class Own:
+    """Rewards of one agent in the recorded run.
+
+    Attributes:
+        value: mean over its episodes of the sum of its rewards.
+        terms: the same by reward term; empty where the run doesn't tell terms.
+        share: its part of the team's return; None where any return is negative or the sum is 0.
+        idle: part of its actions that are the declared noop; None where none is declared.
+    """
+
+    value: float
+    terms: dict[str, float]
+    share: float | None
+    idle: float | None
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data, as it stands in an agent's entry."""
+        return {"own": self.value, "terms": self.terms, "share": self.share, "idle": self.idle}
+
+
+def own_rewards(summary: Summary, outcomes: Iterable[Outcome]) -> dict[str, Own]:
+    """Each agent's rewards, idle turns and share of the team's return."""
+    sums: dict[str, dict[str, float]] = {}
+    episodes: dict[str, int] = {}
+    for outcome in outcomes:
+        for agent in outcome.returns:
+            episodes[agent] = episodes.get(agent, 0) + 1
+            mine = sums.setdefault(agent, {})
+            for term, value in outcome.terms.get(agent, {}).items():
+                mine[term] = mine.get(term, 0.0) + value
+    return {
+        agent: Own(
+            value=of.return_mean,
+            terms={t: value / episodes[agent] for t, value in sums.get(agent, {}).items()},
+            share=of.share,
+            idle=of.idle,
+        )
+        for agent, of in summary.agents.items()
+    }
+
+
+PART: Final = 0.5
+"""Part of a fair share below which an agent is lazy.
+
+A fair share is the average Shapley value of the others of its role. The loss without an agent is
+compared with the average loss without another of its role, or with a fair share where that is
+more.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Laziness:
+    """Verdict on an agent's laziness; None where it can't be told, with the reason.
+
+    Attributes:
+        is_lazy: its share and what is lost without it are both surely below `PART` of a fair share,
+            and another of its role surely brings something.
+        why: in words.
+        fair: the fair share, in units of return.
+    """
+
+    is_lazy: bool | None
+    why: str
+    fair: float | None = None
+
+
+def laziness(
+    agent: str,
+    peers: list[str],
+    differences: Mapping[str, Measured],
+    shapley: Mapping[str, Measured],
+    *,
+    baseline: str,
+) -> Laziness:
+    """Tells whether an agent is lazy.
+
+    Both figures have to say so: a team with hands to spare loses nothing where any one of them
+    stops, though each does its part; the Shapley value sees that.
+
+    Args:
+        peers: the agents of its role, itself among them.
+        baseline: what took the agents' places; only doing nothing tells.
+    """
+    if len(peers) < 2:
+        return Laziness(None, "nobody else has its role")
+    if baseline != "noop":
+        return Laziness(None, f"the baseline is {baseline}, not doing nothing")
+    own, lost = shapley.get(agent), differences.get(agent)
+    if own is None or lost is None or own.high is None or lost.high is None:
+        return Laziness(None, "too few episodes for an interval")
+    others = [shapley[name] for name in peers if name != agent]
+    fair = sum(other.value for other in others) / len(others)
+    if fair <= 0 or not any(other.low is not None and other.low > 0 for other in others):
+        return Laziness(False, "no other of its role surely brings anything", fair)
+    usual = sum(differences[name].value for name in peers if name != agent) / len(others)
+    usual = max(usual, fair)
+    said = (
+        f"its share is at most {own.high:.3g} (a fair one {fair:.3g}), the loss without it at most "
+        f"{lost.high:.3g} (usually {usual:.3g})"
+    )
+    return Laziness(own.high < PART * fair and lost.high < PART * usual, said, fair)
+
+
+@dataclass(frozen=True, slots=True)
+class Penalty:
+    """Penalty that an agent got under a term whose earner should get it.
+
+    Attributes:
+        agent: who paid.
+        term: of the reward.
+        wrong: share of the looks at which others' doing alone caused it, not the payer's.
+        unknown: looks at which nobody's doing nothing alone would have spared it.
+        by: how often each other agent caused it.
+        first: the first wrong payment: episode, seed, turn, amount, who caused it.
+    """
+
+    agent: str
+    term: str
+    wrong: Share
+    unknown: int
+    by: Mapping[str, int]
+    first: Mapping[str, Any] | None
+
+    @property
+    def is_wrong(self) -> bool:
+        """It surely isn't always its own doing."""
+        return self.first is not None
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "agent": self.agent,
+            "term": self.term,
+            "p": self.wrong.p,
+            "low": self.wrong.low,
+            "high": self.wrong.high,
+            "n": self.wrong.n,
+            "unknown": self.unknown,
+            "by": dict(self.by),
+            "first": None if self.first is None else dict(self.first),
+        }
+
+
+def penalties(scans: Iterable[Mapping[str, Any]]) -> list[Penalty]:
+    """Penalties by agent and term, and how often another agent had caused them."""
+    looks: dict[tuple[str, str], list[Mapping[str, Any]]] = {}
+    for each in scans:
+        for look in each["penalties"]:
+            at = {**look, "episode": each["number"]}
+            looks.setdefault((look["agent"], look["term"]), []).append(at)
+    return [_of(agent, term, mine) for (agent, term), mine in sorted(looks.items())]
+
+
+def _of(agent: str, term: str, looks: list[Mapping[str, Any]]) -> Penalty:
+    told = [look for look in looks if look["causers"]]
+    wrong = [look for look in told if agent not in look["causers"]]
+    by: dict[str, int] = {}
+    for look in wrong:
+        for name in look["causers"]:
+            by[name] = by.get(name, 0) + 1
+    first = min(wrong, key=lambda look: (look["episode"], look["turn"]), default=None)
+    keys = ("episode", "seed", "turn", "paid", "causers")
+    return Penalty(
+        agent=agent,
+        term=term,
+        wrong=wilson(len(wrong), len(told)),
+        unknown=len(looks) - len(told),
+        by=dict(sorted(by.items())),
+        first=None if first is None else {key: first[key] for key in keys},
+    )
+
+
+def influence(scans: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """The share of replaced actions that changed something, with Wilson's 95 % interval.
+
+    Turns from which on an unchanged rerun differs by itself are no looks, so what is counted is
+    beyond the unchanged rerun.
+    """
+    looks: Counter[tuple[str, str, str, int]] = Counter()
+    hits: Counter[tuple[str, str, str, int]] = Counter()
+    for each in scans:
+        for source, target, on, lag, changed, looked in each["influence"]:
+            looks[source, target, on, lag] += looked
+            hits[source, target, on, lag] += changed
+    return influence_rows(looks, hits)
+
+
+FloatArray = NDArray[np.float64]
+
+MOST_EXACT: Final = 8
+"""Players up to whom every coalition is played: 256 of them."""
+
+
+def shapley_exact(values: FloatArray) -> FloatArray:
+    """The Shapley values of a game whose every coalition is known.
+
+    Args:
+        values: [coalitions, episodes], coalition by its bits; all 2**n of them.
+    Returns:
+        [players, episodes]; they sum to the value of all minus that of none.
+    Source: Shapley 1953, "A value for n-person games".
+    """
+    count = len(values)
+    players = count.bit_length() - 1
+    masks = np.arange(count)
+    sizes = np.array([mask.bit_count() for mask in range(count)])
+    shares = np.array(
+        [
+            factorial(size) * factorial(players - size - 1) / factorial(players)
+            for size in range(players)
+        ]
+    )
+    found = np.empty((players, values.shape[1]))
+    for player in range(players):
+        without = masks[(masks >> player) & 1 == 0]
+        gains = values[without | 1 << player] - values[without]
+        found[player] = shares[sizes[without]] @ gains
+    return found
+
+
+def orders(players: int, *, rng: Generator) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """A random order of the players and its reverse, which evens out the chance of the first."""
+    drawn = tuple(rng.permutation(players).tolist())
+    return drawn, drawn[::-1]
+
+
+def prefixes(order: Sequence[int]) -> list[int]:
+    """The coalitions of a team that is put together in this order, from none to all."""
+    found = [0]
+    for player in order:
+        found.append(found[-1] | 1 << player)
+    return found
+
+
+def shapley_of_orders(
+    played: Sequence[Sequence[int]], values: Mapping[int, float]
+) -> NDArray[np.float64]:
+    """Contribution of each player in one episode, on average over some orders.
+
+    Its expectation over random orders is the Shapley value; it sums to the value of all minus that
+    of none whatever the orders are.
+
+    Args:
+        played: the orders.
+        values: of every coalition among their prefixes.
+    Returns:
+        [players].
+    Source: Castro, Gomez & Tejada 2009, "Polynomial calculation of the Shapley value based on
+        sampling"; Mitchell et al. 2022, "Sampling permutations for Shapley value estimation"
+        (antithetic orders).
+    """
+    found = np.zeros(len(played[0]))
+    for order in played:
+        steps = prefixes(order)
+        for player, before, after in zip(order, steps, steps[1:], strict=False):
+            found[player] += values[after] - values[before]
+    return found / len(played)
+
+
+def everyone(players: int) -> int:
+    """The coalition of all."""
+    return (1 << players) - 1
+
+
+def wanted(players: int, *, rng: Generator) -> tuple[list[int], tuple[tuple[int, ...], ...]]:
+    """The coalitions to be played in one episode, and the orders where they are sampled.
+
+    All of them up to `MOST_EXACT` players. Beyond that those of an order and its reverse, and
+    everybody but one, for the difference rewards.
+    """
+    if players <= MOST_EXACT:
+        return list(range(1 << players)), ()
+    drawn = orders(players, rng=rng)
+    whole = everyone(players)
+    masks = {mask for order in drawn for mask in prefixes(order)}
+    masks |= {whole & ~(1 << player) for player in range(players)}
+    return sorted(masks), drawn

@@ -1,0 +1,156 @@
+"""Result of an attribution, agent by agent: frozen data, with its JSON document."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from html import escape
+from typing import Any, Literal
+
+from gamekeeper.diagnosis.attribution.agent_measures import Laziness, Measured, Own, Penalty
+from gamekeeper.diagnosis.attribution.message_influence import Talk
+
+
+@dataclass(frozen=True, slots=True)
+class AgentPart:
+    """One agent's part in what its team came to.
+
+    Attributes:
+        own: what it was paid itself in the recorded run, its share, its idle part.
+        difference: what the team loses where the baseline plays for it and the others react; None
+            where nobody can choose anew, or where it joins late.
+        turn_all: what the team loses where it does nothing all along and the others do what they
+            did.
+        turn_one: the same of one of its actions, on average.
+        shapley: its Shapley value.
+        laziness: whether it is lazy.
+    """
+
+    own: Own
+    difference: Measured | None
+    turn_all: Measured | None
+    turn_one: Measured | None
+    shapley: Measured | None
+    laziness: Laziness
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            **self.own.to_json(),
+            "difference": _json(self.difference),
+            "turn": {"all": _json(self.turn_all), "one": _json(self.turn_one)},
+            "shapley": _json(self.shapley),
+            "lazy": self.laziness.is_lazy,
+            "lazy_why": self.laziness.why,
+            "fair_share": self.laziness.fair,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Attribution:
+    """Attribution of a run's returns, influence and penalties to its agents.
+
+    Attributes:
+        run: the folder, or None.
+        episodes: recorded ones that were looked into.
+        fresh: fresh ones that were played.
+        loop: `closed`: policies react. `open`: only recorded actions could be played.
+        baseline: what was asked to take agents' places; what did is named with each figure.
+        method: of the Shapley values: `exact` or `sampled`.
+        everyone: mean team return where all play their policies; None where none can.
+        nobody: the same where all play the baseline.
+        agents: by name.
+        influence: rows of from, to, on, lag, p, low, high, n.
+        messages: signalling, coordination, listening.
+        penalties: who paid under terms that their earner should pay.
+        not_tested: what wasn't looked at, and why.
+    """
+
+    run: str | None
+    episodes: int
+    fresh: int
+    loop: Literal["closed", "open"]
+    baseline: str
+    method: Literal["exact", "sampled"] | None
+    everyone: float | None
+    nobody: float | None
+    agents: Mapping[str, AgentPart]
+    influence: tuple[Mapping[str, Any], ...]
+    messages: tuple[Talk, ...]
+    penalties: tuple[Penalty, ...]
+    not_tested: tuple[Mapping[str, str], ...]
+
+    @property
+    def lazy(self) -> tuple[str, ...]:
+        """The lazy agents."""
+        return tuple(a for a, part in self.agents.items() if part.laziness.is_lazy)
+
+    @property
+    def wrong_penalties(self) -> tuple[Penalty, ...]:
+        """The penalties of which some were another's doing."""
+        return tuple(each for each in self.penalties if each.is_wrong)
+
+    def to_json(self) -> dict[str, Any]:
+        """The document that `gamekeeper attribute --json` prints."""
+        return {
+            "run": self.run,
+            "episodes": self.episodes,
+            "fresh": self.fresh,
+            "loop": self.loop,
+            "baseline": self.baseline,
+            "team": {"all": self.everyone, "none": self.nobody, "shapley": self.method},
+            "agents": {name: part.to_json() for name, part in self.agents.items()},
+            "influence": [dict(row) for row in self.influence],
+            "messages": [each.to_json() for each in self.messages],
+            "penalties": [each.to_json() for each in self.penalties],
+            "not_tested": [dict(each) for each in self.not_tested],
+        }
+
+    def rows(self) -> list[list[str]]:
+        """A heading and a row for each agent, as texts."""
+        head = ["agent", "own", "share", "idle", "difference", "Shapley", "lazy"]
+        return [head, *(_row(name, part) for name, part in self.agents.items())]
+
+    def __str__(self) -> str:
+        rows = self.rows()
+        widths = [max(len(row[place]) for row in rows) for place in range(len(rows[0]))]
+        lines = [
+            "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
+            for row in rows
+        ]
+        for each in self.wrong_penalties:
+            lines.append(f"{each.agent} pays {each.term} for what {', '.join(each.by)} did")
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        head, *rows = self.rows()
+        heading = "".join(f"<th>{escape(text)}</th>" for text in head)
+        body = "".join(
+            "<tr>" + "".join(f"<td>{escape(text)}</td>" for text in row) + "</tr>" for row in rows
+        )
+        return f"<table><thead><tr>{heading}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _row(name: str, part: AgentPart) -> list[str]:
+    own, lazy = part.own, part.laziness.is_lazy
+    return [
+        name,
+        f"{own.value:.3f}",
+        "-" if own.share is None else f"{own.share:.0%}",
+        "-" if own.idle is None else f"{own.idle:.0%}",
+        _shown(part.difference),
+        _shown(part.shapley),
+        "-" if lazy is None else "yes" if lazy else "no",
+    ]
+
+
+def _shown(part: Measured | None) -> str:
+    if part is None:
+        return "-"
+    if part.low is None or part.high is None:
+        return f"{part.value:.3f} (n = {part.n})"
+    return f"{part.value:.3f} ({part.low:.3f} to {part.high:.3f})"
+
+
+def _json(part: Measured | None) -> dict[str, Any] | None:
+    return None if part is None else part.to_json()

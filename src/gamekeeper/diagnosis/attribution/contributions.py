@@ -1,0 +1,306 @@
+"""The front of attribution: a recorded run in, every agent's part out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from os import PathLike
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gamekeeper.contract import Contract
+from gamekeeper.diagnosis.attribution.agent_measures import (
+    MOST_EXACT,
+    Laziness,
+    Measured,
+    everyone,
+    influence,
+    laziness,
+    measured,
+    own_rewards,
+    penalties,
+    shapley_exact,
+    shapley_of_orders,
+    wanted,
+)
+from gamekeeper.diagnosis.attribution.attribution_result import AgentPart, Attribution
+from gamekeeper.diagnosis.attribution.attribution_work import SILENCE_S, ContributionData, gather
+from gamekeeper.diagnosis.attribution.message_influence import talk
+from gamekeeper.diagnosis.attribution.recorded_actions import Paper
+from gamekeeper.diagnosis.attribution.replacement_runs import (
+    Baseline,
+    ReplacementRunner,
+    ReplacementTask,
+)
+from gamekeeper.diagnosis.experiment import fresh_seed
+from gamekeeper.diagnosis.played_setup import Setup, consent_to, contract_of, setup_of
+from gamekeeper.episodes.episode import Episode
+from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.episodes.outcome import outcome_of
+from gamekeeper.errors import EvidenceError
+from gamekeeper.rollouts.executors.task import Executor
+from gamekeeper.runs.consent import evidence_of
+
+FRESH: Final = 50
+"""Fresh episodes that are played unless told otherwise; of fewer no interval is claimed."""
+PAPERS: Final = 50
+"""Episodes that are looked into action by action unless told otherwise."""
+MOST_PLAYERS: Final = 24
+"""Agents whose part in whole episodes is asked for; of larger teams they are drawn."""
+CAN_BE_PLAYED: Final = ("ended", "cut")
+
+
+def attribute(
+    run: str | PathLike[str] | Evidence,
+    *,
+    contract: Contract | str | PathLike[str] | None = None,
+    baseline: Baseline = "noop",
+    episodes: int | None = None,
+    papers: int = PAPERS,
+    env: object | None = None,
+    policies: Mapping[str, Any] | None = None,
+    seed: int = 0,
+    workers: int | Executor = 0,
+    allow_import: bool = False,
+    timeout_s: float | None = SILENCE_S,
+    on_message: Callable[[dict[str, Any]], None] | None = None,
+) -> Attribution:
+    """Measures each agent's part in its team, and its influence on the others.
+
+    Rewards are never averaged over agents. Agents are replaced by a baseline in fresh episodes, in
+    which the others react; single actions are replaced in episodes in which the others do what
+    they did. Where the run names no policies, nobody can react, and only the latter is done.
+
+    Args:
+        run: the folder of a run, or evidence.
+        contract: in place of the one of the recording.
+        baseline: what takes an agent's place: `noop` (`random` where none is declared), `random`,
+            or `reference` (the environment's own policy of that name).
+        episodes: fresh ones in which agents are replaced; None: 50. Of fewer no interval is given.
+        papers: episodes that are looked into action by action: recorded ones first, then fresh
+            ones.
+        env: opened in place of what the evidence names, with the recorded arguments.
+        policies: in place of the recorded ones, by agent, role or under `*`.
+        seed: of all draws; equal seeds give equal answers.
+        workers: processes that play; 0: this one; or an executor that plays.
+        allow_import: run code that the evidence names.
+        timeout_s: longest time without a turn in a worker.
+        on_message: called with `{"episode", "episodes"}` as they are played.
+    Raises:
+        TrustError: the evidence names code that nobody allowed to run.
+        SpecError: the environment can't be opened.
+        PolicyError: a policy or the baseline can't be found.
+        EnvError: the environment raised, or a worker hung or died.
+        RunError: there is no run.
+    """
+    evidence = evidence_of(run)
+    declared = contract_of(evidence, contract)
+    setup = _setup(evidence, env=env, policies=policies)
+    traces = [t for t in evidence.episodes if t.header.get("end") in CAN_BE_PLAYED]
+    there = _players(traces, evidence)
+    players = _asked(there, seed)
+    closed = (FRESH if episodes is None else episodes) if setup.policies else 0
+    task = ReplacementTask(
+        setup=setup,
+        contract=declared,
+        players=players,
+        others=tuple(name for name in there if name not in players),
+        baseline={name: _baseline(baseline, declared, name) for name in players},
+        seed=seed,
+        run_seed=fresh_seed(evidence.fingerprint, seed, "attribute"),
+    )
+    with consent_to(evidence, setup, env=env, policies=policies, allow_import=allow_import):
+        with ReplacementRunner(task) as bench:
+            recorded: list[Paper] = [bench.paper_of(trace) for trace in traces[:papers]]
+            roles = {name: bench.role_of(name) for name in players}
+        fresh = min(max(papers - len(recorded), 0), closed)
+        found = gather(
+            task,
+            recorded,
+            closed=closed,
+            fresh=fresh,
+            workers=workers,
+            silence_s=timeout_s,
+            on_message=on_message,
+        )
+    return _attributed(evidence, task, found, roles, baseline)
+
+
+def _setup(evidence: Evidence, **given: Any) -> Setup:
+    """As it was recorded; without policies where the run names none."""
+    try:
+        return setup_of(evidence, **given)
+    except EvidenceError as error:
+        if error.where != "policies":
+            raise
+    return replace(setup_of(evidence, **{**given, "policies": {"*": "random"}}), policies={})
+
+
+def _players(traces: Sequence[Episode], evidence: Evidence) -> tuple[str, ...]:
+    """Those who are there from the start of an episode and decide something."""
+    there: set[str] = set()
+    for trace in traces:
+        first = next(iter(trace.turns), None)
+        there |= set() if first is None else first.live
+    acted = {name for name, of in evidence.summary.agents.items() if of.length_mean > 0}
+    return tuple(n for n in evidence.summary.agents if n in there and n in acted)
+
+
+def _asked(there: tuple[str, ...], seed: int) -> tuple[str, ...]:
+    """All of them, or so many as can be played for, drawn."""
+    drawn = np.random.default_rng([13, seed]).permutation(len(there))[:MOST_PLAYERS]
+    return tuple(there[k] for k in sorted(drawn.tolist()))
+
+
+def _baseline(asked: str, contract: Contract, agent: str) -> str:
+    return "random" if asked == "noop" and contract.noop_of(agent) is None else asked
+
+
+# -- from what was played to the answer
+
+
+def _attributed(
+    evidence: Evidence,
+    task: ReplacementTask,
+    found: ContributionData,
+    roles: Mapping[str, str | None],
+    baseline: str,
+) -> Attribution:
+    rng = np.random.default_rng([12, task.seed])
+    shapley, differences = _closed(task, found, rng)
+    sure = [each for each in found.scans if each["noise"] is None]
+    whole = everyone(len(task.players))
+    agents = {}
+    for name, own in own_rewards(evidence.summary, map(outcome_of, evidence.episodes)).items():
+        peers = [peer for peer in task.players if roles.get(peer) == roles.get(name)]
+        agents[name] = AgentPart(
+            own=own,
+            difference=differences.get(name),
+            turn_all=_at_turns(sure, "all", name, task, rng),
+            turn_one=_at_turns(sure, "one", name, task, rng),
+            shapley=shapley.get(name),
+            laziness=_laziness(name, peers, differences, shapley, task),
+        )
+    return Attribution(
+        run=None if evidence.path is None else str(evidence.path),
+        episodes=sum(each["run"] == "recorded" for each in found.scans),
+        fresh=len(found.closed),
+        loop="closed" if task.is_closed else "open",
+        baseline=baseline,
+        method=None if not shapley else _method(task),
+        everyone=_mean([values[whole] for values in found.closed.values()]),
+        nobody=_mean([values[0] for values in found.closed.values()]),
+        agents=agents,
+        influence=tuple(influence(found.scans)),
+        messages=tuple(talk(found.said, found.listened, rng=rng)),
+        penalties=tuple(penalties(found.scans)),
+        not_tested=tuple(_not_tested(task, found, evidence)),
+    )
+
+
+def _method(task: ReplacementTask) -> Any:
+    return "exact" if len(task.players) <= MOST_EXACT else "sampled"
+
+
+def _closed(
+    task: ReplacementTask, found: ContributionData, rng: np.random.Generator
+) -> tuple[dict[str, Measured], dict[str, Measured]]:
+    """Shapley values and difference rewards, by player."""
+    count = len(task.players)
+    if not found.closed or not count:
+        return {}, {}
+    if count <= MOST_EXACT:
+        table = [[each[mask] for each in found.closed.values()] for mask in range(1 << count)]
+        values = shapley_exact(np.array(table))
+    else:
+        rows = []
+        for number, each in found.closed.items():
+            _, drawn = wanted(count, rng=np.random.default_rng([task.seed, number]))
+            rows.append(shapley_of_orders(drawn, each))
+        values = np.array(rows).T
+    whole = everyone(count)
+    lost: list[NDArray[np.float64]] = [
+        np.array([each[whole] - each[whole & ~(1 << k)] for each in found.closed.values()])
+        for k in range(count)
+    ]
+    brought = np.mean([each[whole] - each[0] for each in found.closed.values()])
+    unit = abs(float(brought)) / count or 1.0
+    shapley, differences = {}, {}
+    for k, name in enumerate(task.players):
+        given: dict[str, Any] = {"baseline": task.baseline[name], "rng": rng, "unit": unit}
+        one, two = measured(values[k], **given), measured(lost[k], **given)
+        if one is not None and two is not None:
+            shapley[name], differences[name] = one, two
+    return shapley, differences
+
+
+def _at_turns(
+    scans: Sequence[Mapping[str, Any]], which: str, name: str, task: ReplacementTask, rng: Any
+) -> Measured | None:
+    values = np.array([each[which][name] for each in scans if name in each[which]])
+    nothing = "first-legal" if task.contract.noop_of(name) is None else "noop"
+    return measured(values, baseline=nothing, rng=rng)
+
+
+def _laziness(
+    name: str,
+    peers: list[str],
+    differences: Mapping[str, Measured],
+    shapley: Mapping[str, Measured],
+    task: ReplacementTask,
+) -> Laziness:
+    if not task.is_closed:
+        return Laziness(None, "the run names no policies, so nobody can react")
+    if name in task.others:
+        return Laziness(None, f"it isn't among the {len(task.players)} that were drawn")
+    if name not in task.players:
+        return Laziness(None, "it joins late, on the side of the one it follows")
+    return laziness(name, peers, differences, shapley, baseline=task.baseline[name])
+
+
+def _not_tested(
+    task: ReplacementTask, found: ContributionData, evidence: Evidence
+) -> list[dict[str, str]]:
+    notes = []
+    if not task.is_closed:
+        why = "the run names no policies, so nobody can react: only single actions were replaced"
+        notes.append({"what": "difference rewards of episodes, Shapley values", "why": why})
+    if task.others:
+        why = f"only {len(task.players)} were drawn; the others played their policies throughout"
+        notes.append({"what": f"{len(task.others)} agents in whole episodes", "why": why})
+    deaf = _deaf(task)
+    if deaf:
+        why = "all that it observes is declared a message; name the part, as observation[-3:]"
+        notes.append({"what": f"listening of {', '.join(deaf)}", "why": why})
+    noisy = sum(each["noise"] is not None for each in found.scans)
+    if noisy:
+        why = f"in {noisy} of {len(found.scans)} episodes the same actions came out otherwise"
+        notes.append({"what": "single actions", "why": why})
+    skipped = evidence.episode_table.num_rows - sum(e["run"] == "recorded" for e in found.scans)
+    if skipped:
+        notes.append(
+            {
+                "what": f"{skipped} recorded episodes action by action",
+                "why": "they broke off, or are more than were asked for",
+            }
+        )
+    if not any(term.payee == ("earner",) for term in task.contract.rewards.values()):
+        why = "the contract declares no reward term that its earner alone is paid"
+        notes.append({"what": "penalties on the wrong participant", "why": why})
+    if not (found.said or found.listened or deaf):
+        why = "the contract names no message field that is a part of an observation or an action"
+        notes.append({"what": "signalling and listening", "why": why})
+    return notes
+
+
+def _deaf(task: ReplacementTask) -> list[str]:
+    """Roles whose whole observation is declared to be a message."""
+    return [
+        name for name, role in task.contract.roles.items() if "observation" in (role.messages or ())
+    ]
+
+
+def _mean(values: Sequence[float]) -> float | None:
+    return float(np.mean(values)) if values else None

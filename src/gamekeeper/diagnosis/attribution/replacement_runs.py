@@ -1,0 +1,286 @@
+"""Reruns in which agents are replaced, for some of them or for single actions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal, TypeAlias, TypeVar
+
+from gamekeeper.contract import Contract
+from gamekeeper.diagnosis.attribution.recorded_actions import ActionTrack, Paper, Swap
+from gamekeeper.diagnosis.played_setup import Setup
+from gamekeeper.episodes.canonical import from_json, to_json
+from gamekeeper.episodes.episode import Episode
+from gamekeeper.episodes.layout import agent_name
+from gamekeeper.episodes.layout import role as role_in_name
+from gamekeeper.errors import EnvError
+from gamekeeper.interface.capture import AgentId
+from gamekeeper.interface.opening import open_env
+from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.randomness.seeds import episode_seed
+from gamekeeper.rollouts.episode_loop import ActionChooser, EpisodeLoop, EpisodePlan
+from gamekeeper.rollouts.intervention import Hooks
+from gamekeeper.rollouts.reruns import play_of
+from gamekeeper.runs.recording import cast_of
+
+
+class Sides:
+    """A cast of two: members of a coalition play their own policies, other players the baseline.
+
+    `others` are no players though they are there from the start: they play their policies.
+
+    One who joins late is on the side of the one of its role who left last; where nobody of its role
+    has left, on the side of most of them, that of the policies where they are equal.
+    """
+
+    def __init__(
+        self,
+        own: ActionChooser,
+        baseline: ActionChooser,
+        members: Collection[str],
+        players: Collection[str],
+        others: Collection[str],
+        role_of: Callable[[AgentId], str | None],
+        env: Any,
+    ) -> None:
+        self._own, self._baseline = own, baseline
+        self._start = {player: player in members for player in players}
+        self._start |= dict.fromkeys(others, True)
+        self._role_of, self._env = role_of, env
+        self._side: dict[str, bool] = {}
+        self._last: dict[str, int] = {}
+        self._decisions = 0
+
+    def begin(self, run_seed: int, episode: int) -> None:
+        """Seeds all policies for an episode; nobody has joined yet."""
+        self._own.begin(run_seed, episode)
+        self._baseline.begin(run_seed, episode)
+        self._side, self._last, self._decisions = dict(self._start), {}, 0
+
+    def act(self, agent: AgentId, observation: Any, info: Any) -> Any:
+        """Action of an agent on its side."""
+        name = agent_name(agent)
+        side = self._side.get(name)
+        if side is None:
+            side = self._side[name] = self._joined(agent)
+        self._decisions += 1
+        self._last[name] = self._decisions
+        return (self._own if side else self._baseline).act(agent, observation, info)
+
+    def _joined(self, agent: AgentId) -> bool:
+        role, live = self._role_of(agent), {agent_name(each) for each in self._env.agents}
+        peers = [name for name in self._side if self._role_of(name) == role]
+        gone = [name for name in peers if name not in live and name in self._last]
+        if gone:
+            return self._side[max(gone, key=self._last.__getitem__)]
+        own = sum(self._side[name] for name in peers)
+        return 2 * own >= len(peers)
+
+
+Baseline: TypeAlias = Literal["noop", "random", "reference"]
+SomeFilm = TypeVar("SomeFilm", bound=ActionTrack)
+
+
+@dataclass(frozen=True, slots=True)
+class ReplacementTask:
+    """Attribution to be made, as plain data.
+
+    Attributes:
+        setup: as it was recorded; without policies nobody can choose anew.
+        contract: names terms, noops, masks, messages.
+        players: those whose part is asked for.
+        others: agents that are there from the start and no players.
+        baseline: by player, what takes the place of its policy.
+        seed: all draws come from it.
+        run_seed: of fresh episodes.
+    """
+
+    setup: Setup
+    contract: Contract
+    players: tuple[str, ...]
+    others: tuple[str, ...]
+    baseline: Mapping[str, str]
+    seed: int
+    run_seed: int
+
+    @property
+    def is_closed(self) -> bool:
+        """True where policies are known, so that agents can react."""
+        return bool(self.setup.policies)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data for a worker process."""
+        return {
+            "setup": self.setup.to_json(),
+            "contract": self.contract.to_json(),
+            "players": list(self.players),
+            "others": list(self.others),
+            "baseline": dict(self.baseline),
+            "seed": self.seed,
+            "run_seed": self.run_seed,
+        }
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> ReplacementTask:
+        """Inverse of `to_json`."""
+        return cls(
+            setup=Setup.from_json(data["setup"]),
+            contract=Contract.from_json(data["contract"]),
+            players=tuple(data["players"]),
+            others=tuple(data["others"]),
+            baseline=data["baseline"],
+            seed=data["seed"],
+            run_seed=data["run_seed"],
+        )
+
+
+class ReplacementRunner:
+    """An environment and its two casts. Use as a context: it closes the environment."""
+
+    def __init__(self, task: ReplacementTask, *, on_step: Callable[[], None] | None = None) -> None:
+        """Opens the environment and finds the policies.
+
+        Raises:
+            SpecError: the environment can't be opened.
+            PolicyError: a policy can't be found.
+        """
+        self.task, self.contract = task, task.contract
+        self._on_step = on_step or _nothing
+        self.env: Any = open_env(task.setup.spec, **task.setup.kwargs).env
+        try:
+            self.own: Any = None
+            if task.is_closed:
+                self.own = cast_of(dict(task.setup.policies), self.env, self.contract)
+                self.baseline: Any = cast_of(self._baseline(), self.env, self.contract)
+        except BaseException:
+            self.env.close()
+            raise
+
+    def __enter__(self) -> ReplacementRunner:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.env.close()
+
+    def role_of(self, agent: AgentId) -> str | None:
+        """An agent's role, declared or by its name."""
+        return self.contract.role_of(agent) or role_in_name(agent_name(agent))
+
+    # -- plays
+
+    def closed(self, number: int, members: Collection[str]) -> ActionTrack:
+        """A fresh episode in which `members` play their policies and the others the baseline."""
+        task = self.task
+        cast: ActionChooser = self.own
+        if len(members) < len(task.players):
+            cast = Sides(
+                self.own, self.baseline, members, task.players, task.others, self.role_of, self.env
+            )
+        film = ActionTrack(self.env, self.contract, cast=cast, counts=True)
+        return self._filmed(film, self._play(number))
+
+    def fresh(self, number: int) -> Paper:
+        """Actions of all agents in a fresh episode."""
+        play = self._play(number)
+        film = self._filmed(ActionTrack(self.env, self.contract, cast=self.own), play)
+        turns = len(film.rewards)
+        return Paper(play.seed, play.options, turns, film.actions, number, "fresh")
+
+    def from_paper(
+        self,
+        paper: Paper,
+        swap: Swap | None = None,
+        *,
+        turns: int | None = None,
+        rng: Any = None,
+        sees: bool = False,
+    ) -> ActionTrack:
+        """A paper played again, with one agent doing otherwise.
+
+        Args:
+            turns: it is cut there; otherwise where the paper ends.
+            rng: draws other actions.
+            sees: also keep what was given.
+        """
+        film = ActionTrack(self.env, self.contract, paper=paper, swap=swap, rng=rng, sees=sees)
+        return self.watched(film, paper, turns=turns)
+
+    def watched(self, film: SomeFilm, paper: Paper, *, turns: int | None = None) -> SomeFilm:
+        """A paper played again, for a film that knows what it looks for."""
+        most = paper.turns if turns is None else min(turns, paper.turns)
+        play = EpisodePlan(
+            seed=paper.seed,
+            stream=paper.number,
+            most_turns=max(most, 1),
+            options=paper.options,
+            looks_last=False,
+        )
+        return self._filmed(film, play)
+
+    def reacting(self, film: SomeFilm, number: int, *, turns: int | None = None) -> SomeFilm:
+        """A fresh episode in which policies choose, for a film that knows what it looks for."""
+        play = self._play(number)
+        most = play.most_turns if turns is None else min(turns, play.most_turns)
+        return self._filmed(film, replace(play, most_turns=most))
+
+    def paper_of(self, trace: Episode) -> Paper:
+        """Actions of a recorded episode."""
+        play = play_of(trace, self.env)
+        actions: dict[str, list[Any]] = {}
+        for turn in play.actions or ():
+            for agent, action in turn.items():
+                if action is not None:
+                    actions.setdefault(agent_name(agent), []).append(action)
+        return Paper(play.seed, play.options, len(play.actions or ()), actions, trace.episode)
+
+    def _filmed(self, film: SomeFilm, play: EpisodePlan) -> SomeFilm:
+        course = EpisodeLoop(
+            play, game_of(self.env), film, Hooks(), film, self._on_step, self.contract
+        )
+        film.begin(self.task.run_seed, play.stream)
+        failed = course.run()
+        if failed is not None:
+            raise EnvError(
+                "a play broke off",
+                where=f"seed {play.seed}, turn {failed.turn}, {failed.call}",
+                actual=f"{failed.kind}: {failed.text}",
+                fix="replay the episode with this seed; the environment raised there",
+            )
+        return film
+
+    def _play(self, number: int) -> EpisodePlan:
+        setup = self.task.setup
+        return EpisodePlan(
+            seed=episode_seed(self.task.run_seed, number),
+            stream=number,
+            most_turns=setup.most_turns,
+            options=setup.options[number % len(setup.options)],
+            looks_last=False,
+        )
+
+    def _baseline(self) -> dict[str, str]:
+        """Baselines of the players; for those who join late that of their role's first."""
+        found = dict(self.task.baseline)
+        for agent in getattr(self.env, "possible_agents", ()):
+            role = self.role_of(agent)
+            peers = [name for name in self.task.players if self.role_of(name) == role]
+            if agent_name(agent) not in found:
+                found[agent_name(agent)] = found[peers[0]] if peers else "random"
+        return found
+
+
+def paper_to_json(paper: Paper) -> dict[str, Any]:
+    """A paper as plain data, its actions in their very types."""
+    given = [paper.seed, paper.options, paper.turns, {a: list(x) for a, x in paper.actions.items()}]
+    return {"given": to_json(given), "number": paper.number, "run": paper.run}
+
+
+def paper_from_json(data: Mapping[str, Any]) -> Paper:
+    """Inverse of `paper_to_json`."""
+    given: Any = from_json(data["given"])
+    seed, options, turns, actions = given
+    return Paper(seed, options, turns, actions, data["number"], data["run"])
+
+
+def _nothing() -> None:
+    """Ignores the episode."""

@@ -1,0 +1,234 @@
+"""Counterfactuals of recorded episodes: compared, kept as evidence, and saved as a pytest case."""
+
+from __future__ import annotations
+
+import pprint
+from collections.abc import Iterator, Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any, Final
+
+from gamekeeper.contract import Contract
+from gamekeeper.contract.failure import Failure
+from gamekeeper.diagnosis.diagnosis_result import Counterfactual, Diagnosis
+from gamekeeper.diagnosis.played_setup import OpenSetup, Setup
+from gamekeeper.diagnosis.trials import IdealSubstitute
+from gamekeeper.episodes.divergence import compare
+from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.episodes.layout import agent_name
+from gamekeeper.episodes.outcome import failed, failures, outcome_of
+from gamekeeper.episodes.outcome import failed as told_failed
+from gamekeeper.errors import EvidenceError
+from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.randomness.seeds import episode_seed
+from gamekeeper.rollouts.episode_loop import EpisodeResult, play
+from gamekeeper.rollouts.interventions.action_substitutes import Reenacted
+from gamekeeper.runs.load_run import load
+from gamekeeper.runs.recorder import RunRecorder
+from gamekeeper.runs.standing import choices_of
+
+MOST: Final = 3
+"""Failing episodes of a run that are compared with their counterfactuals."""
+KEPT: Final = 8
+"""Episodes of each arm that a run keeps."""
+
+
+def counterfactuals(
+    evidence: Evidence,
+    setup: Setup,
+    substitutes: Sequence[IdealSubstitute],
+    *,
+    contract: Contract,
+    conditions: Mapping[str, Failure],
+    scope: str,
+) -> Iterator[Counterfactual]:
+    """First divergences of failing episodes from their counterfactuals, by ideal substitute.
+
+    Both are played anew from the recorded seeds, with the policies' recorded streams.
+    """
+    run_seed = evidence.manifest.get("seed")
+    if run_seed is None or not substitutes:
+        return
+    failing = [
+        trace.episode
+        for trace in evidence.episodes
+        if trace.seed == episode_seed(run_seed, trace.episode)
+        and failed(outcome_of(trace), conditions, contract).get(scope)
+    ][:MOST]
+    volatile = contract.volatile_infos()
+    with OpenSetup(setup, contract) as base:
+        bases = {k: base.played(run_seed, k) for k in failing}
+    for substitute in substitutes:
+        with OpenSetup(substitute.applied(setup), contract) as counterfactual:
+            for episode, played in bases.items():
+                other = counterfactual.played(run_seed, episode).trace
+                open_ = counterfactual.played(
+                    run_seed, episode, change=_others_as(played, substitute)
+                ).trace
+                found = compare(played.trace, other, volatile=volatile).divergence
+                fails = [
+                    failed(outcome_of(trace), conditions, contract)
+                    for trace in (played.trace, other, open_)
+                ]
+                yield Counterfactual(
+                    episode,
+                    substitute.name,
+                    turn=None if found is None else found.turn,
+                    agent=None if found is None else found.agent,
+                    field=None if found is None else found.field,
+                    failed=fails[0].get(scope, False),
+                    restored=not fails[1].get(scope, False),
+                    restored_open=not fails[2].get(scope, False),
+                )
+
+
+def _others_as(played: EpisodeResult, substitute: IdealSubstitute) -> Reenacted:
+    """Only those whom the ideal substitute concerns choose; the others do what they did."""
+    paper = tuple(
+        {agent_name(a): act for a, act in turn.items()} for turn in played.play.actions or ()
+    )
+    return Reenacted(free=substitute.agents, paper=paper)
+
+
+def keep(setup: Setup, folder: Path, *, contract: Contract, run_seed: int) -> str:
+    """Records the first episodes of an arm into a run; its fingerprint.
+
+    A change is no part of a run: what policies were shown or had done otherwise stands in its
+    actions, which replay.
+    """
+    with OpenSetup(setup, contract) as stage:
+        sink = RunRecorder(
+            folder,
+            environment=stage.opened.identity,
+            contract=contract,
+            run_seed=run_seed,
+            terms=tuple(contract.rewards),
+            volatile=contract.volatile_infos(),
+        )
+        try:
+            game = game_of(stage.env, sink=sink)
+            game.policies = stage.described
+            for episode in range(KEPT):
+                options = setup.options[episode % len(setup.options)]
+                play(
+                    game,
+                    stage.cast,
+                    [episode],
+                    seed=run_seed,
+                    options=options,
+                    most_turns=setup.most_turns,
+                )
+        finally:
+            sink.close()
+    return str(folder)
+
+
+_TEXT: Final = '''"""{title}
+
+Diagnosed from the run {fingerprint}: {why}.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import gamekeeper as gk
+from gamekeeper.episodes.outcome import failed, failures, outcome_of
+
+SEED = {seed}
+EPISODES = {episodes}
+CONDITION = {condition}
+SCOPE = {scope!r}
+ARMS: dict[str, dict[str, Any]] = {arms}
+
+
+def failing(arm: str) -> int:
+    """How many episodes of an arm fail."""
+    evidence = gk.rollout(episodes=EPISODES, seed=SEED, **ARMS[arm])
+    conditions = failures(evidence.contract, CONDITION)
+    told = [failed(outcome_of(trace), conditions, evidence.contract) for trace in evidence.episodes]
+    return sum(each[SCOPE] for each in told)
+
+
+def test_failure_is_there_as_it_is() -> None:
+    """As it is, {failed_as_is} of {episodes} episodes failed when this was diagnosed."""
+    assert failing("as it is") >= {least}
+
+
+@pytest.mark.parametrize("arm", [arm for arm in ARMS if arm != "as it is"])
+def test_ideal_substitute_restores(arm: str) -> None:
+    """With the ideal substitute, fewer than half of those fail."""
+    assert failing(arm) <= {most}
+'''
+
+
+def case_text(diagnosis: Diagnosis, run: str | PathLike[str], *, failed: str | None = None) -> str:
+    """A test file that plays the failure and its ideal substitutes again, on the confirmed seeds.
+
+    Args:
+        diagnosis: has runs of what restores, from `diagnose(..., out=...)`.
+        run: the folder of the run.
+        failed: the condition that was given.
+    Raises:
+        EvidenceError: no ideal substitute restores, so there is nothing to hold on to.
+    """
+    if len(diagnosis.runs) < 2:
+        raise EvidenceError(
+            "no ideal substitute restores, so there is no case to save",
+            where="--save-case",
+            expected="a named cause",
+            actual="none",
+            fix="declare more knobs in the contract, or play more episodes (--budget)",
+        )
+    everybody = [*([diagnosis.team] if diagnosis.team else []), *diagnosis.agents.values()]
+    found = next(each for each in everybody if each.substitutes)
+    arms: dict[str, Any] = {}
+    counts: list[int] = []
+    for arm, folder in diagnosis.runs.items():
+        evidence = load(folder)
+        arms["as it is" if not arms else arm] = _arguments(evidence)
+        counts.append(_failing(evidence, failed, found.scope))
+    episodes = load(next(iter(diagnosis.runs.values()))).episode_table.num_rows
+    seed = load(next(iter(diagnosis.runs.values()))).manifest["seed"]
+    return _TEXT.format(
+        title=_words(f"{' and '.join(found.labels).capitalize()}: a failure that was diagnosed."),
+        fingerprint=_words(diagnosis.fingerprint[:16]),
+        why=_words(found.why),
+        seed=seed,
+        episodes=episodes,
+        condition=repr(failed) if failed else "None",
+        scope=found.scope,
+        arms=_python(arms),
+        failed_as_is=counts[0],
+        least=max(counts[0] // 2, 1),
+        most=max((counts[0] - 1) // 2, max(counts[1:])),
+    )
+
+
+def _arguments(evidence: Evidence) -> dict[str, Any]:
+    identity = evidence.manifest["environment"]
+    return {
+        "spec": f"{identity['api']}:{identity['entry_point']}",
+        "env_kwargs": identity.get("kwargs") or {},
+        "policies": choices_of(evidence),
+    }
+
+
+def _failing(evidence: Evidence, condition: str | None, scope: str) -> int:
+    conditions = failures(evidence.contract, condition)
+    contract = evidence.contract
+    told = [told_failed(outcome_of(trace), conditions, contract) for trace in evidence.episodes]
+    return sum(each.get(scope, False) for each in told)
+
+
+def _words(text: str) -> str:
+    """Words for a docstring: whatever they are, they don't end it, and stay on their line."""
+    plain = "".join(sign if sign.isprintable() else " " for sign in text)
+    return plain.replace("\\", "\\\\").replace('"', "'")
+
+
+def _python(arms: dict[str, Any]) -> str:
+    """As a literal that a person can read."""
+    return pprint.pformat(arms, width=96, sort_dicts=False)

@@ -1,0 +1,219 @@
+"""Result of a diagnosis, agent by agent."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from html import escape
+from typing import Any
+
+from gamekeeper.diagnosis.judgement import Answer, Contradiction
+
+
+@dataclass(frozen=True, slots=True)
+class Tested:
+    """One change that was played, against the same seeds with nothing changed.
+
+    Attributes:
+        label: the failure that it stands for.
+        intervention: what was done.
+        kind: `ideal` or `perturbation`.
+        effect: on the `measure`, with its 95 % interval low to high.
+        p: corrected for the number of changes of its kind (Holm).
+        n: episodes, none of which took part in choosing.
+        measure: `success`, the share of episodes that don't fail, or `return`, the team's.
+        restores: of an ideal substitute: it closes the stated part of the gap.
+        depends: of a perturbation: the interval excludes no effect. Dependence, not cause.
+        flips_at: found on other seeds: of an ideal substitute, the worst setting of its knob that
+            still restores; of a perturbation, the least strength that makes most sound episodes
+            fail.
+    """
+
+    label: str
+    intervention: str
+    kind: str
+    effect: float
+    low: float
+    high: float
+    p: float
+    n: int
+    measure: str = "success"
+    restores: bool | None = None
+    depends: bool | None = None
+    flips_at: float | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        found = {name: getattr(self, name) for name in self.__slots__}
+        return {name: value for name, value in found.items() if value is not None}
+
+
+@dataclass(frozen=True, slots=True)
+class AgentDiagnosis:
+    """Answer for one agent, a role or the team.
+
+    Attributes:
+        answer: `isolated`, `joint`, `compatible` or `untested`.
+        labels: the causes it names.
+        why: in a sentence.
+        scope: whose condition was judged: the agent's own, its role's or the team's.
+        tested: every change that concerns it.
+        not_tested: labels that no change was played for, and why.
+        success: share of successes on fresh seeds with its interval: (share, low, high).
+        substitutes: the least ideal substitutes that restore.
+    """
+
+    answer: Answer
+    labels: tuple[str, ...]
+    why: str
+    scope: str
+    tested: tuple[Tested, ...] = ()
+    not_tested: tuple[tuple[str, str], ...] = ()
+    success: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    substitutes: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        share, low, high = self.success
+        return {
+            "answer": self.answer,
+            "labels": list(self.labels),
+            "why": self.why,
+            "scope": self.scope,
+            "success": {"share": share, "low": low, "high": high},
+            "substitutes": list(self.substitutes),
+            "tested": [each.to_json() for each in self.tested],
+            "not_tested": [{"label": label, "why": why} for label, why in self.not_tested],
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Counterfactual:
+    """First divergence of a recorded episode from its counterfactual.
+
+    Attributes:
+        episode: its number in the run.
+        intervention: what was at its ideal in the counterfactual.
+        turn, agent, field: the first difference; None where there is none.
+        failed: whether the episode failed as it was, played again.
+        restored: whether its counterfactual didn't (closed loop: all policies choose).
+        restored_open: the same in an open loop: only those whom the ideal substitute concerns
+            choose, the others do what they had done.
+    """
+
+    episode: int
+    intervention: str
+    turn: int | None
+    agent: str | None
+    field: str | None
+    failed: bool
+    restored: bool
+    restored_open: bool
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {name: getattr(self, name) for name in self.__slots__}
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """Diagnosis of a run: agents and causes, as far as the experiments tell.
+
+    Attributes:
+        run: the folder, or `memory`.
+        fingerprint: of the run.
+        contradictions: scopes for which fresh episodes contradict the recorded ones; where there
+            is one, nothing is an all-clear.
+        agents: an answer for each agent.
+        team: the answer for the team as a whole; None where no condition is the team's.
+        recorded: by scope, how many of the recorded episodes failed, and of how many.
+        counterfactuals: where failing episodes and their restored counterfactuals part.
+        level, part: the declared share of successes, and what part of the gap restores.
+        episodes: how many were played.
+        seed: of the experiment.
+        runs: folders with replayable counterfactuals, by arm.
+    """
+
+    run: str
+    fingerprint: str
+    agents: Mapping[str, AgentDiagnosis]
+    team: AgentDiagnosis | None
+    recorded: Mapping[str, tuple[int, int]]
+    counterfactuals: tuple[Counterfactual, ...] = ()
+    level: float = 0.9
+    part: float = 0.7
+    episodes: int = 0
+    seed: int = 0
+    runs: Mapping[str, str] = field(default_factory=dict)
+    contradictions: Mapping[str, Contradiction] = field(default_factory=dict)
+
+    @property
+    def has_cause(self) -> bool:
+        """Some agent's failure has a named cause."""
+        everybody = [*self.agents.values(), *([self.team] if self.team else [])]
+        return any(each.labels for each in everybody)
+
+    def to_json(self) -> dict[str, Any]:
+        """The document that `gamekeeper diagnose --json` prints."""
+        return {
+            "run": self.run,
+            "fingerprint": self.fingerprint,
+            "contradictions": {
+                scope: each.to_json() for scope, each in self.contradictions.items()
+            },
+            "agents": {name: each.to_json() for name, each in self.agents.items()},
+            "team": None if self.team is None else self.team.to_json(),
+            "recorded": {
+                scope: {"failed": failed, "episodes": of}
+                for scope, (failed, of) in self.recorded.items()
+            },
+            "counterfactuals": [each.to_json() for each in self.counterfactuals],
+            "level": self.level,
+            "part": self.part,
+            "episodes": self.episodes,
+            "seed": self.seed,
+            "runs": dict(self.runs),
+        }
+
+    def rows(self) -> list[list[str]]:
+        """A heading and a row for the team and each agent, as texts."""
+        everybody = [("team", self.team)] if self.team else []
+        everybody += list(self.agents.items())
+        return [
+            ["agent", "answer", "cause", "success", "why"],
+            *(
+                [
+                    name,
+                    each.answer,
+                    ", ".join(each.labels) or "-",
+                    f"{each.success[0]:.0%}",
+                    each.why,
+                ]
+                for name, each in everybody
+                if each is not None
+            ),
+        ]
+
+    def __str__(self) -> str:
+        rows = self.rows()
+        widths = [max(len(row[place]) for row in rows) for place in range(4)]
+        table = [
+            "  ".join(
+                [*(text.ljust(width) for text, width in zip(row, widths, strict=False)), row[4]]
+            )
+            for row in rows
+        ]
+        told = [f"{scope}: {each}" for scope, each in self.contradictions.items()]
+        return "\n".join([*told, *table])
+
+    def _repr_html_(self) -> str:
+        head, *rows = self.rows()
+        heading = "".join(f"<th>{escape(text)}</th>" for text in head)
+        body = "".join(
+            "<tr>" + "".join(f"<td>{escape(text)}</td>" for text in row) + "</tr>" for row in rows
+        )
+        told = "".join(
+            f"<p><b>{escape(f'{scope}: {each}')}</b></p>"
+            for scope, each in self.contradictions.items()
+        )
+        return f"{told}<table><thead><tr>{heading}</tr></thead><tbody>{body}</tbody></table>"

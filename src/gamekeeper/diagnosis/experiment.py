@@ -1,0 +1,297 @@
+"""The experiment behind a diagnosis: search on some fresh seeds, confirm on others."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from hashlib import blake2b
+from itertools import combinations, product
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gamekeeper.contract import Contract
+from gamekeeper.contract.failure import Failure
+from gamekeeper.diagnosis.arms import ArmOrder, ArmRunner
+from gamekeeper.diagnosis.judgement import ScopeFinding, is_failing, judged, recovered
+from gamekeeper.diagnosis.played_setup import Setup
+from gamekeeper.diagnosis.trials import IdealSubstitute, PerturbationArm, joined, weakened
+from gamekeeper.episodes.outcome import LABELS, Outcome, failed
+from gamekeeper.rollouts.interventions.perturbation import Perturbation as Strong
+
+UNCHANGED: Final = "unchanged"
+EVERYTHING: Final = "everything"
+SEARCH: Final = 24
+"""Fresh episodes on which it is settled what is worth confirming."""
+CONFIRM: Final = 64
+"""Fresh episodes of each arm that the answer is given on; as many again where they don't tell."""
+PROMISING: Final = 0.35
+"""The part of the gap that all substitutes have to close in the search, for pairs to be tried."""
+NEAR: Final = 0.2
+"""An ideal substitute so near the part of the gap that restores could be on either side of it."""
+MOST_PAIRS: Final = 24
+"""Pairs that are searched, those that do most first."""
+PAIRS: Final = 3
+"""Pairs that are confirmed."""
+
+
+@dataclass(slots=True)
+class Experiment:
+    """Arms on fresh seeds, and what they say.
+
+    Attributes:
+        setup: as it was recorded.
+        substitutes: the handles, and those of each label together.
+        conditions: when an episode failed, by scope.
+        runner: plays.
+        level, part: as `judged` has them.
+        budget: episodes that may be played.
+        seed: all seeds come from it and from the run's fingerprint.
+    """
+
+    setup: Setup
+    substitutes: Sequence[IdealSubstitute]
+    contract: Contract
+    conditions: Mapping[str, Failure]
+    runner: ArmRunner
+    level: float
+    part: float
+    budget: int
+    seed: int
+    fingerprint: str
+    confirm: int = CONFIRM
+    pairs: list[IdealSubstitute] = field(default_factory=list)
+
+    # -- seeds
+
+    @property
+    def search_seed(self) -> int:
+        """The run seed of episodes that are searched on."""
+        return fresh_seed(self.fingerprint, self.seed, "search")
+
+    @property
+    def confirm_seed(self) -> int:
+        """The run seed of episodes that took no part in the search."""
+        return fresh_seed(self.fingerprint, self.seed, "confirm")
+
+    # -- rounds
+
+    def run(self) -> None:
+        """Plays what the answers need, as far as the budget goes."""
+        first = min(CONFIRM, max(self.budget - SEARCH, 0))
+        self._play([UNCHANGED], self.search_seed, SEARCH)
+        self._play([UNCHANGED], self.confirm_seed, first)
+        self.confirm = first
+        if not self.substitutes or not self.fails:
+            return
+        self._play([*self._names(self.substitutes), EVERYTHING], self.search_seed, SEARCH)
+        if self._wants_pairs():
+            pairs = self._possible_pairs()
+            self._play(self._names(pairs), self.search_seed, SEARCH)
+            self.pairs = self._best(pairs)
+        self._confirm()
+        while self._is_near() and self._affords(2 * self.confirm):
+            self.confirm *= 2
+            self._confirm()
+
+    def _confirm(self) -> None:
+        arms = [UNCHANGED, *self._names([*self.substitutes, *self.pairs]), EVERYTHING]
+        self._play(arms, self.confirm_seed, self.confirm)
+
+    def _play(self, arms: Sequence[str], run_seed: int, episodes: int) -> None:
+        self.runner.play([ArmOrder(a, self.arm(a), run_seed, range(episodes)) for a in arms])
+
+    def arm(self, name: str) -> Setup:
+        """The set-up of an arm."""
+        if name == UNCHANGED:
+            return self.setup
+        if name == EVERYTHING:
+            return joined(self.substitutes).applied(self.setup)
+        known = {one.name: one for one in (*self.substitutes, *self._possible_pairs())}
+        return known[name].applied(self.setup)
+
+    # -- pairs
+
+    def _wants_pairs(self) -> bool:
+        """All ideal substitutes at once help, and no single one does clearly enough."""
+        for scope in self.scopes:
+            parts = [self._recovered(one.name, scope) for one in self.substitutes]
+            whole = self._recovered(EVERYTHING, scope)
+            if whole >= PROMISING and max(parts) < self.part + NEAR:
+                return True
+        return False
+
+    def _possible_pairs(self) -> list[IdealSubstitute]:
+        """Pairs of labels: each as a whole, and where it has several handles each of those too."""
+        units: dict[str, list[IdealSubstitute]] = {}
+        for one in self.substitutes:
+            units.setdefault(one.label, []).append(one)
+        labels = [label for label in LABELS if label in units]
+        pairs = [
+            joined(pair)
+            for one, two in combinations(labels, 2)
+            for pair in product(units[one], units[two])
+        ]
+        return sorted(pairs, key=lambda pair: -len(pair.steps))[:MOST_PAIRS]
+
+    def _best(self, pairs: Sequence[IdealSubstitute]) -> list[IdealSubstitute]:
+        """Those that restore in the search, the smallest first, before those that come near."""
+
+        def rank(pair: IdealSubstitute) -> tuple[bool, int, float]:
+            most = max(self._recovered(pair.name, scope) for scope in self.scopes)
+            return most < self.part, len(pair.steps), -most
+
+        return sorted(pairs, key=rank)[:PAIRS]
+
+    # -- what is known
+
+    @property
+    def scopes(self) -> tuple[str, ...]:
+        """For whom the conditions say whether an episode failed."""
+        outcomes = self.runner.of(UNCHANGED, self.search_seed, range(SEARCH))
+        named = [name for each in outcomes for name in failed(each, self.conditions, self.contract)]
+        return tuple(dict.fromkeys(named))
+
+    @property
+    def fails(self) -> bool:
+        """For somebody the set-up fails more often than declared, beyond chance."""
+        return any(self._is_failing(scope) for scope in self.scopes)
+
+    def successes(self, arm: str, run_seed: int, episodes: int, scope: str) -> NDArray[np.float64]:
+        """[episodes] 1 where an episode of the arm didn't fail for the scope."""
+        outcomes = self.runner.of(arm, run_seed, range(episodes))
+        return np.array([self._success(each, scope) for each in outcomes], np.float64)
+
+    def finding(self, scope: str) -> ScopeFinding:
+        """The answer for a scope, on the seeds that took no part in the search."""
+        seed, n = self.confirm_seed, self.confirm
+        unchanged = self.successes(UNCHANGED, seed, n, scope)
+        played = [one for one in (*self.substitutes, *self.pairs) if self._is_played(one.name)]
+        whole = None
+        if self._is_played(EVERYTHING):
+            whole = self.successes(EVERYTHING, seed, n, scope)
+        return judged(
+            unchanged,
+            {one: self.successes(one.name, seed, n, scope) for one in played},
+            level=self.level,
+            part=self.part,
+            everything=whole,
+            rng=np.random.default_rng([11, self.seed]),
+        )
+
+    def fresh(self, scope: str) -> tuple[int, int]:
+        """Number of unchanged fresh episodes that failed for a scope, and of how many."""
+        unchanged = self.successes(UNCHANGED, self.confirm_seed, self.confirm, scope)
+        return len(unchanged) - int(unchanged.sum()), len(unchanged)
+
+    def flips_at(self, substitute: IdealSubstitute, scope: str, *, steps: int = 4) -> float | None:
+        """The worst setting of a knob at which most episodes that its ideal rescues still succeed.
+
+        By bisection between the ideal and the recorded value, on the searched seeds alone.
+        """
+        ideal = substitute.steps[0][3]
+        if (
+            substitute.value is None
+            or len(substitute.steps) > 1
+            or not isinstance(ideal, int | float)
+        ):
+            return None
+        unchanged = self.successes(UNCHANGED, self.search_seed, SEARCH, scope)
+        cured = self.successes(substitute.name, self.search_seed, SEARCH, scope)
+        rescued = (cured > unchanged).nonzero()[0].tolist()
+        if not rescued:
+            return None
+        good, bad = float(ideal), substitute.value
+        is_whole = isinstance(ideal, int) and float(bad).is_integer()
+        for _ in range(steps):
+            middle = (good + bad) / 2
+            middle = float(round(middle)) if is_whole else middle
+            if middle in (good, bad):
+                break
+            one = weakened(substitute, int(middle) if is_whole else middle)
+            self.runner.play(
+                [ArmOrder(one.name, one.applied(self.setup), self.search_seed, range(SEARCH))]
+            )
+            if one.name in self.runner.broken:
+                return None
+            still = self.successes(one.name, self.search_seed, SEARCH, scope)[rescued]
+            good, bad = (middle, bad) if still.mean() > 0.5 else (good, middle)
+        return good
+
+    def breaks_at(
+        self, perturbation: PerturbationArm, scope: str, *, steps: int = 4
+    ) -> float | None:
+        """Least strength of a perturbation with which most episodes that succeed do so no longer.
+
+        By bisection from nothing to its usual strength, on the searched seeds alone; None where
+        the usual strength doesn't break them, or they fail as it is, or it has no strength.
+        """
+        change, cost = perturbation.setup.change, SEARCH * (steps + 1)
+        sound = self.successes(UNCHANGED, self.search_seed, SEARCH, scope).nonzero()[0]
+        if not isinstance(change, Strong) or len(sound) <= SEARCH // 2:
+            return None
+        if self.runner.spent + cost > self.budget:
+            return None
+
+        def breaks(strength: float) -> bool:
+            one = replace(perturbation.setup, change=change.at(strength, change.agents))
+            name = f"{perturbation.name} at {strength:g}"
+            self.runner.play([ArmOrder(name, one, self.search_seed, range(SEARCH))])
+            played = name not in self.runner.broken
+            return played and bool(
+                self.successes(name, self.search_seed, SEARCH, scope)[sound].mean() < 0.5
+            )
+
+        if not breaks(change.strength):
+            return None
+        low, high = 0.0, change.strength
+        for _ in range(steps):
+            middle = change.at((low + high) / 2, change.agents).strength
+            if middle in (low, high):
+                break
+            low, high = (low, middle) if breaks(middle) else (middle, high)
+        return high
+
+    def _success(self, outcome: Outcome, scope: str) -> float:
+        return float(not failed(outcome, self.conditions, self.contract).get(scope, False))
+
+    def _is_failing(self, scope: str) -> bool:
+        return is_failing(
+            self.successes(UNCHANGED, self.confirm_seed, self.confirm, scope), self.level
+        )
+
+    def _recovered(self, arm: str, scope: str) -> float:
+        if arm in self.runner.broken:
+            return 0.0
+        unchanged = self.successes(UNCHANGED, self.search_seed, SEARCH, scope)
+        return recovered(
+            unchanged, self.successes(arm, self.search_seed, SEARCH, scope), self.level
+        )
+
+    def _is_near(self) -> bool:
+        """Some ideal substitute is so near the threshold that more episodes would tell."""
+        for scope in self.scopes:
+            finding = self.finding(scope)
+            near = any(abs(one.recovered - self.part) < NEAR for one in finding.tried)
+            if near and finding.answer in ("compatible", "joint", "untested"):
+                return self._is_failing(scope)
+        return False
+
+    def _is_played(self, arm: str) -> bool:
+        key = (arm, self.confirm_seed, self.confirm - 1)
+        return self.confirm > 0 and key in self.runner.outcomes
+
+    def _affords(self, episodes: int) -> bool:
+        arms = 2 + len(self.substitutes) + len(self.pairs)
+        return self.runner.spent + arms * (episodes - self.confirm) <= self.budget
+
+    @staticmethod
+    def _names(substitutes: Sequence[IdealSubstitute]) -> list[str]:
+        return [one.name for one in substitutes]
+
+
+def fresh_seed(fingerprint: str, seed: int, purpose: str) -> int:
+    """A run seed for a purpose, apart from those of other purposes and of the recording."""
+    text: Any = f"{purpose} {seed} {fingerprint}".encode()
+    return int.from_bytes(blake2b(text, digest_size=6).digest(), "big")

@@ -1,0 +1,420 @@
+"""The front of diagnosis: a recorded run in, an answer for every agent out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from gamekeeper.contract import Contract
+from gamekeeper.contract.failure import Failure
+from gamekeeper.diagnosis.arms import SILENCE_S, ArmOrder, ArmRunner
+from gamekeeper.diagnosis.counterfactuals import counterfactuals, keep
+from gamekeeper.diagnosis.diagnosis_result import AgentDiagnosis, Counterfactual, Diagnosis, Tested
+from gamekeeper.diagnosis.experiment import UNCHANGED, Experiment
+from gamekeeper.diagnosis.judgement import (
+    LEVEL,
+    PART,
+    Contradiction,
+    ScopeFinding,
+    Tried,
+    contradictions,
+)
+from gamekeeper.diagnosis.played_setup import (
+    OpenSetup,
+    SetupTraits,
+    consent_to,
+    contract_of,
+    setup_of,
+    traits_of,
+)
+from gamekeeper.diagnosis.trials import (
+    EVERYBODY,
+    IdealSubstitute,
+    PerturbationArm,
+    perturbations_of,
+    substitutes_of,
+)
+from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.episodes.layout import agent_name
+from gamekeeper.episodes.outcome import LABELS, TEAM, Outcome, failed, failures, outcome_of
+from gamekeeper.rollouts.executors.task import Executor
+from gamekeeper.rollouts.intervention import interventions
+from gamekeeper.runs.consent import evidence_of
+from gamekeeper.statistics.paired import FEWEST, paired_effect
+from gamekeeper.statistics.significance import holm
+
+BUDGET: Final = 2_000
+"""Episodes that an experiment may play unless told otherwise."""
+PERTURBED: Final = 0.75
+"""The part of the budget left by substitutes that perturbations get; the rest finds strengths."""
+NOTES: Final = "outcomes.jsonl"
+RESULT: Final = "diagnosis.json"
+
+
+def diagnose(
+    run: str | PathLike[str] | Evidence,
+    *,
+    failed: str | None = None,
+    contract: Contract | str | PathLike[str] | None = None,
+    env: object | None = None,
+    policies: Mapping[str, Any] | None = None,
+    level: float = LEVEL,
+    part: float = PART,
+    seed: int = 0,
+    budget: int = BUDGET,
+    perturbations: bool | None = None,
+    workers: int | Executor = 0,
+    out: str | PathLike[str] | None = None,
+    allow_import: bool = False,
+    timeout_s: float | None = SILENCE_S,
+    on_message: Callable[[dict[str, Any]], None] | None = None,
+) -> Diagnosis:
+    """Finds which agent, and which part of it, made a run fail, by experiments on fresh seeds.
+
+    The recorded set-up is played as it is (the unchanged rerun) and with one thing at its ideal
+    (ideal substitutes) or worse (perturbations), on the same fresh seeds. An ideal substitute that
+    closes `part` of the gap between the share of successes as it is and the declared `level`
+    restores; a cause is named where one restores and no other does. Perturbations show on what an
+    agent's success hangs, never a cause.
+
+    Args:
+        run: the folder of a run, or evidence.
+        failed: the condition under which an episode failed, as "return < 0.5"; else the contract's.
+        contract: in place of the one of the recording.
+        env: opened in place of what the evidence names, with the recorded arguments.
+        policies: in place of the recorded ones, by agent, role or under `*`.
+        level: the share of episodes that succeed where nothing is wrong.
+        part: of the gap to the level that an ideal substitute has to close.
+        seed: of the experiment; equal seeds give equal answers.
+        budget: episodes that may be played.
+        perturbations: also play perturbations with what is left of the budget; None: where it fails
+            beyond chance.
+        workers: processes that play; 0: this one; or an executor that plays.
+        out: a folder for what was played and for counterfactuals that replay; a second call goes
+            on there.
+        allow_import: run code that the evidence names.
+        timeout_s: longest time without a turn in a worker.
+        on_message: called with `{"episode", "episodes"}` as they are played.
+    Raises:
+        TrustError: the evidence names code that nobody allowed to run.
+        EvidenceError: it names no policies.
+        ContractError: nothing says when an episode failed.
+        RunError: there is no run, or another experiment lies in `out`.
+    """
+    evidence = evidence_of(run)
+    declared = contract_of(evidence, contract)
+    conditions = failures(declared, failed)
+    recorded = _recorded(evidence, conditions, declared)
+    setup = setup_of(evidence, env=env, policies=policies)
+    folder = None if out is None else Path(out)
+    with consent_to(evidence, setup, env=env, policies=policies, allow_import=allow_import):
+        kinds = {name: one for name, one in interventions().items() if one.kind == "perturbation"}
+        with OpenSetup(setup, declared) as stage:
+            seen, played = traits_of(stage, kinds), _played(stage)
+        runner = ArmRunner(
+            declared,
+            workers=workers,
+            on_message=on_message,
+            silence_s=timeout_s,
+            notes=None if folder is None else folder / NOTES,
+            head={"run": evidence.fingerprint, "seed": seed, **played},
+        )
+        known = (setup, substitutes_of(setup, declared, seen), declared, conditions)
+        experiment = Experiment(*known, runner, level, part, budget, seed, evidence.fingerprint)
+        experiment.run()
+        wanted = experiment.fails if perturbations is None else perturbations
+        diagnosis = _diagnosis(evidence, experiment, seen, kinds if wanted else {}, recorded)
+        return diagnosis if folder is None else _kept(diagnosis, experiment, folder)
+
+
+def _played(stage: OpenSetup) -> dict[str, Any]:
+    """Identity of an experiment: source, arguments and policies."""
+    identity = stage.opened.identity
+    kept = ("entry_point", "api", "kwargs", "source_digest", "versions")
+    plain = {key: identity.get(key) for key in kept}
+    plain |= {"options": list(stage.setup.options), "policies": json.loads(stage.described)}
+    found: dict[str, Any] = json.loads(json.dumps(plain, default=repr))
+    return found
+
+
+def _diagnosis(
+    evidence: Evidence,
+    experiment: Experiment,
+    seen: SetupTraits,
+    kinds: Mapping[str, Any],
+    recorded: Mapping[str, tuple[int, int]],
+) -> Diagnosis:
+    contract, conditions = experiment.contract, experiment.conditions
+    agents = _present(evidence, experiment, seen)
+    doubts = contradictions(recorded, {s: experiment.fresh(s) for s in experiment.scopes})
+    findings = {s: _doubted(experiment.finding(s), doubts.get(s)) for s in experiment.scopes}
+    flips = _flips(experiment, findings)
+    perturbed, unperturbed = _perturbed(experiment, seen, kinds, agents)
+    by_agent = {
+        agent: _answer(
+            agent,
+            _scope_of(agent, findings, contract),
+            findings,
+            experiment,
+            seen,
+            flips,
+            perturbed,
+            unperturbed,
+        )
+        for agent in agents
+    }
+    team = None
+    if TEAM in findings:
+        team = _answer(None, TEAM, findings, experiment, seen, flips, perturbed, unperturbed)
+    found: list[Counterfactual] = []
+    for scope, finding in findings.items():
+        if finding.substitutes:
+            found += counterfactuals(
+                evidence,
+                experiment.setup,
+                finding.substitutes,
+                contract=contract,
+                conditions=conditions,
+                scope=scope,
+            )
+    return Diagnosis(
+        run=str(evidence.path or "memory"),
+        fingerprint=evidence.fingerprint,
+        agents=by_agent,
+        team=team,
+        recorded=recorded,
+        counterfactuals=tuple(found),
+        level=experiment.level,
+        part=experiment.part,
+        episodes=experiment.runner.spent,
+        seed=experiment.seed,
+        contradictions=doubts,
+    )
+
+
+def _doubted(finding: ScopeFinding, doubt: Contradiction | None) -> ScopeFinding:
+    """The answer; where it names no cause, a contradiction is why."""
+    return finding if doubt is None or finding.labels else replace(finding, why=str(doubt))
+
+
+def _recorded(
+    evidence: Evidence, conditions: Mapping[str, Failure], contract: Contract
+) -> dict[str, tuple[int, int]]:
+    """Number of recorded episodes that failed, by scope."""
+    counts: dict[str, list[int]] = {}
+    for trace in evidence.episodes:
+        told = failed(outcome_of(trace), conditions, contract)
+        for scope, is_failed in told.items():
+            count = counts.setdefault(scope, [0, 0])
+            count[0] += is_failed
+            count[1] += 1
+    return {scope: (bad, of) for scope, (bad, of) in counts.items()}
+
+
+def _present(evidence: Evidence, experiment: Experiment, seen: SetupTraits) -> list[str]:
+    """Those who played, in the order of the roster: in the recording or on fresh seeds."""
+    there = {
+        agent
+        for outcome in experiment.runner.of(
+            UNCHANGED, experiment.confirm_seed, range(experiment.confirm)
+        )
+        for agent in outcome.returns
+    }
+    named = [agent_name(agent) for agent in evidence.manifest.get("agents") or seen.agents]
+    return [agent for agent in dict.fromkeys([*seen.agents, *named]) if agent in there or not there]
+
+
+def _scope_of(agent: str, findings: Mapping[str, ScopeFinding], contract: Contract) -> str:
+    """The narrowest scope with a condition that holds for an agent."""
+    for scope in (agent, contract.role_of(agent), TEAM):
+        if scope in findings:
+            return str(scope)
+    return next(iter(findings))
+
+
+def _flips(experiment: Experiment, findings: Mapping[str, ScopeFinding]) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for scope, finding in findings.items():
+        for substitute in finding.substitutes if finding.answer == "isolated" else ():
+            at = experiment.flips_at(substitute, scope)
+            if at is not None:
+                found[substitute.name] = at
+    return found
+
+
+def _perturbed(
+    experiment: Experiment, seen: SetupTraits, kinds: Mapping[str, Any], agents: Sequence[str]
+) -> tuple[dict[PerturbationArm, Tested], int]:
+    """Effects of perturbations, as far as the budget goes, and the number left out."""
+    if not kinds or experiment.confirm < 1:
+        return {}, 0
+    runner, seed, n = experiment.runner, experiment.confirm_seed, min(experiment.confirm, FEWEST)
+    wanted = list(perturbations_of(experiment.setup, experiment.contract, seen, kinds, agents))
+    known = [one for one in wanted if (one.name, seed, n - 1) in runner.outcomes]
+    rest = [one for one in wanted if one not in known]
+    left = max(experiment.budget - runner.spent, 0)
+    few = rest[: int(PERTURBED * left) // n]
+    runner.play([ArmOrder(one.name, one.setup, seed, range(n)) for one in few])
+    played = [one for one in (*known, *few) if one.name not in runner.broken]
+    arms = {one: runner.of(one.name, seed, range(n)) for one in played}
+    rng = np.random.default_rng([12, experiment.seed])
+    tested = _effects(runner.of(UNCHANGED, seed, range(n)), arms, rng=rng) if arms else {}
+    scope = experiment.scopes[0]
+    for one, each in tested.items():
+        if each.depends and each.effect < 0:
+            tested[one] = replace(each, flips_at=experiment.breaks_at(one, scope))
+    return tested, len(rest) - len(few)
+
+
+def _effects(
+    unchanged: Sequence[Outcome],
+    arms: Mapping[PerturbationArm, Sequence[Outcome]],
+    *,
+    rng: np.random.Generator,
+) -> dict[PerturbationArm, Tested]:
+    """The effect of each perturbation on the team's return, against the same seeds unchanged."""
+    base = np.array([outcome.team_return for outcome in unchanged])
+    found = {
+        one: paired_effect(base, np.array([o.team_return for o in outcomes]), rng=rng)
+        for one, outcomes in arms.items()
+    }
+    corrected = holm([effect.p for effect in found.values()])
+    return {
+        one: Tested(
+            one.label,
+            one.name,
+            "perturbation",
+            effect.value,
+            effect.low,
+            effect.high,
+            p,
+            effect.n,
+            measure="return",
+            depends=p < 0.05,
+        )
+        for (one, effect), p in zip(found.items(), corrected, strict=True)
+    }
+
+
+def _answer(
+    agent: str | None,
+    scope: str,
+    findings: Mapping[str, ScopeFinding],
+    experiment: Experiment,
+    seen: SetupTraits,
+    flips: Mapping[str, float],
+    perturbed: Mapping[PerturbationArm, Tested],
+    unperturbed: int,
+) -> AgentDiagnosis:
+    """Answer for an agent, or for the team where there is none."""
+    finding = findings[scope]
+    mine = [one for one in finding.tried if agent is None or agent in one.substitute.agents]
+    tested = [_tested(one, experiment.confirm, flips) for one in mine]
+    tested += [
+        each for one, each in perturbed.items() if agent is None or one.agent in (agent, EVERYBODY)
+    ]
+    tested.sort(key=lambda each: _place(each.label))
+    found = AgentDiagnosis(
+        finding.answer,
+        finding.labels,
+        finding.why,
+        scope,
+        tuple(tested),
+        tuple(_not_tested(agent, mine, experiment, seen)),
+        finding.success,
+        tuple(substitute.name for substitute in finding.substitutes),
+    )
+    concerned = {a for substitute in finding.substitutes for a in substitute.agents}
+    if agent is None or finding.answer == "untested" or not concerned or agent in concerned:
+        return found
+    names = ", ".join(substitute.name for substitute in finding.substitutes)
+    why = f"what restores is {names}, which is not this agent's"
+    return replace(found, answer="untested", labels=(), why=why, substitutes=())
+
+
+def _tested(one: Tried, n: int, flips: Mapping[str, float]) -> Tested:
+    effect = one.effect
+    return Tested(
+        one.substitute.label,
+        one.substitute.name,
+        "ideal",
+        effect.value,
+        effect.low,
+        effect.high,
+        one.p,
+        n,
+        restores=one.restores,
+        flips_at=flips.get(one.substitute.name),
+    )
+
+
+def _place(label: str) -> int:
+    """Place of a label in the vocabulary; of a pair, the first one's."""
+    return LABELS.index(label.split(" + ")[0]) if label.split(" + ")[0] in LABELS else len(LABELS)
+
+
+def _not_tested(
+    agent: str | None, mine: Sequence[Tried], experiment: Experiment, seen: SetupTraits
+) -> list[tuple[str, str]]:
+    """Labels for which no ideal substitute was played, and why."""
+    tested = {label for one in mine for label in one.substitute.label.split(" + ")}
+    handles = {one.label: one.name for one in experiment.substitutes if _is_of(one, agent)}
+    return [
+        (label, _why_not(label, handles.get(label), agent, experiment, seen))
+        for label in LABELS
+        if label not in tested
+    ]
+
+
+def _why_not(
+    label: str, handle: str | None, agent: str | None, experiment: Experiment, seen: SetupTraits
+) -> str:
+    if handle is not None:
+        broken = experiment.runner.broken.get(handle)
+        return broken or "the set-up doesn't fail beyond chance, or the budget was spent: --budget"
+    whom = "no agent has it" if agent is None else "this agent doesn't have it"
+    knobs = [name for name, knob in experiment.contract.knobs.items() if knob.label == label]
+    if knobs:
+        return f"{', '.join(knobs)} is at its ideal already, or {whom}"
+    if label == "planning" and seen.has_reference:
+        return "the reference policy plays already"
+    if label == "planning":
+        return "the environment brings no reference policy"
+    return "the contract declares no knob with this label"
+
+
+def _is_of(substitute: IdealSubstitute, agent: str | None) -> bool:
+    return agent is None or agent in substitute.agents
+
+
+def _kept(diagnosis: Diagnosis, experiment: Experiment, folder: Path) -> Diagnosis:
+    """The diagnosis with runs of the unchanged rerun and of what restores, and its own file."""
+    names = [*([diagnosis.team] if diagnosis.team else []), *diagnosis.agents.values()]
+    wanted = list(dict.fromkeys(name for each in names for name in each.substitutes))
+    arms = [UNCHANGED, *wanted] if wanted else []
+    runs: dict[str, str] = {}
+    for number, arm in enumerate(arms):
+        place = folder / "runs" / f"{number}-{_file_name(arm)}"
+        if not place.exists():
+            keep(
+                experiment.arm(arm),
+                place,
+                contract=experiment.contract,
+                run_seed=experiment.confirm_seed,
+            )
+        runs[arm] = str(place)
+    diagnosis = replace(diagnosis, runs=runs)
+    text = json.dumps(diagnosis.to_json(), indent=2, ensure_ascii=False)
+    (folder / RESULT).write_text(text + "\n", encoding="utf-8")
+    return diagnosis
+
+
+def _file_name(arm: str) -> str:
+    """A name that every file system takes."""
+    return "".join(c if c.isalnum() else "-" for c in arm)[:60].strip("-")

@@ -1,0 +1,264 @@
+"""Answers from outcomes: the ideal substitutes that restore, and shares that contradict. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from gamekeeper.diagnosis.trials import IdealSubstitute
+from gamekeeper.episodes.outcome import LABELS
+from gamekeeper.statistics.paired import PairedEffect, paired_effect
+from gamekeeper.statistics.significance import fisher_exact, holm, wilson
+
+Answer = Literal["isolated", "joint", "compatible", "untested"]
+Successes = NDArray[np.float64]
+"""[episodes] 1 where the episode didn't fail, paired by seed between arms."""
+
+ALPHA: Final = 0.05
+LEVEL: Final = 0.9
+"""The share of episodes that succeed where nothing is wrong, unless told otherwise."""
+PART: Final = 0.7
+"""An ideal substitute restores where it closes this part of the gap to the declared level."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tried:
+    """One ideal substitute against the unchanged rerun.
+
+    Attributes:
+        substitute: what was put at its ideal.
+        effect: the change of the share of successes, with its interval.
+        p: the effect's p-value, corrected for the number of ideal substitutes (Holm).
+        recovered: the part of the gap that it closes; 1: up to the declared level.
+        restores: it closes the stated part, and the effect isn't chance.
+    """
+
+    substitute: IdealSubstitute
+    effect: PairedEffect
+    p: float
+    recovered: float
+    restores: bool
+
+
+@dataclass(frozen=True, slots=True)
+class ScopeFinding:
+    """Answer for one scope: the team, a role or an agent.
+
+    Attributes:
+        answer: `isolated`, `joint`, `compatible` or `untested`.
+        labels: the causes that it names, none where untested.
+        substitutes: the least ideal substitutes that restore.
+        tried: everything that was tried on fresh seeds.
+        success: the share of successes as it is: (share, low, high).
+        why: in a sentence.
+    """
+
+    answer: Answer
+    labels: tuple[str, ...]
+    substitutes: tuple[IdealSubstitute, ...]
+    tried: tuple[Tried, ...]
+    success: tuple[float, float, float]
+    why: str
+
+
+def is_failing(unchanged: Successes, level: float) -> bool:
+    """The set-up fails more often than declared, beyond chance."""
+    return wilson(int(unchanged.sum()), len(unchanged)).high < level
+
+
+def recovered(unchanged: Successes, arm: Successes, level: float) -> float:
+    """The part of the gap to the level that an arm closes; 0 where there is no gap."""
+    gap = level - float(unchanged.mean())
+    return float(arm.mean() - unchanged.mean()) / gap if gap > 0 else 0.0
+
+
+def judged(
+    unchanged: Successes,
+    arms: Mapping[IdealSubstitute, Successes],
+    *,
+    level: float = LEVEL,
+    part: float = PART,
+    everything: Successes | None = None,
+    rng: Generator,
+) -> ScopeFinding:
+    """The answer that fresh seeds give.
+
+    Args:
+        unchanged: the set-up as it is, on fresh seeds.
+        arms: each ideal substitute on the same seeds.
+        level: the declared share of successes.
+        part: of the gap to it that an ideal substitute has to close.
+        everything: all ideal substitutes at once, on the same seeds.
+        rng: for intervals that are drawn.
+    """
+    share = wilson(int(unchanged.sum()), len(unchanged))
+    success = (share.p, share.low, share.high)
+    tried = _tried(unchanged, arms, level, part, rng)
+    if not is_failing(unchanged, level):
+        why = (
+            f"it succeeds in {share.p:.0%} of fresh episodes (95 %: {share.low:.0%} to "
+            f"{share.high:.0%}), which doesn't fall short of the declared {level:.0%}"
+        )
+        return ScopeFinding("untested", (), (), tried, success, why)
+    least = _least(tried)
+    singles = [one for one in least if "+" not in one.substitute.label]
+    if singles:
+        return _of_singles(singles, tried, success)
+    better = [one for one in least if _beats_its_parts(one, arms, rng)]
+    if better:
+        return _of_pairs(better, tried, success)
+    if least:
+        why = "a pair restores, and one of its parts may do as well: more episodes would tell"
+        labels = _labels([one.substitute for one in least])
+        return ScopeFinding(
+            "compatible", labels, tuple(o.substitute for o in least), tried, success, why
+        )
+    if everything is not None and recovered(unchanged, everything, level) >= part:
+        labels = _labels(arms)
+        why = "all ideal substitutes at once restore, and no single one or pair does"
+        return ScopeFinding("compatible", labels, (), tried, success, why)
+    why = "no ideal substitute restores, nor do all at once: the cause has no handle that was tried"
+    if not arms:
+        why = (
+            "there is no handle to try: no knob is away from its ideal, no reference policy is left"
+        )
+    return ScopeFinding("untested", (), (), tried, success, why)
+
+
+def _tried(
+    unchanged: Successes,
+    arms: Mapping[IdealSubstitute, Successes],
+    level: float,
+    part: float,
+    rng: Generator,
+) -> tuple[Tried, ...]:
+    effects = {
+        substitute: paired_effect(unchanged, arm, rng=rng) for substitute, arm in arms.items()
+    }
+    corrected = holm([effect.p for effect in effects.values()])
+    return tuple(
+        Tried(
+            substitute,
+            effect,
+            p,
+            share := recovered(unchanged, arms[substitute], level),
+            restores=share >= part and effect.value > 0 and p < ALPHA,
+        )
+        for (substitute, effect), p in zip(effects.items(), corrected, strict=True)
+    )
+
+
+def _least(tried: Sequence[Tried]) -> list[Tried]:
+    """Interventions that restore success and contain no smaller one that does."""
+    restoring = [one for one in tried if one.restores]
+    return [
+        one
+        for one in restoring
+        if not any(_is_within(other.substitute, one.substitute) for other in restoring)
+    ]
+
+
+def _is_within(part: IdealSubstitute, whole: IdealSubstitute) -> bool:
+    """One makes up for another, or a pair for all that another pair does and for more."""
+    is_pair = "+" in part.label and "+" in whole.label
+    return part.name in whole.contains or (is_pair and part.contains < whole.contains)
+
+
+def _beats_its_parts(
+    pair: Tried, arms: Mapping[IdealSubstitute, Successes], rng: Generator
+) -> bool:
+    """A pair restores more episodes than either of its parts, beyond chance."""
+    whole = arms[pair.substitute]
+    return all(
+        paired_effect(part, whole, rng=rng).low > 0
+        for substitute, part in arms.items()
+        if substitute.name in pair.substitute.contains
+    )
+
+
+def _of_singles(
+    least: Sequence[Tried], tried: tuple[Tried, ...], success: tuple[float, float, float]
+) -> ScopeFinding:
+    substitutes = tuple(one.substitute for one in least)
+    labels = _labels(substitutes)
+    names = ", ".join(substitute.name for substitute in substitutes)
+    if len(labels) == 1:
+        why = f"with {names} episodes succeed, and with nothing else that was tried"
+        return ScopeFinding("isolated", labels, substitutes, tried, success, why)
+    why = f"with each of {names} episodes succeed, so they can't be told apart"
+    return ScopeFinding("compatible", labels, substitutes, tried, success, why)
+
+
+def _of_pairs(
+    least: Sequence[Tried], tried: tuple[Tried, ...], success: tuple[float, float, float]
+) -> ScopeFinding:
+    """Pairs restore, and neither of their parts does."""
+    substitutes = tuple(one.substitute for one in least)
+    labels = _labels(substitutes)
+    names = "; ".join(substitute.name for substitute in substitutes)
+    if len(substitutes) == 1:
+        why = f"{names}: both together restore, neither does alone"
+        return ScopeFinding("joint", labels, substitutes, tried, success, why)
+    why = f"several pairs restore ({names}), so they can't be told apart"
+    return ScopeFinding("compatible", labels, substitutes, tried, success, why)
+
+
+def _labels(substitutes: Any) -> tuple[str, ...]:
+    named = {label for substitute in substitutes for label in substitute.label.split(" + ")}
+    return tuple(label for label in LABELS if label in named)
+
+
+SURE: Final = 0.01
+"""A p-value below which recorded and fresh shares differ: runs are often picked by their ends."""
+
+
+@dataclass(frozen=True, slots=True)
+class Contradiction:
+    """Recorded and fresh episodes of one scope whose shares of failure differ beyond chance.
+
+    Attributes:
+        recorded, fresh: how many episodes failed, and of how many.
+        p: of Fisher's exact test, two-sided, corrected for the number of scopes (Holm).
+    """
+
+    recorded: tuple[int, int]
+    fresh: tuple[int, int]
+    p: float
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        both = {"recorded": self.recorded, "fresh": self.fresh}
+        counts = {name: {"failed": bad, "episodes": of} for name, (bad, of) in both.items()}
+        return {**counts, "p": self.p, "why": str(self)}
+
+    def __str__(self) -> str:
+        (bad, of), (fresh_bad, fresh_of) = self.recorded, self.fresh
+        return (
+            f"{bad} of {of} recorded episodes failed and {fresh_bad} of {fresh_of} fresh ones, "
+            f"which chance doesn't explain (Fisher's exact test, p = {self.p:.1g}): what was "
+            "played again isn't what was recorded, or the recorded seeds are special; this is no "
+            "all-clear"
+        )
+
+
+def contradictions(
+    recorded: Mapping[str, tuple[int, int]], fresh: Mapping[str, tuple[int, int]]
+) -> dict[str, Contradiction]:
+    """Finds the scopes whose recorded and fresh episodes fail with different shares.
+
+    Args:
+        recorded: by scope, how many episodes failed, and of how many.
+        fresh: the same of fresh episodes with nothing changed.
+    """
+    scopes = [scope for scope in recorded if scope in fresh]
+    corrected = holm([fisher_exact(*recorded[scope], *fresh[scope]) for scope in scopes])
+    return {
+        scope: Contradiction(recorded[scope], fresh[scope], p)
+        for scope, p in zip(scopes, corrected, strict=True)
+        if p < SURE
+    }

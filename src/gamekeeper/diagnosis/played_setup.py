@@ -1,0 +1,384 @@
+"""The set-up of a run, read from its evidence, and opened to be played again otherwise."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from functools import partial
+from os import PathLike
+from typing import Any, Final
+
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.canonical import from_json, is_exact, to_json
+from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.episodes.layout import agent_name
+from gamekeeper.episodes.layout import role as role_in_name
+from gamekeeper.episodes.outcome import Outcome
+from gamekeeper.errors import EvidenceError, SpecError
+from gamekeeper.interface.identity import spec_of
+from gamekeeper.interface.opening import open_env
+from gamekeeper.interface.policy import REFERENCE, shared_with
+from gamekeeper.randomness.seeds import episode_seed
+from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult, EvidenceOptions, perform
+from gamekeeper.rollouts.intervention import Intervention
+from gamekeeper.rollouts.rollout_plan import MOST_TURNS, NAMES, object_of_this_process
+from gamekeeper.rollouts.tally import tally
+from gamekeeper.runs.consent import Consent, consented
+from gamekeeper.runs.recording import cast_of
+from gamekeeper.runs.standing import choices_of
+
+CUT: Final = "cut"
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """Everything that is chosen before an episode begins, but for its seed.
+
+    Attributes:
+        spec: where the environment comes from.
+        kwargs: arguments of the environment.
+        options: of the resets, taken in turn: episode k has those at place k modulo their number.
+        policies: by agent or role, under `*` for all others.
+        settings: attributes of policies, by agent and name.
+        layers: attributes of wrappers of the environment, by name.
+        forgets: agents whose policy's memory is reset before each of its decisions.
+        most_turns: episodes are cut there.
+        change: what a rerun does otherwise.
+        typical_turns: median length of the recorded episodes; nothing is played by it.
+    """
+
+    spec: Any
+    kwargs: Mapping[str, Any] = field(default_factory=dict)
+    options: tuple[Any, ...] = (None,)
+    policies: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    layers: Mapping[str, Any] = field(default_factory=dict)
+    forgets: tuple[str, ...] = ()
+    most_turns: int = MOST_TURNS
+    change: Intervention | None = None
+    typical_turns: int | None = None
+
+    def policy_of(self, agent: str, contract: Contract) -> Any:
+        """Policy of an agent: its own choice, its role's, or the common one; None: unknown."""
+        role = contract.role_of(agent) or role_in_name(agent)
+        found = self.policies.get(agent, self.policies.get(role, self.policies.get("*")))
+        return self.policies.get(shared_with(found) or "", found)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data that a worker process builds the same set-up from.
+
+        Raises:
+            EvidenceError: it holds an object that no text can build again.
+        """
+        text = to_json([self.kwargs, self.options, self.settings, self.layers])
+        named = all(isinstance(policy, str) for policy in self.policies.values())
+        if not (isinstance(self.spec, str) and named and is_exact(text)):
+            raise object_of_this_process("workers", self.spec, NAMES)
+        return {
+            "spec": self.spec,
+            "given": text,
+            "policies": dict(self.policies),
+            "forgets": list(self.forgets),
+            "most_turns": self.most_turns,
+            "change": None if self.change is None else self.change.to_json(),
+        }
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Setup:
+        """Inverse of `to_json`."""
+        given: Any = from_json(data["given"])
+        kwargs, options, settings, layers = given
+        change = data["change"]
+        return cls(
+            spec=data["spec"],
+            kwargs=kwargs,
+            options=tuple(options),
+            policies=data["policies"],
+            settings=settings,
+            layers=layers,
+            forgets=tuple(data["forgets"]),
+            most_turns=data["most_turns"],
+            change=None if change is None else Intervention.from_json(change),
+        )
+
+
+def setup_of(
+    evidence: Evidence, *, env: object | None = None, policies: Mapping[str, Any] | None = None
+) -> Setup:
+    """The set-up of a recorded run.
+
+    Args:
+        env: opened in place of what the evidence names, with the recorded arguments.
+        policies: in place of the recorded ones, by agent, role or under `*`.
+    Raises:
+        EvidenceError: it names no policies, or an argument that can't be built again.
+        SpecError: the environment was an object in memory, and none is given.
+    """
+    identity = evidence.manifest["environment"]
+    named = _named_policies(evidence) if policies is None else dict(policies)
+    spec = spec_of(identity) if env is None else env
+    if isinstance(spec, str) and env is not None and ":" not in spec.split("/")[0][:9]:
+        spec = f"{identity.get('api')}:{spec}" if identity.get("api") else spec
+    text = json.dumps(identity.get("kwargs") or {}, separators=(",", ":"))
+    if not is_exact(text):
+        raise EvidenceError(
+            "an argument of the environment was an object that no text can build again",
+            where="kwargs",
+            actual=text[:200],
+            fix="record with plain arguments",
+        )
+    kwargs: Any = from_json(text)
+    rows = evidence.episode_table.to_pylist()
+    cuts = [row["turns"] for row in rows if row["end"] == CUT]
+    options = [row["options"] for row in rows] or [None]
+    lengths = [row["turns"] for row in rows if row["turns"]]
+    return Setup(
+        spec=spec,
+        kwargs=kwargs,
+        options=tuple(None if each is None else from_json(each) for each in options),
+        policies=named,
+        most_turns=max(cuts) if cuts else MOST_TURNS,
+        typical_turns=sorted(lengths)[len(lengths) // 2] if lengths else None,
+    )
+
+
+def consent_to(
+    evidence: Evidence,
+    setup: Setup,
+    *,
+    env: object | None,
+    policies: Mapping[str, Any] | None,
+    allow_import: bool,
+) -> AbstractContextManager[Consent]:
+    """Consent to play a set-up meanwhile; see `consented`.
+
+    Args:
+        evidence: the run.
+        setup: of it, as `setup_of` gave it for `env` and `policies`.
+        env: named by the user.
+        policies: named by the user.
+        allow_import: the user allows whatever the run names.
+    """
+    return consented(
+        evidence,
+        doing="playing this run again",
+        env=env,
+        allow_import=allow_import,
+        policies=[] if policies is not None else map(str, setup.policies.values()),
+        chosen=[] if policies is None else policies.values(),
+    )
+
+
+def contract_of(evidence: Evidence, contract: Contract | str | PathLike[str] | None) -> Contract:
+    """The contract to go by: the one that is given, a path is read, else the recording's."""
+    if contract is None:
+        return evidence.contract
+    return contract if isinstance(contract, Contract) else Contract.load(contract)
+
+
+def _named_policies(evidence: Evidence) -> dict[str, str]:
+    found = choices_of(evidence)
+    if not found:
+        raise EvidenceError(
+            "the run doesn't name the policies that played it, so nobody can choose again",
+            where="policies",
+            expected="a run of gk.rollout or gamekeeper rollout",
+            actual="none",
+            fix="name them, as --policy picker=module:callable",
+        )
+    return found
+
+
+class OpenSetup:
+    """A set-up, ready to be played. Use as a context: it closes the environment.
+
+    Attributes:
+        opened, env: the environment.
+        described: its policies, as evidence names them.
+        cast: its policies.
+        contract: names reward terms and volatile infos.
+    """
+
+    def __init__(self, setup: Setup, contract: Contract) -> None:
+        """Opens the environment and finds the policies.
+
+        Raises:
+            SpecError: the environment can't be opened, or has no such attribute.
+            PolicyError: a policy can't be found.
+        """
+        self.setup, self.contract = setup, contract
+        self.opened = open_env(setup.spec, **setup.kwargs)
+        self.env: Any = self.opened.env
+        self._undo: list[Callable[[], None]] = []
+        try:
+            self.cast: Any = cast_of(dict(setup.policies), self.env, contract)
+            agents = list(getattr(self.env, "possible_agents", ()))
+            self.described = to_json(self.cast.described(agents))
+            self._set()
+            if setup.forgets:
+                self.cast = _Forgetful(self.cast, setup.forgets)
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> OpenSetup:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Closes the environment; policies are as they were."""
+        for undo in reversed(self._undo):
+            undo()
+        self._undo = []
+        self.env.close()
+
+    def outcome(
+        self, run_seed: int, episode: int, *, on_step: Callable[[], None] | None = None
+    ) -> Outcome:
+        """Outcome of episode number `episode` of a run."""
+        return tally(
+            self._play(run_seed, episode),
+            self.env,
+            cast=self.cast,
+            cast_seed=run_seed,
+            change=self.setup.change,
+            contract=self.contract,
+            on_step=on_step,
+        )
+
+    def played(
+        self, run_seed: int, episode: int, *, change: Intervention | None = None
+    ) -> EpisodeResult:
+        """The same episode with all its rows.
+
+        Args:
+            change: in place of the set-up's own.
+        """
+        return perform(
+            self._play(run_seed, episode),
+            self.env,
+            cast=self.cast,
+            cast_seed=run_seed,
+            change=change or self.setup.change,
+            contract=self.contract,
+            keep=EvidenceOptions(number=episode),
+        )
+
+    def _play(self, run_seed: int, episode: int) -> EpisodePlan:
+        options = self.setup.options
+        return EpisodePlan(
+            seed=episode_seed(run_seed, episode),
+            stream=episode,
+            most_turns=self.setup.most_turns,
+            options=options[episode % len(options)],
+        )
+
+    def _set(self) -> None:
+        for agent, settings in self.setup.settings.items():
+            policy = self.cast.chosen_for(agent).policy
+            self._set_all(policy, settings, f"the policy of {agent}")
+        for name, value in self.setup.layers.items():
+            self._set_all(_layer_with(self.env, name), {name: value}, "the wrapper")
+
+    def _set_all(self, thing: Any, settings: Mapping[str, Any], shown: str) -> None:
+        for name, value in settings.items():
+            if not hasattr(thing, name):
+                raise SpecError(
+                    f"{shown} has no setting {name!r}",
+                    where=f"knobs.{name}",
+                    actual=repr(thing)[:200],
+                    fix=f"correct knobs.{name} in the contract, or give the object that attribute",
+                )
+            before = getattr(thing, name)
+            setattr(thing, name, value)
+            self._undo.append(partial(setattr, thing, name, before))
+
+
+@dataclass(frozen=True, slots=True)
+class SetupTraits:
+    """Traits of a set-up that show only once it is opened.
+
+    Attributes:
+        agents: all that may play, by name.
+        has_reference: the environment brings a policy called `reference`.
+        settings: values of policies' attributes that knobs name, by the agents that one object
+            plays.
+        layers: values of wrappers' attributes that knobs name.
+        resettable: the agents of each object that has a memory that can be reset.
+        ways: policies that the environment brings, by name.
+        unfit: by change and agent, why a perturbation can't be tried.
+    """
+
+    agents: tuple[str, ...]
+    has_reference: bool = False
+    settings: Mapping[tuple[str, ...], Mapping[str, Any]] = field(default_factory=dict)
+    layers: Mapping[str, Any] = field(default_factory=dict)
+    resettable: tuple[tuple[str, ...], ...] = ()
+    ways: tuple[str, ...] = ()
+    unfit: Mapping[tuple[str, str], str] = field(default_factory=dict)
+
+
+def traits_of(stage: OpenSetup, perturbations: Mapping[str, type[Intervention]]) -> SetupTraits:
+    """Traits of an opened set-up."""
+    env, knobs = stage.env, stage.contract.knobs
+    agents = [agent_name(agent) for agent in getattr(env, "possible_agents", ())]
+    names = [name for name, knob in knobs.items() if knob.of == "policy"]
+    by_object: dict[str, list[str]] = {}
+    for agent in agents:
+        by_object.setdefault(stage.cast.object_of(agent), []).append(agent)
+    policies = {
+        tuple(sharers): stage.cast.chosen_for(sharers[0]).policy for sharers in by_object.values()
+    }
+    settings = {
+        sharers: {n: getattr(policy, n) for n in names if hasattr(policy, n)}
+        for sharers, policy in policies.items()
+    }
+    layers: dict[str, Any] = {}
+    for name, knob in knobs.items():
+        layer = _layer_with(env, name) if knob.of == "wrapper" else None
+        if layer is not None and hasattr(layer, name):
+            layers[name] = getattr(layer, name)
+    own = getattr(env.unwrapped, "policies", None)
+    ways = tuple(map(str, own)) if isinstance(own, Mapping) else ()
+    unfit = {
+        (name, agent): why
+        for name, kind in perturbations.items()
+        for agent in agents
+        if (why := kind.applies(stage.contract, env, agent)) is not None
+    }
+    resettable = [
+        sharers for sharers, policy in policies.items() if callable(getattr(policy, "reset", None))
+    ]
+    return SetupTraits(
+        tuple(agents), REFERENCE in ways, settings, layers, tuple(resettable), ways, unfit
+    )
+
+
+def _layer_with(env: Any, name: str) -> Any:
+    """The outermost layer of an environment that has an attribute of its own by this name."""
+    while not (name in vars(env) or hasattr(type(env), name)):
+        inner = vars(env).get("env")
+        if inner is None:
+            return env
+        env = inner
+    return env
+
+
+class _Forgetful:
+    """A cast in which policies of some agents are reset before each of their decisions."""
+
+    def __init__(self, cast: Any, agents: tuple[str, ...]) -> None:
+        self._cast, self._agents, self._seed = cast, frozenset(agents), 0
+
+    def begin(self, run_seed: int, episode: int) -> None:
+        self._seed = episode_seed(run_seed, episode)
+        self._cast.begin(run_seed, episode)
+
+    def act(self, agent: Any, observation: Any, info: Any) -> Any:
+        if agent_name(agent) in self._agents:
+            self._cast.chosen_for(agent).policy.reset(seed=self._seed)
+        return self._cast.act(agent, observation, info)

@@ -1,0 +1,311 @@
+"""Trials of a diagnosis: each is a set-up with one thing at its ideal, or with one thing worse.
+
+An ideal substitute can isolate a cause; a perturbation shows dependence, never a cause.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from gamekeeper.contract import Contract
+from gamekeeper.contract.sections import Knob
+from gamekeeper.diagnosis.played_setup import Setup, SetupTraits
+from gamekeeper.episodes.outcome import LABELS, members_of
+from gamekeeper.interface.policy import REFERENCE
+from gamekeeper.rollouts.intervention import Intervention
+from gamekeeper.rollouts.rollout_plan import MOST_TURNS
+
+PERCEPTION, ESTIMATION, PLANNING, CONTROL, TIMING, DATA, EVALUATION = LABELS
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class IdealSubstitute:
+    """One thing at its ideal.
+
+    Attributes:
+        name: what it does, as `observation_noise[carrier_0] = 0`.
+        label: the failure that it cures; of several parts, of all of them.
+        agents: whose fault it cures; empty for a fault that is nobody's own.
+        steps: what is set: (where, of whom, name, value).
+        contains: names of the ideal substitutes that it makes up for.
+        value: the number that it replaces, where it is one number.
+    """
+
+    name: str
+    label: str
+    agents: tuple[str, ...]
+    steps: tuple[tuple[str, str, str, Any], ...]
+    contains: frozenset[str] = frozenset()
+    value: float | None = None
+
+    def applied(self, setup: Setup) -> Setup:
+        """The set-up with this at its ideal."""
+        for step in self.steps:
+            setup = _applied(setup, *step)
+        return setup
+
+
+def substitutes_of(
+    setup: Setup, contract: Contract, traits: SetupTraits
+) -> tuple[IdealSubstitute, ...]:
+    """Every knob that isn't at its ideal, and for labels with several of them all at once."""
+    found: list[IdealSubstitute] = []
+    for name, knob in contract.knobs.items():
+        found += _of_knob(name, knob, setup, contract, traits)
+    found += _of_protocol(setup, contract, traits.agents)
+    if traits.has_reference:
+        found += _of_policies(setup, contract, traits.agents)
+    memories = []
+    for sharers in traits.resettable:
+        steps = tuple(("forgets", agent, "", True) for agent in sharers)
+        memories.append(
+            IdealSubstitute(f"memory[{', '.join(sharers)}] reset", ESTIMATION, sharers, steps)
+        )
+    nested = tuple(_nested([*found, *memories], contract))
+    return tuple(_forgetting([*nested, *_together(nested)], memories))
+
+
+def _of_knob(
+    name: str, knob: Knob, setup: Setup, contract: Contract, traits: SetupTraits
+) -> Iterator[IdealSubstitute]:
+    where, agents = knob.of or "argument", traits.agents
+    if where == "policy":
+        for sharers, given in traits.settings.items():  # one object has one setting
+            value = given.get(name, knob.ideal)
+            if value != knob.ideal:
+                yield _substitute(name, knob, sharers, ("policy", sharers[0], name), value)
+        return
+    if where == "option":
+        values = [(o or {}).get(name, knob.ideal) for o in setup.options]
+        if any(value != knob.ideal for value in values):
+            yield _substitute(name, knob, tuple(agents), ("option", "", name), values[0])
+        return
+    arguments = traits.layers if where == "wrapper" else setup.kwargs
+    value = arguments.get(name, knob.ideal)
+    if not isinstance(value, Mapping) or isinstance(knob.ideal, Mapping):
+        if value != knob.ideal:
+            yield _substitute(name, knob, tuple(agents), (where, "", name), value)
+        return
+    for whom, part in value.items():
+        theirs = [a for a in members_of(str(whom), agents, contract) if a == whom or a not in value]
+        if part != knob.ideal and theirs:
+            yield _substitute(name, knob, tuple(theirs), (where, str(whom), name), part)
+
+
+def _substitute(
+    name: str, knob: Knob, agents: tuple[str, ...], step: tuple[str, str, str], value: Any
+) -> IdealSubstitute:
+    whom = f"[{', '.join(agents) if step[0] == 'policy' else step[1]}]" if step[1] else ""
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return IdealSubstitute(
+        f"{name}{whom} = {knob.ideal}",
+        knob.label,
+        agents,
+        ((*step, knob.ideal),),
+        value=float(value) if is_number else None,
+    )
+
+
+def _of_protocol(
+    setup: Setup, contract: Contract, agents: Sequence[str]
+) -> Iterator[IdealSubstitute]:
+    """The declared horizon in place of another one, and no cut before it."""
+    declared = contract.schedule.horizon
+    given = setup.kwargs.get("horizon")
+    steps: list[tuple[str, str, str, Any]] = []
+    if declared is not None and given is not None and given < declared:
+        steps.append(("argument", "", "horizon", declared))
+    if setup.most_turns < MOST_TURNS:
+        steps.append(("most_turns", "", "", MOST_TURNS))
+    if steps and "horizon" not in contract.knobs:
+        yield IdealSubstitute("the declared horizon", EVALUATION, tuple(agents), tuple(steps))
+
+
+def _of_policies(
+    setup: Setup, contract: Contract, agents: Sequence[str]
+) -> Iterator[IdealSubstitute]:
+    for agent in agents:
+        policy = setup.policy_of(agent, contract)
+        if policy is not None and policy != REFERENCE:
+            step = ("policies", agent, "", REFERENCE)
+            yield IdealSubstitute(f"policy[{agent}] = {REFERENCE}", PLANNING, (agent,), (step,))
+
+
+def _forgetting(
+    found: Iterable[IdealSubstitute], memories: Sequence[IdealSubstitute]
+) -> Iterator[IdealSubstitute]:
+    """Yields the handles; new policies for all that a memory serves make up for resetting it."""
+    for one in found:
+        replaced = {step[1] for step in one.steps if step[0] == "policies"}
+        names = {memory.name for memory in memories if set(memory.agents) <= replaced}
+        yield replace(one, contains=one.contains | names)
+
+
+def _nested(found: Sequence[IdealSubstitute], contract: Contract) -> Iterator[IdealSubstitute]:
+    """The handles with what they are declared to make up for, for the same agents."""
+    for one in found:
+        knob = contract.knobs.get(one.steps[0][2])
+        inner = knob.contains if knob is not None and knob.contains else ()
+        names = {
+            other.name
+            for other in found
+            if other.steps[0][2] in inner and set(other.agents) <= set(one.agents)
+        }
+        yield replace(one, contains=one.contains | names)
+
+
+def _together(found: Sequence[IdealSubstitute]) -> Iterator[IdealSubstitute]:
+    """For each label with several handles, all of them at once."""
+    for label in LABELS:
+        parts = [one for one in found if one.label == label]
+        if len(parts) > 1:
+            yield joined(parts, f"{label}: all")
+
+
+def joined(parts: Sequence[IdealSubstitute], name: str | None = None) -> IdealSubstitute:
+    """Several ideal substitutes at once; they are what it contains."""
+    agents = dict.fromkeys(agent for part in parts for agent in part.agents)
+    inner = {part.name for part in parts} | {name for part in parts for name in part.contains}
+    labels = dict.fromkeys(part.label for part in parts)
+    return IdealSubstitute(
+        name or " + ".join(part.name for part in parts),
+        " + ".join(labels),
+        tuple(agents),
+        tuple(step for part in parts for step in part.steps),
+        frozenset(inner),
+    )
+
+
+def weakened(substitute: IdealSubstitute, value: float) -> IdealSubstitute:
+    """The ideal substitute of one knob, going only as far as `value`."""
+    (where, whom, name, _), *_ = substitute.steps
+    return replace(substitute, name=f"{name} at {value:g}", steps=((where, whom, name, value),))
+
+
+def _applied(setup: Setup, where: str, whom: str, name: str, value: Any) -> Setup:
+    if where == "argument":
+        return replace(setup, kwargs={**setup.kwargs, name: _part(setup.kwargs, whom, name, value)})
+    if where == "wrapper":
+        return replace(setup, layers={**setup.layers, name: _part(setup.layers, whom, name, value)})
+    if where == "option":
+        options = tuple({**(each or {}), name: value} for each in setup.options)
+        return replace(setup, options=options)
+    if where == "policy":
+        mine = {**setup.settings.get(whom, {}), name: value}
+        return replace(setup, settings={**setup.settings, whom: mine})
+    if where == "policies":
+        return replace(setup, policies={**setup.policies, whom: value})
+    if where == "forgets":
+        return replace(setup, forgets=(*setup.forgets, whom))
+    return replace(setup, most_turns=value)
+
+
+def _part(given: Mapping[str, Any], whom: str, name: str, value: Any) -> Any:
+    return {**given[name], whom: value} if whom else value
+
+
+EVERYBODY: Final = "*"
+WORSE: Final = ("noop", "random", "greedy")
+"""Policies that may take an agent's place: two of ours, and one that tasks may bring."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PerturbationArm:
+    """One thing of one agent made worse.
+
+    Attributes:
+        name: of its arm.
+        label: the failure that it stands for.
+        agent: whose; `*`: everybody's.
+        setup: with it.
+    """
+
+    name: str
+    label: str
+    agent: str
+    setup: Setup
+
+
+def perturbations_of(
+    setup: Setup,
+    contract: Contract,
+    seen: SetupTraits,
+    kinds: Mapping[str, type[Intervention]],
+    agents: Sequence[str],
+) -> Iterator[PerturbationArm]:
+    """Every perturbation for every agent: first one of each label for all agents, then the next.
+
+    Args:
+        kinds: changes that are perturbations, by name.
+        agents: those that acted.
+    """
+    by_label = {
+        label: list(_of_label(label, setup, contract, seen, kinds, agents)) for label in LABELS
+    }
+    depth = max((len(rows) for rows in by_label.values()), default=0)
+    for place in range(depth):
+        for rows in by_label.values():
+            if place < len(rows):
+                yield from rows[place]
+
+
+def _of_label(
+    label: str,
+    setup: Setup,
+    contract: Contract,
+    seen: SetupTraits,
+    kinds: Mapping[str, type[Intervention]],
+    agents: Sequence[str],
+) -> Iterator[list[PerturbationArm]]:
+    if label == PLANNING:
+        for way in WORSE:
+            yield [
+                _replaced(setup, agent, way)
+                for agent in agents
+                if setup.policy_of(agent, contract) not in (way, None)
+                and _is_known(way, agent, contract, seen)
+            ]
+    yield list(_for_all(label, setup, contract))
+    for name, kind in kinds.items():
+        if kind.label == label:
+            yield [
+                PerturbationArm(
+                    f"{name}[{agent}]", label, agent, replace(setup, change=_usual(kind, agent))
+                )
+                for agent in agents
+                if (name, agent) not in seen.unfit
+            ]
+
+
+def _is_known(way: str, agent: str, contract: Contract, seen: SetupTraits) -> bool:
+    """Tells whether the agent has such a policy: the environment's, a random one, a noop."""
+    if way == "noop" and way not in seen.ways:
+        return contract.noop_of(agent) is not None
+    return way == "random" or way in seen.ways
+
+
+def _for_all(label: str, setup: Setup, contract: Contract) -> Iterator[PerturbationArm]:
+    """Perturbations of all agents: knobs at their worst, half the time."""
+    for name, knob in contract.knobs.items():
+        is_ideal = setup.kwargs.get(name, knob.ideal) == knob.ideal
+        if knob.label == label and knob.worst is not None and not knob.of and is_ideal:
+            worse = replace(setup, kwargs={**setup.kwargs, name: knob.worst})
+            yield PerturbationArm(f"{name} = {knob.worst}", label, EVERYBODY, worse)
+    turns = setup.most_turns if setup.typical_turns is None else setup.typical_turns // 2
+    if label == EVALUATION and 0 < turns < setup.most_turns:
+        cut = replace(setup, most_turns=turns)
+        yield PerturbationArm(f"cut after {turns} turns", label, EVERYBODY, cut)
+
+
+def _usual(kind: Any, agent: str) -> Intervention:
+    change: Intervention = kind(agents=(agent,), strength=kind.USUAL)
+    return change
+
+
+def _replaced(setup: Setup, agent: str, way: str) -> PerturbationArm:
+    policies = {**setup.policies, agent: way}
+    return PerturbationArm(
+        f"policy[{agent}] = {way}", PLANNING, agent, replace(setup, policies=policies)
+    )

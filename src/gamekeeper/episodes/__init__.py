@@ -1,0 +1,1 @@
+"""Episodes as columns: buffer, encoder, spaces, digests, comparison. No file, clock or print."""

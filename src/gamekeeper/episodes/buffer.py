@@ -1,0 +1,128 @@
+"""The buffer: rows that a capture appends while an episode runs, before they become columns.
+
+Flat lists, a fixed stride each, so that nothing the cyclic garbage collector has to track survives
+a step (a tuple for each turn cost 6.9 us where a flat list costs 2.7). One thread appends, one
+takes from the front; each operation on a list is atomic, and the entry in `turns` is the mark of a
+whole turn, appended after all else that belongs to it. Rows that no mark covers are an interrupted
+turn's, and are cut back before the next one.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field
+from itertools import accumulate
+from typing import Final, TypeVar
+
+T = TypeVar("T")
+
+# given: place of the agent in the layout, observation, mask, cumulative reward, terminated,
+# truncated, info, live, nonconforming
+GIVEN: Final = 9
+# done: order, action, reward, terms, raised, nonconforming
+DONE: Final = 6
+# turns: episode, turn, rows, wall_ns (None for closing rows, which no step follows), state,
+# nonconforming
+TURN: Final = 6
+
+
+class LargePlace(int):
+    """Place of a large observation that was put aside; the buffer holds it instead of the bytes."""
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeStart:
+    """Start of an episode, with the arguments of its reset.
+
+    `since` is the episode of the last seeded reset, itself where this one was seeded, -1 where none
+    ever was: an unseeded episode replays only by running on from there.
+    """
+
+    episode: int
+    seed: int | None
+    since: int
+    options: str | None
+    policies: str | None
+    task: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeEnd:
+    """End of an episode: its kind (`ended`, `cut` or `failed`), its number of steps, the reason."""
+
+    episode: int
+    end: str
+    turns: int
+    error: str | None = None
+    endings: str | None = None
+    action_types: str | None = None
+
+
+@dataclass(slots=True)
+class Buffer:
+    """Rows not encoded yet; `given` and `done` are aligned row by row once a turn is committed."""
+
+    given: list[object] = field(default_factory=list)
+    done: list[object] = field(default_factory=list)
+    turns: list[object] = field(default_factory=list)
+    starts: list[EpisodeStart] = field(default_factory=list)
+    ends: list[EpisodeEnd] = field(default_factory=list)
+    # held while the buffer is cut; a real one where two threads cut it
+    lock: AbstractContextManager[object] = field(
+        default_factory=nullcontext, repr=False, compare=False
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class BufferedTurns:
+    """Whole turns taken off a buffer, as lists with the strides above."""
+
+    given: list[object]
+    done: list[object]
+    turns: list[object]
+    starts: list[EpisodeStart]
+    ends: list[EpisodeEnd]
+
+
+def take(buffer: Buffer, *, most: int, most_rows: int = 65_536) -> BufferedTurns | None:
+    """The oldest whole turns of `buffer`, taken off it; None if there are none.
+
+    At most `most` turns, and no further turn once `most_rows` rows are taken.
+
+    Ends are counted before turns and starts after, so that a start never comes after a turn of its
+    episode and an end never before one.
+    """
+    with buffer.lock:
+        ends = len(buffer.ends)
+        waiting = len(buffer.turns) // TURN
+        reached: list[int] = list(accumulate(buffer.turns[2 : min(waiting, most) * TURN : TURN]))  # type: ignore[arg-type]  # numbers of rows
+        # the turn that reaches `most_rows` is the last one taken
+        turns = min(bisect_left(reached, most_rows) + 1, len(reached))
+        starts = len(buffer.starts)
+        if not (starts or ends or turns):
+            return None
+        if turns < waiting:  # an end waits until the turns of its episode are taken
+            following = buffer.turns[turns * TURN]
+            ends = sum(end.episode < following for end in buffer.ends[:ends])  # type: ignore[operator]
+        rows = reached[turns - 1] if turns else 0
+        return BufferedTurns(
+            _cut(buffer.given, rows * GIVEN),
+            _cut(buffer.done, rows * DONE),
+            _cut(buffer.turns, turns * TURN),
+            _cut(buffer.starts, starts),
+            _cut(buffer.ends, ends),
+        )
+
+
+def cut_back(buffer: Buffer) -> None:
+    """Takes off rows without a commit mark: an interrupt came while their turn was appended."""
+    with buffer.lock:
+        rows: int = sum(buffer.turns[2::TURN])  # type: ignore[arg-type]  # as in take
+        del buffer.given[rows * GIVEN :], buffer.done[rows * DONE :]
+
+
+def _cut(items: list[T], count: int) -> list[T]:
+    front = items[:count]
+    del items[:count]
+    return front

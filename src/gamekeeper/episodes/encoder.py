@@ -1,0 +1,206 @@
+"""The encoder: buffered turns become record batches, and running digests of episodes."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import starmap
+from operator import attrgetter
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from gamekeeper.episodes.arrow import cells_field, names_array, steps_batch
+from gamekeeper.episodes.block import Block, Columns, Opener, States, Text, columns_of
+from gamekeeper.episodes.buffer import TURN, BufferedTurns, EpisodeEnd, EpisodeStart
+from gamekeeper.episodes.canonical import without
+from gamekeeper.episodes.digest import (
+    DigestField,
+    EpisodeDigest,
+    Hasher,
+    cells_digest_field,
+    digest_fields,
+    episode_header,
+    row_digests,
+)
+from gamekeeper.episodes.layout import Layout
+
+LEVELS: Final = ("full", "digest")
+EPISODES: Final = pa.schema(
+    [
+        ("episode", pa.int32()),
+        ("task", pa.string()),
+        ("seed", pa.int64()),
+        ("since", pa.int32()),
+        ("options", pa.string()),
+        ("policies", pa.string()),
+        ("turns", pa.int32()),
+        ("end", pa.string()),
+        ("error", pa.string()),
+        ("endings", pa.string()),
+        ("action_types", pa.string()),
+        ("fingerprint", pa.string()),
+        ("info_fingerprint", pa.string()),
+    ]
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Encoded:
+    """Record batches of buffered turns, in the order in which they are written; None if empty."""
+
+    starts: pa.RecordBatch | None
+    steps: pa.RecordBatch | None
+    states: pa.RecordBatch | None
+    timings: pa.RecordBatch | None
+    ends: pa.RecordBatch | None
+
+    def in_order(self) -> Iterator[tuple[str, pa.RecordBatch]]:
+        """The streams and batches there are, so that no row is written before what it hangs on."""
+        streams = ("episodes", self.starts), ("agent_steps", self.steps), ("states", self.states)
+        for name, batch in (*streams, ("timings", self.timings), ("episodes", self.ends)):
+            if batch is not None:
+                yield name, batch
+
+
+@dataclass(slots=True)
+class Encoder:
+    """Turns buffered turns into record batches, one after the other.
+
+    `level` "digest" writes the digests of rows in place of their observations. `volatile` names the
+    info fields that stay out of the info fingerprint. `hasher` is a faster way to hash rows.
+    """
+
+    layout: Layout
+    open_large: Opener
+    level: str = "full"
+    volatile: Collection[str] = ()
+    hasher: Hasher | None = None
+    _open: dict[int, EpisodeDigest] = field(default_factory=dict)
+
+    def encode_turns(self, buffered: BufferedTurns) -> Encoded:
+        """The batches of `buffered`."""
+        columns = columns_of(buffered, self.layout, open_large=self.open_large)
+        return replace(self.encode_columns(columns), timings=_timings(buffered))
+
+    def encode_columns(self, columns: Columns) -> Encoded:
+        """The batches of what is in columns already; without timings."""
+        for start in columns.starts:
+            self._open[start.episode] = EpisodeDigest(
+                episode_header(seed=start.seed, options=start.options)
+            )
+        block, states, steps = columns.rows, columns.states, None
+        if block is not None:
+            digests = row_digests(block, hasher=self.hasher)
+            for number, rows in _by_episode(block.episode):
+                self._open[number].add_rows(digests[rows])
+            if columns.steady_infos is None:
+                add_infos(self._open, block, self.volatile)
+            else:
+                _add_lines(self._open, block, columns.steady_infos)
+            steps = steps_batch(block, digests=digests if self.level == "digest" else None)
+        encoded_states = None if states is None else self._states(states)
+        ended = [self._open.pop(end.episode) for end in columns.ends]
+        return Encoded(
+            starts=_episodes(
+                columns.starts, ("episode", "task", "seed", "since", "options", "policies")
+            ),
+            steps=steps,
+            states=encoded_states,
+            timings=None,
+            ends=_episodes(
+                columns.ends,
+                ("episode", "turns", "end", "error", "endings", "action_types"),
+                fingerprint=[digest.fingerprint for digest in ended],
+                info_fingerprint=[digest.info_fingerprint for digest in ended],
+            ),
+        )
+
+    def _states(self, states: States) -> pa.RecordBatch:
+        digests = state_digests(states, hasher=self.hasher)
+        for number, turns in _by_episode(states.episode):
+            self._open[number].add_states(digests[turns])
+        columns = [
+            (pa.field("episode", pa.int32()), pa.array(states.episode)),
+            (pa.field("turn", pa.int32()), pa.array(states.turn)),
+            *(cells_field(column, cells) for column, cells in states.cells),
+            (pa.field("nonconforming", pa.string()), pa.array(states.nonconforming, pa.string())),
+        ]
+        fields, arrays = zip(*columns, strict=True)
+        return pa.RecordBatch.from_arrays(list(arrays), schema=pa.schema(list(fields)))
+
+
+def add_infos(episodes: dict[int, EpisodeDigest], block: Block, volatile: Collection[str]) -> None:
+    """Adds the infos of `block` to the info digests of their episodes."""
+    infos = block.info
+    if infos is None:
+        return
+    if not isinstance(infos, pa.Array):
+        if volatile:
+            infos = [without(info, volatile) for info in infos]
+        infos = pa.array(infos, pa.string())
+    if infos.null_count < len(infos):
+        _add_lines(episodes, block, infos)
+
+
+def _add_lines(episodes: dict[int, EpisodeDigest], block: Block, infos: pa.Array) -> None:
+    """Adds a line for each info that there is: turn, agent, text."""
+    turn, agent = pc.cast(pa.array(block.turn), pa.string()), names_array(block.agent)
+    # a row without an info gives a null, which takes no bytes: the lines of an episode adjoin
+    lines = pc.binary_join_element_wise(turn, "\0", agent, "\0", infos, "\n", "")
+    offsets = np.frombuffer(lines.buffers()[1], np.int32)
+    data = memoryview(lines.buffers()[2] or b"")
+    for number, rows in _by_episode(block.episode):
+        episodes[number].add_infos(data[offsets[rows.start] : offsets[rows.stop]])
+
+
+def _by_episode(episode: Any) -> Iterator[tuple[int, slice]]:
+    """Each episode in a sorted column, and its rows there."""
+    firsts = np.flatnonzero(np.diff(episode, prepend=-1)).tolist()
+    numbers = episode[firsts].tolist()
+    bounds = zip(firsts, [*firsts[1:], len(episode)], strict=True)
+    return zip(numbers, starmap(slice, bounds), strict=True)
+
+
+def state_digests(states: States, *, hasher: Hasher | None = None) -> Any:
+    """The digest of the state at every turn, [turns, 16]."""
+    count = len(states.turn)
+    fields = [DigestField("turn", "<i4", (), states.turn.view(np.uint8).reshape(count, 4))]
+    fields += [
+        cells_digest_field(column.tag, column.leaf.dtype, column.leaf.shape, cells)
+        for column, cells in states.cells
+    ]
+    fields.append(cells_digest_field("nonconforming", "", (), Text(states.nonconforming)))
+    return digest_fields(fields, count, hasher=hasher)
+
+
+def _episodes(
+    events: Sequence[EpisodeStart | EpisodeEnd], names: tuple[str, ...], **columns: list[Any]
+) -> pa.RecordBatch | None:
+    """Rows of episodes: attributes of `events` under `names`, and `columns`; the rest is null."""
+    if not events:
+        return None
+    columns |= {name: list(map(attrgetter(name), events)) for name in names}
+    arrays = [
+        pa.array(columns[field.name], field.type)
+        if field.name in columns
+        else pa.nulls(len(events), field.type)
+        for field in EPISODES
+    ]
+    return pa.RecordBatch.from_arrays(arrays, schema=EPISODES)
+
+
+def _timings(buffered: BufferedTurns) -> pa.RecordBatch | None:
+    wall_ns = buffered.turns[3::TURN]
+    stepped = [place for place, wall in enumerate(wall_ns) if wall is not None]
+    if not stepped:
+        return None
+    columns = buffered.turns[0::TURN], buffered.turns[1::TURN], wall_ns
+    kinds = pa.int32(), pa.int32(), pa.int64()
+    arrays = [
+        pa.array([c[place] for place in stepped], kind)
+        for c, kind in zip(columns, kinds, strict=True)
+    ]
+    return pa.RecordBatch.from_arrays(arrays, ["episode", "turn", "wall_ns"])

@@ -1,0 +1,275 @@
+"""Cross-play: cells by who sits where, gaps to the best response, and who gains by going first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+
+from gamekeeper.episodes.outcome import EACH, TEAM
+from gamekeeper.evaluation.episode_rows import RETURN, ROLE, Sheet
+from gamekeeper.evaluation.estimates import FloatArray, Judge
+from gamekeeper.evaluation.matchups import ZERO_SHOT, Checkpoint, Pairing
+from gamekeeper.evaluation.results import Ground
+from gamekeeper.evaluation.spec import EVERYONE, Spec
+
+Seated: TypeAlias = "tuple[tuple[str, str], ...]"
+"""Policies by seat."""
+OPTIMISTIC: Final = "the best was chosen on these same episodes, so its lead is overstated"
+
+
+@dataclass(frozen=True, slots=True)
+class CrossplayTable:
+    """Every line-up of an environment with its figures.
+
+    Attributes:
+        spec: of the evaluation.
+        ground: the environment.
+        seats: roles, agents, or `*` for the others.
+        pairings: who sits where, and the figures of it.
+        judge: makes the intervals.
+    """
+
+    spec: Spec
+    ground: Ground
+    seats: tuple[str, ...]
+    pairings: Sequence[tuple[Pairing, Sheet]]
+    judge: Judge
+
+    def seated(self, pairing: Pairing) -> dict[str, Checkpoint]:
+        """The sides by seat, also of who plays by itself."""
+        given = dict(pairing.sides)
+        return {seat: given.get(seat, given.get(EVERYONE, Checkpoint(""))) for seat in self.seats}
+
+    def value(self, sheet: Sheet, seat: str) -> FloatArray:
+        """[episodes] what counts in a seat: the team's return, else the seat's own."""
+        if self.ground.has_team:
+            return sheet.values(RETURN, TEAM, TEAM)
+        return self.of_seat(sheet, seat)
+
+    def of_seat(self, sheet: Sheet, seat: str) -> FloatArray:
+        """[episodes] the mean return of the agents in a seat."""
+        if seat in sheet.agents:
+            return sheet.values(RETURN, EACH, seat)
+        if seat != EVERYONE:
+            return sheet.values(RETURN, ROLE, seat)
+        rest = [
+            place
+            for place, (agent, role) in enumerate(zip(sheet.agents, sheet.roles, strict=True))
+            if not {agent, role} & set(self.seats)
+        ]
+        returns = sheet.column(RETURN)[:, rest]
+        return np.asarray(np.nanmean(returns, axis=1)) if rest else np.full(len(returns), np.nan)
+
+    def cells(self) -> dict[tuple[Seated, str], list[tuple[Pairing, Sheet]]]:
+        """The line-ups by the policies in their seats and by their kind."""
+        found: dict[tuple[Seated, str], list[tuple[Pairing, Sheet]]] = {}
+        for pairing, sheet in self.pairings:
+            seated = tuple((seat, side.policy) for seat, side in self.seated(pairing).items())
+            found.setdefault((seated, pairing.kind), []).append((pairing, sheet))
+        return found
+
+
+def crossplay_of(table: CrossplayTable) -> dict[str, Any]:
+    """The cross-play of an environment, as the document has it."""
+    ego = TEAM if table.ground.has_team else table.seats[0]
+    return {
+        "roles": list(table.seats),
+        "policies": list(table.spec.policies),
+        "metric": RETURN,
+        "who": ego,
+        "cells": [
+            _cell(table, dict(seated), kind, members)
+            for (seated, kind), members in table.cells().items()
+        ],
+        "best_response": _best_responses(table),
+        "fairness": _fairness(table),
+    }
+
+
+def _cell(
+    table: CrossplayTable,
+    seated: Mapping[str, str],
+    kind: str,
+    members: Sequence[tuple[Pairing, Sheet]],
+) -> dict[str, Any]:
+    seat = table.seats[0]
+    values = [table.value(sheet, seat) for _, sheet in members]
+    name = ["crossplay", table.ground.name, *seated.values(), kind]
+    of = f"{' with '.join(dict.fromkeys(seated.values()))} in {table.ground.name}"
+    methods = [p for p in dict.fromkeys(seated.values()) if table.spec.policies[p].is_method]
+    if not methods:
+        found, n = table.judge.episodes(values[0], "mean", of=of, name=name), len(values[0])
+    elif len(methods) == 1 and kind != ZERO_SHOT:
+        by_run = _by_run(table, methods[0], members, values)
+        found, n = table.judge.runs(list(by_run.values()), "mean", of=of, name=name), len(by_run)
+    else:
+        runs = [_by_run(table, method, members, values) for method in methods]
+        scores = [[float(np.nanmean(each)) for each in one.values()] for one in runs]
+        times = _times(min(map(len, scores)), table.spec.crossplay.sample, kind)
+        found = table.judge.meetings(scores, times=times, of=of)
+        n = min(map(len, scores))
+    mean = found or {"value": None, "low": None, "high": None}
+    return {
+        "roles": dict(seated),
+        "kind": kind,
+        "n": n,
+        "unit": "run" if methods else "episode",
+        "pairings": len(members),
+        "episodes": sum(len(sheet.episodes) for _, sheet in members),
+        "mean": mean["value"],
+        "low": mean["low"],
+        "high": mean["high"],
+        "by_role": {seat: _mean([table.of_seat(s, seat) for _, s in members]) for seat in seated},
+    }
+
+
+def _times(runs: int, sample: int | None, kind: str) -> float:
+    """By how much a run's mean over its meetings is to be enlarged to be its part of the mean.
+
+    Two of its own method sit in two seats: twice. Where all meet, its partners' mean lacks only
+    itself, and so draws its mean towards the others'.
+    """
+    if kind != ZERO_SHOT:
+        return 1.0
+    return 2.0 * (runs - 1) / (runs - 2) if sample is None and runs > 2 else 2.0
+
+
+def _by_run(
+    table: CrossplayTable,
+    method: str,
+    members: Sequence[tuple[Pairing, Sheet]],
+    values: Sequence[FloatArray],
+) -> dict[int, FloatArray]:
+    """[episodes] of each run of a method, the mean over the line-ups that it stands in."""
+    found: dict[int, list[FloatArray]] = {}
+    for (pairing, _), figures in zip(members, values, strict=True):
+        for side in dict.fromkeys(table.seated(pairing).values()):
+            if side.policy == method:
+                found.setdefault(side.run, []).append(figures)
+    return {run: np.asarray(np.mean(np.stack(each), axis=0)) for run, each in found.items()}
+
+
+def _best_responses(table: CrossplayTable) -> list[dict[str, Any]]:
+    """Against every fixed opponent in all other seats: the best policy, and how far others are."""
+    cells, found = table.cells(), []
+    fixed = [name for name, each in table.spec.policies.items() if not each.is_method]
+    if not fixed:
+        table.judge.refuse(
+            "best responses",
+            "no opponent is fixed: every policy is a method of several runs",
+            table.ground.name,
+        )
+    for seat in table.seats:
+        for opponent in fixed:
+            candidates: dict[str, list[FloatArray]] = {}
+            for (seated, kind), members in cells.items():
+                by_seat = dict(seated)
+                policy = by_seat.pop(seat)
+                if set(by_seat.values()) == {opponent} and kind != ZERO_SHOT:
+                    values = [table.value(sheet, seat) for _, sheet in members]
+                    candidates[policy] = list(_by_run(table, policy, members, values).values())
+            if len(candidates) > 1:
+                found.append(_best(table, seat, opponent, candidates))
+    return found
+
+
+def _best(
+    table: CrossplayTable, seat: str, opponent: str, candidates: Mapping[str, list[FloatArray]]
+) -> dict[str, Any]:
+    means = {name: float(np.nanmean(np.stack(runs))) for name, runs in candidates.items()}
+    best = max(means, key=lambda name: means[name])
+    gap: dict[str, Any] = {}
+    for name, runs in candidates.items():
+        if name == best:
+            continue
+        of = f"{best} and {name} in {table.ground.name}"
+        key = ["best response", table.ground.name, seat, opponent, best, name]
+        if len(runs) == len(candidates[best]) == 1:
+            gap[name], _, _ = table.judge.paired(candidates[best][0], runs[0], of=of, name=key)
+        else:
+            gap[name], _, _ = table.judge.between_runs(candidates[best], runs, of=of, name=key)
+    others = {other: opponent for other in table.seats if other != seat}
+    return {
+        "role": seat,
+        "against": others,
+        "policy": best,
+        "value": means[best],
+        "gap": gap,
+        "note": OPTIMISTIC,
+    }
+
+
+def _fairness(table: CrossplayTable) -> list[dict[str, Any]]:
+    """Both ways of sitting on the same seeds, where two seats play against one another."""
+    if table.ground.has_team or len(table.seats) != 2:
+        return []
+    by_sides = {tuple(table.seated(p).values()): sheet for p, sheet in table.pairings}
+    pairs = dict.fromkeys(tuple(sorted(sides)) for sides in by_sides)
+    found: dict[tuple[str, str], list[tuple[Sheet, Sheet]]] = {}
+    for a, b in pairs:
+        if (a, b) in by_sides and (b, a) in by_sides:
+            found.setdefault((a.policy, b.policy), []).append((by_sides[a, b], by_sides[b, a]))
+    return [_swapped(table, pair, both) for pair, both in found.items()]
+
+
+def both_ways(table: CrossplayTable) -> dict[tuple[str, str], tuple[FloatArray, FloatArray]]:
+    """[episodes] the mean returns of two checkpoints that met both ways on the same seeds."""
+    if table.ground.has_team or len(table.seats) != 2:
+        return {}
+    first, second = table.seats
+    by_sides = {tuple(table.seated(p).values()): sheet for p, sheet in table.pairings}
+    found = {}
+    for (a, b), there in by_sides.items():
+        back = by_sides.get((b, a))
+        is_method = any(table.spec.policies[side.policy].is_method for side in (a, b))
+        if back is None or a == b or is_method:
+            continue
+        ones = (table.of_seat(there, first) + table.of_seat(back, second)) / 2
+        twos = (table.of_seat(there, second) + table.of_seat(back, first)) / 2
+        found[a.policy, b.policy] = (ones, twos)
+    return found
+
+
+def _swapped(
+    table: CrossplayTable, pair: tuple[str, str], meetings: Sequence[tuple[Sheet, Sheet]]
+) -> dict[str, Any]:
+    first, second = table.seats
+    leads, ones, twos = [], [], []
+    for there, back in meetings:  # a sits first there, second on the way back
+        x1, x2 = table.of_seat(there, first), table.of_seat(there, second)
+        y1, y2 = table.of_seat(back, first), table.of_seat(back, second)
+        leads.append((x1 - x2 + y1 - y2) / 2)
+        ones.append((x1 + y2) / 2)
+        twos.append((x2 + y1) / 2)
+    name = ["fairness", table.ground.name, *pair]
+    of = f"{' and '.join(dict.fromkeys(pair))} in {table.ground.name}"
+    row: dict[str, Any] = {
+        "policies": list(pair),
+        "roles": [first, second],
+        "n": len(leads[0]),
+        "meetings": len(meetings),
+        "means": {pair[1]: _mean(twos), pair[0]: _mean(ones)},
+        "first_mover": None,
+        "difference": None,
+    }
+    if len(meetings) == 1:
+        row["first_mover"] = table.judge.episodes(leads[0], "mean", of=of, name=name)
+        if pair[0] != pair[1]:
+            row["difference"], _, _ = table.judge.paired(ones[0], twos[0], of=of, name=name)
+        return row
+    value = {"value": _mean(leads), "low": None, "high": None, "method": None}
+    table.judge.refuse(
+        "interval of the first seat's lead",
+        "runs of methods meet one another: their meetings share runs, so they aren't a sample",
+        of,
+    )
+    return {**row, "first_mover": value}
+
+
+def _mean(values: Sequence[FloatArray]) -> float | None:
+    there = np.concatenate(list(values))
+    there = there[~np.isnan(there)]
+    return float(there.mean()) if len(there) else None

@@ -1,0 +1,182 @@
+"""Result of an evaluation, as frozen data: the document that others read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from html import escape
+from typing import Any, Final
+
+import numpy as np
+
+from gamekeeper.episodes.outcome import TEAM
+from gamekeeper.episodes.plain_json import legible
+from gamekeeper.errors import EvidenceError
+from gamekeeper.evaluation.episode_rows import RETURN, SUCCESS, Sheet
+from gamekeeper.evaluation.results import Ground, Whom
+from gamekeeper.evaluation.spec import Spec
+
+KIND: Final = "evaluation"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evaluation:
+    """Results with their intervals, comparisons, cross-play, and what was refused and why.
+
+    Attributes:
+        name: of the evaluation.
+        suite: id, version and fingerprint of the suite that it is of; None where it is of none.
+        seed: of the run.
+        level: of all intervals.
+        environments: by name: spec, arguments, digest, version, API, roles.
+        policies: by name: how many runs, their digests, whether it is a method.
+        results: a row for each environment, policy, run (None: over runs), whom and metric.
+        comparisons: pairs of policies on the same seeds.
+        overall: over all environments: aggregates of scores that share a scale, and who is above.
+        crossplay: by environment: cells, best responses, fairness.
+        stopping: how it was decided that enough was played; None: by number.
+        refused: what isn't claimed, and why.
+        claims: what may be said, in words.
+        episodes: how many each line-up played.
+        fingerprint: of the raw episodes.
+        evidence: runs of line-ups, where they were kept.
+        commands: how to have it again.
+    """
+
+    name: str
+    suite: Mapping[str, Any] | None = None
+    seed: int = 0
+    level: float = 0.95
+    environments: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    policies: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    results: tuple[Mapping[str, Any], ...] = ()
+    comparisons: tuple[Mapping[str, Any], ...] = ()
+    overall: Mapping[str, Any] = field(default_factory=dict)
+    crossplay: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    stopping: Mapping[str, Any] | None = None
+    refused: tuple[Mapping[str, str], ...] = ()
+    claims: tuple[str, ...] = ()
+    episodes: int = 0
+    fingerprint: str = ""
+    evidence: tuple[Mapping[str, Any], ...] = ()
+    commands: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """The document that `gamekeeper evaluate --json` prints."""
+        found = {each.name: getattr(self, each.name) for each in fields(self)}
+        lists = {name: list(value) for name, value in found.items() if isinstance(value, tuple)}
+        return {"kind": KIND, **found, **lists}
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Evaluation:
+        """Inverse of `to_json`.
+
+        Raises:
+            EvidenceError: it is another document.
+        """
+        kind = data.get("kind") if isinstance(data, Mapping) else data
+        if kind != KIND or "name" not in data:
+            raise EvidenceError(
+                "this is no evaluation",
+                expected=f'"kind": "{KIND}"',
+                actual=repr(kind)[:80],
+                fix="name the document that gamekeeper evaluate wrote",
+            )
+        known = {each.name for each in fields(cls)}
+        given: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value
+            for name, value in data.items()
+            if name in known
+        }
+        return cls(**given)
+
+    @legible
+    def rows(self) -> list[list[str]]:
+        """A heading and a row for each policy and whom its return is of, as texts."""
+        head = ["environment", "policy", "of", "return", "interval", "success"]
+        return [head, *(_texts(row) for row in self.results if is_headline(row))]
+
+    @legible
+    def __str__(self) -> str:
+        rows = self.rows()
+        widths = [max(len(row[place]) for row in rows) for place in range(len(rows[0]))]
+        table = [
+            "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
+            for row in rows
+        ]
+        return "\n".join([*table, "", *self.claims])
+
+    @legible
+    def _repr_html_(self) -> str:
+        head, *rows = self.rows()
+        heading = "".join(f"<th>{escape(text)}</th>" for text in head)
+        body = "".join(
+            "<tr>" + "".join(f"<td>{escape(text)}</td>" for text in row) + "</tr>" for row in rows
+        )
+        said = "".join(f"<li>{escape(text)}</li>" for text in self.claims)
+        table = f"<table><thead><tr>{heading}</tr></thead><tbody>{body}</tbody></table>"
+        return f"{table}<ul>{said}</ul>"
+
+
+def is_headline(row: Mapping[str, Any]) -> bool:
+    """True for a row about the return of the team or of a role."""
+    return bool(row["metric"] == "return" and row["scope"] != "agent")
+
+
+def _texts(row: Mapping[str, Any]) -> list[str]:
+    mean, success = row["mean"], row["success"]
+    interval = "-"
+    if mean is not None and mean["low"] is not None:
+        interval = f"{mean['low']:.3f} to {mean['high']:.3f}"
+    run = "" if row["run"] is None else f"#{row['run']}"
+    return [
+        row["environment"],
+        f"{row['policy']}{run}",
+        row["who"],
+        "-" if mean is None else f"{mean['value']:.3f}",
+        interval,
+        "-" if success is None else f"{success['p']:.0%}",
+    ]
+
+
+STEP: Final = "step_0"
+PART: Final = 10
+"""marl-eval's absolute metrics hold ten times the episodes of a step."""
+
+
+def marl_eval_of(spec: Spec, grounds: Sequence[Ground]) -> dict[str, Any]:
+    """The document: one step with a tenth of the episodes, and all of them as absolute metrics.
+
+    The environment is the evaluation, its tasks are the environments here, algorithms the policies.
+    How long a policy was trained isn't known here, so `step_count` is 0.
+    """
+    tasks: dict[str, Any] = {}
+    for ground in grounds:
+        algorithms: dict[str, Any] = {}
+        for name in spec.policies:
+            runs = ground.runs_of(name)
+            if runs:
+                algorithms[name] = {
+                    f"run_{number}": _run(ground, sheet) for number, sheet in enumerate(runs)
+                }
+        tasks[ground.name] = algorithms
+    return {spec.name: tasks}
+
+
+def _run(ground: Ground, sheet: Sheet) -> dict[str, Any]:
+    whole = {
+        name: [float(value) for value in values]
+        for whom in ground.compared
+        for metric in (RETURN, SUCCESS)
+        if metric == SUCCESS or whom.scope != TEAM or ground.has_team
+        for name, values in (_metric(sheet, whom, metric),)
+        if len(values)
+    }
+    few = {name: values[: max(len(values) // PART, 1)] for name, values in whole.items()}
+    return {STEP: {"step_count": 0, **few}, "absolute_metrics": whole}
+
+
+def _metric(sheet: Sheet, whom: Whom, metric: str) -> tuple[str, Any]:
+    values = sheet.values(metric, whom.scope, whom.name)
+    name = metric if whom.scope == TEAM else f"{metric}_{whom.name}"
+    return name, values[~np.isnan(values)]

@@ -1,0 +1,389 @@
+"""The front of evaluation: a specification in, results with their intervals and claims out."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from typing import Any, Final
+
+import pyarrow as pa
+
+from gamekeeper.episodes.plain_json import finite
+from gamekeeper.errors import EvidenceError, RunError
+from gamekeeper.evaluation.comparisons import claims_of, comparisons_of
+from gamekeeper.evaluation.crossplay import CrossplayTable, crossplay_of
+from gamekeeper.evaluation.episode_rows import SUCCESS, Sheet, sheets_of
+from gamekeeper.evaluation.estimates import Judge, Stopping
+from gamekeeper.evaluation.evaluation import Evaluation, marl_eval_of
+from gamekeeper.evaluation.execution import SILENCE_S, EvaluationRun, InProcessExecutor
+from gamekeeper.evaluation.inspection import Inspection
+from gamekeeper.evaluation.matchups import SELF, Match, matches_of, settle_plan
+from gamekeeper.evaluation.results import Ground, has_team, overall_of, results_of
+from gamekeeper.evaluation.spec import Spec, plain_of
+from gamekeeper.evaluation.suites import (
+    check_pins,
+    command_of,
+    fingerprint_of,
+    refuse_copies,
+    refuse_role_names,
+    refuse_unpinned,
+    spec_of,
+)
+from gamekeeper.evaluation.worker_tasks import EPISODES
+from gamekeeper.rollouts.executors import executor_of
+from gamekeeper.rollouts.executors.storage import Storage
+from gamekeeper.rollouts.executors.task import Executor, Limits
+
+RESULT: Final = "evaluation.json"
+RESULT_BYTES: Final = 1 << 28
+
+
+def evaluate(
+    spec: object,
+    /,
+    *,
+    policies: Mapping[str, Any] | None = None,
+    episodes: int | None = None,
+    seed: int | None = None,
+    crossplay: bool | Mapping[str, Any] | None = None,
+    env_kwargs: Mapping[str, Any] | None = None,
+    contract: Any = None,
+    record: str | None = None,
+    out: str | PathLike[str] | None = None,
+    storage: str | PathLike[str] | None = None,
+    workers: int = 0,
+    executor: str | Executor = "local",
+    unpinned: bool = False,
+    marl_eval: str | PathLike[str] | None = None,
+    timeout_s: float | None = SILENCE_S,
+    on_message: Callable[[dict[str, Any]], None] | None = None,
+    on_note: Callable[[str], None] | None = None,
+) -> Evaluation:
+    """Policies side by side on the same seeds, with intervals that claim no more than was seen.
+
+    Every policy plays the same episodes, with the same random streams. Figures stand for the team,
+    for roles whose agents are interchangeable and for every agent. The unit is the episode for a
+    checkpoint, the training run for a method of several; agents of one episode are never a sample.
+
+    Args:
+        spec: a TOML file, a suite's name or id, plain data; else what opens an environment.
+        policies: by name: a policy, policies by role, or a list of a method's training runs.
+        episodes: that everybody plays.
+        seed: of the run.
+        crossplay: every policy in every seat with every partner; or its section as plain data.
+        env_kwargs, contract: of an environment.
+        record: `digest` or `full` keeps evidence of every line-up.
+        out: a folder for the raw episodes and the results; a second call goes on there.
+        storage: a folder or URL for parts and raw episodes, in place of `out`.
+        workers: processes that play; 0: this one.
+        executor: `local`, `ray`, `ray:ADDRESS`, or an executor.
+        unpinned: goes on where what is installed isn't what a suite pins, and says so.
+        marl_eval: a file for raw scores in marl-eval's layout.
+        timeout_s: longest time without a turn in a worker.
+        on_message: called with `{"episode", "episodes", "turns"}` as they are played.
+        on_note: called with what was stale and why, and how much was played.
+    Raises:
+        SpecError: the specification, or an environment, can't be read or opened; or what is
+            installed isn't what a suite pins.
+        PolicyError: a policy can't be found.
+        EvidenceError: what is asked for is no evidence, or cross-play has too many line-ups.
+        RunError: something else lies in `out`, or a file can't be written.
+        EnvError: a worker process died or hung; what was played until then is kept.
+    """
+    changed: dict[str, Any] = {"episodes": episodes, "seed": seed, "crossplay": crossplay}
+    places: dict[str, Any] = {"record": record, "env_kwargs": env_kwargs, "contract": contract}
+    whole = spec_of(spec, policies=policies, **changed, **places)
+    command = command_of(spec, whole, changed)
+    note = on_note or (lambda text: None)
+    with ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory()) if out is None else out
+        is_here = workers == 0 and executor == "local"
+        player = _executor(executor, workers)
+        if isinstance(executor, str):
+            stack.enter_context(player)
+        limits, take = Limits(silence_s=timeout_s), on_message or (lambda fields: None)
+        course = EvaluationRun(whole, player, is_here, Storage.at(storage or folder), limits, take)
+        found, grounds = _evaluated(whole, course, note, unpinned=unpinned)
+        found = replace(found, commands=() if command is None else (command,))
+        text = json.dumps(finite(found.to_json()), indent=1, allow_nan=False) + "\n"
+        course.storage.put(RESULT, text.encode())
+        if storage is not None and out is not None:
+            Storage.at(out).put(RESULT, text.encode())
+            Storage.at(out).put(EPISODES, course.storage.get(EPISODES))
+        if marl_eval is not None:
+            _write(Path(marl_eval), json.dumps(marl_eval_of(whole, grounds), indent=1) + "\n")
+    return Evaluation.from_json(finite(found.to_json()))
+
+
+def _write(path: Path, text: str) -> None:
+    """Writes raw scores, over earlier ones.
+
+    Raises:
+        RunError: they can't be written there.
+    """
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise RunError(
+            "the raw scores can't be written",
+            where=str(path)[:200],
+            actual=error.strerror or str(error),
+            fix="name a file in a folder that you may write to; with --out, nothing is played "
+            "again",
+        ) from None
+
+
+def looked_at(
+    spec: object, *, timeout_s: float | None = SILENCE_S
+) -> tuple[Spec, dict[str, Inspection]]:
+    """A specification, and what its environments and policies are as they are installed here.
+
+    Raises:
+        SpecError: it can't be read, or an environment can't be opened.
+        PolicyError: a policy can't be found.
+    """
+    whole = spec_of(spec)
+    with tempfile.TemporaryDirectory() as folder, executor_of("local", 1) as player:
+        course = EvaluationRun(
+            whole,
+            player,
+            False,
+            Storage.at(folder),
+            Limits(silence_s=timeout_s),
+            lambda fields: None,
+        )
+        return whole, course.looks()
+
+
+def load_evaluation(folder: str | PathLike[str]) -> Evaluation:
+    """The evaluation that a folder keeps.
+
+    Raises:
+        RunError: there is none.
+        EvidenceError: the document there is another.
+    """
+    text = Storage.at(folder).get(RESULT, most_bytes=RESULT_BYTES)
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise EvidenceError(
+            "this is no evaluation",
+            where=str(folder),
+            expected="a JSON object",
+            actual=str(error)[:200],
+            fix="name a folder that gamekeeper evaluate wrote",
+        ) from error
+    return Evaluation.from_json(document)
+
+
+def _executor(executor: str | Executor, workers: int) -> Executor:
+    if not isinstance(executor, str):
+        return executor
+    return (
+        InProcessExecutor()
+        if workers == 0 and executor == "local"
+        else executor_of(executor, workers or None)
+    )
+
+
+def _evaluated(
+    spec: Spec, course: EvaluationRun, note: Callable[[str], None], *, unpinned: bool
+) -> tuple[Evaluation, list[Ground]]:
+    """Plays what is missing and judges everything."""
+    looks = course.looks()
+    refuse_copies(spec, looks)
+    refuse_role_names(spec, looks)
+    strange = check_pins(spec, looks)
+    if not unpinned:
+        refuse_unpinned(spec, strange)
+    matches = matches_of(spec, looks, is_here=course.is_here)
+    for text in settle_plan(spec, looks, course.storage):
+        note(text)
+    stopping = None if spec.stop is None else Stopping(spec, looks)
+    episodes, parts = _played(spec, course, matches, stopping)
+    note(f"{parts} parts were played" if parts else "nothing was to be played: all of it was there")
+    table, told = course.merge(matches, episodes)
+    evidence = course.keep(matches, episodes) if spec.record else []
+    judge = Judge(spec.level, spec.seed)
+    sheets = sheets_of(table)
+    grounds = _grounds(spec, looks, matches, sheets)
+    results = [row for ground in grounds for row in results_of(spec, ground, judge)]
+    stopped = None if stopping is None else stopping.to_json(episodes)
+    tables = _tables(spec, grounds, matches, sheets, judge)
+    comparisons = comparisons_of(spec, grounds, tables, judge)
+    crossed = {name: crossplay_of(table) for name, table in tables.items()}
+    overall = overall_of(spec, grounds, judge)
+    _refuse_unrepeated(judge, evidence)
+    claims = claims_of(
+        spec,
+        episodes=episodes,
+        stopping=stopped,
+        comparisons=comparisons,
+        crossplay=crossed,
+        errors=told["errors"],
+        unpinned=strange,
+    )
+    found = Evaluation(
+        name=spec.name,
+        suite=_suite(spec, looks, strange),
+        seed=spec.seed,
+        level=spec.level,
+        environments=_environments(spec, looks),
+        policies=_policies(spec, looks),
+        results=tuple(_with_sequences(results, stopped)),
+        comparisons=tuple(comparisons),
+        overall=overall,
+        crossplay=crossed,
+        stopping=stopped,
+        refused=tuple(judge.refused),
+        claims=tuple(claims),
+        episodes=episodes,
+        fingerprint=told["fingerprint"],
+        evidence=tuple(evidence),
+    )
+    return found, grounds
+
+
+def _refuse_unrepeated(judge: Judge, evidence: Sequence[Mapping[str, Any]]) -> None:
+    for row in evidence:
+        if row["differs"]:
+            judge.refuse(
+                "evidence of line-ups",
+                f"{row['differs']} episodes came out otherwise when they "
+                "were recorded: the environment or a policy doesn't repeat itself",
+                f"{row['pairing']} in {row['environment']}",
+            )
+
+
+def _played(
+    spec: Spec, course: EvaluationRun, matches: Sequence[Match], stopping: Stopping | None
+) -> tuple[int, int]:
+    """Number of episodes that all policies played, and of missing parts."""
+    parts, last = course.play(matches, 0, spec.episodes), spec.episodes
+    if stopping is None or spec.stop is None:
+        return last, parts
+    first = 0
+    alone = [match for match in matches if match.pairing.kind == SELF]
+    while True:
+        table, _ = course.merge(alone, last)
+        for match in alone:
+            sheet = sheets_of(_since(table, match, first))[match.environment, match.pairing.name]
+            side = match.pairing.side
+            assert side is not None, "who plays by itself has one side"
+            stopping.take(match.environment, side, sheet)
+        if stopping.is_enough() or last >= spec.stop.most:
+            return last, parts
+        first, last = last, min(last + spec.stop.every, spec.stop.most)
+        parts += course.play(matches, first, last)
+
+
+def _since(table: pa.Table, match: Match, first: int) -> pa.Table:
+    """A line-up's rows from an episode on."""
+    import pyarrow.compute as pc
+
+    is_its = pc.and_(
+        pc.equal(table["environment"], match.environment),
+        pc.equal(table["pairing"], match.pairing.name),
+    )
+    return table.filter(pc.and_(is_its, pc.greater_equal(table["episode"], first)))
+
+
+def _grounds(
+    spec: Spec,
+    looks: Mapping[str, Inspection],
+    matches: Sequence[Match],
+    sheets: Mapping[tuple[str, str], Sheet],
+) -> list[Ground]:
+    found = []
+    for name, look in looks.items():
+        mine = {
+            match.pairing.side: sheets[name, match.pairing.name]
+            for match in matches
+            if match.environment == name and match.pairing.side is not None
+        }
+        found.append(Ground(name, look, has_team(spec, name, look, mine.values()), mine))
+    return found
+
+
+def _tables(
+    spec: Spec,
+    grounds: Sequence[Ground],
+    matches: Sequence[Match],
+    sheets: Mapping[tuple[str, str], Sheet],
+    judge: Judge,
+) -> dict[str, CrossplayTable]:
+    """Cross-play by environment; of those that have any."""
+    found = {}
+    for ground in grounds:
+        mine = [match for match in matches if match.environment == ground.name]
+        seats = next((match.seats for match in mine), ())
+        if spec.crossplay.enabled and seats:
+            pairings = [(each.pairing, sheets[ground.name, each.pairing.name]) for each in mine]
+            found[ground.name] = CrossplayTable(spec, ground, seats, pairings, judge)
+    return found
+
+
+def _suite(
+    spec: Spec, looks: Mapping[str, Inspection], strange: Sequence[str]
+) -> dict[str, Any] | None:
+    if spec.suite is None:
+        return None
+    suite = {"id": spec.suite[0], "version": spec.suite[1]}
+    return {**suite, "fingerprint": fingerprint_of(spec, looks), "unpinned": list(strange)}
+
+
+def _environments(spec: Spec, looks: Mapping[str, Inspection]) -> dict[str, Any]:
+    return {
+        name: {
+            "spec": plain_of(each.spec),
+            "kwargs": plain_of(dict(each.kwargs)),
+            "options": plain_of(each.options),
+            "digest": looks[name].digest,
+            "version": looks[name].version,
+            "api": looks[name].api,
+            "roles": list(looks[name].role_names),
+            "agents": dict(looks[name].roles),
+        }
+        for name, each in spec.environments.items()
+    }
+
+
+def _policies(spec: Spec, looks: Mapping[str, Inspection]) -> dict[str, Any]:
+    found = {}
+    for name, policy in spec.policies.items():
+        by_environment = {e: list(look.policies.get(name, ())) for e, look in looks.items()}
+        found[name] = {
+            "runs": max((len(each) for each in by_environment.values()), default=0),
+            "digests": list(dict.fromkeys(d for each in by_environment.values() for d in each)),
+            "is_method": policy.is_method,
+            "version": policy.version,
+            "files": list(policy.files),
+            "choices": [plain_of(dict(each)) for each in policy.runs],
+            "by_environment": by_environment,
+        }
+    return found
+
+
+def _with_sequences(
+    rows: Sequence[dict[str, Any]], stopped: Mapping[str, Any] | None
+) -> list[dict[str, Any]]:
+    """The rows, with intervals that allow for stopping where it went by their figure."""
+    if stopped is None:
+        return list(rows)
+    known = {(s["environment"], s["policy"], s["run"]): s for s in stopped["sequences"]}
+    found = []
+    for row in rows:
+        sequence = known.get((row["environment"], row["policy"], row["run"]))
+        if sequence is not None and row["who"] == stopped["who"]:
+            bounds = {key: sequence[key] for key in ("low", "high")}
+            if row["metric"] == stopped["metric"] and row["mean"] is not None:
+                row = {**row, "mean": {**row["mean"], **bounds, "method": sequence["method"]}}
+            if stopped["metric"] == SUCCESS and row["success"]:
+                row = {**row, "success": {**row["success"], **bounds}}
+        found.append(row)
+    return found

@@ -1,0 +1,374 @@
+"""Line-ups: every policy by itself, and in every place with every partner."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, TypeAlias
+
+from gamekeeper.errors import EvidenceError, PolicyError, RunError
+from gamekeeper.evaluation.inspection import Inspection, choices_of, digest_of, env_step, opening_of
+from gamekeeper.evaluation.spec import EVERYONE, MOST_CELLS, Choices, Spec
+from gamekeeper.evaluation.worker_tasks import PARTS, PLAY
+from gamekeeper.rollouts.executors.storage import Storage
+from gamekeeper.rollouts.executors.task import WorkTask
+
+SELF, ZERO_SHOT, FIXED = "self", "zero-shot", "fixed"
+"""Kinds of line-ups: one run in all seats; runs of one method; policies with others."""
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Checkpoint:
+    """One checkpoint: a policy by its name, and which of its training runs."""
+
+    policy: str
+    run: int = 0
+
+
+Sides: TypeAlias = "tuple[tuple[str, Checkpoint], ...]"
+
+
+@dataclass(frozen=True, slots=True)
+class Pairing:
+    """Line-up of one match.
+
+    Attributes:
+        name: as the raw episodes call it: `mappo#0`, or `picker=mappo#0 carrier=random`.
+        sides: by seat; of a policy that plays by itself, under `*`.
+        choices: the policies by agent, role, or under `*`.
+    """
+
+    name: str
+    sides: Sides
+    choices: Choices
+
+    @property
+    def side(self) -> Checkpoint | None:
+        """The one checkpoint in all seats; None where several meet."""
+        found = {side for _, side in self.sides}
+        return found.pop() if len(found) == 1 else None
+
+    @property
+    def kind(self) -> str:
+        """Self-play, partners of the same method, or others."""
+        if self.side is not None:
+            return SELF
+        return ZERO_SHOT if len({side.policy for _, side in self.sides}) == 1 else FIXED
+
+    def side_of(self, agent: str, role: str) -> Checkpoint:
+        """Policy of an agent."""
+        by_seat = dict(self.sides)
+        for seat in (agent, role, EVERYONE):
+            if seat in by_seat:
+                return by_seat[seat]
+        raise KeyError(agent)  # seats cover everybody: `seats_of` has seen to it
+
+
+def by_themselves(spec: Spec, environment: str) -> list[Pairing]:
+    """Every policy's every run in all seats."""
+    return [
+        Pairing(shown(spec, side), ((EVERYONE, side),), choices_of(choices, spec))
+        for name, policy in spec.policies.items()
+        for run, choices in enumerate(policy.runs_in(environment))
+        for side in (Checkpoint(name, run),)
+    ]
+
+
+def shown(spec: Spec, side: Checkpoint) -> str:
+    """A side's name: with the number of its run where it is of a method."""
+    return f"{side.policy}#{side.run}" if spec.policies[side.policy].is_method else side.policy
+
+
+def seats_of(spec: Spec, environment: str, look: Inspection) -> tuple[str, ...]:
+    """The seats of an environment, of which every agent has one.
+
+    Its roles, where there are several; its two agents; or one agent and all others.
+
+    Raises:
+        EvidenceError: an agent has no seat, or there is only one.
+    """
+    asked = spec.crossplay.roles.get(environment, spec.crossplay.roles.get(EVERYONE))
+    agents, roles = list(look.roles), list(look.role_names)
+    if asked is None:
+        several = tuple(roles) if len(roles) > 1 else tuple(agents)
+        asked = several if len(several) <= max(len(roles), 2) else (agents[0], EVERYONE)
+    known = {*agents, *roles, EVERYONE}
+    seatless = [a for a, r in look.roles.items() if not {a, r, EVERYONE} & set(asked)]
+    strange = [seat for seat in asked if seat not in known]
+    if len(asked) < 2 or strange or seatless:
+        raise EvidenceError(
+            "the seats of cross-play don't fit the environment",
+            where=f"crossplay.roles, {environment}",
+            expected=f"at least two of {', '.join([*roles, *agents, EVERYONE])}, for everybody",
+            actual=", ".join(asked) or "none",
+            fix=f"name a seat for {', '.join(seatless)}, or '*'" if seatless else "",
+        )
+    return asked
+
+
+def crossed(
+    spec: Spec, environment: str, look: Inspection, seats: tuple[str, ...]
+) -> list[Pairing]:
+    """Every policy in every seat with every partner in all other seats; nobody alone.
+
+    Raises:
+        EvidenceError: there are more than `MOST_CELLS`.
+        PolicyError: a policy says nothing for a seat.
+    """
+    found: dict[Sides, None] = {}
+    for a, b in _meetings(spec, environment):
+        for seat in seats:
+            sides = tuple((each, a if each == seat else b) for each in seats)
+            found.setdefault(sides)
+            if len(found) > MOST_CELLS:
+                raise EvidenceError(
+                    "cross-play has too many line-ups",
+                    where=f"crossplay, {environment}",
+                    expected=f"at most {MOST_CELLS:,}",
+                    actual="more",
+                    fix="name fewer [crossplay] partners, or pair each run with a few: sample = 3",
+                )
+    return [_pairing(spec, environment, look, sides) for sides in found]
+
+
+def _meetings(spec: Spec, environment: str) -> Iterator[tuple[Checkpoint, Checkpoint]]:
+    """Pairs of policies that meet, one in a place and the other in the rest."""
+    partners = spec.crossplay.partners or tuple(spec.policies)
+    counts = {name: len(each.runs_in(environment)) for name, each in spec.policies.items()}
+    for a, of_a in counts.items():
+        for b in partners:
+            for i, j in _runs(spec, a, b, of_a, counts[b]):
+                yield Checkpoint(a, i), Checkpoint(b, j)
+
+
+def _runs(spec: Spec, a: str, b: str, of_a: int, of_b: int) -> Iterator[tuple[int, int]]:
+    """Runs of two policies that meet; in both directions the same ones."""
+    names = list(spec.policies)
+    if names.index(a) > names.index(b):
+        yield from ((i, j) for j, i in _runs(spec, b, a, of_b, of_a))
+        return
+    sample = spec.crossplay.sample
+    near = set(range(of_b) if sample is None else range(min(sample, of_b)))
+    for i in range(of_a):
+        for j in range(of_b):
+            if a == b:
+                apart = min((j - i) % of_b, (i - j) % of_b)  # both ways alike
+                if i != j and (sample is None or apart <= sample):
+                    yield i, j
+            elif (j - i) % of_b in near or (of_a > of_b and (i - j) % of_a in near):
+                yield i, j
+
+
+def _pairing(spec: Spec, environment: str, look: Inspection, sides: Sides) -> Pairing:
+    by_seat = dict(sides)
+    choices: dict[str, Any] = {}
+    for seat, side in sides:
+        table = choices_of(spec.policies[side.policy].runs_in(environment)[side.run], spec)
+        roles = look.role_names if seat == EVERYONE else (seat,)
+        for role in roles:
+            if role in look.roles:  # the seat is an agent
+                choices[role] = _choice(table, side, role, look.roles[role])
+            elif role not in by_seat or role == seat:
+                choices[role] = _choice(table, side, role)
+        for agent, role in look.roles.items():
+            is_there = (
+                role in roles
+                and agent not in by_seat
+                and not (seat == EVERYONE and role in by_seat)
+            )
+            if is_there and agent in table:
+                choices[agent] = table[agent]
+    name = " ".join(f"{seat}={shown(spec, side)}" for seat, side in sides)
+    return Pairing(name, sides, choices)
+
+
+def _choice(table: Mapping[str, Any], side: Checkpoint, *whom: str) -> Any:
+    for each in (*whom, EVERYONE):
+        if each in table:
+            return table[each]
+    raise PolicyError(
+        f"policy {side.policy!r} says nothing for {whom[0]!r}",
+        where=f"policies.{side.policy}",
+        expected=" or ".join([*whom, "'*'"]),
+        actual=", ".join(table),
+        fix="name a policy for every role that it is to play in cross-play",
+    )
+
+
+CHUNK: Final = 20
+"""Episodes of a part: another number would give an environment that leaks other results."""
+PLAN: Final = "plan.json"
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """A line-up in an environment.
+
+    Attributes:
+        environment: its name.
+        pairing: who sits where.
+        seats: of cross-play there; empty where there is none.
+        arguments: of the playing task, but for the episodes.
+        digest: of everything that settles what an episode comes to.
+    """
+
+    environment: str
+    pairing: Pairing
+    seats: tuple[str, ...]
+    arguments: Mapping[str, Any]
+    digest: str
+
+    def key(self, first: int, last: int) -> str:
+        """The name of a part."""
+        return f"{self.digest}.{first}-{last}"
+
+    def task(self, first: int, last: int, place: str) -> WorkTask:
+        """The task that plays a part into storage."""
+        key = self.key(first, last)
+        what = {**self.arguments, "first": first, "last": last}
+        return WorkTask(key, PLAY, {"place": place, "key": key, **what})
+
+
+def matches_of(spec: Spec, looks: Mapping[str, Inspection], *, is_here: bool) -> list[Match]:
+    """Every line-up of every environment, in the order of the specification.
+
+    Args:
+        spec: of the evaluation.
+        looks: what environments and policies are.
+        is_here: it is played in this process, so that objects needn't be named.
+    Raises:
+        EvidenceError: there are too many, or a policy is an object that can't leave this process.
+        PolicyError: a policy says nothing for a seat.
+    """
+    found = []
+    for name in spec.environments:
+        look = looks[name]
+        seats: tuple[str, ...] = ()
+        pairings = by_themselves(spec, name)
+        if spec.crossplay.enabled:
+            seats = seats_of(spec, name, look)
+            pairings += crossed(spec, name, look, seats)
+        found += [_match(spec, name, look, each, seats, is_here=is_here) for each in pairings]
+    return found
+
+
+def _match(
+    spec: Spec,
+    name: str,
+    look: Inspection,
+    pairing: Pairing,
+    seats: tuple[str, ...],
+    *,
+    is_here: bool,
+) -> Match:
+    environment = spec.environments[name]
+    opening: Any = opening_of(environment, spec)
+    options: Any = environment.options
+    if not is_here:
+        opening, options = env_step(opening, options)
+    sides = {seat: [side.policy, side.run] for seat, side in pairing.sides}
+    part: dict[str, Any] = {
+        "label": {"environment": name, "pairing": pairing.name},
+        "sides": sides,
+        "success": dict(environment.success),
+        "infos": list(spec.infos),
+    }
+    limits = {"seed": spec.seed, "most_turns": environment.most_turns}
+    playing = {seat: look.policies[side.policy][side.run] for seat, side in pairing.sides}
+    digest = digest_of([{**part, **limits}, look.digest, look.version, look.contract, playing])
+    lineup = {"opening": opening, "choices": dict(pairing.choices), "options": options, **limits}
+    return Match(name, pairing, seats, {**part, "lineup": lineup}, digest[:24])
+
+
+def chunks(first: int, last: int) -> Iterator[tuple[int, int]]:
+    """The bounds of the parts that episodes `first` to `last - 1` fall into."""
+    for start in range(first, last, CHUNK):
+        yield start, min(start + CHUNK, last)
+
+
+def played_keys(storage: Storage) -> set[str]:
+    """The parts that have a receipt."""
+    names = storage.names(PARTS) if storage.exists(PARTS) else []
+    return {name.removesuffix(".json") for name in names if name.endswith(".json")}
+
+
+def settle_plan(spec: Spec, looks: Mapping[str, Inspection], storage: Storage) -> list[str]:
+    """Notes what is played into a storage; says what has changed since it was noted last.
+
+    Raises:
+        RunError: something else lies there.
+    """
+    plan = {
+        "name": spec.name,
+        "settings": {"seed": spec.seed, "infos": list(spec.infos)},
+        "environments": {
+            name: {
+                "digest": look.digest,
+                "version": look.version,
+                "contract": digest_of(look.contract),
+            }
+            for name, look in looks.items()
+        },
+        "policies": {
+            policy: {name: list(look.policies.get(policy, ())) for name, look in looks.items()}
+            for policy in spec.policies
+        },
+    }
+    before: dict[str, Any] = {}
+    if storage.exists(PLAN):
+        before = _read_plan(storage)
+        if before.get("name") != spec.name:
+            raise _occupied(storage, f"the evaluation {before.get('name')!r}")
+    elif names := storage.names():
+        raise _occupied(storage, ", ".join(names[:3]))
+    storage.put(PLAN, json.dumps(plan, sort_keys=True, indent=1).encode())
+    return list(_changes(before, plan)) if before else []
+
+
+def _read_plan(storage: Storage) -> dict[str, Any]:
+    try:
+        plan = json.loads(storage.get(PLAN))
+    except ValueError:
+        plan = None
+    if not isinstance(plan, dict):
+        raise _occupied(storage, f"{PLAN} of something else")
+    return plan
+
+
+def _occupied(storage: Storage, seen: str) -> RunError:
+    return RunError(
+        "something else lies where the evaluation is to go",
+        where=str(storage),
+        expected="nothing, or an earlier call of this evaluation",
+        actual=seen,
+        fix="name another folder with --out (out=...)",
+    )
+
+
+def _changes(before: Mapping[str, Any], plan: Mapping[str, Any]) -> Iterator[str]:
+    """Stale parts, each with its reason."""
+    for key, value in plan["settings"].items():
+        was = before.get("settings", {}).get(key)
+        if was != value:
+            yield f"everything is stale: {key} was {was}, now it is {value}"
+    why = {
+        "digest": "its source or its arguments",
+        "version": "its version",
+        "contract": "its contract",
+    }
+    for name, now in plan["environments"].items():
+        was = before.get("environments", {}).get(name)
+        parts = [text for key, text in why.items() if was and was.get(key) != now[key]]
+        if parts:
+            yield f"environment {name} is stale: {' and '.join(parts)} changed"
+    for name, by_environment in plan["policies"].items():
+        was = before.get("policies", {}).get(name, {})
+        for environment, digests in by_environment.items():
+            then: Sequence[str] = was.get(environment, ())
+            runs = [
+                k for k, pair in enumerate(zip(then, digests, strict=False)) if len(set(pair)) > 1
+            ]
+            if runs:
+                which = "" if len(digests) == 1 else f", run {', '.join(map(str, runs))}"
+                yield f"policy {name} in {environment}{which} is stale: its file or source changed"

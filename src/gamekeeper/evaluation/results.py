@@ -1,0 +1,348 @@
+"""Results of every policy: for the team, for roles, for every agent, metric by metric."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.outcome import EACH, TEAM
+from gamekeeper.evaluation.episode_rows import RETURN, REWARD, ROLE, SUCCESS, Sheet
+from gamekeeper.evaluation.estimates import FloatArray, Judge, shared
+from gamekeeper.evaluation.inspection import Inspection
+from gamekeeper.evaluation.matchups import Checkpoint
+from gamekeeper.evaluation.spec import Spec
+from gamekeeper.statistics.aggregates import AGGREGATES, aggregate
+
+QUANTILES: Final = (0.05, 0.25, 0.75, 0.95)
+MOST_AGENTS: Final = 32
+"""Agents of an environment that have rows of their own; the raw episodes have all of them."""
+ZERO_SUM: Final = "zero-sum"
+CANCELS: Final = 1e-9
+"""A sum of returns that is smaller, as a part of the largest, is 0 but for rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class Whom:
+    """Subject of a figure: the team, a role, or an agent."""
+
+    scope: str
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """An environment's share of an evaluation.
+
+    Attributes:
+        name: of the environment.
+        look: what it is.
+        has_team: a sum over all agents means something.
+        sheets: of every policy's every run by itself.
+    """
+
+    name: str
+    look: Inspection
+    has_team: bool
+    sheets: Mapping[Checkpoint, Sheet]
+
+    def runs_of(self, policy: str) -> list[Sheet]:
+        """A policy's sheets, run by run."""
+        return [sheet for side, sheet in self.sheets.items() if side.policy == policy]
+
+    @property
+    def whom(self) -> list[Whom]:
+        """The team, roles whose agents are interchangeable, and agents."""
+        found = [Whom(TEAM, TEAM), *(Whom(ROLE, role) for role in self.pooled)]
+        agents = dict.fromkeys(agent for sheet in self.sheets.values() for agent in sheet.agents)
+        return [*found, *(Whom(EACH, agent) for agent in list(agents)[:MOST_AGENTS] if agent)]
+
+    @property
+    def compared(self) -> list[Whom]:
+        """Subjects of comparison: the team, roles, and agents that have no role together.
+
+        Where returns cancel, the team has no return, but may have succeeded.
+        """
+        pooled = self.pooled
+        alone = [Whom(EACH, agent) for agent, role in self.look.roles.items() if role not in pooled]
+        return [each for each in self.whom if each.scope != EACH] + alone[:MOST_AGENTS]
+
+    @property
+    def pooled(self) -> list[str]:
+        """Roles whose agents may be put together in an episode."""
+        declared = self.look.declared
+        names = dict.fromkeys(
+            [*self.look.role_names, *(r for s in self.sheets.values() for r in s.roles)]
+        )
+        return [role for role in names if role and may_pool(declared, role, self.members(role))]
+
+    def members(self, role: str) -> list[str]:
+        """The agents that were seen in a role."""
+        seen = {
+            agent: None
+            for sheet in self.sheets.values()
+            for agent, its in zip(sheet.agents, sheet.roles, strict=True)
+            if its == role
+        }
+        return list(dict.fromkeys([*self.look.members(role), *seen]))
+
+
+def may_pool(contract: Contract, role: str, members: Sequence[str]) -> bool:
+    """True where the agents of a role are interchangeable, or there is only one."""
+    declared = contract.roles.get(role)
+    return len(members) == 1 or (declared is not None and declared.symmetric is True)
+
+
+def has_team(spec: Spec, environment: str, look: Inspection, sheets: Iterable[Sheet]) -> bool:
+    """True where a sum over all agents means something: as declared, else if none cancels.
+
+    Where no contract says that a reward is zero-sum, it is if every episode's returns add up to 0
+    and aren't all 0.
+    """
+    told = spec.environments[environment].team
+    if told is not None:
+        return told
+    if any(term.kind == ZERO_SUM for term in look.declared.rewards.values()):
+        return False
+    returns = [sheet.column(RETURN) for sheet in sheets]
+    sums = np.concatenate([np.nansum(each, axis=1) for each in returns])
+    largest = max(float(np.nanmax(np.abs(each), initial=0.0)) for each in returns)
+    return largest == 0.0 or bool((np.abs(sums) > CANCELS * largest).any())
+
+
+def results_of(spec: Spec, ground: Ground, judge: Judge) -> Iterator[dict[str, Any]]:
+    """The rows of an environment: every policy's, of each run and over them."""
+    _refuse_pooling(ground, judge)
+    for name, policy in spec.policies.items():
+        sheets = ground.runs_of(name)
+        if not sheets:
+            continue
+        is_method = policy.is_method
+        for run, sheet in enumerate(sheets):
+            of = f"{name}#{run}" if is_method else name
+            yield from _rows(spec, ground, judge, name, [sheet], run=run, of=of)
+        if is_method and spec.unit != "episode":
+            yield from _rows(spec, ground, judge, name, sheets, run=None, of=name)
+
+
+def _refuse_pooling(ground: Ground, judge: Judge) -> None:
+    for role in ground.look.role_names:
+        if role not in ground.pooled:
+            judge.refuse(
+                f"{role} as one figure",
+                "its agents aren't interchangeable, or no contract says that they are: "
+                "they are shown one by one",
+                ground.name,
+            )
+    if not ground.has_team:
+        judge.refuse(
+            "the team's return", "rewards are zero-sum: over all agents they cancel", ground.name
+        )
+    agents = dict.fromkeys(agent for sheet in ground.sheets.values() for agent in sheet.agents)
+    if len(agents) > MOST_AGENTS:
+        judge.refuse(
+            "rows for every agent",
+            f"there are {len(agents):,}; the first {MOST_AGENTS} have rows, the raw episodes all",
+            ground.name,
+        )
+
+
+def _rows(
+    spec: Spec,
+    ground: Ground,
+    judge: Judge,
+    policy: str,
+    sheets: Sequence[Sheet],
+    *,
+    run: int | None,
+    of: str,
+) -> Iterator[dict[str, Any]]:
+    broken = sum(sheet.broken for sheet in sheets)
+    if broken:
+        judge.refuse(
+            "figures of broken episodes",
+            "an exception broke them off: they count as failed and have no return",
+            f"{of} in {ground.name} ({broken})",
+        )
+    for whom in ground.whom:
+        is_first = True  # success and endings stand in one row of each
+        cancels = whom.scope == TEAM and not ground.has_team
+        for metric in sheets[0].metrics(spec.terms, spec.infos):
+            if cancels and metric.startswith((RETURN, REWARD)):
+                continue
+            scores = [sheet.values(metric, whom.scope, whom.name) for sheet in sheets]
+            if all(np.isnan(each).all() for each in scores):
+                continue
+            where = {
+                "environment": ground.name,
+                "policy": policy,
+                "run": run,
+                "scope": whom.scope,
+                "who": whom.name,
+                "metric": metric,
+            }
+            is_rare = whom.scope == EACH and any(np.isnan(each).any() for each in scores)
+            named = f"{whom.name if is_rare else of} in {ground.name}"
+            found = _figures(judge, scores, list(where.values()), named, run)
+            yield {
+                **where,
+                **found,
+                "success": _success(judge, sheets, whom, run, of) if is_first else None,
+                "endings": _endings(sheets, whom) if is_first else None,
+            }
+            is_first = False
+
+
+def _figures(
+    judge: Judge,
+    scores: Sequence[NDArray[np.float64]],
+    name: Sequence[object],
+    of: str,
+    run: int | None,
+) -> dict[str, Any]:
+    """Mean, median, interquartile mean and quantiles: of episodes, or of runs' means."""
+    if run is None:
+        means = np.array([np.nanmean(each) for each in scores if not np.isnan(each).all()])
+        mean = judge.runs(scores, "mean", of=of, name=name)
+        iqm = judge.runs(scores, "iqm", of=of, name=name)
+    else:
+        means = scores[0][~np.isnan(scores[0])]
+        mean = judge.episodes(scores[0], "mean", of=of, name=name)
+        iqm = judge.episodes(scores[0], "iqm", of=of, name=name)
+    return {
+        "episodes": int(max((~np.isnan(each)).sum() for each in scores)),
+        "runs": len(scores),
+        "mean": mean,
+        "median": float(np.median(means)),
+        "iqm": iqm,
+        "quantiles": {f"{part:g}": float(np.quantile(means, part)) for part in QUANTILES},
+    }
+
+
+def _success(
+    judge: Judge, sheets: Sequence[Sheet], whom: Whom, run: int | None, of: str
+) -> dict[str, Any] | None:
+    values = [sheet.values(SUCCESS, whom.scope, whom.name) for sheet in sheets]
+    share = judge.share(np.concatenate(values))
+    if share is None or run is not None:
+        return share
+    over = judge.runs(values, "mean", of=of, name=["success", *(str(whom), of)])
+    if over is None:
+        return None
+    return {**share, "p": over["value"], "low": over["low"], "high": over["high"]}
+
+
+def _endings(sheets: Sequence[Sheet], whom: Whom) -> dict[str, Any]:
+    total: dict[str, Any] = {"terminated": 0, "truncated": 0, "cut": 0, "reasons": {}}
+    for sheet in sheets:
+        for key, count in sheet.endings(whom.scope, whom.name).items():
+            if key == "reasons":
+                for reason, times in count.items():
+                    total["reasons"][reason] = total["reasons"].get(reason, 0) + times
+            else:
+                total[key] = total.get(key, 0) + count
+    return total
+
+
+SCORE: Final = "score"
+"""The team's return on a scale that environments share: `score = [what is 0, what is 1]`."""
+Scores = dict[str, FloatArray]
+"""[runs, episodes] by environment."""
+
+
+def overall_of(spec: Spec, grounds: Sequence[Ground], judge: Judge) -> dict[str, Any]:
+    """Aggregates over all environments, and who beats whom there; empty where there is one.
+
+    Success is put together as it is; returns only on the scale that every environment names.
+    """
+    results: list[dict[str, Any]] = []
+    compared: list[dict[str, Any]] = []
+    if len(grounds) > 1:
+        for metric in (SUCCESS, SCORE):
+            scores = {name: _scores(spec, grounds, name, metric) for name in spec.policies}
+            there = {name: each for name, each in scores.items() if each}
+            results += [_row(spec, name, metric, each, judge) for name, each in there.items()]
+            compared += _pairs(spec, metric, there, judge)
+        if not results:
+            judge.refuse(
+                "a figure over environments",
+                "no scale is shared: give every environment a success, or score = [low, high]",
+            )
+    return {"results": results, "comparisons": compared}
+
+
+def _scores(spec: Spec, grounds: Sequence[Ground], policy: str, metric: str) -> Scores:
+    """By environment; empty where one of them lacks the metric, or the policy."""
+    found: Scores = {}
+    for ground in grounds:
+        sheets = ground.runs_of(policy)
+        scale = spec.environments[ground.name].score
+        if not sheets or (metric == SCORE and (scale is None or not ground.has_team)):
+            return {}
+        name = RETURN if metric == SCORE else SUCCESS
+        values = shared([sheet.values(name, TEAM, TEAM) for sheet in sheets])
+        if not values.size:
+            return {}
+        if metric == SCORE and scale is not None:
+            values = (values - scale[0]) / (scale[1] - scale[0])
+        found[ground.name] = values
+    return found
+
+
+def _row(spec: Spec, policy: str, metric: str, scores: Scores, judge: Judge) -> dict[str, Any]:
+    is_method = spec.policies[policy].is_method
+    if is_method:
+        figures: dict[str, Any] = {
+            each: judge.environments(scores, each, of=policy, name=["all", policy, metric])
+            for each in AGGREGATES
+        }
+    else:
+        judge.refuse(
+            "intervals over all environments",
+            "one checkpoint each: what would vary are training runs",
+            policy,
+        )
+        nothing = dict.fromkeys(("low", "high", "method"))
+        figures = {
+            each: {"value": aggregate(scores, statistic=each), **nothing} for each in AGGREGATES
+        }
+    return {
+        "policy": policy,
+        "metric": metric,
+        "environments": len(scores),
+        "runs": min(map(len, scores.values())),
+        "unit": "run" if is_method else "episode",
+        **figures,
+    }
+
+
+def _pairs(
+    spec: Spec, metric: str, scores: Mapping[str, Scores], judge: Judge
+) -> Iterator[dict[str, Any]]:
+    for a, b in spec.pairs:
+        if a not in scores or b not in scores:
+            continue
+        is_run = any(spec.policies[name].is_method for name in (a, b))
+        ones, twos = (_units(scores[name], is_run=is_run) for name in (a, b))
+        if not is_run and any(len(ones[name]) != len(twos[name]) for name in ones):
+            continue  # an episode broke off, so that they can't be paired
+        found = judge.improvement(ones, twos, paired=not is_run, of=f"{a} and {b} over all")
+        yield {
+            "a": a,
+            "b": b,
+            "metric": metric,
+            "environments": len(ones),
+            "unit": "run" if is_run else "episode",
+            "improvement": found,
+        }
+
+
+def _units(scores: Scores, *, is_run: bool) -> Scores:
+    """[units] by environment: runs' means, or the episodes of the one checkpoint."""
+    return {
+        name: np.asarray(each.mean(axis=1) if is_run else each[0]) for name, each in scores.items()
+    }

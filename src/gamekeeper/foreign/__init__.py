@@ -1,0 +1,1 @@
+"""Environments of other libraries behind PettingZoo's APIs: one plug-in for each library."""

@@ -1,0 +1,57 @@
+"""Openers of factories whose environments have another package's shape: PyMARL, marlenv, Gym."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from gamekeeper.errors import SpecError
+from gamekeeper.interface import named
+from gamekeeper.interface.distributions import distrust_module
+from gamekeeper.interface.env_source import Source
+from gamekeeper.interface.modules import split_file
+
+
+def source_of_shape(
+    text: str, *, word: str, family: str, names: Sequence[str], wrap: Callable[..., Any]
+) -> Source:
+    """The factory of a module or file; what it builds is checked for the shape and wrapped.
+
+    Args:
+        text: `module:factory` or `path/to/file.py:factory`.
+        word: what stands before it in the spec.
+        family: whose shape it is, for errors.
+        names: attributes that an environment of the shape has.
+        wrap: makes a PettingZoo environment of one; takes it and its `name`.
+    """
+    factory, module, facts = named.factory_named(text)
+
+    def build(**kwargs: Any) -> Any:
+        env = factory(**kwargs)
+        lacks = [name for name in names if not hasattr(env, name)]
+        if lacks:
+            raise SpecError(
+                f"{text} built something that isn't of {family}'s shape",
+                where=text,
+                expected=", ".join(names),
+                actual=f"{type(env).__qualname__} without {', '.join(lacks)}",
+                fix="name a factory of such an environment, or use the prefix of its own library",
+            )
+        return wrap(env, name=text.rpartition(":")[2])
+
+    return Source(
+        kind=word,
+        factory=build,
+        spec=f"{word}:{text}",
+        entry_point=f"{word}:{text}",
+        accepts=factory,
+        pip=f"pip install {module.partition('.')[0]}",
+        facts=facts,
+    )
+
+
+def distrust_text(text: str) -> str | None:
+    """Reason for consent: a file, or a module that a text names, may run any code."""
+    if split_file(text) is not None:
+        return f"{text} is a file outside the installed packages"
+    return distrust_module(text.partition(":")[0], "env")

@@ -1,0 +1,70 @@
+"""`dm_control:cartpole/swingup`: a task of DeepMind's control suite, one agent, through Shimmy."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from gamekeeper.errors import SpecError
+from gamekeeper.foreign.gymnasium import guest_of
+from gamekeeper.interface import named
+from gamekeeper.interface.env_source import Source
+
+WORD: Final = "dm_control"
+SYNTAX: Final = "dm_control:cartpole/swingup"
+ORDER: Final = named.ORDER
+
+SOCCER: Final = "soccer"
+PIP: Final = "shimmy dm-control imageio packaging"
+
+
+def matches(spec: object) -> bool:
+    """Tells whether it begins with `dm_control:`."""
+    return named.rest(spec, WORD) is not None
+
+
+def locate(spec: str, api: str | None) -> Source:
+    """A task of a domain; keyword arguments are those of `suite.load`.
+
+    Raises:
+        DependencyError: a package is missing.
+        SpecError: there is no such task, or it is the soccer, which Shimmy's face can't step: it
+            hands a view of a dictionary on as actions, and no seed.
+    """
+    name = named.rest(spec, WORD) or ""
+    if name == SOCCER:
+        raise SpecError(
+            "soccer has no face that can be stepped and seeded",
+            where=spec,
+            expected="a task of one agent",
+            actual="Shimmy 2.0.1: hands a view of a dictionary on as actions, and no seed",
+            fix="write a ParallelEnv around dm_control.locomotion.soccer",
+        )
+    named.need(WORD, pip=PIP)
+    return Source(
+        kind=WORD,
+        factory=_task(name),
+        spec=f"{WORD}:{name}",
+        entry_point=f"{WORD}:{name}",
+        pip=f"pip install {PIP}",
+        facts=named.package_fact(WORD),
+    )
+
+
+def distrust(spec: str) -> str | None:
+    """Reason why the packages aren't the installed ones; a task's name runs no other code."""
+    return named.distrust_package(WORD) or named.distrust_package("shimmy")
+
+
+def _task(name: str) -> Any:
+    suite = named.need("dm_control.suite", pip=PIP)
+    shimmy = named.need("shimmy.dm_control_compatibility", pip=PIP)
+    known = [f"{domain}/{task}" for domain, task in suite.ALL_TASKS]
+    if name not in known:
+        raise named.unknown(name, "dm_control", known)
+
+    def build(**kwargs: Any) -> object:
+        domain, _, task = name.partition("/")
+        env = suite.load(domain, task, **kwargs)
+        return guest_of(shimmy.DmControlCompatibilityV0(env), name=name)
+
+    return build

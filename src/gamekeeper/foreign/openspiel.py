@@ -1,0 +1,63 @@
+"""`openspiel:tic_tac_toe`: a game of OpenSpiel's through Shimmy, one agent a turn."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from gamekeeper.errors import SpecError
+from gamekeeper.interface import named
+from gamekeeper.interface.env_source import Source
+
+WORD: Final = "openspiel"
+SYNTAX: Final = "openspiel:tic_tac_toe"
+ORDER: Final = named.ORDER
+
+
+def matches(spec: object) -> bool:
+    """Tells whether it begins with `openspiel:`."""
+    return named.rest(spec, WORD) is not None
+
+
+def locate(spec: str, api: str | None) -> Source:
+    """The game under its short name; keyword arguments are the game's own parameters."""
+    name = named.rest(spec, WORD) or ""
+    spiel = named.need("pyspiel")
+    shimmy = named.need("shimmy.openspiel_compatibility")
+    if name not in spiel.registered_names():
+        raise named.unknown(name, "OpenSpiel", list(spiel.registered_names()))
+
+    def build(**kwargs: Any) -> object:
+        _refuse(spiel, name, kwargs)
+        env = shimmy.OpenSpielCompatibilityV0(game_name=name, config=kwargs or None)
+        env.metadata = {**env.metadata, "name": name}
+        return env
+
+    return Source(
+        kind=WORD,
+        factory=build,
+        spec=f"{WORD}:{name}",
+        entry_point=f"{WORD}:{name}",
+        default_api="aec",
+        accepts=None,
+        pip="pip install shimmy open-spiel",
+        facts=named.package_fact("pyspiel"),
+    )
+
+
+def distrust(spec: str) -> str | None:
+    """Reason why the packages aren't the installed ones; a game's name runs no other code."""
+    return named.distrust_package("pyspiel") or named.distrust_package("shimmy")
+
+
+def _refuse(spiel: Any, name: str, parameters: dict[str, Any]) -> None:
+    """Games that can't be played by agents alone."""
+    kind = spiel.load_game(name, parameters).get_type() if parameters else None
+    kind = kind or spiel.load_game(name).get_type()
+    if kind.dynamics == spiel.GameType.Dynamics.MEAN_FIELD:
+        raise SpecError(
+            f"{name} is a mean-field game",
+            where=name,
+            expected="a game whose moves are its players' and chance's",
+            actual="moves of a distribution over a population",
+            fix="play it with OpenSpiel's own mean-field algorithms",
+        )

@@ -1,0 +1,41 @@
+"""`overcooked:cramped_room`: a layout of Overcooked's, for as many cooks as it has."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from gamekeeper.foreign.marlenv import MarlEnv
+from gamekeeper.interface import named
+from gamekeeper.interface.env_source import Source
+
+WORD: Final = "overcooked"
+SYNTAX: Final = "overcooked:cramped_room"
+ORDER: Final = named.ORDER
+
+
+def matches(spec: object) -> bool:
+    """Tells whether it begins with `overcooked:`."""
+    return named.rest(spec, WORD) is not None
+
+
+def locate(spec: str, api: str | None) -> Source:
+    """The environment of a layout; arguments are those of `Overcooked.from_layout`."""
+    layout = named.rest(spec, WORD) or ""
+    overcooked = named.need(WORD)
+
+    def build(**kwargs: Any) -> MarlEnv:
+        return MarlEnv(overcooked.Overcooked.from_layout(layout, **kwargs), name=layout)
+
+    return Source(
+        kind=WORD,
+        factory=build,
+        spec=f"{WORD}:{layout}",
+        entry_point=f"{WORD}:{layout}",
+        pip=f"pip install {WORD}",
+        facts=named.package_fact(WORD),
+    )
+
+
+def distrust(spec: str) -> str | None:
+    """Reason why the package isn't the installed one; a layout is only a name."""
+    return named.distrust_package(WORD)

@@ -1,1 +1,0 @@
-"""The door to live environments, and what stands right behind it."""

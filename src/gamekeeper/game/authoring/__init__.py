@@ -1,1 +1,0 @@
-"""What the base classes for authors are made of."""

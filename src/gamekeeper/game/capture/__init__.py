@@ -1,1 +1,0 @@
-"""How the door captures: packing, odd values, flags, rings."""

@@ -1,1 +1,0 @@
-"""What the converters and the slim stack are made of."""

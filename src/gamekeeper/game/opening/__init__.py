@@ -1,1 +1,0 @@
-"""How an environment is found, built and named."""

@@ -1,0 +1,1 @@
+"""Live environments: captures, base classes for authors, converters, openers, policies."""

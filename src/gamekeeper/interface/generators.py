@@ -1,0 +1,108 @@
+"""Random generators of an environment: found, and compared before and after a call."""
+
+from __future__ import annotations
+
+import gc
+import random
+from collections import deque
+from collections.abc import Callable, Iterator
+from types import BuiltinFunctionType, CodeType, FrameType, FunctionType, ModuleType
+from typing import Any, Final
+
+import numpy as np
+
+from gamekeeper.randomness.stream import Stream
+
+DEPTH: Final = 5
+MOST_OBJECTS: Final = 20_000
+# what leads out of an environment into everything else
+_SHARED: Final = (type, ModuleType, FunctionType, BuiltinFunctionType, CodeType, FrameType)
+_CONTAINERS: Final = (dict, list, tuple, set, frozenset, deque)  # no deeper than what holds them
+_PLAIN: Final = (str, bytes, int, float, complex, bool, type(None), np.ndarray, np.generic, type)
+
+
+def is_still(env: Any, call: Callable[[], Any]) -> bool:
+    """Makes `call` once and says whether it may be made again: it neither raises nor draws.
+
+    A generator that was drawn from is put back, so that asking doesn't disturb the environment.
+    """
+    before = [(generator, state_of(generator)) for generator in generators(env)]
+    try:
+        call()
+    except KeyboardInterrupt:
+        raise
+    except BaseException:  # not offered (NotImplementedError) or broken: it isn't called again
+        calm = False
+    else:
+        calm = True
+    for generator, state in before:
+        if not is_same_state(state_of(generator), state):
+            _restore(generator, state)
+            calm = False
+    return calm
+
+
+def generators(env: Any) -> Iterator[Any]:
+    """The random generators that `env` holds, down to five objects deep, and the global ones.
+
+    Nearest first, so that what is held both near and far is looked into from near.
+    """
+    yield random
+    yield np.random
+    seen: set[int] = set()
+    queue = deque([(env, 0)])
+    while queue and len(seen) < MOST_OBJECTS:
+        item, depth = queue.popleft()
+        if id(item) in seen or isinstance(item, _PLAIN):
+            continue
+        seen.add(id(item))
+        if isinstance(item, np.random.Generator | np.random.RandomState | random.Random | Stream):
+            yield item
+        elif isinstance(item, _CONTAINERS):
+            queue.extendleft((part, depth) for part in reversed(_parts(item)))
+        elif depth < DEPTH:
+            queue.extend((part, depth + 1) for part in _parts(item))
+
+
+def _parts(item: Any) -> list[Any]:
+    """Parts of an object, as the garbage collector lists them.
+
+    Not by its `__dict__`: an instance whose dictionary was ever looked at keeps its attributes in
+    it from then on, and each access costs twice as much (CPython 3.11 and later).
+    """
+    return [part for part in gc.get_referents(item) if not isinstance(part, _SHARED)]
+
+
+def state_of(generator: Any) -> Any:
+    """State of a generator, to be compared with `is_same_state`."""
+    if isinstance(generator, np.random.Generator):
+        return generator.bit_generator.state
+    if isinstance(generator, Stream):
+        return generator.draws
+    if isinstance(generator, random.Random) or generator is random:
+        return generator.getstate()
+    return generator.get_state()
+
+
+def _restore(generator: Any, state: Any) -> None:
+    if isinstance(generator, np.random.Generator):
+        generator.bit_generator.state = state
+    elif isinstance(generator, Stream):
+        generator.draws = state
+    elif isinstance(generator, random.Random) or generator is random:
+        generator.setstate(state)
+    else:
+        generator.set_state(state)
+
+
+def is_same_state(left: Any, right: Any) -> bool:
+    """Tells whether two states are equal; they hold arrays inside dictionaries and tuples."""
+    if isinstance(left, np.ndarray):
+        return bool(np.array_equal(left, right))
+    if isinstance(left, dict):
+        return left.keys() == right.keys() and all(
+            is_same_state(left[key], right[key]) for key in left
+        )
+    if isinstance(left, tuple):
+        return len(left) == len(right) and all(map(is_same_state, left, right))
+    return bool(left == right)

@@ -1,0 +1,263 @@
+"""The cast of a game: which policy plays which agent, and with which random stream."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+from types import ModuleType
+from typing import Any, Final, TypeAlias
+
+from gymnasium.spaces import Space
+
+from gamekeeper.episodes.layout import agent_name
+from gamekeeper.errors import PolicyError
+from gamekeeper.interface.construction import nearest
+from gamekeeper.interface.policy import (
+    EVERYONE,
+    AgentSlot,
+    Choice,
+    Chosen,
+    Player,
+    Scheme,
+    SlotPolicy,
+    Start,
+    guarded_seat,
+    raised,
+    resolve,
+    shared_with,
+)
+from gamekeeper.randomness.seeds import policy_rng
+
+Choices: TypeAlias = "Choice | Mapping[str, Choice] | None"
+"""One policy for everybody, or policies by agent, by role, or under `*` for all others."""
+
+DEFAULT: Final = "random"
+"""Policy of an agent that no choice covers."""
+
+
+def assign(
+    policies: Choices,
+    *,
+    possible_agents: Iterable[Any],
+    action_space: Callable[[Any], Space[Any]],
+    roles: Callable[[Any], str | None] | None = None,
+    role_names: Collection[str] = (),
+    noop: Callable[[Any], Any] | None = None,
+    mask_at: Callable[[Any], str | None] | None = None,
+    schemes: Mapping[str, Scheme] | None = None,
+) -> JointPolicy:
+    """A cast for an environment, settled from a user's choices.
+
+    An agent's own choice goes before its role's, that before `*`; nobody's choice is `random`.
+
+    Args:
+        policies: what the user chose.
+        possible_agents: as the environment names them; none where it can't say before it runs.
+        action_space: an agent's action space; asked once, when the agent is first seen.
+        roles: an agent's role, None where it has none.
+        role_names: further roles that nobody of `possible_agents` has, such as those of late
+            joiners.
+        noop: an agent's declared noop, None where none is declared.
+        mask_at: where an agent's mask stands by its contract, None where the contract doesn't say.
+        schemes: further forms of policies, by the word before their colon.
+
+    Raises:
+        PolicyError: a policy can't be found, a choice is for nobody in the game, or `noop` is to
+            play an agent without a declared noop.
+    """
+    chosen = _resolved(policies, schemes)
+    role_of = roles or (lambda agent: None)
+    noop_of = noop or (lambda agent: None)
+    agents = list(possible_agents)
+    if agents:
+        known = {agent_name(agent) for agent in agents} | {
+            role for a in agents if (role := role_of(a))
+        }
+        _check_known(chosen, known | set(role_names))
+    cast = JointPolicy(
+        chosen,
+        action_space=action_space,
+        roles=role_of,
+        noop=noop_of,
+        mask_at=mask_at or (lambda agent: None),
+    )
+    for agent in agents:
+        check = getattr(cast.chosen_for(agent).policy, "check", None)
+        if callable(check):
+            check(agent, role_of(agent), noop_of(agent))
+    return cast
+
+
+def _resolved(policies: Choices, schemes: Mapping[str, Scheme] | None) -> dict[str, Chosen]:
+    if not isinstance(policies, Mapping):
+        policies = {EVERYONE: DEFAULT if policies is None else policies}
+    named = {agent_name(whom): choice for whom, choice in policies.items()}
+    chosen = {
+        whom: resolve(choice, schemes=schemes)
+        for whom, choice in named.items()
+        if shared_with(choice) is None
+    }
+    if EVERYONE not in named:
+        chosen[EVERYONE] = resolve(DEFAULT)
+    own = dict(chosen)
+    for whom, choice in named.items():
+        other = shared_with(choice)
+        if other is not None and other not in own:
+            raise PolicyError(
+                f"no policy is chosen for {other!r}, so {whom!r} can't share it",
+                where="policies",
+                expected=", ".join(sorted(own)),
+                actual=f"{whom}={choice}",
+                fix=f"choose a policy for {other!r} first",
+            )
+        if other is not None:
+            chosen[whom] = own[other]
+    return chosen
+
+
+def _check_known(chosen: Mapping[str, Chosen], known: Collection[str]) -> None:
+    for whom, choice in chosen.items():
+        if whom != EVERYONE and whom not in known:
+            raise PolicyError(
+                f"a policy is chosen for {whom!r}, which is no agent and no role here"
+                f"{nearest(whom, known)}",
+                where="policies",
+                expected=", ".join(sorted(known)),
+                actual=f"{whom}={choice.name}",
+                fix="name an agent or a role of this environment, or choose one policy for all",
+            )
+
+
+class JointPolicy:
+    """Players for every agent of a game, also for those that join late.
+
+    Who sits where is settled when an agent is first seen, its random stream when it first acts in
+    an episode; neither depends on the order in which agents come.
+    """
+
+    __slots__ = (
+        "_action_space",
+        "_chosen",
+        "_episode",
+        "_mask_at",
+        "_noop",
+        "_objects",
+        "_playing",
+        "_resets",
+        "_roles",
+        "_run_seed",
+        "_shared",
+        "_starts",
+    )
+
+    def __init__(
+        self,
+        chosen: Mapping[str, Chosen],
+        *,
+        action_space: Callable[[Any], Space[Any]],
+        roles: Callable[[Any], str | None],
+        noop: Callable[[Any], Any],
+        mask_at: Callable[[Any], str | None],
+    ) -> None:
+        self._chosen = dict(chosen)
+        # One object in several places goes by the first of their names, and is reset once under it.
+        names: dict[int, str] = {}
+        self._objects = {
+            whom: whom
+            if isinstance(one.policy, ModuleType)  # a built-in: it remembers nothing
+            else names.setdefault(id(one.policy), whom)
+            for whom, one in sorted(chosen.items())
+        }
+        self._resets = {
+            whom: one
+            for whom, one in sorted(chosen.items())
+            if self._objects[whom] == whom and callable(getattr(one.policy, "reset", None))
+        }
+        self._action_space, self._roles = action_space, roles
+        self._noop, self._mask_at = noop, mask_at
+        self._starts: dict[Any, Start] = {}
+        self._playing: dict[Any, Player] = {}
+        self._shared: dict[Any, Any] = {}
+        self._run_seed = self._episode = 0
+
+    def begin(self, run_seed: int, episode: int) -> None:
+        """An episode begins: streams are new, and policies that have a `reset` get it called.
+
+        Raises:
+            PolicyError: a policy's `reset` raised.
+        """
+        self._run_seed, self._episode = run_seed, episode
+        self._playing = {}
+        for whom, chosen in self._resets.items():
+            # A stream of its own: what the policy does with it must not repeat an agent's draws.
+            seed = int(policy_rng(run_seed, episode, f"reset of {whom}").integers(1 << 31))
+            try:
+                chosen.policy.reset(seed=seed)  # type: ignore[union-attr]
+            except (Exception, SystemExit) as error:
+                raise raised(chosen, whom, error) from error
+
+    def act(self, agent: Any, observation: Any, info: Any) -> Any:
+        """The action of a live agent.
+
+        Raises:
+            PolicyError: its policy raised or returned None, or the mask doesn't fit its action
+                space.
+            ActionError: its policy chose outside a Discrete space.
+        """
+        player = self._playing.get(agent)
+        if player is None:
+            player = self._playing[agent] = self._enter(agent)
+        return player(observation, info)
+
+    def chosen_for(self, agent: Any) -> Chosen:
+        """The policy that plays an agent."""
+        return self._chosen[self._place_of(agent)]
+
+    def object_of(self, agent: Any) -> str:
+        """Returns the name of the object that plays an agent; agents that share it have one."""
+        return self._objects[self._place_of(agent)]
+
+    def described(self, agents: Iterable[Any]) -> dict[str, dict[str, str | None]]:
+        """Describes the policies by agent, as evidence keeps them.
+
+        Returns:
+            By agent the name of its `policy`, its `version`, what it was `chosen_for` (the agent,
+            its role, or `*`) and its `object`: agents of one object share it.
+        """
+        found = {}
+        for agent in agents:
+            place = self._place_of(agent)
+            one = self._chosen[place]
+            found[agent_name(agent)] = {
+                "policy": one.name,
+                "version": one.version,
+                "chosen_for": place,
+                "object": self._objects[place],
+            }
+        return found
+
+    def _place_of(self, agent: Any) -> str:
+        """Returns what an agent's policy was chosen for: itself, its role, or everyone."""
+        for whom in (agent_name(agent), self._roles(agent)):
+            if whom is not None and whom in self._chosen:
+                return whom
+        return EVERYONE
+
+    def _enter(self, agent: Any) -> Player:
+        start = self._starts.get(agent)
+        if start is None:
+            start = self._starts[agent] = self._seat(agent)
+        return start(policy_rng(self._run_seed, self._episode, agent))
+
+    def _seat(self, agent: Any) -> Start:
+        chosen = self.chosen_for(agent)
+        seat = AgentSlot(
+            agent,
+            self._action_space(agent),
+            role=self._roles(agent),
+            noop=self._noop(agent),
+            mask=self._mask_at(agent),
+            shared=self._shared,
+        )
+        if isinstance(chosen.policy, SlotPolicy):
+            return chosen.policy.seat(seat)
+        return guarded_seat(seat, chosen, chosen.policy)

@@ -1,0 +1,141 @@
+"""PettingZoo's two registries, with ours in them, as the openers of ids read them."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import re
+from collections.abc import Iterable
+from typing import Final
+
+import pettingzoo
+
+from gamekeeper import plugins
+from gamekeeper.errors import SpecError
+from gamekeeper.interface.construction import nearest
+from gamekeeper.interface.env_source import NotHereError, Source
+from gamekeeper.interface.modules import load_module
+from gamekeeper.plugins import BrokenPlugin
+
+OURS: Final = "gamekeeper"
+"""The namespace of our own environments."""
+
+_VERSION: Final = re.compile(r"[-_]v(\d+)$")
+
+
+def with_ours() -> tuple[BrokenPlugin, ...]:
+    """Our environments and those of third parties stand in the registries, but for broken ones."""
+    importlib.import_module(f"{OURS}.tasks")  # registers them; each is imported when it is made
+    return plugins.load(f"{OURS}.envs").broken
+
+
+def canonical(env_id: str) -> str:
+    """The id as the registries spell it: `tictactoe_v3` is `tictactoe-v3`."""
+    return _VERSION.sub(r"-v\1", env_id.strip())
+
+
+def newest(env_id: str) -> str | None:
+    """The id itself where it names a version, else in its highest; None where there is none."""
+    if _VERSION.search(env_id):
+        return env_id if env_id in ids() else None
+    versions = [(_version(known), known) for known in ids() if _VERSION.sub("", known) == env_id]
+    return max(versions)[1] if versions else None
+
+
+def ids() -> set[str]:
+    """Every id that is registered for either API."""
+    return {*pettingzoo.aec_registry, *pettingzoo.parallel_registry}
+
+
+def apis() -> dict[str, tuple[str, ...]]:
+    """Every registered id with the APIs it is registered for."""
+    registries = {"Parallel": pettingzoo.parallel_registry, "AEC": pettingzoo.aec_registry}
+    return {
+        env_id: tuple(name for name, registry in registries.items() if env_id in registry)
+        for env_id in sorted(ids())
+    }
+
+
+def source_of(env_id: str, api: str | None) -> Source:
+    """The source of a registered id; the parallel one where both APIs have it, unless told.
+
+    Raises:
+        SpecError: its module can't be imported.
+    """
+    registries = {"parallel": pettingzoo.parallel_registry, "aec": pettingzoo.aec_registry}
+    has = [name for name, registry in registries.items() if env_id in registry]
+    chosen = api if api in has else has[0]
+    entry = registries[chosen][env_id]
+    pip = (
+        f"pip install 'pettingzoo[{entry.namespace}]'" if _is_pettingzoo(entry.entry_point) else ""
+    )
+    accepts = entry.entry_point
+    if isinstance(accepts, str):
+        module, _, name = accepts.partition(":")
+        accepts = getattr(load_module(module, pip=pip), name, None)
+    if accepts is None:
+        raise SpecError(
+            f"{env_id} is registered with an entry point that isn't there",
+            where=env_id,
+            expected="a callable, or 'module:callable'",
+            actual=repr(entry.entry_point),
+            fix="register it again",
+        )
+    return Source(
+        kind="id",
+        factory=functools.partial(pettingzoo.make, chosen, env_id),
+        spec=env_id,
+        entry_point=env_id,
+        default_api=has[0],
+        accepts=functools.partial(accepts, **entry.kwargs),
+        pip=pip,
+        extra=entry.namespace or "",
+    )
+
+
+def unknown(env_id: str, broken: Iterable[BrokenPlugin] = ()) -> NotHereError:
+    """The error for an id that no registry has, with what comes near it."""
+    name = _VERSION.sub("", env_id)
+    other_versions = sorted(known for known in ids() if _VERSION.sub("", known) == name)
+    tails = {known.rpartition("/")[2]: known for known in ids()}
+    moved = _moved(env_id)
+    tail = env_id.rpartition("/")[2]
+    # a whole name in another namespace is nearer than a half one in the same
+    close = nearest(env_id, [tails[tail]] if tail in tails else ids()) or nearest(tail, tails)
+    seen = (
+        f"there is {', '.join(other_versions)}"
+        if other_versions
+        else f"nothing there{close}{moved}"
+    )
+    seen += "".join(f"; {plugin}" for plugin in broken)
+    return NotHereError(
+        f"no environment is registered as {env_id}",
+        where=env_id,
+        expected="an id that pettingzoo.make knows",
+        actual=seen,
+        fix="import the package that registers it first, or name it as module:factory",
+    )
+
+
+def _moved(env_id: str) -> str:
+    """PettingZoo's own words about a group of environments that moved to another package."""
+    group = env_id.partition("/")[0]
+    is_known = any(known.startswith(f"{group}/") for known in ids())
+    if is_known or not group.isidentifier():
+        return ""
+    try:
+        importlib.import_module(f"pettingzoo.{group}")
+    except ModuleNotFoundError:
+        return ""
+    except ImportError as error:
+        return f"; {error}"
+    return ""
+
+
+def _version(env_id: str) -> int:
+    found = _VERSION.search(env_id)
+    return int(found[1]) if found else -1
+
+
+def _is_pettingzoo(entry_point: object) -> bool:
+    return isinstance(entry_point, str) and entry_point.startswith("pettingzoo.")

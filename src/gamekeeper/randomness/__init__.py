@@ -1,0 +1,1 @@
+"""Randomness that is counted and not stored: Philox, streams, seeds."""

@@ -1,1 +1,0 @@
-"""Evidence on disk: written as it happens, sealed, recovered, replayed."""

@@ -1,1 +1,0 @@
-"""The files of a bundle: the only reader and writer of them."""

@@ -1,1 +1,0 @@
-"""Recordings in parts: ranges of episodes played anywhere, then merged into one bundle."""

@@ -1,0 +1,225 @@
+"""Result of an audit as plain text: the worst first, little to read where all is well.
+
+All functions take the audit's document, as `gamekeeper audit --json` prints it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import Any, Final
+
+from gamekeeper.checks.verdict import SEVERITIES
+from gamekeeper.contract.validation import one_line
+from gamekeeper.reporting.results_text import table_lines
+from gamekeeper.reporting.text_columns import wrapped
+
+Document = Mapping[str, Any]
+Row = tuple[str, str]
+
+INDENT: Final = "  "
+OUTCOMES: Final = ("passed", "waived", "not_exercised", "not_applicable", "error", "failed")
+"""Outcomes of verdicts in the order in which they are counted."""
+SURE: Final = 0.995
+"""Confidence from which on it isn't shown."""
+MOST_SHOWN: Final = 400
+"""Characters of a value that a finding shows; the JSON document has all of it."""
+
+
+def verdicts_of(audit: Document, *outcomes: str) -> list[Document]:
+    """The verdicts with these outcomes: the worst first, then by id."""
+    found = [each for each in audit["verdicts"] if each["outcome"] in outcomes]
+    return sorted(found, key=lambda each: (SEVERITIES.index(each["severity"]), each["id"]))
+
+
+def title_text(audit: Document) -> str:
+    """The environment and the result of its audit, in one line."""
+    api = {"aec": "AEC", "parallel": "Parallel"}.get(audit["api"], audit["api"])
+    return f"{one_line(audit['environment'])} ({api}): {counts_text(audit)}"
+
+
+def counts_text(audit: Document) -> str:
+    """`41 passed, 1 waived, 3 not exercised, 12 not applicable, 2 failed (1 high, 1 low)`."""
+    counts = [(len(verdicts_of(audit, outcome)), outcome) for outcome in OUTCOMES]
+    failed = [each["severity"] for each in verdicts_of(audit, "failed")]
+    severities = ", ".join(f"{failed.count(x)} {x}" for x in SEVERITIES if x in failed)
+    text = ", ".join(
+        f"{count} {outcome.replace('_', ' ')}"
+        for count, outcome in counts
+        if count or outcome in ("passed", "failed")
+    )
+    return f"{text} ({severities})" if severities else text
+
+
+def failed_blocks(audit: Document, *, width: int, least: str = "low") -> Iterator[tuple[str, str]]:
+    """The failed checks by severity: a heading, and the findings below it.
+
+    Args:
+        audit: the document.
+        width: columns that no line exceeds, as far as words allow.
+        least: severity below which nothing is shown.
+    """
+    for severity in SEVERITIES[: SEVERITIES.index(least) + 1]:
+        found = [x for x in verdicts_of(audit, "failed") if x["severity"] == severity]
+        if found:
+            yield f"Failed: {severity}", "\n\n".join(_finding(each, width) for each in found)
+
+
+def brief_rows(audit: Document, *, most: int) -> list[tuple[str, str, str]]:
+    """Id, severity and claim of the worst failed checks, and the number of others."""
+    found = verdicts_of(audit, "failed")
+    rows = [(each["id"], each["severity"], _short(each["claim"])) for each in found[:most]]
+    return rows if len(found) <= most else [*rows, ("", "", f"and {len(found) - most} more")]
+
+
+def _finding(verdict: Document, width: int) -> str:
+    """One failed check: the claim, the first place in full, the others named."""
+    start = f"{INDENT}{verdict['id']}  "
+    claim = wrapped(one_line(verdict["claim"]), width, first=start, rest=" " * len(start))
+    first, *others = verdict["findings"] or [{}]
+    rows = [(name, _short(first.get(name, ""))) for name in ("where", "expected", "actual", "fix")]
+    rows += [("also", _short(f"{x['where']}: actual {x['actual']}")) for x in others]
+    rows.append(("failed", _cases(verdict)))
+    lines = table_lines([row for row in rows if row[1]], width=width - len(INDENT))
+    return "\n".join([*(claim or [start.rstrip()]), *(f"{INDENT}{line}" for line in lines)])
+
+
+def _cases(verdict: Document) -> str:
+    text = f"{verdict['failed']:,} of {verdict['cases']:,} cases"
+    confidence = verdict["confidence"]
+    return text if confidence >= SURE else f"{text}, confidence {confidence:.2f}"
+
+
+def _short(text: str) -> str:
+    line = one_line(text)
+    return line if len(line) <= MOST_SHOWN else f"{line[:MOST_SHOWN]}..."
+
+
+def program_of(audit: Document) -> tuple[str, str] | None:
+    """Id and program of the worst finding that has one."""
+    for verdict in verdicts_of(audit, "failed"):
+        for finding in verdict["findings"]:
+            if finding["reproducer"]:
+                return verdict["id"], finding["reproducer"]
+    return None
+
+
+def waived_text(audit: Document, *, known: Collection[str], width: int) -> str:
+    """Waived checks with their reasons, and waivers that are no longer needed.
+
+    Args:
+        audit: the document.
+        known: ids of all checks.
+        width: columns that no line exceeds, as far as words allow.
+    """
+    rows = [
+        (x["id"], f"{_short(x['claim'])} Waived: {_short(x['reason'])}")
+        for x in verdicts_of(audit, "waived")
+    ]
+    rows += [(x["id"], _short(x["reason"])) for x in verdicts_of(audit, "passed") if x["reason"]]
+    waivers = (audit.get("declared") or {}).get("waivers", {})
+    rows += [(id, "a check with this id doesn't exist") for id in waivers if id not in known]
+    return _section("Waivers", rows, width)
+
+
+def not_exercised_text(audit: Document, *, width: int) -> str:
+    """Checks that were not exercised, by the reason."""
+    by_reason: dict[str, list[str]] = {}
+    for each in verdicts_of(audit, "not_exercised"):
+        by_reason.setdefault(_short(each["reason"]), []).append(each["id"])
+    rows = [(str(len(ids)), f"{reason}: {', '.join(ids)}") for reason, ids in by_reason.items()]
+    return _section("Not exercised", rows, width)
+
+
+def errors_text(audit: Document, *, width: int) -> str:
+    """Checks that raised an exception, with its last line."""
+    rows = [
+        (each["id"], _short((each["reason"].strip().splitlines() or [""])[-1]))
+        for each in verdicts_of(audit, "error")
+    ]
+    return _section("Checks with an error", rows, width)
+
+
+def timings_text(audit: Document, *, width: int) -> str:
+    """Seconds by probe, the longest first, and steps of the environment."""
+    timed = sorted(audit["timings"].items(), key=lambda pair: -pair[1])
+    rows = [(name, f"{seconds:8.2f} s") for name, seconds in timed]
+    rows.append(("total", f"{audit['seconds']:8.2f} s, {audit['steps']:,} steps"))
+    return _section("Timings", rows, width)
+
+
+def _section(title: str, rows: Sequence[Row], width: int) -> str:
+    """A heading and its rows; nothing where there are none."""
+    return "\n".join([title, *table_lines(rows, width=width)]) if rows else ""
+
+
+def audits_text(documents: Sequence[Document], *, width: int) -> Iterator[tuple[str, str, str]]:
+    """Title, standing (`good`, `bad`, `unsure`) and findings of each environment.
+
+    Args:
+        documents: documents of audits, or `environment`, `seed` and `error` of one that failed.
+        width: columns that no line exceeds, as far as words allow.
+    """
+    for environment in dict.fromkeys(each["environment"] for each in documents):
+        theirs = [each for each in documents if each["environment"] == environment]
+        audited = [each for each in theirs if "verdicts" in each]
+        failed = [each for each in theirs if "verdicts" not in each]
+        rows = [*_failed_rows(audited), *_error_rows(failed)]
+        failed_checks = sum(1 for row in rows if row[0] != "error")
+        parts = [f"{one_line(environment)}: {_counted(len(theirs), 'seed')}"]
+        if audited:
+            count = _counted(failed_checks, "check") if failed_checks else "no check"
+            parts.append(f"{count} failed")
+        if failed:
+            parts.append(f"{len(failed)} not audited" if audited else "not audited")
+        manner = "bad" if failed_checks else "unsure" if failed or not audited else "good"
+        yield ", ".join(parts), manner, "\n".join(table_lines(rows, width=width) if rows else ())
+
+
+def not_exercised_somewhere(documents: Sequence[Document], *, width: int) -> str:
+    """Checks that were exercised with no seed of an environment; empty if there are none."""
+    lines = []
+    for environment in dict.fromkeys(each["environment"] for each in documents):
+        theirs = [x for x in documents if x["environment"] == environment and "verdicts" in x]
+        not_exercised = [{x["id"] for x in verdicts_of(each, "not_exercised")} for each in theirs]
+        ids = sorted(set.intersection(*not_exercised)) if not_exercised else []
+        if ids:
+            text = f"Not exercised with any seed of {one_line(environment)}: {', '.join(ids)}"
+            lines += wrapped(text, width, first="", rest=INDENT)
+    return "\n".join(lines)
+
+
+def _failed_rows(audits: Sequence[Document]) -> list[tuple[str, str, str, str]]:
+    """Id, severity, seeds and claim of the checks that failed in any audit, the worst first."""
+    found: dict[str, tuple[Document, list[int]]] = {}
+    for audit in audits:
+        for verdict in verdicts_of(audit, "failed"):
+            found.setdefault(verdict["id"], (verdict, []))[1].append(audit["seed"])
+    ranked = sorted(
+        found.values(), key=lambda each: (SEVERITIES.index(each[0]["severity"]), each[0]["id"])
+    )
+    return [
+        (verdict["id"], verdict["severity"], _seeds(seeds, len(audits)), one_line(verdict["claim"]))
+        for verdict, seeds in ranked
+    ]
+
+
+def _error_rows(failed: Sequence[Document]) -> list[tuple[str, str, str, str]]:
+    """Errors that prevented audits, with their seeds."""
+    found: dict[tuple[str, str], list[int]] = {}
+    for each in failed:
+        error = each["error"]
+        found.setdefault((error["kind"], one_line(error["what"])), []).append(each["seed"])
+    return [
+        ("error", kind, _seeds(seeds, len(seeds)), what) for (kind, what), seeds in found.items()
+    ]
+
+
+def _seeds(seeds: Sequence[int], of: int) -> str:
+    if len(seeds) == of > 1:
+        return f"all {of} seeds"
+    named = ", ".join(map(str, seeds[:6])) + (", ..." if len(seeds) > 6 else "")
+    return f"seed {named}" if len(seeds) == 1 else f"{len(seeds)} of {of} seeds: {named}"
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"

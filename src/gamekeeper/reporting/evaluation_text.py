@@ -1,0 +1,290 @@
+"""An evaluation as text: figures with their intervals, comparisons, cross-play, claims."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final
+
+from gamekeeper.episodes.plain_json import legible
+from gamekeeper.reporting.results_text import table_lines
+from gamekeeper.reporting.text_columns import MINUS, columns_of, wrapped
+
+INDENT: Final = "  "
+MOST_AGENTS: Final = 12
+"""Agents whose returns are shown; the document has more, the raw episodes all."""
+MOST_POLICIES: Final = 5
+"""Policies that have a column in a table of agents."""
+MOST_CELLS: Final = 30
+MOST_RUNS: Final = 20
+Row = Mapping[str, Any]
+
+
+@legible
+def evaluation_text(document: Mapping[str, Any], *, width: int) -> str:
+    """Environment by environment: returns, success and endings, agents; then comparisons, claims.
+
+    Args:
+        document: an evaluation as plain data.
+        width: columns that no line exceeds, as far as names allow.
+    """
+    blocks = ["\n".join(_head(document, width))]
+    for name in document["environments"]:
+        rows = [row for row in document["results"] if row["environment"] == name]
+        blocks += [
+            "\n".join(lines)
+            for lines in (
+                [f"Returns in {name}", *_returns(rows, document["level"], width)],
+                [f"Endings in {name}", *_endings(rows, width)],
+                [f"Agents in {name}", *_agents(rows, width)],
+            )
+            if len(lines) > 1
+        ]
+        if name in document["crossplay"]:
+            blocks.append("\n".join(_crossplay(name, document["crossplay"][name], width)))
+    overall = document.get("overall") or {}
+    if overall.get("results"):
+        blocks.append("\n".join(_overall(overall, width)))
+    if document["comparisons"]:
+        blocks.append("\n".join(_comparisons(document["comparisons"], width)))
+    for title, texts in (
+        ("Supported claims", document["claims"]),
+        ("Refused claims", [f"{row['what']}: {row['why']}" for row in document["refused"]]),
+    ):
+        if texts:
+            blocks.append("\n".join([title, *(line for t in texts for line in _item(t, width))]))
+    return "\n\n".join(blocks)
+
+
+def _head(document: Mapping[str, Any], width: int) -> Iterator[str]:
+    policies, environments = len(document["policies"]), len(document["environments"])
+    text = (
+        f"Evaluated  {document['name']}: {policies} {'policy' if policies == 1 else 'policies'} "
+        f"in {environments} {'environment' if environments == 1 else 'environments'}, "
+        f"{document['episodes']:,} episodes each, seed {document['seed']}"
+    )
+    yield from wrapped(text, width, rest=INDENT)
+    suite = document["suite"]
+    if suite is not None:
+        yield f"{INDENT}suite        {suite['id']} {suite['version']}  {suite['fingerprint']}"
+    yield f"{INDENT}fingerprint  {document['fingerprint']}"
+
+
+def _item(text: str, width: int) -> list[str]:
+    return wrapped(text, width, first=INDENT, rest=INDENT * 2)
+
+
+def _name(row: Row) -> str:
+    return row["policy"] if row["run"] is None else f"{row['policy']}#{row['run']}"
+
+
+def _shown(rows: Sequence[Row]) -> list[Row]:
+    """Rows of the team and of roles, else of agents; a method's row covers all its runs."""
+    over = {row["policy"] for row in rows if row["run"] is None}
+    wide = [row for row in rows if (row["run"] is None) == (row["policy"] in over)]
+    return [row for row in wide if row["scope"] != "agent"] or wide
+
+
+def _returns(rows: Sequence[Row], level: float, width: int) -> Iterator[str]:
+    shown = _shown([row for row in rows if row["metric"] == "return"])
+    if not shown:
+        return
+    head = ("policy", "of", f"mean ({100 * level:g} % interval)", "IQM", "5 to 95 %", "n")
+    cells: list[tuple[str, ...]] = [head]
+    for row in shown:
+        quantiles = row["quantiles"]
+        unit = f"{row['runs']} runs" if row["run"] is None else str(row["episodes"])
+        cells.append(
+            (
+                row["policy"] if row["run"] in (None, 0) else _name(row),
+                row["who"],
+                _interval(row["mean"]),
+                _value(row["iqm"]),
+                f"{quantiles['0.05']:.3g} to {quantiles['0.95']:.3g}",
+                unit,
+            )
+        )
+    yield from _fitted(cells, width, right=(3, 4, 5), spare=(4, 3))
+    yield from _runs(rows, width)
+
+
+def _runs(rows: Sequence[Row], width: int) -> Iterator[str]:
+    """The training runs of methods, one by one."""
+    over = [row for row in rows if row["run"] is None and row["metric"] == "return"]
+    for method in over:
+        key = (method["policy"], method["scope"], method["who"])
+        if method["scope"] == "agent":
+            continue
+        means = [
+            _value(row["mean"])
+            for row in rows
+            if (row["policy"], row["scope"], row["who"]) == key
+            and row["metric"] == "return"
+            and row["run"] is not None
+        ]
+        more = f" and {len(means) - MOST_RUNS} more" if len(means) > MOST_RUNS else ""
+        text = f"runs of {key[0]}, {key[2]}: {', '.join(means[:MOST_RUNS])}{more}"
+        yield from wrapped(text, width, first=INDENT, rest=INDENT * 2)
+
+
+def _endings(rows: Sequence[Row], width: int) -> Iterator[str]:
+    shown = _shown([row for row in rows if row["endings"] is not None])
+    if not shown:
+        return
+    head = ("policy", "of", "success", "terminated", "truncated", "cut", "reasons")
+    cells: list[tuple[str, ...]] = [head]
+    for row in shown:
+        ends = row["endings"]
+        reasons = ", ".join(f"{name} {count}" for name, count in ends["reasons"].items())
+        cells.append(
+            (
+                row["policy"] if row["run"] in (None, 0) else _name(row),
+                row["who"],
+                _share(row["success"]),
+                str(ends["terminated"]),
+                str(ends["truncated"]),
+                str(ends["cut"]),
+                reasons,
+            )
+        )
+    is_cut = any(row["endings"]["cut"] for row in shown)
+    yield from _fitted(cells, width, right=(3, 4, 5), spare=(4,) if is_cut else (5, 4))
+
+
+def _agents(rows: Sequence[Row], width: int) -> Iterator[str]:
+    """Mean returns, a line for each agent, a column for each policy."""
+    returns = [row for row in rows if row["metric"] == "return"]
+    over = {row["policy"] for row in returns if row["run"] is None}
+    shown = [
+        row
+        for row in returns
+        if row["scope"] == "agent" and row["run"] == (None if row["policy"] in over else 0)
+    ]
+    agents = list(dict.fromkeys(row["who"] for row in shown))
+    policies = list(dict.fromkeys(row["policy"] for row in shown))[:MOST_POLICIES]
+    # Without rows of the team and of roles, agents have been shown in their place.
+    if len(agents) < 2 or all(row["scope"] == "agent" for row in returns):
+        return
+    by_key = {(row["policy"], row["who"]): _value(row["mean"]) for row in shown}
+    cells = [("agent", *policies)]
+    cells += [
+        (agent, *(by_key.get((policy, agent), "-") for policy in policies))
+        for agent in agents[:MOST_AGENTS]
+    ]
+    yield from table_lines(cells, width=width, right=range(1, len(policies) + 1))
+    if len(agents) > MOST_AGENTS:
+        yield f"{INDENT}... and {len(agents) - MOST_AGENTS} more agents"
+
+
+def _comparisons(rows: Sequence[Row], width: int) -> Iterator[str]:
+    yield "Compared on the same seeds (p with Holm correction)"
+    cells: list[tuple[str, ...]] = [
+        ("environment", f"A {MINUS} B", "of", "metric", "difference", "p", "P(A > B)")
+    ]
+    for row in rows:
+        difference, improvement = row["difference"], row["improvement"]
+        p = (difference or {}).get("p")
+        cells.append(
+            (
+                row["environment"],
+                f"{row['a']} {MINUS} {row['b']}",
+                row["who"],
+                row["metric"],
+                _interval(difference, sign="+"),
+                "-" if p is None else f"{p:.2g}",
+                "-" if improvement is None else f"{100 * improvement['value']:.0f} %",
+            )
+        )
+    if len({cell[0] for cell in cells[1:]}) == 1:  # one environment needs no column
+        cells = [cell[1:] for cell in cells]
+    last = len(cells[0]) - 1
+    yield from _fitted(cells, width, right=(last - 1, last), spare=(last, last - 1))
+
+
+def _overall(overall: Mapping[str, Any], width: int) -> Iterator[str]:
+    yield "Over all environments"
+    cells: list[tuple[str, ...]] = [
+        ("policy", "metric", "IQM", "mean", "median", "optimality gap", "runs")
+    ]
+    for row in overall["results"]:
+        figures = [_interval(row["iqm"]), _interval(row["mean"])]
+        more = [_value(row[key]) for key in ("median", "optimality_gap")]
+        cells.append((row["policy"], row["metric"], *figures, *more, str(row["runs"])))
+    yield from _fitted(cells, width, right=(4, 5, 6), spare=(5, 4, 2))
+    for row in overall["comparisons"]:
+        if row["improvement"] is not None:
+            chance = {k: 100 * row["improvement"][k] for k in ("value", "low", "high")}
+            text = f"P({row['a']} > {row['b']}) in {row['metric']}: {_interval(chance)} %"
+            yield from _item(text, width)
+
+
+def _crossplay(name: str, found: Mapping[str, Any], width: int) -> Iterator[str]:
+    roles = found["roles"]
+    yield f"Cross-play in {name}, return of {found['who']}"
+    cells = [(*roles, "kind", "n", "mean", "return of each role")]
+    for cell in found["cells"][:MOST_CELLS]:
+        own = ", ".join(_number(cell["by_role"][role]) for role in roles)
+        policies = (cell["roles"][role] for role in roles)
+        mean = {"value": cell["mean"], "low": cell["low"], "high": cell["high"]}
+        cells.append((*policies, cell["kind"], str(cell["n"]), _interval(mean), own))
+    yield from table_lines(cells, width=width, right=(len(roles) + 1,))
+    if len(found["cells"]) > MOST_CELLS:
+        yield f"{INDENT}... and {len(found['cells']) - MOST_CELLS} more pairings (--json has them)"
+    for row in found["best_response"]:
+        against = next(iter(row["against"].values()), "")
+        gaps = [f"of {policy} by {_interval(gap)}" for policy, gap in row["gap"].items() if gap]
+        text = f"best {row['role']} with {against}: {row['policy']} {_number(row['value'])}; "
+        yield from _item(text + f"ahead {', '.join(gaps)}", width)
+    for row in found["fairness"]:
+        a, b = row["policies"]
+        lead = _interval(row["first_mover"])
+        text = f"{a} with {b} in both roles: {row['roles'][0]} leads by {lead}"
+        if row["difference"] is not None:
+            text += f"; {a} {MINUS} {b} {_interval(row['difference'], sign='+')}"
+        yield from _item(text, width)
+
+
+def _fitted(
+    cells: Sequence[tuple[str, ...]], width: int, *, right: Sequence[int], spare: Sequence[int]
+) -> Iterator[str]:
+    """A table without those of its spare columns that don't fit."""
+    columns = list(range(len(cells[0])))
+    for spare_column in (*spare, None):
+        lines = list(
+            table_lines(
+                [[row[k] for k in columns] for row in cells],
+                width=width,
+                right=[place for place, k in enumerate(columns) if k in right],
+            )
+        )
+        if spare_column is None or max(map(columns_of, lines)) <= width:
+            break
+        columns.remove(spare_column)
+    yield from lines
+
+
+def _value(found: Row | None) -> str:
+    return "-" if found is None else _number(found["value"])
+
+
+def _number(value: float | None, sign: str = "") -> str:
+    return "-" if value is None else f"{value:{sign}.4g}"
+
+
+def _interval(found: Row | None, sign: str = "") -> str:
+    """Formats `36 (34.9 to 37.1)`; without an interval the value alone."""
+    if found is None or found["value"] is None:
+        return "-"
+    if found["low"] is None:
+        return _number(found["value"], sign)
+    value = f"{found['value']:{sign}.3g}"
+    return f"{value} ({found['low']:{sign}.3g} to {found['high']:{sign}.3g})"
+
+
+def _share(success: Row | None) -> str:
+    """Formats `100 % (94 to 100)`."""
+    if success is None:
+        return "-"
+    share = f"{100 * success['p']:.0f} %"
+    if success["low"] is None:
+        return share
+    return f"{share} ({100 * success['low']:.0f} to {100 * success['high']:.0f})"

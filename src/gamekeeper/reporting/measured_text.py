@@ -1,0 +1,290 @@
+"""The game form as an audit measured it, beside what the contract declares."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+from gamekeeper.contract import Question
+from gamekeeper.contract.sections import ORDERS
+from gamekeeper.contract.toml import value_text
+from gamekeeper.contract.validation import one_line
+from gamekeeper.reporting.results_text import table_lines
+from gamekeeper.reporting.text_columns import column_lines, wrapped
+
+Document = Mapping[str, Any]
+
+INDENT: Final = "  "
+APART: Final = ("influence", "advice", "why")
+"""Keys of `measured` that aren't rows of the table."""
+DECLARED: Final[Mapping[str, tuple[tuple[str, ...], ...]]] = {
+    "schedule": (("schedule", "stages"), ("schedule", "order"), ("schedule", "observe")),
+    "order_sensitive": (("schedule", "conflicts"),),
+    "deterministic": (("seeds", "deterministic"),),
+    "horizon": (("schedule", "horizon"),),
+    "reward": (("rewards",),),
+    "endings": (("endings",),),
+    "symmetric": (("roles", "*", "symmetric"),),
+}
+"""Places of a contract that declare a key of `measured`; `*`: each name."""
+BY_AGENT: Final = "by_agent"
+COLUMNS: Final = {"least": "least reward", "most": "greatest reward", "open": "unfinished"}
+"""Names of columns that are more than their key."""
+LEFT_OUT: Final = ("positive", "negative")
+"""Figures by agent that only the JSON document has."""
+SPOKEN: Final = {
+    "most_in_a_round": "most in a round",
+    "fewest_in_a_round": "fewest",
+    "zero_sum": "zero-sum",
+    "after_end": "after the end",
+}
+"""Keys that are shown in other words; names of agents and roles stay."""
+SIGNS: Final = {"observation": "o", "reward": "r", "ending": "e"}
+MOST_AGENTS: Final = 8
+"""Agents that are shown one by one."""
+MOST_COLUMNS: Final = 150
+"""Characters of one value in the table; the JSON document has all of it."""
+
+
+def measured_text(audit: Document, *, width: int) -> str:
+    """Measured beside declared, by agent, influence of agents, the API that fits; maybe empty.
+
+    Args:
+        audit: the audit's document.
+        width: columns that no line exceeds, as far as names allow.
+    """
+    measured, declared = audit["measured"], audit.get("declared") or {}
+    rows = [
+        (
+            key.replace("_", " "),
+            _cut(words(value)) or "not measured",
+            _cut(words(declared_as(declared, key))) or "not declared",
+        )
+        for key, value in measured.items()
+        if key not in APART
+    ]
+    parts = []
+    if rows:
+        lines = column_lines([("", "measured", "declared"), *rows], width=width)
+        parts.append("\n".join(["Measured beside declared", *lines]))
+    parts.append(agents_text(measured, width=width))
+    parts.append(influence_text(measured.get("influence") or (), width=width))
+    if measured.get("advice"):
+        api = {"aec": "AEC", "parallel": "Parallel"}.get(measured["advice"], measured["advice"])
+        why = one_line(f"{api}: {measured.get('why', '')}".removesuffix(": "))
+        parts.append("\n".join(["Advice", *wrapped(why, width, first=INDENT, rest=INDENT)]))
+    return "\n\n".join(filter(None, parts))
+
+
+def agents_text(measured: Document, *, width: int) -> str:
+    """Measured figures of each of the first agents, a row each; empty if there are none."""
+    by_agent = measured_by_agent(measured)
+    fields = dict.fromkeys(key for row in by_agent.values() for key in row)
+    shown = [key for key in fields if key not in LEFT_OUT]
+    if not shown:
+        return ""
+    rows = [("agent", *(COLUMNS.get(key) or key.replace("_", " ") for key in shown))]
+    for name, row in list(by_agent.items())[:MOST_AGENTS]:
+        rows.append((name, *(words(row.get(key)) for key in shown)))
+    right = range(1, len(shown) + 1)
+    lines = list(table_lines(rows, width=max(width, 60), right=right))
+    if len(by_agent) > MOST_AGENTS:
+        lines.append(f"{INDENT}... and {len(by_agent) - MOST_AGENTS} more agents")
+    return "\n".join(["Measured by agent", *lines])
+
+
+def measured_by_agent(measured: Document) -> dict[str, dict[str, Any]]:
+    """All figures that were measured for each agent, by agent and name."""
+    found: dict[str, dict[str, Any]] = {}
+    for each in measured.values():
+        table = each.get(BY_AGENT) if isinstance(each, Mapping) else None
+        for agent, row in table.items() if isinstance(table, Mapping) else ():
+            found.setdefault(agent, {}).update(row)
+    return found
+
+
+def declared_as(declared: Document, key: str) -> Any:
+    """The declaration of a measured key; None where the contract has none."""
+    found = {path[-1]: _at(declared, path) for path in DECLARED.get(key, ())}
+    given = {name: value for name, value in found.items() if value not in (None, {})}
+    if not given:
+        return None
+    return next(iter(given.values())) if len(DECLARED[key]) == 1 else given
+
+
+def _at(declared: Any, path: Sequence[str]) -> Any:
+    for place, key in enumerate(path):
+        if not isinstance(declared, Mapping):
+            return None
+        if key == "*":
+            inner = {name: _at(each, path[place + 1 :]) for name, each in declared.items()}
+            return {name: value for name, value in inner.items() if value is not None}
+        declared = declared.get(key)
+    return declared
+
+
+def words(value: Any) -> str:
+    """A measured or declared value in words, without figures that other tables have."""
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, Mapping):
+        if "seems" in value:
+            return f"{'seems so' if value['seems'] else 'seems not'}, p {words(value.get('p'))}"
+        inner = [_pair(str(name), each) for name, each in value.items() if name != BY_AGENT]
+        return "; ".join(filter(None, inner))
+    if isinstance(value, list | tuple):
+        return ", ".join(filter(None, map(_inner, value)))
+    return one_line(str(value))
+
+
+def _pair(name: str, value: Any) -> str:
+    """A name and its value; of a declared term or ending its kind is enough."""
+    if isinstance(value, Mapping) and isinstance(value.get("kind"), str):
+        return f"{name} ({value['kind']})"
+    text = _inner(value)
+    return f"{SPOKEN.get(name, name)}: {text}" if text else ""
+
+
+def _inner(value: Any) -> str:
+    text = words(value)
+    is_nested = isinstance(value, Mapping | list | tuple)
+    return f"({text})" if is_nested and text else text
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= MOST_COLUMNS else f"{text[:MOST_COLUMNS]}..."
+
+
+def influence_text(influence: Iterable[Document], *, width: int) -> str:
+    """Influence of agents on agents: a matrix of percentages, the strongest lag of each kind."""
+    cells: dict[tuple[str, str], dict[str, Document]] = {}
+    for each in influence:
+        kinds = cells.setdefault((each["from"], each["to"]), {})
+        if each["p"] > 0 and each["p"] > kinds.get(each["on"], {"p": 0.0})["p"]:
+            kinds[each["on"]] = each
+    if not cells:
+        return ""
+    agents = list(dict.fromkeys(name for pair in cells for name in pair))
+    if len(agents) > MOST_AGENTS:
+        return "\n".join(["Influence", *_counted(cells, len(agents), width)])
+    rows = [("from \\ to", *agents)]
+    rows += [(one, *(_cell(cells.get((one, two), {})) for two in agents)) for one in agents]
+    legend = (
+        "o, r, e: percentage of replaced actions of the agent in the row that changed the "
+        "observation, reward or ending of the agent in the column; +1: one step later."
+    )
+    return "\n".join(
+        [
+            "Influence",
+            *table_lines(rows, width=max(width, 60)),
+            *wrapped(legend, width, first=INDENT, rest=INDENT),
+        ]
+    )
+
+
+def _cell(kinds: Mapping[str, Document]) -> str:
+    parts = [
+        f"{sign}{100 * kinds[on]['p']:.0f}" + (f"+{kinds[on]['lag']}" if kinds[on]["lag"] else "")
+        for on, sign in SIGNS.items()
+        if on in kinds
+    ]
+    return " ".join(parts) or "-"
+
+
+def _counted(
+    cells: Mapping[tuple[str, str], Mapping[str, Document]], agents: int, width: int
+) -> list[str]:
+    rows = []
+    for on in SIGNS:
+        others = [pair for pair, kinds in cells.items() if on in kinds and pair[0] != pair[1]]
+        own = [pair for pair, kinds in cells.items() if on in kinds and pair[0] == pair[1]]
+        rows.append(
+            (
+                on,
+                f"changed by another agent's action in {len(others)} pairs, by the own action "
+                f"for {len(own)} of {agents} agents",
+            )
+        )
+    return list(table_lines(rows, width=width))
+
+
+Measured = Mapping[str, Any]
+
+CONFLICTS: Final = {"none": "joint rule", "draws": "joint rule", "outcome": "ordered"}
+"""Declaration of conflicts that fits a measured sensitivity to the order of actions."""
+LONGEST: Final = 200
+"""Characters of a measured value in a comment."""
+
+
+def measured_questions(questions: Iterable[Question], measured: Measured) -> tuple[Question, ...]:
+    """Adds measured values to questions, as their answers or as hints.
+
+    Args:
+        questions: declarations that are missing.
+        measured: as the audit's document has it.
+    """
+    return tuple(_measured(each, measured) for each in questions)
+
+
+def draft_note(*, steps: int, seed: int) -> str:
+    """The comment at the top of a measured draft."""
+    lines = (
+        f"A draft: values marked as measured come from {steps:,} steps with seed {seed}.",
+        "They are not declarations. Only you know the intended game: remove the # from a line",
+        "whose value is intended, and audits check the environment against it from then on.",
+    )
+    return "".join(f"# {line}\n" for line in lines) + "\n"
+
+
+def _measured(question: Question, measured: Measured) -> Question:
+    value = _answer(question.path, measured)
+    if value is not None:
+        hint = f"measured; else {question.answer}" + (f"; {question.hint}" if question.hint else "")
+        return replace(question, answer=value_text(value), hint=hint)
+    text = _hint(question.path, measured)
+    if not text:
+        return question
+    text = text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+    return replace(question, hint="; ".join(filter(None, [question.hint, f"measured: {text}"])))
+
+
+def _answer(path: tuple[str, ...], measured: Measured) -> Any:
+    """The measured value in the words of a contract; None where it doesn't answer the question."""
+    match path:
+        case ("seeds", "deterministic"):
+            return _plain(measured.get("deterministic"), bool)
+        case ("schedule", "horizon"):
+            return _plain(measured.get("horizon"), int)
+        case ("schedule", "conflicts"):
+            return CONFLICTS.get(str(measured.get("order_sensitive")))
+        case ("schedule", "order"):
+            schedule = measured.get("schedule")
+            order = schedule.get("order") if isinstance(schedule, Mapping) else schedule
+            return order if order in ORDERS else None
+    return None
+
+
+def _hint(path: tuple[str, ...], measured: Measured) -> str:
+    """A measured value that helps with the answer; empty where there is none."""
+    match path:
+        case ("why",):
+            return str(measured.get("why") or "")
+        case ("roles", role, "symmetric"):
+            by_role = measured.get("symmetric")
+            return words(by_role.get(role)) if isinstance(by_role, Mapping) else ""
+        case ("schedule", "stages" | "order"):
+            return words(measured.get("schedule"))
+        case ("rewards" | "endings" as section, _):
+            return words(measured.get("reward" if section == "rewards" else section))
+    return ""
+
+
+def _plain(value: Any, kind: type) -> Any:
+    """The value where it is of that type; a bool isn't taken for a number."""
+    is_meant = kind is bool or not isinstance(value, bool)
+    return value if isinstance(value, kind) and is_meant else None

@@ -1,0 +1,321 @@
+"""Section of the agents: each one's returns, lengths and endings; the team stands last."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from gamekeeper.episodes.summary import Summary
+from gamekeeper.reporting.page.episode_figures import Figures, failed_text
+from gamekeeper.reporting.page.packed_episode import PackedAgent
+from gamekeeper.reporting.page.page_data import (
+    Cell,
+    Chart,
+    PageBlock,
+    PageTable,
+    badge,
+    binned_line,
+    bounds,
+    finite,
+    interval,
+    name,
+    number,
+    percent,
+    shown,
+)
+from gamekeeper.reporting.results_text import last_line
+from gamekeeper.statistics.interval import FEWEST_EPISODES
+from gamekeeper.statistics.one_sample import one_sample
+
+FloatArray = NDArray[np.float64]
+
+FEWEST: Final = FEWEST_EPISODES["mean"]
+"""Episodes from which an interval is shown."""
+MOST_INTERVALS: Final = 64
+"""Agents whose intervals are computed; one takes some hundredths of a second."""
+MOST_LINES: Final = 12
+"""Agents whose returns are drawn; the table has all."""
+NOT_TESTED: Final = "not tested"
+
+
+@dataclass(frozen=True, slots=True)
+class Mean:
+    """A mean over episodes with its interval.
+
+    Attributes:
+        value: the mean; None where there is no episode.
+        low, high: its 95 % interval; None where there are too few episodes for one.
+        n: number of episodes.
+    """
+
+    value: float | None
+    low: float | None
+    high: float | None
+    n: int
+
+
+def mean_of(values: FloatArray, rng: Generator | None) -> Mean:
+    """The mean of an agent's figures with an interval, which fewer than 50 episodes don't have.
+
+    Args:
+        values: [episodes].
+        rng: draws the resamples; None: no interval.
+    """
+    value = float(np.mean(values)) if len(values) else None
+    if rng is None or len(values) < FEWEST or not np.isfinite(values).all():
+        return Mean(value, None, None, len(values))
+    found = one_sample(np.asarray(values, np.float64), rng=rng)
+    return Mean(value, found.low, found.high, found.n)
+
+
+def means_of(figures: Figures, rng: Generator) -> dict[str, Mean]:
+    """Each agent's mean return over its episodes; agents with equal returns share one interval."""
+    known: dict[bytes, Mean] = {}
+    found = {}
+    for place, agent in enumerate(figures.agents):
+        values = figures.returns[figures.present[:, place], place]
+        key = values.tobytes()
+        if place < MOST_INTERVALS and key not in known:
+            known[key] = mean_of(values, rng)
+        found[agent] = known.get(key) or mean_of(values, None)
+    return found
+
+
+def agents_blocks(
+    figures: Figures,
+    summary: Summary,
+    roster: Sequence[PackedAgent],
+    *,
+    key: str,
+    labels: Sequence[Mapping[str, Any]],
+    attribution: Mapping[str, Any] | None,
+    failed: Sequence[bool | None],
+    condition: str,
+    rng: Generator,
+) -> tuple[PageBlock, ...]:
+    """The blocks of one run.
+
+    Args:
+        figures: of the run.
+        summary: shares, idle parts and endings.
+        roster: names and roles.
+        key: the run's letter.
+        labels: failure labels as plain data.
+        attribution: the document of `gamekeeper attribute`, which alone tells lazy agents.
+        failed: True for each episode that failed; None where it isn't known.
+        condition: condition of a failed episode, in words.
+        rng: draws resamples.
+    """
+    means = means_of(figures, rng)
+    main = PageBlock(
+        charts=tuple(filter(None, [_returns(figures, key), _terms_chart(figures, key)])),
+        tables=(
+            _main_table(figures, summary, means, roster, labels, attribution),
+            _terms(figures),
+            _labels(labels, key),
+        ),
+        notes=tuple(_notes(means, attribution)),
+    )
+    return (main, _team(figures, failed, condition, rng))
+
+
+def _main_table(
+    figures: Figures,
+    summary: Summary,
+    means: Mapping[str, Mean],
+    roster: Sequence[PackedAgent],
+    labels: Sequence[Mapping[str, Any]],
+    attribution: Mapping[str, Any] | None,
+) -> PageTable:
+    roles = {member.name: member.role for member in roster}
+    given = dict.fromkeys((each["agent"], str(each["label"])) for each in labels)
+    rows = []
+    for place, agent in enumerate(figures.agents):
+        values = figures.returns[figures.present[:, place], place]
+        own, mean = summary.agents.get(agent), means[agent]
+        rows.append(
+            (
+                name(agent),
+                name(roles.get(agent, "")),
+                number(mean.n),
+                number(mean.value),
+                bounds(mean.low, mean.high),
+                number(_quantile(values, 0.0)),
+                number(_quantile(values, 0.5)),
+                number(_quantile(values, 1.0)),
+                number(None if own is None else own.length_mean),
+                percent(None if own is None else own.share),
+                percent(None if own is None else own.idle),
+                Cell("" if own is None else _counts(own.endings)),
+                Cell(", ".join(label for labelled, label in given if labelled == agent)),
+                _lazy(agent, attribution),
+            )
+        )
+    columns = (
+        "agent",
+        "role",
+        "episodes",
+        "mean return",
+        "95 % interval",
+        "lowest",
+        "median",
+        "highest",
+        "mean length",
+        "share",
+        "idle",
+        "endings",
+        "labels",
+        "lazy",
+    )
+    return PageTable("Returns, lengths and endings by agent", columns, tuple(rows))
+
+
+def _quantile(values: FloatArray, part: float) -> float | None:
+    finite = values[np.isfinite(values)]
+    return float(np.quantile(finite, part)) if len(finite) else None
+
+
+def _counts(endings: Mapping[str, int]) -> str:
+    return ", ".join(f"{reason} {count}" for reason, count in endings.items())
+
+
+def _lazy(agent: str, attribution: Mapping[str, Any] | None) -> Cell:
+    """The attribution's answer; without one, laziness isn't tested."""
+    part = ((attribution or {}).get("agents") or {}).get(agent)
+    if not isinstance(part, Mapping) or "lazy" not in part:
+        return Cell(NOT_TESTED)
+    return lazy_cell(part["lazy"])
+
+
+def lazy_cell(is_lazy: bool | None) -> Cell:
+    """A cell that tells if an agent is lazy; None: unknown."""
+    if is_lazy is None:
+        return Cell("unknown")
+    return badge("lazy", "warn") if is_lazy else Cell("no")
+
+
+def _notes(means: Mapping[str, Mean], attribution: Mapping[str, Any] | None) -> list[str]:
+    notes = []
+    if any(0 < mean.n < FEWEST for mean in means.values()):
+        notes.append(
+            f"No interval is shown for fewer than {FEWEST} episodes: its coverage would be wrong."
+        )
+    if len(means) > MOST_INTERVALS:
+        notes.append(f"Intervals are computed for the first {MOST_INTERVALS} agents.")
+    notes.append(
+        "Share: part of the team's return, where no agent's is negative. Idle: part of an agent's "
+        "actions that are the declared noop."
+    )
+    if attribution is None:
+        notes.append(
+            "Lazy agents are found by replacing them, not by their returns: "
+            "`gamekeeper attribute RUN`."
+        )
+    return notes
+
+
+def _returns(figures: Figures, key: str) -> Chart | None:
+    """Each agent's return in every episode, or means of several."""
+    if len(figures.headers) < 2:
+        return None
+    return binned_line(
+        f"returns-{key}",
+        "Return by agent and episode",
+        [header["episode"] for header in figures.headers],
+        {
+            agent: np.where(figures.present[:, place], figures.returns[:, place], np.nan)
+            for place, agent in enumerate(figures.agents[:MOST_LINES])
+        },
+        note=f"The first {MOST_LINES} agents; the table has all of them."
+        if len(figures.agents) > MOST_LINES
+        else "",
+    )
+
+
+def _term_means(figures: Figures) -> dict[str, list[float | None]]:
+    return {
+        term: [
+            mean_of(sums[figures.present[:, place], place], None).value
+            for place in range(len(figures.agents))
+        ]
+        for term, sums in figures.terms.items()
+    }
+
+
+def _terms_chart(figures: Figures, key: str) -> Chart | None:
+    means = _term_means(figures)
+    if not means or not figures.agents:
+        return None
+    return {
+        "id": f"terms-{key}",
+        "kind": "bars",
+        "title": "Mean return by reward term",
+        "x": {"label": "agent", "names": list(figures.agents[:MOST_LINES])},
+        "y": {"label": "mean return of an episode"},
+        "series": [
+            {"name": term, "values": [finite(value) for value in values[:MOST_LINES]]}
+            for term, values in means.items()
+        ],
+        "stacked": False,
+    }
+
+
+def _terms(figures: Figures) -> PageTable:
+    means = _term_means(figures)
+    rows = tuple(
+        (name(agent), *(number(values[place]) for values in means.values()))
+        for place, agent in enumerate(figures.agents)
+    )
+    return PageTable("Mean return by reward term", ("agent", *means), rows if means else ())
+
+
+def _labels(labels: Sequence[Mapping[str, Any]], key: str) -> PageTable:
+    rows = tuple(
+        (
+            Cell(str(each["label"])),
+            name(each["agent"] or "the team"),
+            _place(each, key),
+            Cell(f"{'proposed by ' if each['proposed'] else ''}{each['by']}"),
+            Cell(str(each["why"] or "")),
+        )
+        for each in labels
+    )
+    return PageTable("Failure labels", ("label", "agent", "place", "author", "reason"), rows)
+
+
+def _place(label: Mapping[str, Any], key: str) -> Cell:
+    if label["episode"] is None:
+        return Cell("the run")
+    turn = label["turn"]
+    text = f"episode {label['episode']}" + ("" if turn is None else f", turn {turn}")
+    return Cell(text, link=f"{key}/{label['episode']}/{turn or 0}")
+
+
+def _team(
+    figures: Figures, failed: Sequence[bool | None], condition: str, rng: Generator
+) -> PageBlock:
+    mean = mean_of(figures.team, rng)
+    ends = Counter(str(header.get("end") or "open") for header in figures.headers)
+    facts = [
+        ("episodes", ", ".join(f"{count} {end}" for end, count in sorted(ends.items())) or "none"),
+        (
+            "mean team return",
+            shown(mean.value)
+            + (f" ({interval(mean.low, mean.high)})" if mean.low is not None else ""),
+        ),
+        ("failed", failed_text(failed)),
+        ("failure condition", condition),
+    ]
+    errors = [
+        (Cell(f"episode {header['episode']}"), Cell(last_line(header["error"]), "code"))
+        for header in figures.headers
+        if header.get("error")
+    ]
+    table = PageTable("Errors", ("episode", "error"), tuple(errors[:20]))
+    return PageBlock(title="Team and errors", facts=tuple(facts), tables=(table,))

@@ -1,0 +1,81 @@
+// How an episode ended, in words; of one without an end a page can't tell whether somebody records it still.
+gk.endText = (end) => gk.own({ open: "no end: still recorded, or killed", torn: "torn: its recorder was killed" }, end) ?? end;
+
+// One episode on show: what it is, the world drawn, its lanes, and the table under the cursor.
+
+gk.Deck = class {
+  // `choose(turn)`: the reader points at a turn in the lanes.
+  constructor(episode, entry, label, choose) {
+    this.episode = episode;
+    this.label = label;
+    this.drawing = gk.drawingOf(episode);
+    this.lanes = new gk.Lanes(episode, choose);
+    this.table = new gk.TurnTable(episode, label);
+    const note = episode.drawingNote && gk.node("p", { class: "note", text: (episode.drawing ? "Drawn: " : "") + gk.visible(episode.drawingNote) });
+    const world = gk.node("div", { class: "deck-world" }, this.drawing.root, note || "");
+    const parts = [this.#heading(entry), this.#trouble(), this.#before()].filter(Boolean);
+    const top = gk.node("div", { class: "deck-top" }, ...parts);
+    this.root = gk.node("article", { class: "deck", "aria-label": label }, top, world, this.lanes.root, this.table.root);
+  }
+
+  #heading(entry) {
+    const e = this.episode;
+    const run = gk.page.runs.find((known) => known.key === e.run);
+    const texts = [`${e.turns} steps`, gk.endText(e.end)];
+    if (e.seed !== null && e.seed !== undefined) texts.unshift(`seed ${e.seed}`);
+    const heading = gk.node("h3", {}, "Run ", gk.name(e.run), run && run.name !== e.run ? " (" : "");
+    if (run && run.name !== e.run) heading.append(gk.name(run.name), ")");
+    heading.append(`, episode ${e.index}`);
+    const facts = gk.node("p", { class: "deck-facts", text: texts.join(" · ") });
+    for (const label of entry?.labels ?? []) facts.append(" ", gk.node("span", { class: "badge plain" }, gk.name(label)));
+    return gk.node("header", {}, heading, facts);
+  }
+
+  #trouble() {
+    if (!this.episode.error) return null;
+    const text = gk.node("pre", { text: gk.visible(this.episode.error), tabindex: "0" });
+    return gk.node("details", { class: "more warning", open: true }, gk.node("summary", { text: "It ended with an error" }), text);
+  }
+
+  #before() {
+    const e = this.episode;
+    if (!e.base && !e.change) return null;
+    const note = gk.node("p", { class: "note" });
+    if (e.base) note.append("A counterfactual of ", gk.name(e.base.run), `, episode ${e.base.episode}. `);
+    if (e.change) note.append("Changed: ", gk.name(e.change));
+    return note;
+  }
+
+  // Puts the cursor on a turn; beyond its end the last turn stays, and is said to be the last.
+  show(turn, other = null) {
+    const here = Math.min(turn, this.episode.last);
+    this.drawing.show(here);
+    this.lanes.show(turn);
+    this.table.show(turn, other);
+    this.root.classList.toggle("over", turn > this.episode.last);
+  }
+
+  // What the reader has zoomed and scrolled to, for an episode that is read again.
+  get look() {
+    const { zoom, first, scroll } = this.lanes;
+    return { zoom, first, top: scroll.scrollTop, from: this.table.from };
+  }
+
+  lookLike({ zoom, first, top, from }) {
+    this.lanes.follow({ zoom, first });
+    this.lanes.scroll.scrollTop = top;
+    this.table.from = from;
+  }
+
+  // The marks of a pair: where these two part, and not where one of them parts from a third.
+  mark(extra) {
+    this.lanes.marks = [...this.episode.marks.filter((mark) => mark.kind !== "divergence"), ...extra].sort((a, b) => a.turn - b.turn);
+    this.lanes.redraw();
+  }
+
+  // Everything again, in the colours that hold now; at once, since a page that is printed waits for no frame.
+  repaint(turn) {
+    this.lanes.draw();
+    this.drawing.show(Math.min(turn, this.episode.last));
+  }
+};

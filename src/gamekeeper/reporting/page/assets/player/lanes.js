@@ -1,0 +1,216 @@
+// The lanes of an episode: a lane an agent, turns from left to right, only what is in sight drawn.
+// The cursor is an element of its own above the canvas, so that scrubbing draws nothing anew.
+
+const ROOMY = 38; // pixels of a lane
+const CLOSE = 20; // the same where there are many agents
+const MANY = 24;
+const WIDEST = 44; // pixels of a turn, zoomed in
+const TALLEST = 420; // pixels of all lanes in sight at once
+
+gk.Lanes = class {
+  // `choose(turn)` is called when the reader points at a turn.
+  constructor(episode, choose) {
+    this.episode = episode;
+    this.pyramids = new gk.Pyramids(episode);
+    this.choose = choose;
+    this.height = episode.agents.length > MANY ? CLOSE : ROOMY;
+    this.cursor = 0;
+    this.span = episode.last + 1; // turns on the scale: those of the longer one of two
+    this.partner = null; // the lanes beside these, which show the same turns
+    this.first = 0; // the turn at the left edge
+    this.zoom = 1; // 1: the whole episode is in sight
+    this.marks = episode.marks;
+    this.pool = [];
+    this.#make();
+    this.redraw = gk.once(() => this.draw());
+    this.scroll.addEventListener("scroll", this.redraw, { passive: true });
+    new ResizeObserver(this.redraw).observe(this.box);
+    this.#pointer();
+  }
+
+  #make() {
+    const total = this.height * this.episode.agents.length;
+    this.ruler = gk.node("canvas", { class: "lanes-ruler", "aria-hidden": "true" });
+    this.canvas = gk.node("canvas", { class: "lanes-canvas", role: "img" });
+    this.names = gk.node("div", { class: "lanes-names" });
+    this.view = gk.node("div", { class: "lanes-view" }, this.names, this.canvas);
+    this.space = gk.node("div", { class: "lanes-space" }, this.view);
+    const label = `Lanes of ${this.episode.agents.length} agents over turns 0 to ${this.episode.last}`;
+    this.scroll = gk.node("div", { class: "lanes-scroll", tabindex: "0", role: "group", "aria-label": label }, this.space);
+    this.line = gk.node("div", { class: "lanes-cursor", "aria-hidden": "true" });
+    this.box = gk.node("div", { class: "lanes-box" }, this.ruler, this.scroll, this.line);
+    this.inSight = Math.min(total, TALLEST);
+    this.space.style.height = `${total}px`;
+    this.scroll.style.height = `${this.inSight}px`;
+    this.view.style.height = `${this.inSight}px`;
+    this.canvas.setAttribute("aria-label", this.summary());
+    this.zooms = this.#zooms();
+    this.root = gk.node("div", { class: "lanes" }, this.zooms, this.box);
+  }
+
+  #zooms() {
+    const button = (text, label, work) => {
+      const made = gk.node("button", { type: "button", text, "aria-label": label, title: label });
+      made.addEventListener("click", work);
+      return made;
+    };
+    return gk.node(
+      "div",
+      { class: "lanes-zooms", role: "group", "aria-label": "Zoom of the lanes" },
+      button("−", "Show more turns", () => this.zoomBy(0.5)),
+      button("+", "Show fewer turns", () => this.zoomBy(2)),
+      button("All", "Show all turns", () => this.zoomBy(0)),
+      legend(),
+    );
+  }
+
+  // Pointing, dragging and tapping choose a turn; the wheel with Ctrl zooms.
+  #pointer() {
+    const at = (event) => this.first + Math.floor((event.clientX - this.canvas.getBoundingClientRect().left) / this.perTurn);
+    const follow = (event) => {
+      if (event.buttons & 1 || event.type === "pointerdown") this.choose(Math.max(0, Math.min(this.episode.last, at(event))));
+    };
+    for (const canvas of [this.canvas, this.ruler]) {
+      canvas.addEventListener("pointerdown", (event) => {
+        canvas.setPointerCapture(event.pointerId);
+        follow(event);
+      });
+      canvas.addEventListener("pointermove", follow);
+    }
+    const wheel = (event) => {
+      if (!event.ctrlKey) return;
+      event.preventDefault();
+      this.zoomBy(event.deltaY < 0 ? 2 : 0.5);
+    };
+    this.box.addEventListener("wheel", wheel, { passive: false });
+  }
+
+  get perTurn() {
+    const all = this.width / this.span;
+    return this.zoom === 1 ? all : Math.max(all, Math.min(WIDEST, all * this.zoom));
+  }
+
+  get width() {
+    return this.wide || 300;
+  }
+
+  // Twice, half, or (0) all; the cursor stays where it is seen.
+  zoomBy(factor) {
+    const seen = (this.cursor - this.first) * this.perTurn;
+    const most = Math.max(1, (WIDEST * this.span) / this.width);
+    this.zoom = factor === 0 ? 1 : Math.max(1, Math.min(most, this.zoom * factor));
+    this.first = this.cursor - Math.min(seen, this.width * 0.8) / this.perTurn;
+    this.#intoRange();
+    this.redraw();
+    this.partner?.follow(this);
+  }
+
+  // Shows the same turns as the lanes beside these.
+  follow({ zoom, first }) {
+    this.zoom = zoom;
+    this.first = first;
+    this.redraw();
+  }
+
+  // Two lanes on one scale.
+  static pair(one, other) {
+    one.span = other.span = Math.max(one.span, other.span);
+    one.partner = other;
+    other.partner = one;
+  }
+
+  #intoRange() {
+    const shown = this.width / this.perTurn;
+    this.first = Math.max(0, Math.min(Math.floor(this.first), Math.ceil(this.span - shown)));
+  }
+
+  // Puts the cursor on a turn; draws only when that turn was out of sight.
+  show(turn) {
+    this.cursor = Math.min(turn, this.span - 1);
+    const shown = this.width / this.perTurn;
+    if (this.cursor < this.first || this.cursor >= this.first + shown - 0.5) {
+      this.first = this.cursor - shown * 0.2;
+      this.#intoRange();
+      this.redraw();
+    }
+    this.#place();
+  }
+
+  #place() {
+    const per = this.perTurn;
+    this.line.style.width = `${Math.max(2, per)}px`;
+    this.line.style.transform = `translateX(${this.left + (this.cursor - this.first) * per}px)`;
+  }
+
+  // Brings an agent's lane into sight.
+  reveal(name) {
+    const agent = this.episode.seat.get(name);
+    if (agent === undefined) return;
+    const top = agent * this.height;
+    if (top < this.scroll.scrollTop || top + this.height > this.scroll.scrollTop + this.inSight) this.scroll.scrollTop = top - this.inSight / 2;
+  }
+
+  draw() {
+    if (!this.box.isConnected || this.box.clientWidth === 0) return;
+    this.left = this.names.offsetWidth;
+    this.wide = Math.max(40, this.scroll.clientWidth - this.left);
+    this.#intoRange();
+    const top = this.scroll.scrollTop;
+    const from = Math.floor(top / this.height);
+    const past = Math.min(this.episode.agents.length, Math.ceil((top + this.inSight) / this.height));
+    const ink = gk.sized(this.canvas, this.wide, this.inSight);
+    ink.clearRect(0, 0, this.wide, this.inSight);
+    const shape = { first: this.first, perTurn: this.perTurn, width: this.wide, height: this.height };
+    for (let agent = from; agent < past; agent++) {
+      ink.save();
+      ink.translate(0, agent * this.height - top);
+      gk.drawLane(ink, this.episode, agent, this.pyramids.level(agent, 1 / shape.perTurn), shape);
+      ink.restore();
+    }
+    gk.drawRuler(this.ruler, this.episode, this.marks, shape);
+    this.ruler.style.marginLeft = `${this.left}px`;
+    this.#nameLanes(from, past, top);
+    this.#place();
+  }
+
+  #nameLanes(from, past, top) {
+    while (this.pool.length < past - from) {
+      const made = gk.node("div", { class: "lane-name" }, gk.node("i", { "aria-hidden": "true", hidden: this.episode.drawing?.kind !== "map" }), gk.node("bdi"));
+      this.pool.push(made);
+      this.names.append(made);
+    }
+    this.pool.forEach((made, i) => {
+      const agent = this.episode.agents[from + i];
+      made.hidden = from + i >= past;
+      if (made.hidden) return;
+      gk.say(made.lastChild, gk.visible(agent.name));
+      made.firstChild.style.background = `var(--series-${1 + (gk.placeOf("agent", agent.name) % 8)})`;
+      made.title = `${gk.visible(agent.name)}, ${gk.visible(agent.role ?? "")}`;
+      made.style.height = `${this.height}px`;
+      made.style.transform = `translateY(${(from + i) * this.height - top}px)`;
+    });
+  }
+
+  // What the picture says, for those who don't see it.
+  summary() {
+    const { agents, last, marks } = this.episode;
+    const named = agents.slice(0, 8).map((agent) => gk.visible(agent.name));
+    const more = agents.length > 8 ? ` and ${agents.length - 8} more` : "";
+    const found = marks.slice(0, 8).map((mark) => `${mark.kind} at turn ${mark.turn}`);
+    return `Actions and rewards, turns 0 to ${last}: ${named.join(", ")}${more}. ${found.join(", ")}. The table below shows the chosen turn.`;
+  }
+};
+
+const KEYS = [
+  ["key-acted", "acted"],
+  ["key-idle", "did “nothing”"],
+  ["key-gain", "paid, above"],
+  ["key-loss", "paid, below"],
+  ["key-cumulative", "cumulative reward"],
+];
+
+const legend = () => {
+  const items = KEYS.map(([kind, text]) => gk.node("span", { class: "key" }, gk.node("i", { class: kind, "aria-hidden": "true" }), text));
+  const note = "The height of a reward is the square root of its share of the episode's largest.";
+  return gk.node("span", { class: "lanes-legend", title: note }, ...items);
+};

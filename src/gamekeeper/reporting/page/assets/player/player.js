@@ -1,0 +1,364 @@
+// The player: one episode, or two side by side, with one cursor.
+
+const SPEEDS = [1, 2, 5, 10, 20, 50, 100, 200, 500]; // turns a second
+const NAMED = 24; // marks with a button each; the brackets reach all
+const SETTLED = 500; // milliseconds after which a turn is read out and stands in the address
+
+// Signs on buttons as paths in 16 x 16, for fonts don't have them everywhere.
+const SIGNS = {
+  first: "M2 2h2v12H2z M14 2v12L5 8z",
+  markBefore: "M5 4l4 4-4 4-4-4z M15 3v10L9 8z",
+  back: "M12 2v12L4 8z",
+  play: "M3 1l11 7-11 7z",
+  pause: "M3 2h4v12H3z M9 2h4v12H9z",
+  next: "M4 2v12l8-6z",
+  markAfter: "M11 4l4 4-4 4-4-4z M1 3v10l6-5z",
+  last: "M12 2h2v12h-2z M2 2v12l9-6z",
+  slower: "M2 7h12v2H2z",
+  faster: "M2 7h5V2h2v5h5v2H9v5H7V9H2z",
+};
+
+const icon = (name) => {
+  const path = gk.svg("path", { d: SIGNS[name] });
+  const made = gk.svg("svg", { viewBox: "0 0 16 16", class: "icon", "aria-hidden": "true", focusable: "false" });
+  made.append(path);
+  return made;
+};
+
+const WORDS = { row: "the set of rows", hidden: "a value that is not shown here" };
+const LONGEST = 80; // characters of a value that is shown
+const against = (values) => values.map((value) => gk.visible(value).slice(0, LONGEST)).join(" against ");
+
+const wording = (mark) => [mark.kind, mark.agent === null || mark.agent === undefined ? "" : gk.visible(mark.agent), gk.visible(mark.text ?? "")].filter(Boolean).join(", ");
+
+gk.Player = class {
+  constructor(host) {
+    Object.assign(this, { host, decks: [], turn: 0, speed: 3, playing: false, part: null, settled: 0, generation: 0, moved: false });
+    this.#make();
+    this.render = gk.once(() => this.#render());
+    gk.onColours(() => this.decks.forEach((deck) => deck.repaint(this.turn)));
+  }
+
+  #make() {
+    this.list = new gk.EpisodeList(
+      (entry) => this.open([entry], { focus: true }),
+      (entry) => this.beside(entry),
+    );
+    this.pair = gk.node("select", { "aria-label": "Compare two episodes" });
+    this.pair.addEventListener("change", () => this.#showPair());
+    this.stage = gk.node("div", { class: "decks" });
+    this.trouble = gk.node("p", { class: "warning", role: "alert", hidden: true });
+    this.parted = gk.node("p", { class: "parted", hidden: true });
+    this.jumps = gk.node("div", { class: "jumps", role: "group", "aria-label": "Jump to" });
+    this.status = gk.node("p", { class: "sr-only", role: "status", "aria-live": "polite" });
+    this.pairing = gk.node("p", { class: "pairing", hidden: true }, gk.node("label", {}, "Compare: ", this.pair));
+    this.follow = gk.node("input", { type: "checkbox" });
+    this.following = gk.node("label", { class: "following", hidden: true }, this.follow, " follow the recording");
+    this.host.append(this.list.root, this.pairing, this.trouble, this.parted, this.#controls(), this.jumps, this.stage, this.#keys(), this.status);
+  }
+
+  #controls() {
+    const button = (sign, label, work) => {
+      const made = gk.node("button", { type: "button", "aria-label": label, title: label }, icon(sign));
+      made.addEventListener("click", work);
+      return made;
+    };
+    this.play = button("play", "Play (space)", () => this.toggle());
+    const mark = (by) => () => this.toMark(by);
+    const buttons = [
+      button("first", "First turn (Home)", () => this.to(0)),
+      button("markBefore", "Mark before ([)", mark(-1)),
+      button("back", "Turn before (left arrow)", () => this.to(this.turn - 1)),
+      this.play,
+      button("next", "Next turn (right arrow)", () => this.to(this.turn + 1)),
+      button("markAfter", "Next mark (])", mark(1)),
+      button("last", "Last turn (End)", () => this.to(this.last)),
+    ];
+    this.pace = gk.node("output", { class: "pace", "aria-label": "Speed" });
+    const slower = button("slower", "Slower (−)", () => this.faster(-1));
+    const speed = gk.node("span", { class: "speed" }, slower, this.pace, button("faster", "Faster (+)", () => this.faster(1)));
+    this.slider = gk.node("input", { type: "range", min: "0", max: "0", value: "0", step: "1", "aria-label": "Turn", class: "scrub" });
+    this.slider.addEventListener("input", () => this.to(Number(this.slider.value)));
+    this.where = gk.node("output", { class: "where", "aria-hidden": "true" });
+    this.faster(0);
+    return gk.node(
+      "div",
+      { class: "controls", role: "group", "aria-label": "Playback" },
+      gk.node("div", { class: "control-buttons" }, ...buttons, speed, this.following),
+      gk.node("div", { class: "control-slider" }, this.slider, this.where),
+    );
+  }
+
+  #keys() {
+    const text = "Keys: ← → a turn · Shift with them ten · Home, End · Space plays · + − speed · [ ] marks. Clicking or dragging on the lanes selects a turn, too.";
+    return gk.node("p", { class: "note keys", text });
+  }
+
+  get last() {
+    return Math.max(0, ...this.decks.map((deck) => deck.episode.last));
+  }
+
+  get marks() {
+    const pair = this.decks.length > 1; // where each parts from some third one is no matter here
+    const kept = (deck) => deck.episode.marks.filter((mark) => !pair || mark.kind !== "divergence");
+    const all = this.decks.flatMap((deck) => kept(deck).map((mark) => ({ ...mark, side: deck.side })));
+    all.push(...this.partMarks());
+    return all.sort((a, b) => a.turn - b.turn);
+  }
+
+  // Nothing where they differ in no turn.
+  partMarks() {
+    if (!this.part || this.part.turn === null) return [];
+    const { turn, agent, field } = this.part;
+    const text = field === "length" ? "one of them ends" : `${gk.own(WORDS, field) ?? field} differs`;
+    return [{ turn: Math.min(turn, this.last), kind: "divergence", agent, text, both: true }];
+  }
+
+  // Every episode there is, after the first time also what a recording added.
+  fill(entries) {
+    this.entries = entries;
+    this.list.fill(entries);
+    this.#fillPairs();
+  }
+
+  entry(run, episode) {
+    return this.entries.find((entry) => entry.run === run && entry.episode === episode);
+  }
+
+  #fillPairs() {
+    const pairs = gk.page.pairs ?? [];
+    this.pairs = pairs.filter(({ left, right }) => this.entry(left.run, left.episode)?.packed && this.entry(right.run, right.episode)?.packed);
+    const options = this.pairs.map((pair, i) => gk.node("option", { value: String(i), text: gk.visible(pair.text) }));
+    this.pair.replaceChildren(gk.node("option", { value: "", text: "one episode alone" }), ...options);
+    this.#choosePair();
+    this.pairing.hidden = this.pairs.length === 0;
+  }
+
+  #showPair() {
+    this.moved = true;
+    const pair = this.pairs[Number(this.pair.value)];
+    if (this.pair.value === "" || !pair) return this.#show([this.decks[0]?.entry].filter(Boolean));
+    return this.#show([pair.left, pair.right].map(({ run, episode }) => this.entry(run, episode)));
+  }
+
+  // The pair on show, if the page offers it; then also what was found out about it when the page was made.
+  get known() {
+    const [left, right] = this.decks.map(({ entry }) => entry);
+    const is = (place, entry) => place.run === entry.run && place.episode === entry.episode;
+    return right && this.pairs.find((pair) => is(pair.left, left) && is(pair.right, right));
+  }
+
+  #choosePair() {
+    const at = this.pairs.indexOf(this.known);
+    this.pair.value = at < 0 ? "" : String(at);
+  }
+
+  // Opens an episode, or two side by side, at a turn.
+  async open(entries, { turn, focus = false, agent } = {}) {
+    await this.#show(entries, turn);
+    if (agent) this.decks[0]?.lanes.reveal(agent);
+    if (focus) {
+      this.moved = true;
+      this.host.closest("section")?.scrollIntoView({ block: "start", behavior: "instant" });
+      this.slider.focus({ preventScroll: true });
+    }
+  }
+
+  // Puts an episode beside the one on show.
+  async beside(entry) {
+    const first = this.decks[0]?.entry;
+    this.moved = true;
+    if (!first) return this.open([entry]);
+    return this.#show(first === entry ? [first] : [first, entry]);
+  }
+
+  async #show(entries, turn) {
+    this.pause();
+    const mine = ++this.generation;
+    try {
+      const episodes = await Promise.all(entries.map((entry) => gk.load(entry.run, entry.episode)));
+      if (mine !== this.generation) return; // the reader chose another one meanwhile
+      this.trouble.hidden = true;
+      this.#deal(episodes, entries);
+      this.to(turn ?? this.#start());
+      this.began = this.turn;
+    } catch (error) {
+      if (mine !== this.generation) return;
+      this.trouble.hidden = false;
+      gk.say(this.trouble, gk.visible(`Not opened: ${error.message}`));
+      if (!(error instanceof gk.Trouble)) console.error(error);
+    }
+  }
+
+  #deal(episodes, entries) {
+    const titles = episodes.length > 1 ? ["Left", "Right"] : ["Episode"];
+    this.decks = episodes.map((episode, i) => {
+      const deck = new gk.Deck(episode, entries[i], `${titles[i]}: run ${gk.visible(episode.run)}, episode ${episode.index}`, (turn) => this.to(turn));
+      Object.assign(deck, { entry: entries[i], side: titles[i].toLowerCase() });
+      return deck;
+    });
+    if (this.decks.length > 1) gk.Lanes.pair(this.decks[0].lanes, this.decks[1].lanes);
+    this.#choosePair();
+    this.part = episodes.length < 2 ? null : this.known ? this.known.divergence : gk.firstDifference(...episodes);
+    if (episodes.length > 1) this.decks.forEach((deck) => deck.mark(this.partMarks()));
+    this.stage.classList.toggle("two", episodes.length > 1);
+    this.stage.replaceChildren(...this.decks.map((deck) => deck.root));
+    this.slider.max = String(this.last);
+    this.following.hidden = episodes[0].end !== "open";
+    this.#sayPart(episodes);
+    this.#fillJumps();
+    this.list.show(entries.map((entry) => `${entry.run}/${entry.episode}`));
+    this.decks.forEach((deck) => deck.lanes.draw());
+  }
+
+  // A pair begins at its first difference, what broke off where it did, a failure in the midst of an episode where it is, anything else at its beginning.
+  #start() {
+    if (this.decks.length > 1) return Math.min(this.last, this.part?.turn ?? 0);
+    const found = (kind) => this.marks.find((mark) => mark.kind === kind)?.turn;
+    if (this.decks[0].episode.end === "open") return this.last;
+    const failure = found("failure");
+    return found("error") ?? (failure < this.last ? failure : 0);
+  }
+
+  #sayPart(episodes) {
+    this.parted.hidden = episodes.length < 2;
+    if (episodes.length < 2) return;
+    if (!this.part) return gk.say(this.parted, "No difference: every turn is the same in both.");
+    const { turn, agent, field, values } = this.part;
+    if (turn === null) return gk.say(this.parted, `No turn differs; the ${gk.visible(field)} do: ${against(values)}.`);
+    if (field === "length") return gk.say(this.parted, `The same until turn ${turn - 1}, where one of them ends.`);
+    const who = agent === null ? "" : `${gk.visible(agent)}, `;
+    if (field === "row") return gk.say(this.parted, `First difference: turn ${turn}, ${who}which has a row in one of them only.`);
+    if (field === "hidden") return gk.say(this.parted, `First difference: turn ${turn}, in an observation, an info or the state, which this page does not compare one by one.`);
+    const seen = values ?? episodes.map((episode) => this.#valueAt(episode, this.part));
+    return gk.say(this.parted, `First difference: turn ${turn}, ${who}${gk.visible(field)} ${against(seen)}.`);
+  }
+
+  #valueAt(episode, { turn, agent, field }) {
+    const seat = episode.seat.get(agent);
+    const row = seat === undefined ? -1 : episode.rowOf(seat, turn);
+    const value = gk.field(episode, row, field);
+    return typeof value === "number" ? gk.number(value) || "nothing" : value || "nothing";
+  }
+
+  // Buttons for marks; those that say nothing an earlier button has not said are left to the brackets.
+  #fillJumps() {
+    const marks = this.marks;
+    const rank = (mark) => (mark.kind === "ending" ? 1 : 0);
+    const named = [...marks].sort((a, b) => rank(a) - rank(b)).slice(0, NAMED).sort((a, b) => a.turn - b.turn);
+    const several = this.decks.length > 1;
+    this.jumps.replaceChildren(
+      ...named.map((mark) => {
+        const side = several && !mark.both ? `${mark.side}: ` : "";
+        const sign = gk.node("span", { "aria-hidden": "true", class: "sign", text: gk.markSign(mark) });
+        const made = gk.node("button", { type: "button", class: `jump jump-${gk.own(gk.MARKS, mark.kind) ? mark.kind : "other"}` }, sign, ` ${mark.turn} `, gk.name(`${side}${wording(mark)}`));
+        made.addEventListener("click", () => {
+          this.to(mark.turn);
+          if (mark.agent) this.decks.forEach((deck) => deck.lanes.reveal(mark.agent));
+        });
+        return made;
+      }),
+    );
+    if (marks.length > named.length) this.jumps.append(gk.node("span", { class: "note", text: `and ${marks.length - named.length} more: [ and ] reach them` }));
+  }
+
+  to(turn) {
+    this.turn = Math.max(0, Math.min(this.last, Math.round(turn)));
+    this.render();
+  }
+
+  // The mark before or after the cursor.
+  toMark(by) {
+    const turns = this.marks.map((mark) => mark.turn);
+    const found = by > 0 ? turns.find((turn) => turn > this.turn) : turns.reverse().find((turn) => turn < this.turn);
+    if (found !== undefined) this.to(found);
+  }
+
+  faster(by) {
+    this.speed = Math.max(0, Math.min(SPEEDS.length - 1, this.speed + by));
+    this.pace.textContent = `${SPEEDS[this.speed]}/s`;
+  }
+
+  toggle() {
+    if (this.playing) return this.pause();
+    if (this.turn >= this.last) this.to(0);
+    this.playing = true;
+    this.#sayPlaying();
+    let before = performance.now();
+    let owed = 0;
+    const frame = (now) => {
+      if (!this.playing) return;
+      owed += ((now - before) / 1000) * SPEEDS[this.speed];
+      before = now;
+      if (owed >= 1) {
+        this.to(this.turn + Math.floor(owed));
+        owed %= 1;
+      }
+      if (this.turn >= this.last) this.pause();
+      else requestAnimationFrame(frame);
+    };
+    requestAnimationFrame(frame);
+    return undefined;
+  }
+
+  pause() {
+    if (!this.playing) return;
+    this.playing = false;
+    this.#sayPlaying();
+    this.#settle();
+  }
+
+  #sayPlaying() {
+    this.play.replaceChildren(icon(this.playing ? "pause" : "play"));
+    this.play.setAttribute("aria-label", this.playing ? "Pause (space)" : "Play (space)");
+    this.play.title = this.play.getAttribute("aria-label");
+  }
+
+  #render() {
+    if (!this.decks.length) return;
+    const [a, b] = this.decks;
+    a.show(this.turn, b ? b.episode : null);
+    if (b) b.show(this.turn, a.episode);
+    if (this.slider.value !== String(this.turn)) this.slider.value = String(this.turn);
+    this.slider.setAttribute("aria-valuetext", `turn ${this.turn} of ${this.last}`);
+    gk.say(this.where, `${this.turn} / ${this.last}`);
+    this.host.dataset.turn = String(this.turn);
+    if (!this.playing) this.#settle();
+  }
+
+  // Once the cursor rests: the turn is read out, and the address leads back to it.
+  #settle() {
+    clearTimeout(this.settled);
+    this.settled = setTimeout(() => {
+      gk.say(this.status, this.#spoken());
+      if (this.turn !== this.began) this.moved = true; // an untouched page keeps its address
+      if (this.moved) history.replaceState(null, "", this.address);
+    }, SETTLED);
+  }
+
+  // `#play:RUN/EPISODE/TURN`, and behind a `+` the episode beside it.
+  get address() {
+    const [one, other] = this.decks.map(({ episode }) => `${encodeURIComponent(episode.run)}/${episode.index}`);
+    return `#play:${one}/${this.turn}${other ? `+${other}` : ""}`;
+  }
+
+  #spoken() {
+    const here = this.marks.filter((mark) => mark.turn === this.turn).map(wording);
+    return [this.decks[0].table.caption.textContent, ...here].join(". ");
+  }
+
+  // Reads an episode that is still being recorded again; the cursor stays, or follows its end.
+  async grow(entry) {
+    const at = this.decks.findIndex((deck) => deck.entry.run === entry.run && deck.entry.episode === entry.episode);
+    if (at < 0 || (this.decks[at].episode.turns === entry.turns && this.decks[at].episode.end === entry.end)) return;
+    const mine = this.generation;
+    await gk.load(entry.run, entry.episode, { again: true });
+    if (mine !== this.generation || this.playing) return;
+    const [turn, following] = [this.turn, this.follow.checked];
+    const looks = this.decks.map((deck) => deck.look);
+    const entries = this.decks.map((deck) => this.entry(deck.entry.run, deck.entry.episode) ?? deck.entry);
+    await this.#show(entries, turn);
+    this.decks.forEach((deck, i) => deck.lookLike(looks[i]));
+    if (following) this.to(this.last);
+  }
+};

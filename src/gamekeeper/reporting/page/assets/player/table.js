@@ -1,0 +1,161 @@
+// What stands under the cursor: a row an agent, with what it was given, did and was paid. With few agents each keeps its place; with many, those who
+// have a row at this turn, some at a time.
+
+const FEW = 16;
+const AT_ONCE = 40;
+const LEGAL = 12; // of a mask's actions named
+
+const flag = (value) => (value < 0 ? "" : value ? "yes" : "no");
+
+// A mask of ones and zeros as its legal actions; anything else as it is.
+const maskText = (mask) => {
+  if (!Array.isArray(mask) || !mask.every((x) => x === 0 || x === 1 || x === true || x === false)) return gk.plain(mask);
+  const legal = [];
+  mask.forEach((x, i) => x && legal.push(i));
+  const named = legal.slice(0, LEGAL).join(", ") + (legal.length > LEGAL ? ", …" : "");
+  return `${legal.length} of ${mask.length}: ${named || "none"}`;
+};
+
+const COLUMNS = [
+  { field: "action", title: "action", note: "the action; · marks the declared noop", long: true },
+  { field: "paid", title: "reward", note: "the reward of this turn", number: true },
+  { field: "cumulative_reward", title: "cumulative reward", note: "the cumulative reward before the action, as last() returns it", number: true },
+  { field: "total", title: "return so far", note: "sum of the rewards up to this turn", number: true },
+  { field: "ended", title: "ended", note: "terminated or truncated, by its flags" },
+  { field: "mask", title: "legal", note: "the actions that the mask allows", long: true },
+  { field: "info", title: "info", long: true },
+  { field: "nonconforming", title: "nonconforming", note: "values that don't fit their space or the protocol", long: true },
+];
+
+gk.TurnTable = class {
+  constructor(episode, label) {
+    this.episode = episode;
+    this.from = 0;
+    this.other = null;
+    this.columns = this.#columns();
+    this.head = gk.node("tr", {}, gk.node("th", { scope: "col", text: "agent" }), ...this.columns.map(headCell));
+    this.body = gk.node("tbody");
+    this.caption = gk.node("caption");
+    const table = gk.node("table", { class: "data turn-table" }, this.caption, gk.node("thead", {}, this.head), this.body);
+    this.pager = this.#pages();
+    const region = gk.node("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": `${label}: observation, action and reward of each agent` }, table);
+    this.root = gk.node("div", { class: "turn" }, region, this.pager);
+    this.rows = [];
+  }
+
+  // Columns that say nothing over the whole episode are left out.
+  #columns() {
+    const e = this.episode;
+    const seen = (column) => column.some((value) => value >= 0);
+    const used = { mask: seen(e.mask), info: seen(e.info), nonconforming: seen(e.nonconforming) };
+    const kept = COLUMNS.filter(({ field }) => used[field] ?? true);
+    const terms = Object.keys(e.terms).map((term) => ({ field: term, title: gk.visible(term), note: "a term of the reward", number: true, isTerm: true }));
+    kept.splice(1 + kept.findIndex(({ field }) => field === "paid"), 0, ...terms);
+    return kept;
+  }
+
+  #pages() {
+    const step = (by) => () => {
+      this.from = Math.max(0, this.from + by);
+      this.show(this.turn, this.other);
+    };
+    const button = (text, by) => {
+      const made = gk.node("button", { type: "button", text });
+      made.addEventListener("click", step(by));
+      return made;
+    };
+    this.range = gk.node("span");
+    return gk.node("p", { class: "pager", hidden: true }, button("Earlier agents", -AT_ONCE), this.range, button("Later agents", AT_ONCE));
+  }
+
+  // `other`: the episode beside this one; what differs from it is marked.
+  show(turn, other = null) {
+    this.turn = turn;
+    this.other = other;
+    const e = this.episode;
+    const [from, past] = e.rowsAt(turn);
+    const few = e.agents.length <= FEW;
+    const count = few ? e.agents.length : past - from;
+    if (this.from >= count) this.from = 0;
+    const shown = Math.min(AT_ONCE, count - this.from);
+    while (this.rows.length < shown) this.#addRow();
+    this.rows.forEach((cells, i) => {
+      cells.row.hidden = i >= shown;
+      if (i >= shown) return;
+      const agent = few ? i : e.agent[from + this.from + i];
+      this.#fill(cells, agent, few ? rowAmong(e, from, past, agent) : from + this.from + i, turn);
+    });
+    gk.say(this.caption, this.#says(turn, from, past));
+    this.pager.hidden = count <= AT_ONCE;
+    if (!this.pager.hidden) gk.say(this.range, ` ${this.from + 1} to ${this.from + shown} of ${count} `);
+  }
+
+  #says(turn, from, past) {
+    const e = this.episode;
+    if (turn > e.last) return `This episode has no turn ${turn}: its last is ${e.last}.`;
+    let acted = 0;
+    for (let row = from; row < past; row++) if (e.acted(row)) acted++;
+    const who = acted === 1 ? "1 agent acted" : `${acted} agents acted`;
+    return `Turn ${turn} of ${e.last}: ${acted ? who : "no agent acted"}`;
+  }
+
+  #addRow() {
+    const name = gk.node("bdi");
+    const cells = this.columns.map(({ number, long }) => gk.node("td", { class: number ? "num" : long ? "long" : null }));
+    const row = gk.node("tr", {}, gk.node("th", { scope: "row" }, name), ...cells);
+    this.body.append(row);
+    this.rows.push({ row, name, cells });
+  }
+
+  #fill({ row: line, name, cells }, agent, row, turn) {
+    const e = this.episode;
+    gk.say(name, gk.visible(e.agents[agent].name));
+    line.classList.toggle("absent", row < 0);
+    line.classList.toggle("acted", row >= 0 && e.acted(row));
+    const seat = this.other ? this.other.seat.get(e.agents[agent].name) : undefined;
+    const otherRow = seat === undefined ? -1 : this.other.rowOf(seat, turn);
+    this.columns.forEach((column, i) => {
+      this.#say(cells[i], column, agent, row, turn);
+      cells[i].classList.toggle("differs", this.other !== null && this.#differs(column, row, otherRow));
+    });
+  }
+
+  #say(cell, { field, isTerm }, agent, row, turn) {
+    const e = this.episode;
+    if (field === "total") return gk.say(cell, turn > e.last ? "" : gk.number(e.paidUntil(agent, turn)));
+    if (row < 0) return gk.say(cell, "");
+    if (isTerm) return gk.say(cell, gk.number(e.terms[field][row]));
+    if (field === "paid") return gk.say(cell, gk.number(e.reward[row]));
+    if (field === "cumulative_reward") return gk.say(cell, gk.number(e.cumulative_reward[row]));
+    if (field === "ended") return gk.say(cell, this.#ended(row));
+    if (field === "mask") return gk.sayValue(cell, e.mask[row] < 0 ? null : maskText(e.value(e.mask[row])));
+    if (field === "action" && e.isIdle(row)) return gk.sayValue(cell, `${gk.plain(e.value(e.action[row]))} ·`);
+    if (field === "nonconforming") return gk.sayValue(cell, e.nonconforming[row] < 0 ? null : `⚠ ${gk.plain(e.value(e.nonconforming[row]))}`);
+    return gk.sayValue(cell, e.value(e[field][row]));
+  }
+
+  #ended(row) {
+    const e = this.episode;
+    const how = [e.terminated[row] > 0 && "terminated", e.truncated[row] > 0 && "truncated"].filter(Boolean).join(", ");
+    if (how) return how;
+    return flag(Math.max(e.terminated[row], e.truncated[row]));
+  }
+
+  #differs({ field }, row, otherRow) {
+    if (field === "total" || (row < 0 && otherRow < 0)) return false;
+    if (row < 0 || otherRow < 0) return true;
+    const fields = field === "ended" ? ["terminated", "truncated"] : [field];
+    const differ = (name) => {
+      if (name in this.episode.terms && !(name in this.other.terms)) return false;
+      return !Object.is(gk.field(this.episode, row, name), gk.field(this.other, otherRow, name));
+    };
+    return fields.some(differ);
+  }
+};
+
+const headCell = ({ title, note, number }) => gk.node("th", { scope: "col", class: number ? "num" : null, title: note ?? null, text: title });
+
+const rowAmong = (episode, from, past, agent) => {
+  for (let row = from; row < past; row++) if (episode.agent[row] === agent) return row;
+  return -1;
+};

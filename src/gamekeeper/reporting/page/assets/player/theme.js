@@ -1,0 +1,58 @@
+// The colours of the style sheet, for canvases; asked anew when the reader's system changes between light and dark, and for paper.
+
+let known = null;
+const listeners = [];
+
+// Colours and font by their names in style.css: gk.colours()["--accent"].
+gk.colours = () => {
+  if (known === null) {
+    const style = getComputedStyle(document.documentElement);
+    const names = ["ink", "grey", "line", "ground", "raised", "accent", "gain", "loss", "mark", "band", "idle", "cumulative"];
+    known = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
+    known.series = [1, 2, 3, 4, 5, 6, 7, 8].map((n) => style.getPropertyValue(`--series-${n}`).trim());
+    known.font = style.getPropertyValue("--font").trim() || "sans-serif";
+  }
+  return known;
+};
+
+// Agents and roles of all runs on the page, in their order: by its place an agent has its colour, and a role its shape, wherever they are drawn.
+let places = null;
+
+const placesOf = () => {
+  if (places?.runs !== gk.page.runs) {
+    const agents = gk.page.runs.flatMap((run) => run.agents ?? []);
+    const numbered = (names) => new Map([...new Set(names)].map((name, i) => [name, i]));
+    places = { runs: gk.page.runs, agent: numbered(agents.map(([name]) => name)), role: numbered(agents.map(([, role]) => role)) };
+  }
+  return places;
+};
+
+gk.placeOf = (kind, name) => {
+  const known = placesOf()[kind];
+  if (!known.has(name)) known.set(name, known.size);
+  return known.get(name);
+};
+
+gk.colourAt = (place) => {
+  const { series } = gk.colours();
+  return series[place % series.length];
+};
+
+// Calls back when colours changed, so that canvases are drawn again.
+gk.onColours = (listener) => {
+  listeners.push(listener);
+};
+
+const forget = () => {
+  known = null;
+  listeners.forEach((listener) => listener());
+};
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", forget);
+
+// Paper is light, whatever the screen is: canvases are drawn for it before the page is laid out.
+const paper = (isPaper) => () => {
+  document.documentElement.classList.toggle("paper", isPaper);
+  forget();
+};
+window.addEventListener("beforeprint", paper(true));
+window.addEventListener("afterprint", paper(false));

@@ -1,0 +1,398 @@
+"""Sections of an audit: verdicts by severity, and the game form, declared beside measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+import pyarrow.compute as pc
+
+from gamekeeper.checks.verdict import SEVERITIES
+from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.reporting.measured_text import (
+    APART,
+    DECLARED,
+    declared_as,
+    measured_by_agent,
+    words,
+)
+from gamekeeper.reporting.page.episode_figures import Figures
+from gamekeeper.reporting.page.packed_episode import PackedAgent
+from gamekeeper.reporting.page.page_data import (
+    Cell,
+    Chart,
+    FindingEntry,
+    PageBlock,
+    PageSection,
+    PageTable,
+    VerdictEntry,
+    Verdicts,
+    anchor_of,
+    badge,
+    matrix,
+    name,
+    number,
+)
+from gamekeeper.reporting.text_columns import space_text
+
+ORDER: Final = ("waived", "not_exercised", "passed", "not_applicable")
+"""The outcomes that aren't failures, in the order in which they are shown."""
+BAD: Final = ("failed", "error")
+FACTS: Final = ("where", "expected", "actual", "fix")
+
+
+def verdicts_section(audit: Mapping[str, Any] | None) -> PageSection:
+    """The verdict of every check; without an audit, the command that makes one.
+
+    Args:
+        audit: the document of `gamekeeper audit --json`.
+    """
+    title = "Verdicts"
+    if audit is None:
+        return PageSection(
+            "verdicts",
+            title,
+            missing="No audit was given. `gamekeeper audit ENV --json > audit.json`, then "
+            "`gamekeeper report RUN --audit audit.json`.",
+        )
+    judged = [_judged(each) for each in audit["verdicts"] if isinstance(each, Mapping)]
+    bad = sorted((each for each in judged if each.outcome in BAD), key=_weight)
+    rest = tuple(
+        (outcome.replace("_", " "), tuple(each for each in judged if each.outcome == outcome))
+        for outcome in ORDER
+    )
+    notes = (
+        f"{audit.get('environment')}, {audit.get('steps')} steps, seed {audit.get('seed')}.",
+        "Not exercised: the situation that the check judges didn't occur. This isn't a pass.",
+    )
+    found = Verdicts(
+        _summary(judged), tuple(bad), tuple((o, each) for o, each in rest if each), notes
+    )
+    return PageSection("verdicts", title, verdicts=found)
+
+
+def _summary(judged: Sequence[VerdictEntry]) -> tuple[Cell, ...]:
+    counts = dict.fromkeys((*BAD, *ORDER), 0)
+    for each in judged:
+        counts[each.outcome] = counts.get(each.outcome, 0) + 1
+    return tuple(
+        badge(f"{count} {outcome.replace('_', ' ')}", outcome)
+        for outcome, count in counts.items()
+        if count
+    )
+
+
+def _weight(judged: VerdictEntry) -> tuple[int, int, str]:
+    place = SEVERITIES.index(judged.severity) if judged.severity in SEVERITIES else len(SEVERITIES)
+    return (BAD.index(judged.outcome), place, judged.id)
+
+
+def _judged(verdict: Mapping[str, Any]) -> VerdictEntry:
+    id = str(verdict.get("id"))
+    place = anchor_of(id)
+    return VerdictEntry(
+        id=id,
+        claim=str(verdict.get("claim", "")),
+        outcome=str(verdict.get("outcome")),
+        severity=str(verdict.get("severity", "")),
+        reason=str(verdict.get("reason") or ""),
+        cases=f"{verdict.get('failed') or 0:,} of {verdict.get('cases', 0):,} cases failed",
+        findings=tuple(
+            FindingEntry(
+                facts=tuple((key, str(each[key])) for key in FACTS if each.get(key)),
+                program=str(each.get("reproducer") or ""),
+                anchor=f"program-{place}-{k}",
+            )
+            for k, each in enumerate(verdict.get("findings") or ())
+        ),
+    )
+
+
+KINDS: Final = ("observation", "reward", "ending")
+MOST_AGENTS: Final = 40
+"""Agents of a matrix; of more, the strongest pairs are listed."""
+MOST_PAIRS: Final = 30
+
+
+def influence_blocks(rows: Sequence[Mapping[str, Any]], method: str) -> tuple[PageBlock, ...]:
+    """Influence of agents on observations, rewards and endings of agents: a matrix for each.
+
+    Args:
+        rows: as an audit or an attribution measured them.
+        method: the way in which they were measured, in words.
+    """
+    rows = [row for row in rows if isinstance(row, Mapping)]
+    if not rows:
+        return ()
+    agents = list(dict.fromkeys([*(row["from"] for row in rows), *(row["to"] for row in rows)]))
+    note = (
+        f"The share of replaced actions of one agent (row) that changed something for another "
+        f"(column), at the lag with the largest share: {method}, compared with the unchanged "
+        "rerun. In brackets its 95 % interval; +1: one turn later."
+    )
+    if len(agents) > MOST_AGENTS:
+        table = _pairs(rows)
+        return (PageBlock(title="Influence", notes=(note,), tables=(table,), anchor="influence"),)
+    charts = tuple(filter(None, (_influence(rows, agents, kind) for kind in KINDS)))
+    block = PageBlock(title="Influence", notes=(note,), charts=charts, anchor="influence")
+    return (block, PageBlock(title="All measured influences", tables=(_pairs(rows),), folded=True))
+
+
+def _influence(rows: Sequence[Mapping[str, Any]], agents: Sequence[str], kind: str) -> Chart | None:
+    best: dict[tuple[str, str], Mapping[str, Any]] = {}
+    for row in rows:
+        key = (row["from"], row["to"])
+        if row["on"] == kind and (key not in best or row["p"] > best[key]["p"]):
+            best[key] = row
+    if not best:
+        return None
+    grid = [[best.get((one, two)) for two in agents] for one in agents]
+    return matrix(
+        f"influence-{kind}",
+        f"Influence on the {kind}",
+        agents,
+        agents,
+        [[None if cell is None else cell["p"] for cell in line] for line in grid],
+        labels=("action of", f"{kind} of"),
+        texts=[[None if cell is None else _share(cell) for cell in line] for line in grid],
+        limits=(0.0, 1.0),
+    )
+
+
+def _share(row: Mapping[str, Any]) -> str:
+    later = f" +{row['lag']}" if row["lag"] and row["p"] else ""
+    return f"{row['p']:.0%}{later} ({row['low']:.0%} to {row['high']:.0%})"
+
+
+def _pairs(rows: Sequence[Mapping[str, Any]]) -> PageTable:
+    ordered = sorted(rows, key=lambda row: -float(row["p"]))
+    shown = tuple(
+        (
+            name(row["from"]),
+            name(row["to"]),
+            Cell(str(row["on"])),
+            number(row["lag"]),
+            Cell(f"{row['p']:.0%}", "number"),
+            Cell(f"{row['low']:.0%} to {row['high']:.0%}", "number"),
+            number(row["n"]),
+        )
+        for row in ordered[:MOST_PAIRS]
+    )
+    more = len(ordered) - len(shown)
+    columns = ("from", "to", "on", "turns later", "changed", "95 % interval", "n")
+    note = f"The strongest {MOST_PAIRS}; {more} more were measured." if more > 0 else ""
+    return PageTable("Measured influences, the strongest first", columns, shown, note)
+
+
+APIS: Final = {"aec": "AEC, agents take turns", "parallel": "Parallel, agents act together"}
+FIRST_EPISODES: Final = 20
+"""Episodes from which the order of turns is read."""
+
+
+def form_section(
+    evidence: Evidence,
+    figures: Figures,
+    roster: Sequence[PackedAgent],
+    *,
+    audit: Mapping[str, Any] | None,
+    attribution: Mapping[str, Any] | None,
+) -> PageSection:
+    """The declared form beside the form that an audit measured, or that the run alone shows."""
+    declared = (audit or {}).get("declared") or evidence.manifest.get("contract") or {}
+    source = "measured by the audit" if audit else "measured in this run"
+    measured = (audit or {}).get("measured") or form_of_run(evidence, figures)
+    influence = ((audit or {}).get("measured") or {}).get("influence")
+    method = "the audit replaced actions of random policies"
+    if not influence and attribution is not None:
+        influence, method = attribution.get("influence"), "single actions of this run were replaced"
+    return PageSection(
+        "form",
+        "The game form",
+        (
+            PageBlock(
+                facts=tuple(_facts(evidence, declared)),
+                tables=(_beside(measured, declared, source), _measured_agents(measured)),
+                alerts=tuple(_other_environment(audit, evidence)),
+                notes=tuple(_notes(audit, measured)),
+            ),
+            PageBlock(title="Agents and spaces", tables=(_spaces(evidence, figures, roster),)),
+            *influence_blocks(influence or (), method),
+        ),
+    )
+
+
+def _facts(evidence: Evidence, declared: Mapping[str, Any]) -> list[tuple[str, str]]:
+    api = (evidence.manifest.get("environment") or {}).get("api")
+    facts = [("API", APIS.get(str(api), str(api)))]
+    if declared.get("why"):
+        facts.append(("why", str(declared["why"])))
+    failure = declared.get("failure") or {}
+    if isinstance(failure, Mapping) and failure:
+        text = "; ".join(f"{scope}: {condition}" for scope, condition in failure.items())
+        facts.append(("failed when", text))
+    if not declared:
+        facts.append(("contract", "none: only PettingZoo's rules are checked"))
+    return facts
+
+
+def _other_environment(audit: Mapping[str, Any] | None, evidence: Evidence) -> list[str]:
+    """An alert where the audit is of another environment than the run."""
+    if audit is None:
+        return []
+    mine = set(map(str, evidence.manifest.get("agents") or ()))
+    if mine & set(audit.get("agents") or mine):
+        return []
+    recorded = (evidence.manifest.get("environment") or {}).get("entry_point")
+    return [
+        f"The audit is of {audit.get('environment')}, and this run of {recorded}: they have no "
+        "agent in common."
+    ]
+
+
+def _notes(audit: Mapping[str, Any] | None, measured: Mapping[str, Any]) -> list[str]:
+    if audit is None:
+        return [
+            "A recorded run shows what happened, not what would have: determinism, order and "
+            "influence are measured by `gamekeeper audit ENV`."
+        ]
+    advised = str(measured.get("advice"))
+    return [f"Advice: {APIS[advised]}. {measured.get('why') or ''}"] if advised in APIS else []
+
+
+def _beside(measured: Mapping[str, Any], declared: Mapping[str, Any], source: str) -> PageTable:
+    keys = dict.fromkeys([*(key for key in measured if key not in APART), *DECLARED])
+    rows = tuple(
+        (
+            Cell(key.replace("_", " ")),
+            Cell(words(measured.get(key)) or "not measured"),
+            Cell(words(declared_as(declared, key)) or "not declared"),
+        )
+        for key in keys
+    )
+    return PageTable("Declared beside measured", ("property", source, "declared"), rows)
+
+
+def _measured_agents(measured: Mapping[str, Any]) -> PageTable:
+    """The measured figures of each agent."""
+    by_agent = measured_by_agent(measured)
+    keys = list(dict.fromkeys(key for row in by_agent.values() for key in row))
+    rows = tuple(
+        (name(agent), *(_figure(row.get(key)) for key in keys)) for agent, row in by_agent.items()
+    )
+    return PageTable("By agent", ("agent", *(key.replace("_", " ") for key in keys)), rows)
+
+
+def _figure(value: Any) -> Cell:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return number(value) if is_number else Cell(words(value))
+
+
+def _spaces(evidence: Evidence, figures: Figures, roster: Sequence[PackedAgent]) -> PageTable:
+    rows = []
+    for member in roster:
+        spaces = evidence.spaces.get(member.name)
+        sides = (None, None) if spaces is None else (spaces.observation, spaces.action)
+        rows.append(
+            (
+                name(member.name),
+                name(member.role),
+                *(Cell("?" if each is None else space_text(each.space), "code") for each in sides),
+                Cell("-" if member.noop is None else str(member.noop), "code"),
+                number(_episodes(figures, member.name)),
+            )
+        )
+    columns = ("agent", "role", "observes", "acts", "noop", "episodes")
+    return PageTable("Agents and spaces", columns, tuple(rows))
+
+
+def _episodes(figures: Figures, agent: str) -> int:
+    if agent not in figures.agents:
+        return 0
+    return int(figures.present[:, figures.agents.index(agent)].sum())
+
+
+# -- the form that a run alone shows
+
+
+def form_of_run(evidence: Evidence, figures: Figures) -> dict[str, Any]:
+    """The form as far as a recorded run shows it, by the names that an audit uses."""
+    api = (evidence.manifest.get("environment") or {}).get("api")
+    ended = [header for header in figures.headers if header.get("end") == "ended"]
+    turns = [header["turns"] for header in ended if header.get("turns") is not None]
+    counts = figures.present.sum(axis=1)
+    return {
+        "schedule": {"acts": "together", "order": "none"}
+        if api == "parallel"
+        else {"acts": "in turns", "order": _order(evidence, figures)},
+        "horizon": _horizon(figures),
+        "roster": f"{_span(counts)} agents in an episode",
+        "steps": _span(turns) if turns else None,
+        "reward": _rewards(figures),
+        "endings": _endings(figures),
+    }
+
+
+def _span(values: Any) -> str:
+    listed = [int(value) for value in values]
+    if not listed:
+        return "no"
+    low, high = min(listed), max(listed)
+    return str(low) if low == high else f"{low} to {high}"
+
+
+def _order(evidence: Evidence, figures: Figures) -> str | None:
+    """`fixed` if the rounds of the first episodes all have one order of agents, else `varies`."""
+    orders: set[tuple[str, ...]] = set()
+    for header in figures.headers[:FIRST_EPISODES]:
+        trace = evidence.episode_of(header)
+        steps = trace.steps.filter(pc.is_valid(trace.steps["order"]))
+        for group in _rounds(steps["agent"].to_pylist()):
+            orders.add(tuple(group))
+    whole = max(map(len, orders), default=0)
+    full = {group for group in orders if len(group) == whole}
+    if whole < 2:
+        return None
+    return "fixed" if len(full) == 1 else "varies"
+
+
+def _rounds(actors: Sequence[str]) -> list[list[str]]:
+    """Splits turns into rounds: a new one starts when an agent acts again."""
+    rounds: list[list[str]] = [[]]
+    for agent in actors:
+        if agent in rounds[-1]:
+            rounds.append([])
+        rounds[-1].append(agent)
+    return rounds
+
+
+def _horizon(figures: Figures) -> int | None:
+    """The length of truncated episodes, where at least two are there and all have the same."""
+    turns = [
+        header.get("turns")
+        for place, header in enumerate(figures.headers)
+        if header.get("end") == "ended"
+        and figures.truncated[place].any()
+        and not figures.terminated[place].any()
+    ]
+    return turns[0] if len(turns) > 1 and len(set(turns)) == 1 else None
+
+
+def _rewards(figures: Figures) -> dict[str, Any] | None:
+    if not figures.agents:
+        return None
+    totals = np.where(figures.present, figures.returns, 0.0)
+    alike = bool(len(figures.agents) > 1 and np.allclose(totals, totals[:, :1]))
+    found: dict[str, Any] = {"returns": "alike for all agents" if alike else "differ by agent"}
+    return found | ({"terms": list(figures.terms)} if figures.terms else {})
+
+
+def _endings(figures: Figures) -> dict[str, Any]:
+    there = figures.present
+    terminated = int((figures.terminated & there).sum())
+    truncated = int((figures.truncated & ~figures.terminated & there).sum())
+    return {
+        "terminated": terminated,
+        "truncated": truncated,
+        "neither": int(there.sum()) - terminated - truncated,
+    }

@@ -1,0 +1,290 @@
+"""Runs and documents as one page: its sections, its runs, and pairs of episodes to compare."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from numpy.random import Generator
+
+from gamekeeper.episodes.divergence import Divergence, compare, shown_pair
+from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.reporting.page.agent_section import agents_blocks
+from gamekeeper.reporting.page.audit_sections import form_section, verdicts_section
+from gamekeeper.reporting.page.diagnosis_sections import causes_section
+from gamekeeper.reporting.page.episode_figures import (
+    UNFINISHED,
+    Figures,
+    compared_block,
+    failed_text,
+    failing,
+    figures_of,
+)
+from gamekeeper.reporting.page.evaluation_section import evaluation_section
+from gamekeeper.reporting.page.learning_section import learning_section, names_of
+from gamekeeper.reporting.page.packed_episode import PackedAgent, packed_agents
+from gamekeeper.reporting.page.page_data import PageBlock, PageSection, RunCard
+from gamekeeper.reporting.page.page_html import provenance_section
+from gamekeeper.reporting.results_text import few, last_line
+
+Document = Mapping[str, Any]
+
+PLAYER: Final = "player"
+MOST_ALERTS: Final = 3
+"""Most unfinished episodes that the alert at the top names."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A run that stands on a page.
+
+    Attributes:
+        key: its letter.
+        path: its folder, as it was named.
+        name: its name on the page.
+        evidence: its episodes.
+        figures: of every episode and agent.
+        failed: True for each episode that failed; None where it isn't known.
+        condition: condition of a failed episode, in words.
+        roster: its agents.
+        labels: failure labels as plain data.
+    """
+
+    key: str
+    path: str
+    name: str
+    evidence: Evidence
+    figures: Figures
+    failed: Sequence[bool | None]
+    condition: str
+    roster: tuple[PackedAgent, ...]
+    labels: Sequence[Mapping[str, Any]] = ()
+
+    @property
+    def card(self) -> RunCard:
+        """The run as the page names it."""
+        manifest = self.evidence.manifest
+        environment = manifest.get("environment") or {}
+        return RunCard(
+            key=self.key,
+            name=self.name,
+            status=str(manifest.get("status", "in memory")),
+            api=str(environment.get("api") or "parallel"),
+            environment=str(environment.get("name")),
+            episodes=len(self.figures.headers),
+            fingerprint=self.evidence.fingerprint,
+            agents=tuple((member.name, member.role) for member in self.roster),
+        )
+
+
+def shown(
+    evidence: Evidence, *, key: str, path: str, name: str, labels: Sequence[Mapping[str, Any]] = ()
+) -> Shown:
+    """Computes the figures of a run that all sections share."""
+    figures = figures_of(evidence)
+    failed, condition = failing(evidence, figures)
+    return Shown(
+        key, path, name, evidence, figures, failed, condition, packed_agents(evidence), labels
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Documents:
+    """JSON documents about a run, as the commands print them; None: not given.
+
+    Attributes:
+        audit, diagnosis, attribution, evaluation: the documents.
+    """
+
+    audit: Document | None = None
+    diagnosis: Document | None = None
+    attribution: Document | None = None
+    evaluation: Document | None = None
+
+
+def sections_of(
+    runs: Sequence[Shown], documents: Documents, *, version: str, rng: Generator
+) -> tuple[PageSection, ...]:
+    """All sections in their order; the first run is the one that the documents are about.
+
+    Args:
+        runs: at least one; counterfactuals aren't among them.
+        documents: about the first one.
+        version: of gamekeeper.
+        rng: draws the resamples of intervals.
+    """
+    main = runs[0]
+    agents: list[PageBlock] = []
+    for run in runs:
+        blocks = agents_blocks(
+            run.figures,
+            run.evidence.summary,
+            run.roster,
+            key=run.key,
+            labels=run.labels,
+            attribution=documents.attribution if run is main else None,
+            failed=run.failed,
+            condition=run.condition,
+            rng=rng,
+        )
+        if len(runs) > 1:
+            agents.append(PageBlock(title=f"Run {run.key}: {run.name}", is_heading=True))
+        agents += blocks
+    for run in runs[1:]:
+        names = (main.name, run.name)
+        agents.append(compared_block(main.figures, run.figures, names=names, rng=rng))
+    same = [(run.key, run.figures) for run in runs if run is main or continues(main, run)]
+    return (
+        form_section(
+            main.evidence,
+            main.figures,
+            main.roster,
+            audit=documents.audit,
+            attribution=documents.attribution,
+        ),
+        verdicts_section(documents.audit),
+        PageSection("agents", "Agents", tuple(agents)),
+        PageSection(PLAYER, "Player"),
+        causes_section(documents.diagnosis, documents.attribution, key=main.key),
+        learning_section(same, rng),
+        evaluation_section(documents.evaluation),
+        provenance_section(
+            [(run.key, run.path, run.evidence) for run in runs],
+            version=version,
+            audit=documents.audit,
+        ),
+    )
+
+
+def continues(one: Shown, two: Shown) -> bool:
+    """Tells if two runs have the same game and policies, maybe in other versions, as in learning.
+
+    Another policy, or other arguments of the environment, is another experiment.
+    """
+    games = [
+        (environment.get("name"), {**kwargs, "render_mode": None})
+        for run in (one, two)
+        for environment in [run.evidence.manifest.get("environment") or {}]
+        for kwargs in [environment.get("kwargs") or {}]
+    ]
+    policies = [
+        {agent: each for header in run.figures.headers for agent, each in names_of(header).items()}
+        for run in (one, two)
+    ]
+    return games[0] == games[1] and policies[0] == policies[1]
+
+
+def alerts_of(runs: Sequence[Shown]) -> tuple[str, ...]:
+    """Alerts of runs that are open, damaged or have unfinished episodes."""
+    return tuple(text for run in runs for text in _alerts(run))
+
+
+def _alerts(run: Shown) -> Iterator[str]:
+    is_open = run.card.status == "open"
+    recover = f" If it was killed: `gamekeeper recover {run.path}`."
+    if run.evidence.not_whole:
+        where = f"Run {run.key} ({run.name}), when this page was written."
+        yield f"{where} {run.evidence.not_whole}{recover * is_open}"
+    cut = [
+        f"episode {header['episode']} {_stopped(run.evidence, header)}"
+        for header in run.figures.headers
+        if header.get("error") or header.get("end") in UNFINISHED
+    ]
+    if cut:
+        yield f"In run {run.key} ({run.name}) {few(cut, most=MOST_ALERTS)}."
+
+
+def _stopped(evidence: Evidence, header: Mapping[str, Any]) -> str:
+    """The reason why an episode is unfinished."""
+    if header.get("error"):
+        return f"ended with an error: {last_line(header['error'])}"
+    return f"is unfinished: its recording stopped after {evidence.turns_of(header)} steps"
+
+
+def lead_of(runs: Sequence[Shown], documents: Documents) -> str:
+    """The summary at the top of the page, in a sentence or two."""
+    main = runs[0]
+    card = main.card
+    # Without a condition it isn't known if episodes failed; a diagnosis may have one of its own.
+    is_judged = any(each is not None for each in main.failed)
+    failed = f"failed: {failed_text(main.failed)}" if is_judged else "no failure condition declared"
+    text = (
+        f"{card.episodes} episodes of {card.environment} ({card.api}), "
+        f"{len(main.figures.agents)} agents; {failed}."
+    )
+    if documents.audit is not None:
+        outcomes = [each.get("outcome") for each in documents.audit["verdicts"]]
+        text += f" Audit: {outcomes.count('failed')} checks failed."
+    if documents.diagnosis is not None:
+        causes = {
+            label for each in documents.diagnosis["agents"].values() for label in each["labels"]
+        }
+        text += f" Diagnosis: {', '.join(sorted(causes)) or 'no cause named'}."
+    if len(runs) > 1:
+        text += f" Compared with {', '.join(run.name for run in runs[1:])}."
+    return text
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """Two episodes that the player can show side by side.
+
+    Attributes:
+        left, right: letter of the run and number of the episode.
+        text: their description.
+        divergence: the first place where they differ; None: they are the same.
+    """
+
+    left: tuple[str, int]
+    right: tuple[str, int]
+    text: str
+    divergence: Divergence | None
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data for the page's script."""
+        sides = {
+            name: {"run": run, "episode": episode}
+            for name, (run, episode) in (("left", self.left), ("right", self.right))
+        }
+        found = self.divergence
+        if found is None:
+            return {**sides, "text": self.text, "divergence": None}
+        values = shown_pair(found.recorded, found.replayed)
+        where = {"turn": found.turn, "agent": found.agent, "field": found.field}
+        return {**sides, "text": self.text, "divergence": {**where, "values": values}}
+
+
+def pairs_of(one: Shown, two: Shown, *, text: str, most: int) -> list[Pair]:
+    """Episodes of two runs with the same number and seed, failing ones first.
+
+    Args:
+        one, two: the runs.
+        text: description of the second run.
+        most: most pairs that are returned.
+    """
+    others = {header["episode"]: header for header in two.figures.headers}
+    alike = [
+        (not one.failed[place], place, header)
+        for place, header in enumerate(one.figures.headers)
+        if header["episode"] in others
+        and header["seed"] is not None
+        and header["seed"] == others[header["episode"]]["seed"]
+    ]
+    found = []
+    for _, _, header in sorted(alike, key=lambda each: each[:2])[:most]:
+        number = header["episode"]
+        traces = one.evidence.episode_of(header), two.evidence.episode_of(others[number])
+        volatile = one.evidence.contract.volatile_infos()
+        divergence = compare(*traces, volatile=volatile).divergence
+        about = f"{text}, episode {number}: {_where(divergence)}"
+        found.append(Pair((one.key, number), (two.key, number), about, divergence))
+    return found
+
+
+def _where(divergence: Divergence | None) -> str:
+    if divergence is None:
+        return "the same"
+    if divergence.turn is None:
+        return f"the same turns, other {divergence.field}"
+    return f"first difference at turn {divergence.turn}"

@@ -1,0 +1,1 @@
+"""Rollouts: the one episode loop, interventions, reruns, workers, executors."""

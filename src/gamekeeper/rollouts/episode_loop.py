@@ -1,0 +1,376 @@
+"""The loop over an episode, the same for both APIs, for rollouts, reruns and replays."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Final, Protocol
+
+import numpy as np
+
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.episode import Episode
+from gamekeeper.episodes.exception_text import message, traceback_text
+from gamekeeper.errors import ActionError, GamekeeperError, OrderError, PolicyError
+from gamekeeper.interface.aec_capture import AECCapture
+from gamekeeper.interface.capture import AgentId
+from gamekeeper.interface.packing import type_name_of
+from gamekeeper.interface.parallel_capture import ParallelCapture
+from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.randomness.seeds import episode_seed
+from gamekeeper.rollouts.intervention import Hooks, Intervention
+from gamekeeper.rollouts.memory import MemorySink
+
+# -- Plays episodes: the one loop over a game, the same for both APIs
+
+
+class ActionChooser(Protocol):
+    """The policies of all agents, as `gamekeeper.interface.policy.assign` makes them."""
+
+    def begin(self, run_seed: int, episode: int) -> None:
+        """Seeds every policy for an episode."""
+
+    def act(self, agent: AgentId, observation: Any, info: Any) -> Any:
+        """Returns the action of `agent`."""
+
+
+def play(
+    game: ParallelCapture | AECCapture,
+    cast: ActionChooser,
+    episodes: Iterable[int],
+    *,
+    seed: int,
+    options: Mapping[str, Any] | None = None,
+    most_turns: int,
+    after_turn: Callable[[], None] | None = None,
+    after_episode: Callable[[int], None] | None = None,
+) -> None:
+    """Plays the episodes numbered in `episodes`, each from its own seed.
+
+    Args:
+        game: an open game; whatever it records, it records.
+        episodes: numbers of episodes in the run; episode k is reset with `episode_seed(seed, k)`.
+        options: handed to every reset.
+        most_turns: an episode that is longer is cut.
+        after_turn: called after every turn, for progress and signs of life.
+        after_episode: called after every episode with how many have been played.
+    """
+    turn = _tick_of(game) if isinstance(game, ParallelCapture) else _turn_of(game)
+    for done, episode in enumerate(episodes, start=1):
+        cast.begin(seed, episode)
+        game.reset(episode_seed(seed, episode), options)
+        for _ in range(most_turns):
+            if not turn(cast):
+                break
+            if after_turn is not None:
+                after_turn()
+        game.end_episode()
+        if after_episode is not None:
+            after_episode(done)
+
+
+def _tick_of(game: ParallelCapture) -> Callable[[ActionChooser], bool]:
+    def tick(cast: ActionChooser) -> bool:
+        movers = game.to_move
+        if not movers:
+            return False
+        seen, infos, act = game.observations, game.infos, cast.act
+        game.step({agent: act(agent, seen.get(agent), infos.get(agent)) for agent in movers})
+        return True
+
+    return tick
+
+
+def _turn_of(game: AECCapture) -> Callable[[ActionChooser], bool]:
+    def turn(cast: ActionChooser) -> bool:
+        movers = game.to_move
+        if not movers:
+            return False
+        observation, _, terminated, truncated, info = game.last()
+        agent = movers[0]
+        game.step(None if terminated or truncated else cast.act(agent, observation, info))
+        return True
+
+    return turn
+
+
+# -- One episode, played by policies or by actions on paper, as it is or with one thing changed
+
+Actions = Mapping[AgentId, Any]
+"""Actions of agents at one turn; in AEC that of the agent in turn, None where it has ended."""
+
+_IDLE: Final = Hooks()
+_SAYS_SOMETHING: Final = (PolicyError, ActionError, OrderError)
+"""Errors of ours that say something of the environment: of its masks, or of its own rules."""
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodePlan:
+    """Plan of one episode: seed, options, actions or policies, and its bounds.
+
+    Attributes:
+        seed: of the reset; None: reset without one.
+        stream: number of the episode for the policies' random streams.
+        actions: turn by turn; None: policies choose.
+        most_turns: the play is cut there.
+        options: of the reset.
+        looks_last: where an AEC play is cut, the agent in turn is still given what it would be.
+    """
+
+    seed: int | None = 0
+    stream: int = 0
+    actions: tuple[Actions, ...] | None = None
+    most_turns: int = 1000
+    options: Mapping[str, Any] | None = None
+    looks_last: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class FailedCall:
+    """A call that raised in a play.
+
+    Attributes:
+        call: `reset`, `last`, `step`, `look`, or `policy`, which couldn't choose (its mask).
+        turn: how many steps came before.
+        kind: the exception's type.
+        text: what it said.
+        traceback: as text.
+    """
+
+    call: str
+    turn: int
+    kind: str
+    text: str
+    traceback: str
+
+
+@dataclass(frozen=True, slots=True)
+class EpisodeResult:
+    """Result of one episode.
+
+    Attributes:
+        play: with the actions that were taken, so that it can be played again.
+        trace: its rows.
+        failed: the call that raised, if one did.
+        is_over: the episode ended by itself.
+    """
+
+    play: EpisodePlan
+    trace: Episode
+    failed: FailedCall | None
+    is_over: bool
+
+
+class StepHook(Protocol):
+    """Looks on after the reset (turn 0) and after every step."""
+
+    def __call__(self, turn: int, env: Any, out: Any) -> None:
+        """`out` is what reset or step returned; None in an AEC environment."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EvidenceOptions:
+    """Settings of the evidence of one play.
+
+    Attributes:
+        terms: reward terms in place of the contract's.
+        identity: of the environment, for the fingerprint.
+        label: the probe's name, for the trace's places.
+        number: of the play in its probe.
+        state: also keep `state()`.
+    """
+
+    terms: tuple[str, ...] | None = None
+    identity: Mapping[str, Any] = field(default_factory=dict)
+    label: str = ""
+    number: int = 0
+    state: bool = True
+
+
+EVERYTHING: Final = EvidenceOptions()
+
+
+def perform(
+    play: EpisodePlan,
+    env: Any,
+    *,
+    cast: ActionChooser | None = None,
+    cast_seed: int = 0,
+    change: Intervention | None = None,
+    contract: Contract | None = None,
+    keep: EvidenceOptions = EVERYTHING,
+    watch: StepHook | None = None,
+    on_step: Callable[[], None] | None = None,
+) -> EpisodeResult:
+    """Plays one episode in `env` and returns what it came to, whatever the environment does.
+
+    Args:
+        play: what to play; without actions `cast` chooses.
+        env: a ParallelEnv or AECEnv; it is reset, and not closed.
+        cast_seed: seeds the policies, together with `play.stream`.
+        change: the one thing done differently.
+        contract: names the reward terms and the volatile infos.
+        keep: what of it becomes evidence, and under which names.
+        on_step: called before every step; what it raises ends the play and comes out here.
+    Raises:
+        GamekeeperError: Gamekeeper itself can't go on.
+    """
+    declared = contract or Contract()
+    named = tuple(declared.rewards) if keep.terms is None else keep.terms
+    sink = MemorySink(terms=named, volatile=declared.volatile_infos())
+    game = game_of(env, sink=sink, state=keep.state)
+    game.episode = keep.number - 1
+    hooks = _IDLE if change is None else change.start(np.random.default_rng([7, play.stream]))
+    course = EpisodeLoop(play, game, cast, hooks, watch, on_step or _nothing, declared)
+    if cast is not None and play.actions is None:
+        cast.begin(cast_seed, play.stream)
+    try:
+        failed = course.run()
+    finally:
+        hooks.after(env)
+    game.end_episode()
+    evidence = sink.evidence(keep.identity, contract=declared)
+    trace = next(evidence.episodes)
+    trace = replace(
+        trace,
+        header={**trace.header, "probe": keep.label},
+        change=None if change is None else change.to_json(),
+        _cache={},
+    )
+    trace.keep_turns()
+    done = replace(play, actions=tuple(course.taken), most_turns=max(len(course.taken), 1))
+    return EpisodeResult(done, trace, failed, failed is None and trace.header.get("end") == "ended")
+
+
+class EpisodeLoop:
+    """The loop over both APIs, with a change's hooks and a watch between its steps."""
+
+    def __init__(
+        self,
+        play: EpisodePlan,
+        game: Any,
+        cast: ActionChooser | None,
+        hooks: Hooks,
+        watch: StepHook | None,
+        on_step: Callable[[], None],
+        contract: Contract | None = None,
+    ) -> None:
+        self.taken: list[Actions] = []
+        self._play, self._game, self._cast = play, game, cast
+        self._hooks, self._watch, self._on_step = hooks, watch, on_step
+        self._is_parallel = isinstance(game, ParallelCapture)
+        self._contract, self._is_told = contract or Contract(), hooks.wants_given
+        self._call = "reset"
+
+    def run(self) -> FailedCall | None:
+        """Plays; returns the call that raised, if one did."""
+        try:
+            self._hooks.declared(self._contract)
+            self._hooks.before_reset(self._game.env)
+            out = self._game.reset(self._play.seed, self._play.options)
+            self._look(0, out)
+            turns = self._play.most_turns
+            if self._play.actions is not None:
+                turns = min(turns, len(self._play.actions))
+            for turn in range(turns):
+                if not self._game.to_move:
+                    break
+                if self._is_off_paper(turn):
+                    break
+                self._on_step()
+                self._turn(turn)
+            self._last_look()
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # whatever foreign code raises is evidence
+            if isinstance(error, GamekeeperError) and not isinstance(error, _SAYS_SOMETHING):
+                raise
+            text = traceback_text(error, limit=-12)
+            kind = type_name_of(type(error))
+            return FailedCall(self._call, self._game.turn, kind, message(error)[:500], text)
+        return None
+
+    def _turn(self, turn: int) -> None:
+        if self._is_parallel:
+            actions = self._hooks.acts(turn, self._chosen_by_all(turn))
+            self.taken.append(_copied(actions))
+            self._call = "step"
+            out = self._game.step(actions)
+        else:
+            out = None
+            agent, action = self._chosen_in_turn(turn)
+            action = self._hooks.acts(turn, {agent: action}).get(agent)
+            self.taken.append(_copied({agent: action}))
+            self._call = "step"
+            self._game.step(action)
+        self._look(turn + 1, out)
+
+    def _is_off_paper(self, turn: int) -> bool:
+        """Tells whether the plan has None, as for an ended agent, where a live one is in turn."""
+        if self._is_parallel or self._play.actions is None:
+            return False
+        if next(iter(self._play.actions[turn].values()), None) is not None:
+            return False
+        self._call = "last"
+        _, _, terminated, truncated, _ = self._game.last()
+        return not (terminated or truncated)
+
+    def _last_look(self) -> None:
+        """Asks for the last observation of the agent in turn where the episode is cut."""
+        if self._play.looks_last and not self._is_parallel and self._game.to_move:
+            self._call = "last"
+            self._game.last()
+
+    def _look(self, turn: int, out: Any) -> None:
+        self._call = "look"
+        self._hooks.between(turn, self._game.env)
+        if self._watch is not None:
+            self._watch(turn, self._game.env, out)
+
+    def _chosen_by_all(self, turn: int) -> dict[AgentId, Any]:
+        game, movers = self._game, self._game.to_move
+        seen, infos, sees = game.observations, game.infos, self._hooks.sees
+        if self._is_told:
+            for agent in movers:
+                self._hooks.given(turn, agent, seen.get(agent), infos.get(agent))
+        if self._play.actions is not None:
+            paper = self._play.actions[turn]
+            return {agent: _own(paper[agent]) for agent in paper}
+        return {a: self._chosen(a, sees(turn, a, seen.get(a)), infos.get(a)) for a in movers}
+
+    def _chosen_in_turn(self, turn: int) -> tuple[AgentId, Any]:
+        self._call = "last"
+        observation, _, terminated, truncated, info = self._game.last()
+        agent = self._game.to_move[0]
+        if self._is_told and not (terminated or truncated):
+            self._hooks.given(turn, agent, observation, info)
+        if self._play.actions is not None:
+            paper = self._play.actions[turn]
+            return agent, _own(next(iter(paper.values()), None))
+        if terminated or truncated:
+            return agent, None
+        return agent, self._chosen(agent, self._hooks.sees(turn, agent, observation), info)
+
+    def _chosen(self, agent: AgentId, observation: Any, info: Any) -> Any:
+        assert self._cast is not None, "a play without actions needs a cast"
+        self._call = "policy"
+        return self._cast.act(agent, observation, info)
+
+
+def actions_of(played: Sequence[Actions]) -> tuple[Actions, ...]:
+    """The actions as they can be handed over once more, whatever became of the arrays."""
+    return tuple(_copied(each) for each in played)
+
+
+def _copied(actions: Actions) -> dict[AgentId, Any]:
+    return {agent: _own(action) for agent, action in actions.items()}
+
+
+def _own(action: Any) -> Any:
+    """A copy of an action that can be written to; what can't be written is itself."""
+    return action if isinstance(action, int | float | str | np.generic) else copy.deepcopy(action)
+
+
+def _nothing() -> None:
+    """Ignores the outcome of an episode."""

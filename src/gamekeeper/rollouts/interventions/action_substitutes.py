@@ -1,0 +1,168 @@
+"""Actions that take the place of what policies choose: recorded, replaced, held, in unison."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from numpy.random import Generator
+
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.layout import agent_name
+from gamekeeper.interface.capture import AgentId
+from gamekeeper.rollouts.intervention import Hooks, Intervention
+from gamekeeper.rollouts.interventions.legal_actions import Offer, offer_of
+
+
+@dataclass(frozen=True, slots=True)
+class Reenacted(Intervention):
+    """Everybody but those who are free does at each turn what stands on paper for that turn.
+
+    Who has nothing on paper there chooses freely too. What is illegal now gives way to the declared
+    noop, else to the first legal action.
+
+    Attributes:
+        free: agents who choose.
+        paper: turn by turn, by agent.
+    """
+
+    free: tuple[str, ...] = ()
+    paper: tuple[Mapping[str, Any], ...] = field(default=(), repr=False)
+
+    def start(self, rng: Generator) -> Hooks:
+        """The hooks for one play."""
+        return _OnPaper(self)
+
+
+class _OnPaper(Hooks):
+    wants_given = True
+
+    def __init__(self, change: Reenacted) -> None:
+        self._free, self._paper = frozenset(change.free), change.paper
+        self._contract, self._env = Contract(), None
+        self._offers: dict[AgentId, Offer | None] = {}
+
+    def declared(self, contract: Contract) -> None:
+        self._contract = contract
+
+    def before_reset(self, env: Any) -> None:
+        self._env = env
+
+    def given(self, turn: int, agent: AgentId, observation: Any, info: Any) -> None:
+        """Notes the mask."""
+        if agent_name(agent) in self._free:
+            return
+        if agent not in self._offers:
+            self._offers[agent] = offer_of(self._contract, self._env, agent)
+        offer = self._offers[agent]
+        if offer is not None:
+            offer.take(observation, info)
+
+    def acts(self, turn: int, actions: dict[AgentId, Any]) -> dict[AgentId, Any]:
+        """The paper's actions where there are some."""
+        if turn >= len(self._paper):
+            return actions
+        paper = self._paper[turn]
+        return {
+            agent: action if action is None else self._done(paper, agent, action)
+            for agent, action in actions.items()
+        }
+
+    def _done(self, paper: Mapping[str, Any], agent: AgentId, chosen: Any) -> Any:
+        name = agent_name(agent)
+        written = None if name in self._free else paper.get(name)
+        if written is None:
+            return chosen
+        offer = self._offers.get(agent)
+        if offer is None or offer.allows(written):
+            return copy.deepcopy(written)
+        return offer.stand_in(written)
+
+
+@dataclass(frozen=True, slots=True)
+class ReplacedAction(Intervention):
+    """One agent does something else at one turn; everybody else does what they did.
+
+    Attributes:
+        turn: at which; nothing changes where the agent doesn't act then.
+        agent: who.
+        action: what it does instead.
+    """
+
+    turn: int
+    agent: AgentId
+    action: Any
+
+    def start(self, rng: Generator) -> Hooks:
+        """The hooks for one play."""
+        return _Replaced(self)
+
+
+class _Replaced(Hooks):
+    def __init__(self, change: ReplacedAction) -> None:
+        self._change = change
+
+    def acts(self, turn: int, actions: dict[AgentId, Any]) -> dict[AgentId, Any]:
+        change = self._change
+        if turn != change.turn or actions.get(change.agent) is None:
+            return actions
+        return {**actions, change.agent: change.action}
+
+
+@dataclass(frozen=True, slots=True)
+class Held(Intervention):
+    """Actions are held; only where every action is legal at every turn.
+
+    Attributes:
+        turns: for how long, on average.
+    """
+
+    turns: int = 12
+
+    def start(self, rng: Generator) -> Hooks:
+        """An agent takes another action with probability 1 / turns."""
+        return _Holding(rng, self.turns)
+
+
+class _Holding(Hooks):
+    def __init__(self, rng: Generator, turns: int) -> None:
+        self._rng, self._turns = rng, turns
+        self._held: dict[AgentId, Any] = {}
+
+    def acts(self, turn: int, actions: Mapping[AgentId, Any]) -> dict[AgentId, Any]:
+        """Actions that are held in place of the chosen ones."""
+        done: dict[AgentId, Any] = {}
+        for agent, action in actions.items():
+            is_new = agent not in self._held or self._rng.random() * self._turns < 1
+            if is_new and action is not None:
+                self._held[agent] = action
+            done[agent] = None if action is None else self._held[agent]
+        return done
+
+
+@dataclass(frozen=True, slots=True)
+class InUnison(Intervention):
+    """At about every second turn all do what one of them does, drawn anew each time.
+
+    Only for agents of equal action spaces without masks. Two that do the same at once come into
+    conflict far more often than two that draw: firing together, wanting one cell from both sides.
+    """
+
+    share: float = 0.5
+
+    def start(self, rng: Generator) -> Hooks:
+        """The hooks for one play."""
+        return _Unison(self.share, rng)
+
+
+class _Unison(Hooks):
+    def __init__(self, share: float, rng: Generator) -> None:
+        self._share, self._rng = share, rng
+
+    def acts(self, turn: int, actions: dict[AgentId, Any]) -> dict[AgentId, Any]:
+        if not actions or self._rng.random() >= self._share:
+            return actions
+        leader = list(actions)[int(self._rng.integers(len(actions)))]
+        return dict.fromkeys(actions, actions[leader])

@@ -1,0 +1,225 @@
+"""Legal actions of an agent now, and perturbations that carry out others than it chose."""
+
+from __future__ import annotations
+
+import copy
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from gymnasium.spaces import Discrete, MultiDiscrete, Space
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.agent_spec import as_action
+from gamekeeper.interface.action_mask import for_sample, legal_flags, reader
+from gamekeeper.interface.capture import AgentId
+from gamekeeper.rollouts.intervention import Hooks
+from gamekeeper.rollouts.interventions.perturbation import (
+    Perturbation,
+    PerturbationHooks,
+    action_space,
+)
+from gamekeeper.rollouts.interventions.value_parts import (
+    PartNumbers,
+    ValuePart,
+    are_numbers,
+    blank_of_rare,
+    parts_of,
+    scalar_like,
+)
+
+Flags = NDArray[np.bool_]
+
+
+class Offer:
+    """An agent's actions, as its space, its noop and its mask of the moment leave them.
+
+    A mask counts for Discrete spaces and for MultiDiscrete ones of one axis, also within others;
+    elsewhere, and where a mask leaves nothing, all is legal.
+
+    Attributes:
+        space: of its actions.
+        parts: of the space.
+        has_noop: an action that does nothing is declared, and is one of the space's.
+    """
+
+    def __init__(self, contract: Contract, agent: AgentId, space: Space[Any]) -> None:
+        self.space, self.parts = space, tuple(parts_of(space))
+        self._read = reader(contract.mask_of(agent))
+        self._noop = _noop(contract, agent, space)
+        self.has_noop = self._noop is not None
+        self._mask: Any = None
+
+    def take(self, observation: Any, info: Any) -> None:
+        """Notes the mask in what the agent is given now."""
+        self._mask = self._read(observation, info)
+
+    def flags(self, part: ValuePart) -> tuple[Flags, ...] | None:
+        """Legal values of a part, for each of its whole numbers; None: all."""
+        mask = self._mask
+        for key in part.path:
+            inside = isinstance(mask, Mapping | tuple | list)
+            mask = _within(mask, key) if inside else None
+        if mask is None:
+            return None
+        if isinstance(part.space, Discrete):
+            flags = legal_flags(mask, int(part.space.n))
+            return (flags,) if flags.any() else None
+        if isinstance(part.space, MultiDiscrete) and part.space.nvec.ndim == 1:
+            return tuple(np.asarray(each, bool) for each in for_sample(part.space, mask))
+        return None
+
+    def allows(self, action: Any) -> bool:
+        """Tells whether an action of the space is legal now."""
+        if self._mask is None:
+            return True
+        for part in self.parts:
+            flags = self.flags(part)
+            if flags is None:
+                continue
+            if isinstance(part.space, Discrete):
+                if not flags[0][int(part.of(action)) - int(part.space.start)]:
+                    return False
+                continue
+            first = np.asarray(getattr(part.space, "start", 0)).reshape(-1)
+            chosen = np.asarray(part.of(action)).reshape(-1) - first
+            if not all(flag[int(at)] for flag, at in zip(flags, chosen, strict=True)):
+                return False
+        return True
+
+    def noop(self, like: Any) -> Any:
+        """The action that does nothing, new at every call, of the type of another."""
+        if isinstance(self.space, Discrete):
+            return scalar_like(like, self._noop)
+        return copy.deepcopy(self._noop)
+
+    def stand_in(self, like: Any) -> Any:
+        """Action in place of an illegal one, by one rule for all.
+
+        The declared noop where that is legal; else part by part the first legal number, of a Box
+        0 or what is nearest to it.
+
+        Args:
+            like: what the agent has chosen, whose types are kept, and whose texts stay.
+        """
+        if self.has_noop:
+            noop = self.noop(like)
+            if self.allows(noop):
+                return noop
+        action = like
+        for part in self.parts:
+            action = self._first(part, action)
+        return action
+
+    def _first(self, part: ValuePart, action: Any) -> Any:
+        if not are_numbers(part.space):
+            return part.put(action, blank_of_rare(part.space, part.of(action)))
+        numbers, flags = PartNumbers(part), self.flags(part)
+        if numbers.read(action) is None:
+            return action
+        if flags is not None:
+            return numbers.write(action, numbers.low + [float(np.argmax(x)) for x in flags])
+        is_listed = isinstance(part.space, Discrete | MultiDiscrete)
+        return numbers.write(action, numbers.low if is_listed else numbers.blank())
+
+
+def _within(mask: Any, key: Any) -> Any:
+    """The mask of one part within that of the whole; None where it has none."""
+    if isinstance(mask, Mapping):
+        return mask.get(key)
+    return mask[key] if isinstance(key, int) and key < len(mask) else None
+
+
+def offer_of(contract: Contract, env: Any, agent: AgentId) -> Offer | None:
+    """Actions that an agent may take; None where the environment doesn't say."""
+    space = action_space(env, agent)
+    return None if space is None else Offer(contract, agent, space)
+
+
+def _noop(contract: Contract, agent: AgentId, space: Space[Any]) -> Any:
+    declared = contract.noop_of(agent)
+    if declared is None:
+        return None
+    try:
+        return as_action(space, declared)
+    except ValueError:  # what is declared is no action: as if none were
+        return None
+
+
+Hand = Callable[[Any], Any]
+"""From what was chosen to what is done; called once at each of an agent's turns."""
+
+
+@dataclass(frozen=True, slots=True)
+class ActionPerturbation(Perturbation):
+    """Gives each agent a hand, which carries out something else than the agent chose.
+
+    What a hand does in place of what was chosen, and isn't legal now, gives way to the stand-in of
+    `Offer`: the declared noop, else the first legal action.
+    """
+
+    ON: ClassVar[Literal["seen", "done"]] = "done"
+
+    def start(self, rng: Generator) -> Hooks:
+        """Returns the hooks for one play."""
+        return _ActionHooks(self, rng) if self.strength else Hooks()
+
+    @abstractmethod
+    def hand(self, offer: Offer, rng: Generator) -> Hand:
+        """Returns the hand of an agent, for one play; it never writes into what was chosen."""
+
+    @classmethod
+    def applies(cls, contract: Contract, env: Any, agent: AgentId) -> str | None:
+        """Not where the environment doesn't say what an agent may do."""
+        offer = offer_of(contract, env, agent)
+        if offer is None:
+            return "the environment doesn't say what it may do"
+        return cls.lacks(offer)
+
+    @classmethod
+    def lacks(cls, offer: Offer) -> str | None:
+        """Returns why an agent's actions can't be perturbed like that; None where they can."""
+        return None
+
+
+class _ActionHooks(PerturbationHooks):
+    """Hooks that give each agent a hand when it first acts."""
+
+    wants_given = True
+
+    def __init__(self, perturbation: ActionPerturbation, rng: Generator) -> None:
+        super().__init__(perturbation, rng)
+        self._hand = perturbation.hand
+        self._hands: dict[AgentId, tuple[Offer, Hand] | None] = {}
+
+    def given(self, turn: int, agent: AgentId, observation: Any, info: Any) -> None:
+        """Notes the mask."""
+        found = self._of(agent)
+        if found is not None:
+            found[0].take(observation, info)
+
+    def acts(self, turn: int, actions: dict[AgentId, Any]) -> dict[AgentId, Any]:
+        """Actions as the agents' actuators carry them out; ended agents have none."""
+        return {
+            agent: None if action is None else self._done(agent, action)
+            for agent, action in actions.items()
+        }
+
+    def _done(self, agent: AgentId, action: Any) -> Any:
+        found = self._of(agent)
+        if found is None:
+            return action
+        offer, hand = found
+        done = hand(action)
+        return done if done is action or offer.allows(done) else offer.stand_in(action)
+
+    def _of(self, agent: AgentId) -> tuple[Offer, Hand] | None:
+        if agent not in self._hands:
+            offer = offer_of(self.contract, self.env, agent) if self.is_meant(agent) else None
+            hand = None if offer is None else (offer, self._hand(offer, self.stream(agent)))
+            self._hands[agent] = hand
+        return self._hands[agent]

@@ -1,0 +1,113 @@
+"""Perturbations of messages: they arrive as others, or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, ClassVar
+
+from gymnasium.spaces import Discrete
+from numpy.random import Generator
+
+from gamekeeper.episodes.outcome import Label
+from gamekeeper.rollouts.interventions.sights import AgentSight, Eye, MessagePerturbation, blinder
+from gamekeeper.rollouts.interventions.value_parts import (
+    MISSING,
+    Floats,
+    PartNumbers,
+    ValuePart,
+    numbers_of,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class MessageDrop(MessagePerturbation):
+    """Blanks what is told to an agent at some turns: the declared message fields that it sees.
+
+    The agents are those that listen. Blank are zeros, or what the space has that is nearest to
+    them; no text. The strength is the probability at each turn.
+    """
+
+    label: ClassVar[Label] = "perception"
+    USUAL: ClassVar[float] = 0.5
+
+    strength: float = USUAL
+
+    def eye(self, sight: AgentSight, rng: Generator) -> Eye:
+        """Returns the eye of an agent for one play."""
+        deafen, strength = blinder(sight.messages), self.strength
+        return lambda observation: deafen(observation) if rng.random() < strength else observation
+
+
+@dataclass(frozen=True, slots=True)
+class MessageShuffle(MessagePerturbation):
+    """Tells an agent something else at some turns, in the declared message fields that it sees.
+
+    The agents are those that listen. Several numbers come in another order (a word that stands as
+    a one among zeros becomes another word), one of a Discrete space becomes any of the space, and
+    a single number or a text becomes one that the agent was told before in the play. The strength
+    is the probability at each turn.
+    """
+
+    label: ClassVar[Label] = "perception"
+    USUAL: ClassVar[float] = 0.5
+
+    strength: float = USUAL
+
+    def eye(self, sight: AgentSight, rng: Generator) -> Eye:
+        """Returns the eye of an agent for one play."""
+        numbers, strength = numbers_of(sight.messages), self.strength
+        listed = {id(each.part) for each in numbers}
+        ears = [_ear(each, rng) for each in numbers]
+        ears += [_old_text(part, rng) for part in sight.messages if id(part) not in listed]
+
+        def see(observation: Any) -> Any:
+            is_struck = rng.random() < strength
+            for ear in ears:
+                shuffled = ear(observation)  # also where nothing is struck: it draws and remembers
+                observation = shuffled if is_struck else observation
+            return observation
+
+        return see
+
+
+def _ear(numbers: PartNumbers, rng: Generator) -> Eye:
+    told: Callable[[Floats], Floats]
+    if isinstance(numbers.part.space, Discrete):
+        count = numbers.high[0] - numbers.low[0] + 1
+        told = partial(_any_number, numbers, count, rng)
+    elif numbers.size > 1:
+        told = rng.permutation
+    else:
+        memory: list[Floats] = []
+        told = partial(_any_of, memory, rng=rng)
+
+    def hear(observation: Any) -> Any:
+        found = numbers.read(observation)
+        return observation if found is None else numbers.write(observation, told(found))
+
+    return hear
+
+
+def _any_number(numbers: PartNumbers, count: float, rng: Generator, found: Floats) -> Floats:
+    """Any of a Discrete space's numbers, whatever was found."""
+    return numbers.low + float(int(rng.random() * count))
+
+
+def _old_text(part: ValuePart, rng: Generator) -> Eye:
+    memory: list[Any] = []
+
+    def hear(observation: Any) -> Any:
+        value = part.of(observation)
+        return (
+            observation if value is MISSING else part.put(observation, _any_of(memory, value, rng))
+        )
+
+    return hear
+
+
+def _any_of(memory: list[Any], new: Any, rng: Generator) -> Any:
+    """One of those that are remembered, the new one among them."""
+    memory.append(new)
+    return memory[int(rng.random() * len(memory))]

@@ -1,0 +1,159 @@
+"""Sights of agents, and perturbations that show a policy something else than was given."""
+
+from __future__ import annotations
+
+import copy
+from abc import abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+from gymnasium.spaces import Space
+from numpy.random import Generator
+
+from gamekeeper.contract import Contract
+from gamekeeper.interface.capture import AgentId
+from gamekeeper.rollouts.intervention import Hooks
+from gamekeeper.rollouts.interventions.perturbation import (
+    Perturbation,
+    PerturbationHooks,
+    observation_space,
+)
+from gamekeeper.rollouts.interventions.value_parts import (
+    MISSING,
+    Path,
+    ValuePart,
+    are_numbers,
+    blank_of_rare,
+    joined,
+    mask_path,
+    message_parts,
+    numbers_of,
+    seen_parts,
+)
+
+Eye = Callable[[Any], Any]
+"""From what was given to what is shown; called once at each of an agent's turns."""
+
+
+@dataclass(frozen=True, slots=True)
+class AgentSight:
+    """Fields of an agent's observation that a perturbation may touch.
+
+    Attributes:
+        space: of its observations.
+        parts: of the space, without the mask.
+        messages: those of them that are declared to carry messages.
+        mask: where its mask stands in it, if it does.
+    """
+
+    space: Space[Any]
+    parts: tuple[ValuePart, ...]
+    messages: tuple[ValuePart, ...]
+    mask: Path | None
+
+    def as_now(self, old: Any, observation: Any) -> Any:
+        """A copy of what was seen before, with the mask that holds now."""
+        kept = copy.deepcopy(old)
+        if self.mask is None:
+            return kept
+        place = ValuePart(self.mask, self.space)
+        mask = place.of(observation)
+        return kept if mask is MISSING or place.of(kept) is MISSING else place.put(kept, mask)
+
+
+def sight_of(contract: Contract, env: Any, agent: AgentId) -> AgentSight | None:
+    """Fields of an agent's observation; None where the environment doesn't say."""
+    space = observation_space(env, agent)
+    if space is None:
+        return None
+    mask = mask_path(contract, agent, space)
+    parts, messages = seen_parts(contract, agent, space), message_parts(contract, agent, space)
+    return AgentSight(space, parts, messages, mask)
+
+
+@dataclass(frozen=True, slots=True)
+class ObservationPerturbation(Perturbation):
+    """Gives each agent an eye, which shows its policy something else than was given."""
+
+    ON: ClassVar[Literal["seen", "done"]] = "seen"
+
+    def start(self, rng: Generator) -> Hooks:
+        """Returns the hooks for one play."""
+        return _ObservationHooks(self, rng) if self.strength else Hooks()
+
+    @abstractmethod
+    def eye(self, sight: AgentSight, rng: Generator) -> Eye:
+        """Returns the eye of an agent, for one play; it never writes into what was given."""
+
+    @classmethod
+    def applies(cls, contract: Contract, env: Any, agent: AgentId) -> str | None:
+        """Not to an agent that sees nothing anyway."""
+        sight = sight_of(contract, env, agent)
+        if sight is None:
+            return "the environment doesn't say what it may see"
+        return cls.lacks(sight)
+
+    @classmethod
+    def lacks(cls, sight: AgentSight) -> str | None:
+        """Returns why a sight can't be perturbed like that; None where it can."""
+        return None if sight.parts else "it sees nothing but its mask"
+
+
+@dataclass(frozen=True, slots=True)
+class NumberPerturbation(ObservationPerturbation):
+    """Changes the numbers that an agent sees."""
+
+    @classmethod
+    def lacks(cls, sight: AgentSight) -> str | None:
+        """Returns why it can't be tried on an agent that sees no numbers."""
+        return None if numbers_of(sight.parts) else "nothing that it sees is a number"
+
+
+@dataclass(frozen=True, slots=True)
+class MessagePerturbation(ObservationPerturbation):
+    """Changes the declared message fields that an agent sees."""
+
+    @classmethod
+    def lacks(cls, sight: AgentSight) -> str | None:
+        """Returns why it can't be tried on an agent that sees no declared message field."""
+        declared = "no field that it sees is declared to carry messages"
+        return None if sight.messages else declared
+
+
+class _ObservationHooks(PerturbationHooks):
+    """Hooks that give each agent an eye when it first looks."""
+
+    def __init__(self, perturbation: ObservationPerturbation, rng: Generator) -> None:
+        super().__init__(perturbation, rng)
+        self._eye = perturbation.eye
+        self._eyes: dict[AgentId, Eye | None] = {}
+
+    def sees(self, turn: int, agent: AgentId, observation: Any) -> Any:
+        """Observation as the agent's sensor passes it on."""
+        if agent not in self._eyes:
+            self._eyes[agent] = self._opened(agent) if self.is_meant(agent) else None
+        eye = self._eyes[agent]
+        return observation if eye is None else eye(observation)
+
+    def _opened(self, agent: AgentId) -> Eye | None:
+        sight = sight_of(self.contract, self.env, agent)
+        return None if sight is None else self._eye(sight, self.stream(agent))
+
+
+def blinder(parts: tuple[ValuePart, ...]) -> Eye:
+    """Shows nothing where these parts stand: 0 or what is nearest to it, no text, no items."""
+    numbers = [(each, each.blank()) for each in numbers_of(joined(parts))]
+    others = [part for part in parts if not are_numbers(part.space)]
+
+    def blind(observation: Any) -> Any:
+        for each, blank in numbers:
+            if each.read(observation) is not None:
+                observation = each.write(observation, blank)
+        for part in others:
+            value = part.of(observation)
+            if value is not MISSING:
+                observation = part.put(observation, blank_of_rare(part.space, value))
+        return observation
+
+    return blind

@@ -1,0 +1,319 @@
+"""Reruns of a recorded episode, as it was or with exactly one intervention, and their shrinking."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from typing import Any, Final, Literal
+
+import numpy as np
+
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.arrow import TERM
+from gamekeeper.episodes.episode import Episode, Turn
+from gamekeeper.episodes.known_extent import env_steps
+from gamekeeper.episodes.layout import agent_name
+from gamekeeper.errors import EvidenceError, PolicyError
+from gamekeeper.interface.aec_capture import AECCapture
+from gamekeeper.interface.parallel_capture import ParallelCapture
+from gamekeeper.rollouts.episode_loop import (
+    ActionChooser,
+    Actions,
+    EpisodePlan,
+    EpisodeResult,
+    EvidenceOptions,
+    perform,
+)
+from gamekeeper.rollouts.intervention import Intervention
+
+# -- The only experiment: play a trace again, as it was or with exactly one thing done differently
+
+_SCALAR: Final = re.compile(r"numpy\.((?:u?int|float)\d+|bool|bool_)")
+
+
+def rerun(
+    trace: Episode,
+    env: Any,
+    *,
+    change: Intervention | None = None,
+    loop: Literal["open", "closed"] = "open",
+    cast: ActionChooser | None = None,
+    run_seed: int = 0,
+    contract: Contract | None = None,
+    most_turns: int = 100_000,
+    on_step: Callable[[], None] | None = None,
+) -> EpisodeResult:
+    """Plays a recorded episode again in `env`, as it was or with exactly one thing changed.
+
+    Without a change this is the unchanged rerun: what differs then is nobody's doing, and every
+    effect of a change is what differs beyond it.
+
+    Args:
+        env: is reset, and not closed.
+        change: the one thing done differently.
+        loop: "open": the recorded actions are done again, whatever comes of them. "closed": `cast`
+            chooses anew from what the agents are shown.
+        cast: the policies of a closed loop.
+        run_seed: seeds them, together with the episode's number.
+        contract: names volatile infos.
+        most_turns: a closed loop is cut there.
+        on_step: called before every step.
+    Raises:
+        EvidenceError: a closed loop has no cast.
+    """
+    if loop == "closed" and cast is None:
+        raise EvidenceError(
+            "nobody chooses in a closed loop",
+            where="cast",
+            expected="policies",
+            actual="None",
+            fix="hand in policies, or replay the recorded actions",
+        )
+    play = play_of(trace, env)
+    if loop == "closed":
+        play = replace(play, actions=None, most_turns=most_turns)
+    return perform(
+        play,
+        env,
+        cast=cast,
+        cast_seed=run_seed,
+        change=change,
+        contract=contract,
+        keep=EvidenceOptions(terms=_terms(trace), number=trace.episode),
+        on_step=on_step,
+    )
+
+
+def _terms(trace: Episode) -> tuple[str, ...]:
+    """The reward terms that have columns in a trace."""
+    names = trace.steps.schema.names
+    return tuple(name[len(TERM) :] for name in names if name.startswith(TERM))
+
+
+def play_of(trace: Episode, env: Any, types: Mapping[str, str] | None = None) -> EpisodePlan:
+    """The episode on paper: its seed, its options, its actions turn by turn, agents as `env` knows.
+
+    Args:
+        types: of whole-number actions by agent, for a trace that doesn't name them.
+    """
+    known = {agent_name(agent): agent for agent in getattr(env, "possible_agents", ())}
+    types, played = trace.action_types or types or {}, env_steps(trace)
+    actions = tuple(
+        {known.get(name, name): _action(turn, name, types) for name in turn.order}
+        for turn in trace.turns
+        if turn.index < played
+    )
+    cut = [turn for turn in trace.turns if turn.index >= played]
+    return EpisodePlan(
+        looks_last=any(
+            _was_seen(turn, name, trace) for turn in cut for name in turn.cumulative_reward
+        ),
+        seed=trace.seed,
+        stream=trace.episode,
+        actions=actions,
+        most_turns=max(len(actions), 1),
+        options=trace.options,
+    )
+
+
+def replay_trace(
+    trace: Episode,
+    game: ParallelCapture | AECCapture,
+    *,
+    agents: Mapping[str, Any],
+    types: Mapping[str, str] | None = None,
+    cast: ActionChooser | None = None,
+    run_seed: int | None = None,
+    after_turn: Callable[[], None] | None = None,
+    turns: Iterable[Turn] | None = None,
+) -> None:
+    """Plays `trace` again in `game`: its reset, its actions in their order.
+
+    An environment that raises where it raised before is taken at its word and played on; one that
+    raises elsewhere ends the episode as failed. Whether the rows came out the same is for a
+    comparison to say.
+
+    Args:
+        agents: the environment's own identity of each agent by its name in the evidence.
+        types: of whole-number actions by agent, for a trace that doesn't name them.
+        cast: policies that choose in place of the recorded actions (the loop is closed); open if
+            None.
+        run_seed: seeds the policies of a closed loop.
+        turns: of the episode, where `trace` holds only the first of them; it names their number.
+    """
+    if cast is not None and run_seed is not None:
+        cast.begin(run_seed, trace.episode)
+    played, types = env_steps(trace), trace.action_types or types or {}
+    try:
+        game.reset(trace.seed, trace.options)
+    except KeyboardInterrupt:
+        raise
+    except BaseException:  # it ended there as failed, and perhaps it did so before
+        return
+    for turn in trace.turns if turns is None else turns:
+        if turn.index >= played or not game.env.agents:
+            _look_once_more(game, trace, turn)
+            break
+        if cast is not None and not game.to_move:
+            break
+        try:
+            _step(game, trace, turn, agents=agents, cast=cast, types=types)
+        except (PolicyError, EvidenceError, KeyboardInterrupt):  # not the environment's
+            raise
+        except BaseException:  # the rows tell; only a recorded raise is played on from
+            if not turn.raised:
+                break
+        if after_turn is not None:
+            after_turn()
+    game.end_episode()
+
+
+def _step(
+    game: ParallelCapture | AECCapture,
+    trace: Episode,
+    turn: Turn,
+    *,
+    agents: Mapping[str, Any],
+    cast: ActionChooser | None,
+    types: Mapping[str, str],
+) -> None:
+    if isinstance(game, ParallelCapture):
+        if cast is None:
+            actions = {
+                _agent(game, agents, name): _action(turn, name, types) for name in turn.order
+            }
+        else:
+            seen, infos = game.observations, game.infos
+            actions = {a: cast.act(a, seen.get(a), infos.get(a)) for a in game.to_move}
+        game.step(actions)
+        return
+    name = turn.order[0]
+    if cast is not None or _was_seen(turn, name, trace):
+        observation, _, terminated, truncated, info = game.last()
+    if cast is None:
+        game.step(_action(turn, name, types))
+    else:
+        agent = game.to_move[0]
+        game.step(None if terminated or truncated else cast.act(agent, observation, info))
+
+
+def _agent(game: ParallelCapture | AECCapture, agents: Mapping[str, Any], name: str) -> Any:
+    """Agent of this name: one of `agents`, or one that joined since; else the name itself."""
+    if name in agents:
+        return agents[name]
+    return next((agent for agent in game.env.agents if agent_name(agent) == name), name)
+
+
+def _look_once_more(game: ParallelCapture | AECCapture, trace: Episode, turn: Turn) -> None:
+    """An AEC episode may end with a look that no action followed; its row has the observation."""
+    if not isinstance(game, AECCapture) or not game.env.agents:
+        return
+    if any(_was_seen(turn, name, trace) for name in turn.cumulative_reward):
+        try:
+            game.last()
+        except KeyboardInterrupt:
+            raise
+        except BaseException:
+            return  # then the row that was recorded is missing, and the comparison says so
+
+
+def _was_seen(turn: Turn, name: str, trace: Episode) -> bool:
+    """Tells whether the agent's observation was read before it acted, by the evidence.
+
+    At level "digest" observations aren't kept, and whoever was given anything counts as having
+    looked: so does every loop but one that asks `last(observe=False)`.
+    """
+    is_digest = "digest" in trace.steps.schema.names
+    return turn.has_observation(name) or (is_digest and name in turn.cumulative_reward)
+
+
+def _action(turn: Turn, name: str, types: Mapping[str, str]) -> Any:
+    """The recorded action, of the very type that was handed over."""
+    action = turn.actions.get(name)
+    nonconforming = turn.nonconforming.get(name, {}).get("action")
+    kind = types.get(name) if nonconforming is None else nonconforming.get("type")
+    if action is None or kind is None:
+        return action
+    if kind == "int":
+        return int(action)
+    scalar = _SCALAR.fullmatch(kind)
+    if scalar is not None and isinstance(action, bool | int | float | np.generic):
+        return np.dtype(scalar[1].rstrip("_")).type(action)
+    return action
+
+
+# -- Shrinking: the shortest play that still shows something
+#
+# Source: Zeller & Hildebrandt 2002, "Simplifying and isolating failure-inducing input" (ddmin),
+# with turns as the pieces.
+
+Still = Callable[[EpisodePlan], bool]
+"""Test whether a shorter episode shows it too; one that can't be played doesn't."""
+
+
+def shrink(
+    play: EpisodePlan,
+    still: Still,
+    *,
+    turns: int | None = None,
+    plain: Mapping[Any, Any] | None = None,
+) -> EpisodePlan:
+    """The shortest play found that `still` shows it; the play itself where nothing shorter does.
+
+    First the tail goes, then turns in between, then actions become plain ones. `still` is asked as
+    long as it answers; whoever has had enough answers no.
+
+    Args:
+        play: has its actions on paper and shows it.
+        turns: it is known to show after so many.
+        plain: a simple action for each agent.
+    """
+    if play.actions is None:
+        return play
+    if turns is not None and turns < len(play.actions):
+        cut = _with(play, play.actions[:turns])
+        play = cut if still(cut) else play
+    play = _without_turns(play, still)
+    return _plainer(play, still, plain or {})
+
+
+def _with(play: EpisodePlan, actions: tuple[Actions, ...]) -> EpisodePlan:
+    return replace(play, actions=actions, most_turns=max(len(actions), 1))
+
+
+def _without_turns(play: EpisodePlan, still: Still) -> EpisodePlan:
+    """Leaves out runs of turns, long ones first."""
+    actions = play.actions or ()
+    size = max(len(actions) // 2, 1) if actions else 0
+    while size:
+        start = 0
+        while start < len(actions):
+            shorter = actions[:start] + actions[start + size :]
+            if still(_with(play, shorter)):
+                actions = shorter
+            else:
+                start += size
+        size //= 2
+    return _with(play, actions)
+
+
+def _plainer(play: EpisodePlan, still: Still, plain: Mapping[Any, Any]) -> EpisodePlan:
+    """Plain actions in place of drawn ones: everywhere at once, else turn by turn."""
+    actions = list(play.actions or ())
+    simple = [_plain_turn(each, plain) for each in actions]
+    whole = _with(play, tuple(simple))
+    if len(simple) and still(whole):
+        return whole
+    for place, each in enumerate(simple):
+        tried = [*actions[:place], each, *actions[place + 1 :]]
+        if still(_with(play, tuple(tried))):
+            actions = tried
+    return _with(play, tuple(actions))
+
+
+def _plain_turn(actions: Actions, plain: Mapping[Any, Any]) -> Actions:
+    return {
+        agent: action if action is None else plain.get(agent, action)
+        for agent, action in actions.items()
+    }

@@ -1,1 +1,0 @@
-"""Rollouts, reruns with one change, and the processes they run in."""

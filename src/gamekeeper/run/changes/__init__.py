@@ -1,1 +1,0 @@
-"""Changes: one file for each thing that a rerun can do differently."""

@@ -1,0 +1,1 @@
+"""Evidence on disk: written as it happens, finalized, recovered, replayed."""

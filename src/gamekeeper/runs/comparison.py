@@ -1,0 +1,406 @@
+"""Runs compared row by row: a replay in a fresh process, or two recorded runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import closing
+from dataclasses import dataclass, field, replace
+from html import escape
+from os import PathLike
+from typing import Any, Final, TypeAlias
+
+import pyarrow as pa
+
+from gamekeeper.episodes.canonical import from_json
+from gamekeeper.episodes.divergence import Comparison, Divergence, compare_chunks
+from gamekeeper.episodes.evidence import IDENTITY, Evidence, fingerprints
+from gamekeeper.episodes.known_extent import ENDS_OPEN
+from gamekeeper.errors import EvidenceError, PolicyError, SpecError
+from gamekeeper.interface.env_source import Opened
+from gamekeeper.rollouts.workers import run_task
+from gamekeeper.runs.consent import Consent, consented, evidence_of
+from gamekeeper.runs.load_run import load
+from gamekeeper.runs.recording import cast_of
+from gamekeeper.runs.replay_runner import (
+    IN_MEMORY,
+    ReplayRunner,
+    cause_of,
+    check_named,
+    compact,
+    opened_again,
+)
+from gamekeeper.runs.standing import choices_in
+
+# -- Replay: recorded actions from recorded seeds in a fresh process, compared row by row
+
+PRINTS: Final = ("fingerprint", "info_fingerprint")
+TASK: Final = "gamekeeper.runs.comparison:replay_task"
+SILENCE_S: Final = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """Outcome of replaying a run.
+
+    Attributes:
+        run: the folder.
+        verified: every row, info and state came out bit for bit, and so does the fingerprint.
+        within_tolerance: the largest difference is within the tolerance that was given; None where
+            none was given.
+        fingerprint: of the recorded run.
+        divergence: the first place where the replay differs by more.
+        reason: the reason why the run can't be replayed; None where it can.
+        cause: cause of a divergence, as far as replaying the episode a few times more shows it.
+        consent: rule by which the environment was opened, and the entries of PYTHONPATH in which
+            its imports were looked for; None where nothing was opened.
+        versions: packages whose version is another than at the recording, and the environment's
+            source if it changed: `{name: [recorded, now]}`.
+        episodes: how many were replayed.
+    """
+
+    run: str
+    verified: bool
+    within_tolerance: bool | None
+    fingerprint: str
+    divergence: Divergence | None
+    reason: str | None = None
+    versions: Mapping[str, list[str | None]] = field(default_factory=dict)
+    episodes: int = 0
+    cause: str | None = None
+    consent: Consent | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """The document that `gamekeeper replay --json` prints."""
+        return {
+            "run": self.run,
+            "verified": self.verified,
+            "within_tolerance": self.within_tolerance,
+            "fingerprint": self.fingerprint,
+            "divergence": None if self.divergence is None else self.divergence.to_json(),
+            "reason": self.reason,
+            "versions": dict(self.versions),
+            "episodes": self.episodes,
+            "cause": self.cause,
+            "consent": None if self.consent is None else self.consent.to_json(),
+        }
+
+    def __str__(self) -> str:
+        return self._verdict() + ("" if self.consent is None else f"\n  {self.consent}")
+
+    def _verdict(self) -> str:
+        shown = self.fingerprint or "none, as the run was never finalized"
+        if self.verified:
+            return f"verified: fingerprint {shown}"
+        if self.divergence is not None:
+            lines = [f"diverged: {self.divergence}"]
+            lines += [f"  cause: {self.cause}"] if self.cause else []
+            lines += [
+                f"  {name}: {then} at the recording, {now} now"
+                for name, (then, now) in self.versions.items()
+            ]
+            return "\n".join(lines)
+        if self.within_tolerance:
+            return f"within tolerance: fingerprint {shown}"
+        return f"can't tell: {self.reason}"
+
+    def _repr_html_(self) -> str:
+        verdict, *rest = map(escape, str(self).splitlines())
+        details = f"<pre>{chr(10).join(rest)}</pre>" if rest else ""
+        return f"<b>{verdict}</b> <code>{escape(self.run)}</code>{details}"
+
+
+def replay(
+    path: str | PathLike[str] | Evidence,
+    *,
+    tolerance: float | None = None,
+    policies: bool = False,
+    env: str | None = None,
+    allow_import: bool = False,
+    timeout_s: float | None = SILENCE_S,
+    on_message: Callable[[dict[str, Any]], None] | None = None,
+) -> Replay:
+    """Plays a recorded run again in a fresh process and compares every row.
+
+    Args:
+        path: the folder of a run, or evidence that was loaded from one.
+        tolerance: numbers that differ by no more, absolutely or relative to the larger one, count
+            as equal.
+        policies: also choose anew: the recorded policies decide in place of the recorded actions.
+        env: its name (a text, as a process of its own opens it): opened in place of the
+            environment that the evidence names.
+        allow_import: open what the evidence names even where it is a file or a module outside the
+            installed packages, and run policies that it names.
+        timeout_s: longest time without a turn.
+        on_message: called with `{"episode", "episodes"}` as they are done.
+    Raises:
+        TrustError: the evidence names code that the user hasn't allowed to run.
+        RunError: there is no run, or it is damaged.
+        EvidenceError: the evidence is in memory alone.
+        SpecError: `env` is an environment or a factory in place of its name.
+    """
+    check_named(env)
+    if isinstance(path, Evidence):
+        if path.path is None:
+            raise EvidenceError(
+                "the evidence is in memory alone, and a replay runs in a process of its own",
+                where="gk.replay",
+                fix="record with out='runs/...' and replay that folder",
+            )
+        path = path.path
+    evidence = evidence_of(path)
+    reason = _untellable(evidence, env=env, policies=policies)
+    if reason is not None:  # before the user is asked to trust a run that can't be replayed anyway
+        return Replay(str(path), False, None, evidence.fingerprint, None, reason)
+    names = [name for each in _all_policies(evidence) for name in each.values()] if policies else []
+    with consented(
+        evidence, doing="replaying this run", env=env, policies=names, allow_import=allow_import
+    ) as consent:
+        replayed = _replayed(
+            evidence,
+            timeout_s=timeout_s,
+            on_message=on_message,
+            tolerance=tolerance,
+            policies=policies,
+            env=env,
+        )
+    return replace(replayed, consent=consent)
+
+
+def _replayed(
+    evidence: Evidence,
+    *,
+    timeout_s: float | None,
+    on_message: Callable[[dict[str, Any]], None] | None,
+    tolerance: float | None,
+    policies: bool,
+    env: str | None,
+) -> Replay:
+    run = str(evidence.path)
+    arguments = {"path": run, "tolerance": tolerance, "policies": policies, "env": env}
+    outcome = run_task(TASK, arguments, silence_s=timeout_s, on_message=on_message)
+    if outcome.status == "interrupted":
+        raise KeyboardInterrupt
+    if not isinstance(outcome.value, dict):
+        reason = f"the replay {outcome.status}: {outcome.error}"
+        return Replay(run, False, None, evidence.fingerprint, None, reason)
+    replayed = _from_json(outcome.value)
+    where = replayed.divergence
+    if where is None or where.turn is None:
+        return replayed
+    if policies and where.field == "action":
+        return replace(replayed, cause="the policies chose otherwise, given the same observations")
+    cause = cause_of(evidence, where, env=env, changed=replayed.versions, timeout_s=timeout_s)
+    return replace(replayed, cause=cause)
+
+
+def _from_json(value: Mapping[str, Any]) -> Replay:
+    """The replay that a worker returned as JSON, its values as they were."""
+    where = value["divergence"]
+    if where is None:
+        return Replay(**value)
+    values = {side: from_json(compact(where[side])) for side in ("recorded", "replayed")}
+    return Replay(**{**value, "divergence": Divergence(**{**where, **values})})
+
+
+def _identity(evidence: Evidence) -> Mapping[str, Any]:
+    identity = evidence.manifest.get("environment")
+    return identity if isinstance(identity, Mapping) else {}
+
+
+def _untellable(evidence: Evidence, *, env: str | None, policies: bool) -> str | None:
+    """Reason why a run can't be replayed at all, known before anything runs."""
+    kind = _identity(evidence).get("kind")
+    if env is None and kind in IN_MEMORY:
+        thing = "an object" if kind == "object" else "a callable"
+        return f"the environment was {thing} in memory; name it with --env"
+    if not evidence.episode_table.num_rows:
+        return "the run has no episodes"
+    for header in evidence.headers:
+        if header["since"] is None or header["since"] < 0:
+            return (
+                f"episode {header['episode']} was reset without a seed, and none was given before"
+            )
+    if policies and (evidence.manifest.get("seed") is None or not all(_all_policies(evidence))):
+        return "the run doesn't name its policies and their seed, so they can't choose again"
+    return None
+
+
+def _all_policies(evidence: Evidence) -> list[dict[str, str]]:
+    """The choices of each episode; empty where the evidence doesn't name its policies."""
+    return [choices_in(header.get("policies")) for header in evidence.headers]
+
+
+# -- in the fresh process
+
+
+def replay_task(
+    report: Callable[..., None],
+    *,
+    path: str,
+    tolerance: float | None,
+    policies: bool,
+    env: str | None,
+) -> dict[str, Any]:
+    """Replays the run at `path` in this process; see `replay`."""
+    evidence = load(path)
+    try:
+        replayed = replay_evidence(
+            evidence,
+            opened_again(evidence, env),
+            tolerance=tolerance,
+            policies=policies,
+            report=report,
+        )
+    except (SpecError, PolicyError, EvidenceError) as error:
+        return Replay(path, False, None, evidence.fingerprint, None, str(error)).to_json()
+    return replace(replayed, run=path).to_json()
+
+
+def _differing_versions(
+    then: Mapping[str, Any], now: Mapping[str, Any]
+) -> dict[str, list[str | None]]:
+    one, two = (
+        {**(each.get("versions") or {}), "source": each.get("source_digest")}
+        for each in (then, now)
+    )
+    return {
+        name: [one.get(name), two.get(name)]
+        for name in sorted(one.keys() | two.keys())
+        if one.get(name) != two.get(name)
+    }
+
+
+def replay_evidence(
+    evidence: Evidence,
+    opened: Opened,
+    *,
+    tolerance: float | None = None,
+    policies: bool = False,
+    report: Callable[..., None] = lambda **fields: None,
+) -> Replay:
+    """Replays `evidence` in an environment that is already open, and closes it.
+
+    Raises:
+        EvidenceError: an action was an object that no text can build again.
+        PolicyError: policies are asked for, and can't be found.
+    """
+    volatile = evidence.contract.volatile_infos()
+    runner = ReplayRunner(evidence, opened, after_turn=report)
+    exact, divergence = True, None
+    prints: list[str | None] = []
+    chooser, named = None, None
+    total = evidence.episode_table.num_rows
+    with closing(runner):
+        for header in evidence.headers:
+            both = Comparison(evidence.extent(header), tolerance=tolerance, volatile=volatile)
+            if policies and header.get("policies") != named:  # the same objects go on, as they did
+                named = header.get("policies")
+                chooser = cast_of(choices_in(named), opened.env, evidence.contract)
+            again = runner.play(header, chooser=chooser, look=both.look)
+            both.ends()
+            prints.append(again["fingerprint"])
+            report(episode=header["episode"] + 1, episodes=total)
+            exact, divergence = exact and both.is_exact, both.divergence
+            if divergence is not None:
+                break
+    exact = exact and divergence is None
+    if exact:
+        divergence = _set_up_differently(
+            (_identity(evidence), evidence.manifest["spaces"]),
+            (opened.identity, runner.manifest()["spaces"]),
+            evidence.manifest["spaces"],
+        ) or _other_fingerprint(evidence, prints)
+    versions = _differing_versions(_identity(evidence), opened.identity)
+    return Replay(
+        run=str(evidence.path or ""),
+        verified=exact and divergence is None,
+        within_tolerance=None if tolerance is None else divergence is None,
+        fingerprint=evidence.fingerprint,
+        divergence=divergence,
+        versions={} if exact and divergence is None else versions,
+        episodes=len(prints),
+    )
+
+
+SetUp: TypeAlias = tuple[Mapping[str, Any], Mapping[str, Any]]
+"""Identity of an environment, and spaces by agent."""
+
+
+def _set_up_differently(one: SetUp, two: SetUp, agents: Iterable[str]) -> Divergence | None:
+    """The first difference of two runs as a whole: environment, arguments, spaces of `agents`."""
+    for name in IDENTITY:
+        values = one[0].get(name), two[0].get(name)
+        if values[0] != values[1]:
+            return Divergence(0, None, None, f"environment.{name}", *values)
+    for agent in agents:
+        values = one[1].get(agent), two[1].get(agent)
+        if values[0] != values[1]:
+            return Divergence(0, None, agent, "spaces", *values)
+    return None
+
+
+def _other_fingerprint(evidence: Evidence, prints: list[str | None]) -> Divergence | None:
+    """The first fingerprint that differs where every row is the same: seeds, options, spaces."""
+    if evidence.manifest.get("status") == "open":  # has no fingerprint yet
+        return None
+    recorded = evidence.episode_table["fingerprint"].to_pylist()
+    ends = evidence.episode_table["end"].to_pylist()
+    for episode, (one, two) in enumerate(zip(recorded, prints, strict=True)):
+        if ends[episode] in ENDS_OPEN:  # its rows are compared; what came after them is unknown
+            prints[episode] = one
+        elif one != two:
+            return Divergence(episode, None, None, "fingerprint", one, two)
+    run = fingerprints(evidence.manifest, pa.table(dict.fromkeys(PRINTS, prints)))["fingerprint"]
+    if run != evidence.fingerprint:
+        return Divergence(0, None, None, "fingerprint", evidence.fingerprint, run)
+    return None
+
+
+# -- Two recorded runs side by side
+
+
+def diff(
+    a: str | PathLike[str] | Evidence,
+    b: str | PathLike[str] | Evidence,
+    *,
+    tolerance: float | None = None,
+) -> Divergence | None:
+    """The first place where two runs differ, or None if they are the same.
+
+    Episodes are compared in their order: first the arguments of their resets, then turn by turn.
+    Volatile infos are left out.
+
+    Args:
+        tolerance: numbers that differ by no more, absolutely or relative to the larger one, count
+            as equal.
+    Raises:
+        RunError: one of them is no run, or damaged.
+    """
+    left, right = (each if isinstance(each, Evidence) else load(each) for each in (a, b))
+    prints = [[side.manifest.get(name) or None for name in PRINTS] for side in (left, right)]
+    if prints[0] == prints[1] and None not in prints[0]:
+        return None
+    volatile = left.contract.volatile_infos() | right.contract.volatile_infos()
+    one, two = (
+        {header["episode"]: header for header in side.episode_table.to_pylist()}
+        for side in (left, right)
+    )
+    for episode in sorted(one.keys() | two.keys()):
+        if episode not in one or episode not in two:
+            values = ["present" if episode in side else None for side in (one, two)]
+            return Divergence(episode, None, None, "episode", *values)
+        for name in ("seed", "options"):
+            values = [side[episode][name] for side in (one, two)]
+            if values[0] != values[1]:
+                return Divergence(episode, None, None, name, *values)
+        found = compare_chunks(
+            left.chunks(one[episode]),
+            right.chunks(two[episode]),
+            known=left.extent(one[episode]),
+            tolerance=tolerance,
+            volatile=volatile,
+        )
+        if found.divergence is not None:
+            return found.divergence
+    sides = [(each.manifest["environment"], each.manifest["spaces"]) for each in (left, right)]
+    return _set_up_differently(sides[0], sides[1], {**sides[0][1], **sides[1][1]})

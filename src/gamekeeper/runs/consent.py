@@ -1,0 +1,143 @@
+"""Consent to run code that a run names: the rule, and the folders in which its imports look."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import PurePath
+from typing import Any, Final
+
+from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.errors import TrustError
+from gamekeeper.import_guard import active, guarded, pythonpath, unguarded
+from gamekeeper.interface.opening import distrust
+from gamekeeper.interface.policy import distrust_policy, is_schemed
+from gamekeeper.runs import own_runs
+from gamekeeper.runs.files.checksums import root_digest
+from gamekeeper.runs.load_run import load
+
+RULES: Final = {
+    "allow_import": "you allowed it with --allow-import",
+    "named": "you named it with --env",
+    "own_run": "it is your own run, recorded here and unchanged",
+    "installed": "it is an installed package",
+    "in_memory": "this process has just played it",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Consent:
+    """Rule by which code that a run names was run.
+
+    Attributes:
+        rule: `allow_import`, `named` (with `env`), `own_run`, `installed` or `in_memory`.
+        pythonpath: entries of PYTHONPATH in which its imports were looked for.
+    """
+
+    rule: str
+    pythonpath: tuple[str, ...] = ()
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data, as it stands in results."""
+        return {"rule": self.rule, "pythonpath": list(self.pythonpath)}
+
+    def __str__(self) -> str:
+        entries = ", ".join(entry or "the current folder" for entry in self.pythonpath)
+        return f"opened because {RULES[self.rule]}" + (
+            f"; PYTHONPATH: {entries}" if entries else ""
+        )
+
+
+def evidence_of(run: Evidence | str | PathLike[str]) -> Evidence:
+    """The evidence of a run; reading it imports nothing that lies there.
+
+    Raises:
+        RunError: there is no run, or it is damaged.
+    """
+    if isinstance(run, Evidence):
+        return run
+    with guarded(run):
+        return load(run)
+
+
+@contextmanager
+def consented(
+    evidence: Evidence,
+    *,
+    doing: str,
+    env: object | None,
+    policies: Iterable[str] = (),
+    chosen: Iterable[object] = (),
+    allow_import: bool = False,
+) -> Iterator[Consent]:
+    """Lets code that a run names run in this context, with its imports under a guard.
+
+    Without the user's consent nothing is imported from the current folder or the run's, neither
+    here nor in workers.
+
+    Args:
+        evidence: the run.
+        doing: the action, for the error: "replaying this run".
+        env: environment that the user named in place of the run's; None: the run's is opened.
+        policies: names of policies that the run names, and that are to choose.
+        chosen: policies that the user named.
+        allow_import: the user allows whatever the run names.
+    Raises:
+        TrustError: it would run code that the user has not consented to.
+    """
+    names = sorted(set(policies))
+    imports: AbstractContextManager[object]
+    if evidence.path is None or allow_import:
+        imports, rule = unguarded(), "in_memory" if evidence.path is None else "allow_import"
+    else:
+        with guarded(evidence.path):
+            rule, modules = _rule(evidence.path, evidence.manifest, doing, env, names)
+        if rule == "named":
+            imports = unguarded()
+        elif any(not isinstance(each, str) or ":" in each for each in chosen):
+            # code that the user named may lie here, and import what lies beside it
+            imports = guarded(evidence.path, is_here_closed=False)
+        else:
+            imports = guarded(evidence.path, modules=modules)
+    with imports:
+        guard = active()
+        entries = [each for each in pythonpath() if guard is None or guard.allows(each)]
+        yield Consent(rule, tuple(entries))
+
+
+def _rule(
+    path: PurePath, manifest: Mapping[str, Any], doing: str, env: object | None, policies: list[str]
+) -> tuple[str, own_runs.Modules]:
+    """The first rule that consents, and the modules that may be imported besides."""
+    modules = _own(path) if env is None else None
+    changed = [] if modules is None else own_runs.changed(modules)
+    if modules is not None and not changed and not any(map(is_schemed, policies)):
+        return "own_run", modules
+    identity = manifest.get("environment")
+    reason = None
+    if env is None:
+        reason = distrust(identity if isinstance(identity, Mapping) else {})
+    fix = "if you trust it, say --allow-import; or name the environment yourself with --env"
+    if reason is None:
+        fix = "if you trust it, say --allow-import"
+        reason = next(filter(None, map(distrust_policy, policies)), None)
+    if reason is None:
+        return ("installed" if env is None else "named"), {}
+    if changed:
+        reason += f"; you recorded this run, and {changed[0]} has changed since"
+    raise TrustError(
+        f"{doing} would execute code that its evidence names",
+        where=str(path),
+        actual=reason,
+        fix=fix,
+    )
+
+
+def _own(path: PurePath) -> own_runs.Modules | None:
+    """Modules that an own, unchanged run was imported from; None for any other run."""
+    root = root_digest(path, check=False, annotated=False)
+    modules = own_runs.recall(root)
+    is_unchanged = modules is not None and root == root_digest(path, annotated=False)
+    return modules if is_unchanged else None

@@ -1,0 +1,296 @@
+"""Verifies a run byte by byte, and recovers one that its recorder left open."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from os import PathLike
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+
+from gamekeeper.episodes.arrow import blocks_of
+from gamekeeper.episodes.block import States
+from gamekeeper.episodes.digest import EpisodeDigest, episode_header
+from gamekeeper.episodes.encoder import EPISODES, add_infos, state_digests
+from gamekeeper.episodes.episode import cells_by_column, digests_of
+from gamekeeper.episodes.evidence import Evidence, fingerprints
+from gamekeeper.episodes.known_extent import env_steps
+from gamekeeper.errors import EvidenceError, GamekeeperError, RunError
+from gamekeeper.runs.files.checksums import (
+    Damage,
+    compare_checksums,
+    root_digest,
+    strays,
+    verify_notes,
+)
+from gamekeeper.runs.files.folder import MANIFEST, read_bounded, reading
+from gamekeeper.runs.files.manifest import FORMAT_VERSION, MANIFEST_BYTES, load_manifest
+from gamekeeper.runs.files.open_streams import finalize_recovered
+from gamekeeper.runs.load_run import load
+
+# -- Verifies that no byte of a run changed, and that its rows digest to its fingerprint
+
+DIGITS: Final = re.compile(r"[0-9a-f]{32,64}")
+"""Digits of a digest that is given: so many of its first that they can't be forged, or all."""
+NOTHING_GIVEN: Final = (
+    "not checked: that this is the run which you mean; the author of a run can make all its "
+    "digests fit. Give the root digest from elsewhere (--root)"
+)
+FINGERPRINT_GIVEN: Final = (
+    "not checked: infos, contract, policies, how episodes ended, timings, versions and annotations,"
+    " which no fingerprint covers. Give the root digest from elsewhere (--root)"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Verification:
+    """Outcome of verifying a run.
+
+    Attributes:
+        run: the folder.
+        self_consistent: rows, states and infos digest to the fingerprints that the run names; at
+            level "digest", the stored digests of rows do.
+        matches: root digest and fingerprint are those given from elsewhere; None without any.
+        damage: files that aren't as they were finalized, and places where the rows don't add up.
+        fingerprint: of the rows as they are now; None where they can't be read.
+        root: root digest of the files as they are now; None where one of them is damaged.
+        strays: entries of the folder that are no part of the run; no digest covers them.
+        not_checked: the part that wasn't compared, in a line; None with a root digest given.
+    """
+
+    run: str
+    self_consistent: bool
+    matches: bool | None
+    damage: tuple[Damage, ...]
+    fingerprint: str | None
+    root: str | None = None
+    strays: tuple[str, ...] = ()
+    not_checked: str | None = None
+
+    @property
+    def ok(self) -> bool:
+        """True if the run is undamaged and consistent, and matches the digests that were given."""
+        return self.self_consistent and self.matches is not False and not self.damage
+
+    def to_json(self) -> dict[str, Any]:
+        """The document that `gamekeeper verify --json` prints."""
+        return {
+            "run": self.run,
+            "ok": self.ok,
+            "root": self.root,
+            "self_consistent": self.self_consistent,
+            "matches": self.matches,
+            "damage": [asdict(each) for each in self.damage],
+            "strays": list(self.strays),
+            "not_checked": self.not_checked,
+            "fingerprint": self.fingerprint,
+        }
+
+    def __str__(self) -> str:
+        damage = [f"{each.file}: {each.what}; {each.detail}".rstrip("; ") for each in self.damage]
+        whole = "whole: every file matches its checksum"
+        lines = [f"damaged: {len(damage)} found", *damage] if damage else [whole]
+        if not self.self_consistent:
+            lines.append("not self-consistent: its digests contradict its files")
+        if self.matches is not None:
+            lines.append(
+                "matches what was given" if self.matches else "another run than the one given"
+            )
+        lines += [f"fingerprint {self.fingerprint}", f"root digest {self.root}"]
+        lines += [f"stray (no part of the run): {name}" for name in self.strays]
+        lines += [self.not_checked] if self.not_checked else []
+        return "\n".join(lines)
+
+
+def verify(
+    path: str | PathLike[str], *, root: str | None = None, fingerprint: str | None = None
+) -> Verification:
+    """Compares every byte of a run and digests its rows anew. Runs no code that it reads.
+
+    Checksums show damage; the author of a run can write checksums too. Only a root digest from
+    elsewhere shows that a run is the one that another person means.
+
+    Args:
+        root: expected root digest; at least 32 of its digits.
+        fingerprint: expected fingerprint; the same. It covers less than the root digest.
+    Raises:
+        RunError: there is no run.
+        EvidenceError: a text that is given is no digest.
+    """
+    root, fingerprint = _digits("root", root), _digits("fingerprint", fingerprint)
+    found = _looked_at(Path(path))
+    given = [(root, found.root), (fingerprint, found.fingerprint)]
+    matched = [(seen or "").startswith(digits) for digits, seen in given if digits is not None]
+    return replace(
+        found,
+        run=str(path),
+        matches=all(matched) if matched else None,
+        not_checked=None if root else FINGERPRINT_GIVEN if fingerprint else NOTHING_GIVEN,
+    )
+
+
+def _looked_at(folder: Path) -> Verification:
+    """Verifies a run without digests from elsewhere."""
+    try:
+        damage = [*compare_checksums(folder), *verify_notes(folder)]
+    except RunError as error:
+        if not (folder / MANIFEST).exists():
+            load_manifest(folder)  # says what is there instead
+        if not _is_damaged(folder):
+            raise
+        changed = Damage(MANIFEST, "changed", error.actual or error.what)
+        return Verification("", False, None, (changed,), None)
+    root = None if damage else root_digest(folder, check=False)
+    found = Verification("", False, None, tuple(damage), None, root, strays(folder))
+    try:
+        evidence = load(folder, check=False)  # every byte was compared with the checksums just now
+        with reading(folder):
+            again = digest_again(evidence)
+    except GamekeeperError as error:
+        damage = damage or [Damage("", "unreadable", str(error))]
+        return replace(found, damage=tuple(damage))
+    named = {name: evidence.manifest.get(name) for name in again.run}
+    damage += [
+        Damage("agent_steps.parquet", "changed", f"episode {n} doesn't digest to its fingerprint")
+        for n in again.wrong
+    ]
+    return replace(
+        found,
+        self_consistent=named == again.run and not again.wrong,
+        damage=tuple(damage),
+        fingerprint=again.run["fingerprint"],
+    )
+
+
+def _is_damaged(folder: Path) -> bool:
+    """True if there is a manifest of a known format, which isn't as it was finalized."""
+    path = folder / MANIFEST
+    if not path.is_file():
+        return False
+    try:
+        manifest = json.loads(read_bounded(path, MANIFEST_BYTES))
+    except (ValueError, RecursionError):
+        return True
+    except RunError:  # it may not be read: that is no damage
+        return False
+    if not isinstance(manifest, dict):
+        return True
+    version = manifest.get("format_version")
+    is_known = type(version) is not int or version <= FORMAT_VERSION
+    return is_known and manifest.get("status") != "open"
+
+
+@dataclass(frozen=True, slots=True)
+class ComputedFingerprints:
+    """Fingerprints computed from rows: of the run, of each episode; and episodes that differ."""
+
+    run: dict[str, str]
+    episodes: dict[int, tuple[str, str]]
+    wrong: tuple[int, ...]
+
+
+def digest_again(evidence: Evidence) -> ComputedFingerprints:
+    """The fingerprints of `evidence`, computed from its rows."""
+    volatile = evidence.contract.volatile_infos()
+    found: dict[int, tuple[str, str]] = {}
+    wrong = []
+    headers = evidence.episode_table.to_pylist()
+    for header in headers:
+        number = header["episode"]
+        digest = EpisodeDigest(episode_header(seed=header["seed"], options=header["options"]))
+        for steps in evidence.tables.parts("agent_steps", number) or ():
+            digest.add_rows(digests_of(steps))
+            if steps["info"].null_count < steps.num_rows:
+                for block in blocks_of(steps):
+                    add_infos({number: digest}, block, volatile)
+        for part in evidence.tables.parts("states", number) or ():
+            states = part.combine_chunks()
+            turns = np.ascontiguousarray(states["turn"].to_numpy())
+            cells = cells_by_column(states, "state")
+            texts = states["nonconforming"].to_pylist()
+            digest.add_states(
+                state_digests(States(states["episode"].to_numpy(), turns, cells, texts))
+            )
+        found[number] = digest.fingerprint, digest.info_fingerprint
+        if header["fingerprint"] is not None and found[number] != (
+            header["fingerprint"],
+            header["info_fingerprint"],
+        ):
+            wrong.append(number)
+    names = ("fingerprint", "info_fingerprint")
+    rows = [dict(zip(names, found[header["episode"]], strict=True)) for header in headers]
+    table = pa.Table.from_pylist(rows, pa.schema([(name, pa.string()) for name in names]))
+    return ComputedFingerprints(fingerprints(evidence.manifest, table), found, tuple(wrong))
+
+
+def _digits(option: str, given: str | None) -> str | None:
+    """The digits of a digest that was copied with spaces or points around it."""
+    if given is None:
+        return None
+    digits = given.strip().rstrip(".…").lower()
+    if DIGITS.fullmatch(digits):
+        return digits
+    raise EvidenceError(
+        f"this is no {'root digest' if option == 'root' else option}",
+        where=f"--{option}",
+        expected="32 to 64 digits of 0 to 9 and a to f",
+        actual=repr(given[:80]),
+        fix="copy it from where the run was announced; `gamekeeper show RUN` says it too",
+    )
+
+
+# -- Finalizes a run that was killed, with the longest prefix of whole turns
+
+
+def recover(
+    path: str | PathLike[str],
+    *,
+    status: str = "recovered",
+    error: str | None = None,
+    is_theirs: bool = True,
+) -> Evidence:
+    """Finalizes a run that its recorder left open; its last episode is kept as *torn*.
+
+    Args:
+        status: "recovered", "finalized" or "failed".
+        error: the error that ended the last episode; it then counts as failed.
+        is_theirs: the error is the environment's, which a replay has to come to again; one of the
+            disk leaves the episode *torn*.
+    Raises:
+        RunError: there is no run, or it is still being recorded.
+    """
+    evidence = load(path, salvage=True)
+    if evidence.manifest.get("status") != "open":
+        return evidence
+    found = digest_again(evidence)
+    rows = evidence.episode_table.to_pylist()
+    for row in rows:
+        row["fingerprint"], row["info_fingerprint"] = found.episodes[row["episode"]]
+        if row["end"] is None:
+            row |= {"end": "torn", "turns": _turns(evidence, row)}
+    if error is not None and rows:
+        end = "failed" if is_theirs else rows[-1]["end"]
+        rows[-1] |= {"end": end, "error": rows[-1]["error"] or error}
+    episodes = pa.Table.from_pylist(rows, schema=EPISODES)
+    manifest: dict[str, Any] = {
+        **evidence.manifest,
+        **fingerprints(evidence.manifest, episodes),
+        "status": status,
+    }
+    if error is not None:
+        manifest["error"] = error
+    finalize_recovered(path, manifest, episodes=episodes)
+    return load(path)
+
+
+def _turns(evidence: Evidence, header: Mapping[str, Any]) -> int:
+    """The whole turns of an episode: a row of timings for each, where any were written yet."""
+    timings = evidence.timings
+    if timings is None:
+        return env_steps(evidence.episode_of(header))
+    return int(timings["episode"].to_pylist().count(header["episode"]))

@@ -1,0 +1,179 @@
+"""All files of a new task's package, by their paths: templates filled in from its plan."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import Any, Final
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from gamekeeper.contract import Contract
+from gamekeeper.contract.failure import Failure
+from gamekeeper.contract.sections import Ending, InfoField, RewardTerm, Role, Schedule, Seeds
+from gamekeeper.scaffold.stand_in import FIRST_TERM, arrival, fault_turn, faults, furthest, rules
+from gamekeeper.scaffold.task_plan import CLASSES, HORIZON, Form, Plan, RolePlan
+
+WIDTH: Final = 96
+"""Columns of a docstring's rules."""
+PYTHONS: Final = ("3.11", "3.12", "3.13")
+"""Versions of Python that the package's CI runs its tests on."""
+FILLS: Final = {
+    "box": "np.array(steps[:count]) / FURTHEST",
+    "multibinary": "np.sign(steps[:count])",
+    "multidiscrete": "np.minimum(steps[:count], space.nvec[:count] - 1)",
+}
+"""Python that fills an observation with the steps that are left, by kind of space."""
+
+
+def spec_of(plan: Plan) -> str:
+    """Name of the environment on the command line, in the package's folder."""
+    return f"src/{plan.name}/env.py:{plan.class_name}"
+
+
+def audit_line(plan: Plan) -> str:
+    """The command that audits the environment in seconds, for every push."""
+    return f"gamekeeper audit {spec_of(plan)} --quick"
+
+
+def files_of(plan: Plan) -> dict[str, str]:
+    """Texts of all files by path, in the order of reading.
+
+    Raises:
+        ContractError: two answers contradict each other.
+    """
+    environment = Environment(
+        loader=PackageLoader("gamekeeper.scaffold"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,  # programs, in which quotes stay quotes
+    )
+    environment.filters |= {"code": _code, "wrapped": _wrapped}
+    names = _names(plan)
+
+    def text(template: str) -> str:
+        return environment.get_template(f"{template}.j2").render(names)
+
+    return {
+        "README.md": text("README.md"),
+        f"src/{plan.name}/env.py": text("env.py"),
+        f"src/{plan.name}/{plan.name}.toml": contract_of(plan).to_toml(),
+        f"src/{plan.name}/__init__.py": text("__init__.py"),
+        "tests/test_rules.py": text("test_rules.py"),
+        "tests/test_promises.py": text("test_promises.py"),
+        "pyproject.toml": text("pyproject.toml"),
+        ".github/workflows/tests.yml": text("workflow.yml"),
+        ".gitignore": text("gitignore"),
+    }
+
+
+def contract_of(plan: Plan) -> Contract:
+    """The game form, every question answered.
+
+    Raises:
+        ContractError: two answers contradict each other.
+    """
+    return Contract(
+        name=f"{plan.name}_v0",
+        api=plan.api,
+        why=plan.why,
+        schedule=Schedule(
+            stages=plan.stages,
+            order=plan.order,
+            observe=plan.observe,
+            conflicts=plan.conflicts,
+            horizon=plan.horizon,
+        ),
+        roles={role.name: _role(role) for role in plan.roles},
+        rewards={
+            term.name: RewardTerm(kind=term.kind, earner=(term.earner,), payee=(term.payee,))
+            for term in plan.terms
+        },
+        endings={
+            **{
+                ending.name: Ending(kind=ending.kind, owner=ending.owner) for ending in plan.endings
+            },
+            HORIZON: Ending(kind="truncation", owner="all"),
+        },
+        seeds=Seeds(deterministic=True),
+        infos={"to_go": InfoField(dtype="int64", shape=())},
+        failure={"agent": Failure("to_go > 0")},
+    )
+
+
+def _role(role: RolePlan) -> Role:
+    return Role(
+        agents=(f"{role.name}_*",),
+        symmetric=role.count > 1,
+        may_join=False,
+        may_leave=False,
+        noop=role.acts.noop,
+        mask="none",
+        messages=(),
+    )
+
+
+def _names(plan: Plan) -> dict[str, Any]:
+    """The variables of the templates."""
+    is_aec = plan.api == "aec"
+    first_ending = FIRST_TERM + len(plan.terms)
+    seen = {role.observes.kind for role in plan.roles}
+    kinds = seen | {role.acts.kind for role in plan.roles} | {"box"}
+    return {
+        "plan": plan,
+        "name": plan.class_name,
+        "is_aec": is_aec,
+        "is_ordered_anew": is_aec and plan.order != "fixed",
+        "rotates": plan.order == "rotating" and max(map(plan.count_of, plan.stages)) > 1,
+        "rules": rules(plan),
+        "furthest": furthest(plan),
+        "fault_turn": fault_turn(plan),
+        "first_term": FIRST_TERM,
+        "first_ending": first_ending,
+        "first_fault": first_ending + (arrival(plan) is not None),
+        "arrival": arrival(plan),
+        "faults": faults(plan),
+        "fault_names": tuple(fault.name for fault in faults(plan)),
+        "spaces": sorted(CLASSES[kind] for kind in kinds),
+        "discrete": "discrete" in seen,
+        "arrays": [(CLASSES[kind], fill) for kind, fill in FILLS.items() if kind in seen],
+        "counts": {role.name: role.count for role in plan.staged},
+        "efforts": _actions(plan, "ones"),
+        "noops": _actions(plan, "zeros"),
+        "stage_numbers": {role: n for n, stage in enumerate(plan.stages) for role in stage},
+        "spec": spec_of(plan),
+        "audit": audit_line(plan),
+        "pythons": PYTHONS,
+    }
+
+
+def _actions(plan: Plan, values: str) -> str:
+    """Python for an action of each role."""
+    entries = (f'"{role.name}": {_action(role.acts, values)}' for role in plan.staged)
+    return f"{{{', '.join(entries)}}}"
+
+
+def _action(form: Form, values: str) -> str:
+    """Python for an action, all `ones` or all `zeros`."""
+    if form.kind == "discrete":
+        return "1" if values == "ones" else "0"
+    dtype = {"box": "float32", "multidiscrete": "int64", "multibinary": "int8"}[form.kind]
+    size = form.shape[0] if len(form.shape) == 1 else form.shape
+    return f"np.{values}({size}, np.{dtype})"
+
+
+def _code(value: object) -> str:
+    """Python for names and numbers, in the quotes that formatters write."""
+    return str(value).replace("'", '"')
+
+
+def _wrapped(rule: str) -> str:
+    """A rule under its number, in lines that fit."""
+    return textwrap.fill(
+        rule,
+        WIDTH,
+        initial_indent=" " * 4,
+        subsequent_indent=" " * 8,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )

@@ -1,0 +1,384 @@
+"""Intervals that hold at every n at once, so that one may stop when they are narrow enough."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import log
+from statistics import NormalDist
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gamekeeper.errors import EvidenceError
+from gamekeeper.statistics.interval import LEVEL, FloatArray, Interval, check_level, enough, figures
+from gamekeeper.statistics.one_sample import stretches
+from gamekeeper.statistics.student import series
+
+_GRID: Final = 1_000
+"""Steps in which the mean is looked for; a bound is at most one of them too far out."""
+_COLUMNS: Final = 64
+"""Means that are looked at together, to bound memory."""
+_STAKE: Final = 0.5
+"""The largest part of the capital that is put at risk in one bet."""
+_WARM_UP: Final = 100
+"""Unbounded values before which nothing is claimed, found by simulation with the stopping
+(benchmarks/evaluation_coverage.py)."""
+_TIGHTEST_AT: Final = 500
+"""Unbounded values at which the interval is made to be as narrow as it can be."""
+
+
+@dataclass(frozen=True, slots=True)
+class ConfidenceSequence:
+    """An interval of a mean for every number of values, all holding at once with chance `level`.
+
+    An interval made for one n is wrong once n depends on what was seen: who plays until it is
+    narrow stops where luck made it so. These hold however one stops, and so are wider. Bounded
+    values: exact, by betting against each mean. Unbounded values: as n grows, from `warm_up` on.
+
+    Attributes:
+        least: the least a value can be (0 for success); None: values aren't bounded.
+        most: the most a value can be (1 for success); None with `least`.
+        level: chance that all intervals hold, in [0.8, 0.9999]: to watch several sequences at once,
+            divide 1 - level by their number.
+
+    Raises:
+        EvidenceError: one bound without the other, most not over least, or a level out of range.
+    Source: Waudby-Smith & Ramdas 2023, "Estimating means of bounded random variables by betting",
+        theorem 3; Waudby-Smith, Arbour, Sinha, Kennedy & Ramdas 2021, "Time-uniform central limit
+        theory and asymptotic confidence sequences", theorem 2.2.
+    """
+
+    least: float | None = None
+    most: float | None = None
+    level: float = LEVEL
+
+    def __post_init__(self) -> None:
+        """Bounds come together and in order."""
+        check_level(self.level, "ConfidenceSequence", most=0.9999)
+        check_bounds(self.least, self.most, "ConfidenceSequence")
+
+    @property
+    def warm_up(self) -> int:
+        """Values before which nothing is claimed: the interval is everything there is."""
+        return 1 if self.least is not None else _WARM_UP
+
+    def sequence(self, values: Sequence[float] | FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds after each value.
+
+        Args:
+            values: [n] in the order in which they were played.
+        Returns:
+            [n] lower and [n] upper bounds of the mean; infinite before the warm-up.
+        Raises:
+            EvidenceError: a value isn't finite, or outside of the bounds.
+        """
+        array = figures(values, "ConfidenceSequence")
+        if self.least is None or self.most is None:
+            return _asymptotic(array, 1 - self.level)
+        inside(array, self.least, self.most, "ConfidenceSequence")
+        wide = self.most - self.least
+        shares = (array - self.least) / wide
+        low, high = _betting(shares, 1 - self.level)
+        return self.least + wide * low, self.least + wide * high
+
+    def stop_at(self, values: Sequence[float] | FloatArray, width: float) -> int | None:
+        """Number of values that suffice for an interval at most so wide; None: not these.
+
+        Args:
+            values: [n] in the order in which they were played.
+            width: high - low, in the values' units, over 0.
+        Raises:
+            EvidenceError: as `sequence`, or the width isn't over 0.
+        """
+        return first_narrow(self.sequence(values), width, "ConfidenceSequence.stop_at")
+
+    def interval(self, values: Sequence[float] | FloatArray) -> Interval:
+        """The mean of all values with the interval after the last, valid however one stopped.
+
+        Args:
+            values: [n] in the order in which they were played.
+        Raises:
+            EvidenceError: as `sequence`, or there are fewer than `warm_up`.
+        """
+        array = figures(values, "ConfidenceSequence")
+        enough(len(array), self.warm_up, "values", where="ConfidenceSequence")
+        low, high = self.sequence(array)
+        how = "asymptotic" if self.least is None else "by betting"
+        return Interval(
+            float(array.mean()),
+            float(low[-1]),
+            float(high[-1]),
+            len(array),
+            f"confidence sequence, {how}",
+        )
+
+
+def check_bounds(least: float | None, most: float | None, where: str) -> None:
+    """Bounds come together and in order.
+
+    Args:
+        least: the least a value can be.
+        most: the most.
+        where: what asks, for the error.
+    Raises:
+        EvidenceError: one without the other, or most not over least.
+    """
+    if least is None and most is None:
+        return
+    if least is None or most is None or not least < most:
+        raise EvidenceError(
+            "values have no such bounds",
+            where=where,
+            expected="least < most, or neither",
+            actual=f"least={least}, most={most}",
+            fix="give the bounds in this order, or leave both out",
+        )
+
+
+def inside(array: FloatArray, least: float, most: float, where: str) -> None:
+    """Values are within their bounds.
+
+    Args:
+        array: [n].
+        least: the least a value can be.
+        most: the most.
+        where: what asks, for the error.
+    Raises:
+        EvidenceError: one isn't.
+    """
+    if len(array) and not least <= array.min() <= array.max() <= most:
+        raise EvidenceError(
+            "a value is outside of its bounds",
+            where=where,
+            expected=f"[{least}, {most}]",
+            actual=f"{array.min()} to {array.max()}",
+            fix="give the bounds that hold, or none",
+        )
+
+
+def first_narrow(bounds: tuple[FloatArray, FloatArray], width: float, where: str) -> int | None:
+    """After how many values the bounds are at most so far apart; None: after none of these.
+
+    Args:
+        bounds: [n] each, after each value.
+        width: high - low.
+        where: what asks, for the error.
+    Raises:
+        EvidenceError: it isn't over 0.
+    """
+    if not width > 0:
+        raise EvidenceError(
+            "no interval is so narrow",
+            where=where,
+            expected="a width over 0",
+            actual=str(width),
+            fix="ask for a width above 0",
+        )
+    low, high = bounds
+    narrow = np.flatnonzero(high - low <= width)
+    return int(narrow[0]) + 1 if len(narrow) else None
+
+
+def _asymptotic(values: FloatArray, error: float) -> tuple[FloatArray, FloatArray]:
+    """The bounds of unbounded values, whose variance is estimated from each prefix."""
+    n = np.arange(1, len(values) + 1, dtype=np.float64)
+    centre = values[:_WARM_UP].mean() if len(values) else 0.0  # far from 0, squares cancel
+    off = values - centre
+    mean = np.cumsum(off) / n
+    spread = np.sqrt(np.maximum(np.cumsum(off * off) / n - mean * mean, 0.0))
+    aim = -2 * log(error)
+    ratio = n * (aim + log(aim) + 1) / _TIGHTEST_AT
+    reach = spread * np.sqrt((ratio + 1) / (n * ratio) * np.log((ratio + 1) / error**2))
+    reach[: _WARM_UP - 1] = np.inf
+    return centre + mean - reach, centre + mean + reach
+
+
+def _betting(shares: FloatArray, error: float) -> tuple[FloatArray, FloatArray]:
+    """The means in [0, 1] against which betting, either way, hasn't won 1 / error yet."""
+    n = np.arange(1, len(shares) + 1, dtype=np.float64)
+    mean = (0.5 + np.cumsum(shares)) / (n + 1)
+    variance = (0.25 + np.cumsum((shares - mean) ** 2)) / (n + 1)
+    before = np.concatenate([[0.25], variance[:-1]])
+    stake = np.sqrt(2 * log(2 / error) / (before * n * np.log(n + 1)))
+    low, high = np.ones(len(shares)), np.zeros(len(shares))
+    for start in range(0, _GRID + 1, _COLUMNS):
+        truths = np.arange(start, min(start + _COLUMNS, _GRID + 1)) / _GRID
+        held = _unbeaten(shares, truths, stake, log(2 / error))
+        low = np.minimum(low, np.where(held, truths, 1.0).min(axis=1))
+        high = np.maximum(high, np.where(held, truths, 0.0).max(axis=1))
+    plain = np.cumsum(shares) / n
+    low = np.minimum(np.maximum(low - 1 / _GRID, 0.0), plain)
+    high = np.maximum(np.minimum(high + 1 / _GRID, 1.0), plain)
+    return low, high
+
+
+def _unbeaten(
+    shares: FloatArray, truths: FloatArray, stake: FloatArray, most: float
+) -> NDArray[np.bool_]:
+    """Tells whether neither bettor has more than exp(most), after each value, by truth."""
+    off = shares[:, None] - truths
+    with np.errstate(divide="ignore"):
+        up = np.minimum(stake[:, None], _STAKE / truths)
+        down = np.minimum(stake[:, None], _STAKE / (1 - truths))
+    above = np.cumsum(np.log1p(up * off), axis=0)
+    below = np.cumsum(np.log1p(-down * off), axis=0)
+    return np.asarray(np.maximum(above, below) < most)
+
+
+_NARROWING_WARM_UP: Final = {True: 50, False: 150}
+"""Values before which nothing is claimed, bounded and not: who stops earlier stops where luck made
+the interval narrow. Found by simulation with the stopping (benchmarks/evaluation_coverage.py)."""
+_STRETCH: Final = 2.0
+"""Gain of the far side for each unit of skewness / sqrt(n) beyond chance; found likewise."""
+_CENTRE: Final = 50
+"""Values from whose mean the others are counted."""
+_FLAT: Final = 1e-9
+"""Skewness / sqrt(n) below which Hall's interval is Student's."""
+_SPECK: Final = 1e-24
+"""Part of the largest square under which a variance counts as 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class Narrowing:
+    """Intervals of a mean after each value, to stop at the first that is narrow enough.
+
+    They hold as often as they say where playing stops at a width and was looked at not before
+    `warm_up`; who stops for other reasons wants a `ConfidenceSequence`, which holds however one
+    stops and asks for twice as many values and more. Two outcomes: Wilson's. Others: on each side
+    the farther of Student's bound and Hall's, which follows the skewness.
+
+    Attributes:
+        least: the least a value can be (0 for success); None: values aren't bounded.
+        most: the most a value can be (1 for success); None with `least`.
+        level: coverage, in [0.8, 0.99].
+
+    Raises:
+        EvidenceError: one bound without the other, most not over least, or a level out of range.
+    Source: Chow & Robbins 1965, "On the asymptotic theory of fixed-width sequential confidence
+        intervals for the mean"; Frey 2010, "Fixed-width sequential confidence intervals for a
+        proportion"; Hall 1992, "On the removal of skewness by transformation".
+    """
+
+    least: float | None = None
+    most: float | None = None
+    level: float = LEVEL
+
+    def __post_init__(self) -> None:
+        """Bounds come together and in order."""
+        check_level(self.level, "Narrowing")
+        check_bounds(self.least, self.most, "Narrowing")
+
+    @property
+    def warm_up(self) -> int:
+        """Values before which nothing is claimed: the interval is everything there is."""
+        return _NARROWING_WARM_UP[self.least is not None]
+
+    def sequence(self, values: Sequence[float] | FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds of the mean after each value; infinite before the warm-up.
+
+        Args:
+            values: [n] in the order in which they were played.
+        Returns:
+            [n] lower and [n] upper bounds.
+        Raises:
+            EvidenceError: a value isn't finite, or outside of the bounds.
+        """
+        array = figures(values, "Narrowing")
+        if self.least is not None and self.most is not None:
+            inside(array, self.least, self.most, "Narrowing")
+        low, high = _of_any(array, self.level)
+        if self.least is not None and self.most is not None:
+            low, high = np.maximum(low, self.least), np.minimum(high, self.most)
+        two = self._of_two(array)
+        if two:
+            low[two.since : two.until], high[two.since : two.until] = two.bounds(array, self.level)
+        low[: self.warm_up - 1], high[: self.warm_up - 1] = -np.inf, np.inf
+        return low, high
+
+    def stop_at(self, values: Sequence[float] | FloatArray, width: float) -> int | None:
+        """Number of values that suffice for an interval at most so wide; None: not these.
+
+        Args:
+            values: [n] in the order in which they were played.
+            width: high - low, in the values' units, over 0.
+        Raises:
+            EvidenceError: the width isn't over 0; else as `sequence`.
+        """
+        return first_narrow(self.sequence(values), width, "Narrowing.stop_at")
+
+    def interval(self, values: Sequence[float] | FloatArray) -> Interval:
+        """The mean of all values with the interval after the last.
+
+        Args:
+            values: [n] in the order in which they were played.
+        Raises:
+            EvidenceError: as `sequence`, or there are fewer than `warm_up`.
+        """
+        array = figures(values, "Narrowing")
+        enough(len(array), self.warm_up, "values", where="Narrowing")
+        low, high = self.sequence(array)
+        two = self._of_two(array)
+        how = "Wilson" if two and two.until == len(array) else "the farther of Student's and Hall's"
+        return Interval(
+            float(array.mean()), float(low[-1]), float(high[-1]), len(array), f"{how}, narrowing"
+        )
+
+    def _of_two(self, array: FloatArray) -> _TwoMeans | None:
+        """The two outcomes that there are at first: the bounds, or the first two that are seen."""
+        ends = [each for each in (self.least, self.most) if each is not None]
+        if len(array) and array[0] in ends:
+            since, pair = 0, ends
+        else:
+            others = np.flatnonzero(array != array[0]) if len(array) else np.empty(0, np.intp)
+            if not len(others):
+                return None
+            since, pair = int(others[0]), [float(array[0]), float(array[others[0]])]
+        more = np.flatnonzero(~np.isin(array, pair))
+        return _TwoMeans(min(pair), max(pair), since, int(more[0]) if len(more) else len(array))
+
+
+@dataclass(frozen=True, slots=True)
+class _TwoMeans:
+    """Two outcomes, and between which values there were just these."""
+
+    least: float
+    most: float
+    since: int
+    until: int
+
+    def bounds(self, array: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
+        """Wilson's bounds after each value from `since` to `until`."""
+        n = np.arange(1, self.until + 1, dtype=np.float64)[self.since :]
+        p = np.cumsum(array[: self.until] == self.most)[self.since :] / n
+        z = NormalDist().inv_cdf(0.5 + level / 2)
+        centre = (p + z * z / (2 * n)) / (1 + z * z / n)
+        reach = z * np.sqrt(p * (1 - p) / n + z * z / (4 * n * n)) / (1 + z * z / n)
+        low, high = np.clip(centre - reach, 0.0, p), np.clip(centre + reach, p, 1.0)
+        wide = self.most - self.least
+        return self.least + wide * low, self.least + wide * high
+
+
+def _of_any(values: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
+    """The farther of Student's bound and Hall's, from the moments of each prefix."""
+    n = np.arange(1, len(values) + 1, dtype=np.float64)
+    centre = values[:_CENTRE].mean() if len(values) else 0.0  # far from 0, powers cancel
+    off = values - centre
+    one, two, three = (np.cumsum(off**power) / n for power in (1, 2, 3))
+    variance = np.maximum(two - one**2, 0.0)
+    error = np.sqrt(variance / np.maximum(n - 1, 1))
+    third = three - 3 * one * two + 2 * one**3
+    spread = np.maximum(variance, _SPECK * float(np.abs(values).max(initial=1.0)) ** 2)
+    lean = third / spread**1.5 / np.sqrt(n)
+    far = series(NormalDist().inv_cdf(0.5 + level / 2), np.maximum(n - 1, 1))  # told from 50 on
+    under, above = stretches(lean, _STRETCH)
+    least = -under * np.maximum(far, -_hall(-far, lean))
+    most = above * np.maximum(far, _hall(far, lean))
+    return centre + one - most * error, centre + one - least * error
+
+
+def _hall(t: FloatArray, lean: FloatArray) -> FloatArray:
+    """The t at which Hall's transformed one is as given."""
+    a = np.where(np.abs(lean) < _FLAT, _FLAT, lean)
+    return np.asarray(3 / a * (np.cbrt(1 + a * (t - a / 6)) - 1))

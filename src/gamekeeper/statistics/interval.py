@@ -1,0 +1,174 @@
+"""An estimate with its interval, and what every interval asks of its figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Literal, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gamekeeper.errors import EvidenceError
+
+FloatArray = NDArray[np.float64]
+Statistic = Literal["mean", "iqm", "median"]
+STATISTICS: Final[tuple[Statistic, ...]] = ("mean", "iqm", "median")
+LEVEL: Final = 0.95
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """An estimate and the interval around it.
+
+    Attributes:
+        value: the estimate.
+        low: lower bound.
+        high: upper bound.
+        n: units it rests on: episodes of one checkpoint, or training runs of a method.
+        method: how the interval was made, in words.
+    """
+
+    value: float
+    low: float
+    high: float
+    n: int
+    method: str
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {
+            "value": self.value,
+            "low": self.low,
+            "high": self.high,
+            "n": self.n,
+            "method": self.method,
+        }
+
+
+def figures(values: Sequence[float] | FloatArray, where: str) -> FloatArray:
+    """The values as a flat array of finite numbers.
+
+    Args:
+        values: [n].
+        where: what asks for them, for the error.
+    Raises:
+        EvidenceError: they aren't [n], or one isn't finite.
+    """
+    array = np.asarray(values, np.float64)
+    if array.ndim != 1:
+        raise EvidenceError(
+            "figures have the wrong shape",
+            where=where,
+            expected="[n]",
+            actual=str(array.shape),
+            fix="hand in one dimension of figures",
+        )
+    if not np.isfinite(array).all():
+        raise EvidenceError(
+            "a figure isn't finite",
+            where=where,
+            expected="finite numbers",
+            actual=f"number {int(np.flatnonzero(~np.isfinite(array))[0])} is not",
+            fix="leave out episodes without a finite figure, and say so",
+        )
+    return array
+
+
+def check_level(level: float, where: str, *, most: float = 0.99) -> None:
+    """A level is one the intervals were made for.
+
+    Args:
+        level: coverage.
+        where: what asks, for the error.
+        most: the highest there is.
+    Raises:
+        EvidenceError: it isn't in [0.8, most].
+    """
+    if not 0.8 <= level <= most:
+        raise EvidenceError(
+            "no interval of this level",
+            where=where,
+            expected=f"level in [0.8, {most}]",
+            actual=str(level),
+            fix="choose a level of this range; 0.95 is usual",
+        )
+
+
+def check_statistic(statistic: str, where: str) -> None:
+    """A statistic is one there is.
+
+    Raises:
+        EvidenceError: it isn't.
+    """
+    if statistic not in STATISTICS:
+        raise EvidenceError(
+            "there is no such statistic",
+            where=where,
+            expected=" or ".join(STATISTICS),
+            actual=repr(statistic),
+            fix="use one of these",
+        )
+
+
+FEWEST_EPISODES: Final[dict[Statistic, int]] = {"mean": 50, "iqm": 20, "median": 10}
+"""Episodes of one checkpoint from which on an interval covers at its level (docs/statistics.md)."""
+FEWEST_RUNS: Final[dict[Statistic, int]] = {"mean": 20, "iqm": 12, "median": 10}
+"""Training runs of a method from which on an interval covers at its level. The mean asks for most:
+of ten runs none may be among the one in five that fail, and no interval can know of these."""
+FEWEST_RUNS_APART: Final = 10
+"""Training runs of each of two methods for their difference, and which of them is better."""
+FEWEST_RUNS_TOGETHER: Final = 30
+"""Training runs in all environments together, where there are several."""
+FEWEST_RUNS_EACH: Final = 3
+"""Training runs in each of several environments."""
+FEWEST_RUNS_FOR_MEDIANS: Final = 30
+"""Training runs in each environment for the median over environments of their means."""
+FEWEST_PAIRS: Final = 50
+"""Pairs of episodes for the probability that one beats the other."""
+
+AGENTS_OF_ONE_EPISODE: Final = (
+    "agents of one episode are no sample: they share its seed, its partners and its luck, so an "
+    "interval over them claims more evidence than there is; the unit is the episode (for one "
+    "checkpoint) or the training run (for a method)"
+)
+
+
+def refuse_agents(agents: int, *, where: str) -> NoReturn:
+    """Intervals over the agents of one episode are refused.
+
+    Args:
+        agents: how many there were.
+        where: what asked for the interval.
+    Raises:
+        EvidenceError: always.
+    """
+    raise EvidenceError(
+        "no interval over agents of one episode",
+        where=where,
+        expected="one figure for each episode, or for each training run",
+        actual=f"{agents} agents of one episode; {AGENTS_OF_ONE_EPISODE}",
+        fix="take the mean over agents in each episode first, or play more episodes",
+    )
+
+
+def enough(n: int, fewest: int, unit: str, *, where: str) -> None:
+    """There are as many units as the interval asks for.
+
+    Args:
+        n: units there are.
+        fewest: units it asks for.
+        unit: "episodes", "pairs" or "training runs".
+        where: what asks.
+    Raises:
+        EvidenceError: there are fewer.
+    """
+    if n >= fewest:
+        return
+    raise EvidenceError(
+        f"too few {unit} for an interval of this level",
+        where=where,
+        expected=f"at least {fewest} {unit}",
+        actual=str(n),
+        fix=f"add {unit}, or show the {n} figures themselves without an interval",
+    )

@@ -1,0 +1,260 @@
+"""Claims about one checkpoint: a statistic over its episodes, with an interval."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import ceil, log, sqrt
+from typing import Final
+
+import numpy as np
+from numpy.random import Generator
+
+from gamekeeper.errors import EvidenceError
+from gamekeeper.statistics.interval import (
+    FEWEST_EPISODES,
+    LEVEL,
+    FloatArray,
+    Interval,
+    Statistic,
+    check_level,
+    check_statistic,
+    enough,
+    figures,
+)
+from gamekeeper.statistics.resampling import (
+    at,
+    expanded,
+    interquartile_mean,
+    resampled_iqm,
+    t_of_means,
+)
+from gamekeeper.statistics.significance import wilson
+from gamekeeper.statistics.student import binomial_at_most, student
+
+
+def fewest_for_quantile(part: float, *, level: float = LEVEL) -> int:
+    """Number of values that the interval of a quantile asks for.
+
+    With fewer the chance that all values are on one side of the quantile is too large for any
+    interval between them: 6 for the median, 72 for the 5 % quantile at a level of 0.95.
+
+    Args:
+        part: in (0, 1).
+        level: coverage.
+    Raises:
+        EvidenceError: there is no such quantile, or no interval of this level.
+    """
+    check_level(level, "quantile")
+    if not 0.0 < part < 1.0:
+        raise EvidenceError(
+            "there is no such quantile",
+            where="quantile",
+            expected="a part in (0, 1)",
+            actual=str(part),
+            fix="give a part between 0 and 1; 0.5 is the median",
+        )
+    return ceil(log((1 - level) / 2) / log(max(part, 1 - part)))
+
+
+def quantile(
+    values: Sequence[float] | FloatArray, part: float, *, level: float = LEVEL
+) -> Interval:
+    """A quantile with its interval, interpolated between order statistics.
+
+    It needs no assumption on the distribution. Where values are tied it covers more than it says,
+    because its bounds are values that were seen.
+
+    Args:
+        values: [n].
+        part: in (0, 1); 0.5 is the median.
+        level: coverage, in [0.8, 0.99].
+    Raises:
+        EvidenceError: fewer than `fewest_for_quantile(part)` values, or one isn't finite.
+    Source: Nyblom 1992, "Note on interpolated order statistics", which for the median is
+        Hettmansperger & Sheather 1986; the estimate interpolates as NumPy does.
+    """
+    ordered = np.sort(figures(values, "quantile"))
+    enough(len(ordered), fewest_for_quantile(part, level=level), "values", where="quantile")
+    tail = (1 - level) / 2
+    value = float(np.quantile(ordered, part))
+    low = _lower(ordered, part, tail)
+    high = -_lower(-ordered[::-1], 1 - part, tail)
+    return Interval(
+        value, min(low, value), max(high, value), len(ordered), "between order statistics"
+    )
+
+
+def ranks(n: int, part: float, tail: float) -> tuple[int, float]:
+    """Ranks between which the bound lies that a quantile is under with the tail's chance.
+
+    Args:
+        n: values.
+        part: of the quantile.
+        tail: chance.
+    Returns:
+        The number of an order statistic, from 1, and the weight of the next one.
+    """
+    under, above = 1, n
+    while above - under > 1:
+        half = (under + above) // 2
+        if binomial_at_most(half - 1, n, part) <= tail:
+            under = half
+        else:
+            above = half
+    first, second = (binomial_at_most(under - 1, n, part), binomial_at_most(under, n, part))
+    off = under * (1 - part) * (second - tail)
+    near = (n - under) * part * (tail - first)
+    return under, near / (near + off) if near + off > 0 else 0.0
+
+
+def _lower(ordered: FloatArray, part: float, tail: float) -> float:
+    under, weight = ranks(len(ordered), part, tail)
+    return float((1 - weight) * ordered[under - 1] + weight * ordered[under])
+
+
+_UPRIGHT: Final = 0.2
+"""Skewness / sqrt(n) up to which nothing is stretched: so much comes by chance."""
+_STRETCH: Final = 2.5
+"""Gain of the far side for each unit of skewness / sqrt(n) beyond that."""
+_LONGEST: Final = (1.05, 3.0)
+"""A bound is at most so many times as far out as Student's, and so much more for a unit of
+skewness / sqrt(n): resamples of a few rare values have next to no spread."""
+_LEAST_VARIANCE: Final = 1e-12
+"""Least variance of values whose variance should be about 1."""
+_HEAPED: Final = (0.4, 0.8, 2.0)
+"""Limits on kurtosis - skewness^2 - 1.
+
+It is 0 for two values, 0.8 for uniform and 2 for normal ones: from where on, and how far, a bound
+may be beyond Student's; and how far for skewness / sqrt(n).
+"""
+
+
+def reach_of_mean(t: FloatArray, values: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
+    """Reach of the t of a mean either way, from its resamples and the values' shape.
+
+    Half way between the equal-tailed and the symmetric interval; then stretched on the side where
+    values lean from, and cut where hardly any spread is left in resamples.
+
+    Args:
+        t: [..., resamples] of Student's t.
+        values: [..., n] that were resampled, with mean 0 and spread 1.
+        level: coverage.
+    Returns:
+        [...] the least and the most that t is, in standard errors.
+    Source: Efron & Tibshirani 1993, ch. 12.5 (bootstrap-t); Hall 1988, "On symmetric bootstrap
+        confidence intervals"; Chen 1995, "Testing the mean of skewed distributions", for the side
+        that falls short; Pearson 1916 for kurtosis being skewness^2 + 1 at least.
+    """
+    ordered, both = np.sort(t, axis=-1), at(np.sort(np.abs(t), axis=-1), level)
+    lean, heaped = _shape(values)
+    under, above = stretches(lean, _STRETCH)
+    bound = student(level, values.shape[-1] - 1)
+    size = np.abs(lean)
+    apart = _HEAPED[1] * np.maximum(heaped - _HEAPED[0], 0.0)
+    far = _HEAPED[2] * np.maximum(size - _UPRIGHT, 0.0)
+    farthest = bound * np.minimum(_LONGEST[0] + _LONGEST[1] * size, 1 + apart + far)
+    least = under * (at(ordered, 0.5 - level / 2) - both) / 2
+    most = above * (at(ordered, 0.5 + level / 2) + both) / 2
+    return np.maximum(least, -farthest), np.minimum(most, farthest)
+
+
+def stretches(lean: FloatArray, gain: float) -> tuple[FloatArray, FloatArray]:
+    """By how much the least and the most that t is are stretched.
+
+    Args:
+        lean: [...] skewness / sqrt(n). Where it is over 0, rare high values are missing from most
+            samples, and the mean is under the truth: the least that t is falls short.
+        gain: what the far side gains for each unit of it beyond what comes by chance.
+    """
+    return (
+        1 + gain * np.maximum(lean - _UPRIGHT, 0.0),
+        1 + gain * np.maximum(-lean - _UPRIGHT, 0.0),
+    )
+
+
+def _shape(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Skewness / sqrt(n), and how far values are from being two."""
+    off = values - values.mean(axis=-1, keepdims=True)
+    square = off * off
+    variance = np.maximum(square.mean(axis=-1), _LEAST_VARIANCE)
+    skewness = (square * off).mean(axis=-1) / variance**1.5
+    kurtosis = (square * square).mean(axis=-1) / variance**2
+    return skewness / np.sqrt(values.shape[-1]), kurtosis - skewness**2 - 1
+
+
+def one_sample(
+    values: Sequence[float] | FloatArray,
+    *,
+    statistic: Statistic = "mean",
+    rng: Generator,
+    level: float = LEVEL,
+) -> Interval:
+    """A statistic over the episodes of one checkpoint, with an interval.
+
+    It is a claim about this checkpoint alone, over the seeds that might have been drawn.
+
+    Args:
+        values: [episodes] one figure of each.
+        statistic: "mean", "iqm" or "median".
+        rng: draws the resamples.
+        level: coverage, in [0.8, 0.99].
+    Raises:
+        EvidenceError: fewer episodes than `FEWEST_EPISODES[statistic]`, or one isn't finite.
+    Source: `around` says which interval it is, and whose.
+    """
+    array = figures(values, "one_sample")
+    check_statistic(statistic, "one_sample")
+    check_level(level, "one_sample")
+    enough(len(array), FEWEST_EPISODES[statistic], "episodes", where="one_sample")
+    return around(array, statistic=statistic, rng=rng, level=level)
+
+
+def around(values: FloatArray, *, statistic: Statistic, rng: Generator, level: float) -> Interval:
+    """A statistic of independent values with its interval, however many there are.
+
+    Two outcomes get Wilson's interval of their share. Else the mean gets a bootstrap-t interval
+    (half way between the equal-tailed and the symmetric one, farther on the side where values lean
+    from), the interquartile mean a t-expanded
+    percentile interval, the median the interval between order statistics. Where all values are one
+    number, nothing is known of their spread, and the interval is that number.
+
+    Args:
+        values: [n], two at least.
+        statistic: which.
+        rng: draws the resamples.
+        level: coverage.
+    Source: Wilson 1927; `reach_of_mean`; Hesterberg 2015; Nyblom 1992; chosen by simulation
+        (benchmarks/evaluation_coverage.py).
+    """
+    if statistic == "median":
+        return quantile(values, 0.5, level=level)
+    seen = np.unique(values)
+    if len(seen) == 2 or (len(seen) == 1 and seen[0] in (0.0, 1.0)):
+        return _of_two(values, statistic, level)
+    mean = float(values.mean())
+    value = mean if statistic == "mean" else interquartile_mean(values)
+    n, spread = len(values), float(values.std(ddof=1))
+    if spread <= 1e-12 * float(np.abs(values).max()):
+        return Interval(value, value, value, n, "all values are one number")
+    if statistic == "iqm":
+        low, high = map(float, expanded(resampled_iqm(values, rng), n - 1, level))
+        return Interval(value, min(low, value), max(high, value), n, "t-expanded percentile")
+    standard = (values - mean) / spread
+    least, most = map(float, reach_of_mean(t_of_means(standard, rng), standard, level))
+    error = spread / sqrt(n)
+    return Interval(value, value - most * error, value - least * error, n, "bootstrap-t")
+
+
+def _of_two(values: FloatArray, statistic: Statistic, level: float) -> Interval:
+    """The interval of a share, carried over to the statistic, which rises with it."""
+    least, most = (0.0, 1.0) if values.min() == values.max() else (values.min(), values.max())
+    n, cut = len(values), len(values) // 4
+    share = wilson(int((values == most).sum()), n, level=level)
+
+    def carried(p: float) -> float:
+        kept = min(max((p * n - cut) / (n - 2 * cut), 0.0), 1.0) if statistic == "iqm" else p
+        return float(least + (most - least) * kept)
+
+    return Interval(
+        carried(share.p), carried(share.low), carried(share.high), n, "Wilson, of two outcomes"
+    )

@@ -1,0 +1,277 @@
+"""Claims about a method: statistics over its training runs, with intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import sqrt
+from typing import Final
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from gamekeeper.errors import EvidenceError
+from gamekeeper.statistics.interval import (
+    FEWEST_RUNS,
+    FEWEST_RUNS_APART,
+    LEVEL,
+    FloatArray,
+    Interval,
+    Statistic,
+    check_level,
+    check_statistic,
+    enough,
+    figures,
+)
+from gamekeeper.statistics.one_sample import around
+from gamekeeper.statistics.paired import PairedEffect, least_p
+from gamekeeper.statistics.resampling import stratified, weighted_means
+from gamekeeper.statistics.student import hypotenuse, student
+
+Scores = FloatArray | Sequence[float] | Sequence[FloatArray] | Sequence[Sequence[float]]
+"""[runs] a score of each, [runs, episodes], or a list of runs of different lengths (ragged)."""
+
+
+def run_scores(scores: Scores, *, where: str = "run_scores") -> FloatArray:
+    """The score of each run: the mean over its episodes.
+
+    Args:
+        scores: [runs], [runs, episodes], or ragged.
+        where: what asks, for the error.
+    Raises:
+        EvidenceError: there is no run, a run without episodes, or a figure that isn't finite.
+    """
+    enough(len(scores), 1, "training runs", where=where)
+    if np.ndim(scores[0]) == 0:
+        return figures(scores, where)  # type: ignore[arg-type]  # [runs]: the first is a number
+    rows = [figures(row, where) for row in scores]  # type: ignore[arg-type]  # rows of numbers
+    for row in rows:
+        enough(len(row), 1, "episodes of a run", where=where)
+    return np.array([row.mean() for row in rows])
+
+
+def crossed(scores: Scores, *, where: str) -> FloatArray | None:
+    """The scores as [runs, episodes] where all runs played equally many; None for [runs].
+
+    Args:
+        scores: [runs] or [runs, episodes].
+        where: what asks, for the error.
+    Raises:
+        EvidenceError: runs played different numbers of episodes.
+    """
+    if np.ndim(scores[0]) == 0:
+        return None
+    lengths = sorted({len(row) for row in scores})  # type: ignore[arg-type]  # rows of numbers
+    if len(lengths) > 1:
+        raise EvidenceError(
+            "runs didn't play the same seeds",
+            where=where,
+            expected="equally many episodes of each run, column for column on one seed",
+            actual=f"{lengths[0]} to {lengths[-1]} episodes",
+            fix="play the same seeds, or say shared_seeds=False",
+        )
+    return np.asarray(scores, np.float64)
+
+
+FEWEST_SEEDS: Final = 10
+"""Shared episode seeds from which on their luck can be told."""
+
+
+@dataclass(frozen=True, slots=True)
+class Crossed:
+    """Runs that all played the same episode seeds.
+
+    Attributes:
+        values_re: [runs, episodes].
+        kept: [kept runs] those that the statistic rests on.
+        weight: of their mean in the estimate.
+    """
+
+    values_re: FloatArray
+    kept: NDArray[np.intp]
+    weight: float
+
+
+def reach_of_seeds(blocks: Sequence[Crossed], *, where: str) -> Callable[[float], float]:
+    """Error of the estimate because of the seeds that were drawn, by level.
+
+    Scores are run + seed + what is left; the variance of the mean over columns, less what the
+    residue puts there (which the interval over runs already holds), is the seeds'.
+
+    Args:
+        blocks: of one environment, so that all have the same columns.
+        where: what asks, for the error.
+    Raises:
+        EvidenceError: fewer seeds than `FEWEST_SEEDS`.
+    Source: Searle, Casella & McCulloch 1992, ch. 4 (the two-way crossed model); Owen 2007, "The
+        pigeonhole bootstrap", for resampling runs alone being too short here.
+    """
+    episodes = blocks[0].values_re.shape[1]
+    enough(episodes, FEWEST_SEEDS, "shared episode seeds", where=where)
+    together = np.zeros(episodes)
+    residue = 0.0
+    for block in blocks:
+        rows = block.values_re[block.kept]
+        together += block.weight * rows.mean(axis=0)
+        residue += block.weight**2 * _residue(block.values_re) / (len(rows) * episodes)
+    variance = float(together.var(ddof=1)) / episodes - residue
+    error = float(np.sqrt(max(variance, 0.0)))
+    return lambda level: student(level, episodes - 1) * error
+
+
+def too_long(runs: float, seeds: float, freedoms: tuple[int, int], level: float) -> float:
+    """Part of the hypotenuse of two Student's reaches that is one's of both sources together.
+
+    Each reaches as far as its own few degrees of freedom ask; together they have more.
+
+    Args:
+        runs: how far the estimate may be off because of the runs.
+        seeds: because of the seeds.
+        freedoms: degrees of both.
+        level: coverage.
+    Returns:
+        At most 1.
+    Source: Satterthwaite 1946, "An approximate distribution of estimates of variance components".
+    """
+    far = [student(level, freedom) for freedom in freedoms]
+    squares = [float((reach / each) ** 2) for reach, each in zip((runs, seeds), far, strict=True)]
+    whole = hypotenuse(runs, seeds)
+    if min(squares) <= 0.0:
+        return 1.0
+    parts = (square**2 / freedom for square, freedom in zip(squares, freedoms, strict=True))
+    freedom = sum(squares) ** 2 / sum(parts)
+    return min(student(level, freedom) * sqrt(sum(squares)) / whole, 1.0)
+
+
+def _residue(values_re: FloatArray) -> float:
+    """The mean square of what neither run nor seed explains."""
+    runs, episodes = values_re.shape
+    if runs < 2:
+        return 0.0
+    left = values_re - values_re.mean(axis=0) - values_re.mean(axis=1)[:, None] + values_re.mean()
+    return float((left**2).sum() / ((runs - 1) * (episodes - 1)))
+
+
+def over_runs(
+    scores: Scores,
+    *,
+    statistic: Statistic = "mean",
+    shared_seeds: bool = True,
+    rng: Generator,
+    level: float = LEVEL,
+) -> Interval:
+    """A statistic over the scores of a method's training runs, with an interval.
+
+    Only runs are resampled, never the episodes within them: the spread of run scores already holds
+    the luck of their episodes, and resampling these too counts it twice. What all runs have in
+    common, the episode seeds, is no run's luck; it is added from the columns.
+
+    Args:
+        scores: [runs, episodes], [runs] (means over many episodes), or ragged.
+        statistic: of the runs' scores, each the mean over its episodes.
+        shared_seeds: column k is the same episode seed in all runs, as `gamekeeper evaluate` plays
+            them; the luck of the seeds is then part of the interval. Ragged scores need False, and
+            the claim is then about the seeds that were played.
+        rng: draws the resamples.
+        level: coverage, in [0.8, 0.99].
+    Raises:
+        EvidenceError: fewer runs than `FEWEST_RUNS[statistic]`, fewer shared seeds than
+            `FEWEST_SEEDS`, or a figure isn't finite.
+    Source: Davison & Hinkley 1997, 3.8 (resampling of clusters); `around` for the interval over
+        runs; Zou & Donner 2008 for putting the distances of two sources together, `too_long` for
+        what this is too far.
+    """
+    run_means = run_scores(scores, where="over_runs")
+    check_statistic(statistic, "over_runs")
+    check_level(level, "over_runs")
+    enough(len(run_means), FEWEST_RUNS[statistic], "training runs", where="over_runs")
+    found = around(run_means, statistic=statistic, rng=rng, level=level)
+    matrix = crossed(scores, where="over_runs") if shared_seeds else None
+    if matrix is None:
+        return found
+    block = Crossed(matrix, kept_runs(run_means, statistic), 1.0)
+    seeds = reach_of_seeds([block], where="over_runs")(level)
+    freedoms = (len(run_means) - 1, matrix.shape[1] - 1)
+    part = too_long((found.high - found.low) / 2, seeds, freedoms, level)
+    low = found.value - part * hypotenuse(found.value - found.low, seeds)
+    high = found.value + part * hypotenuse(found.high - found.value, seeds)
+    return Interval(found.value, low, high, found.n, f"{found.method}, and of shared seeds")
+
+
+def difference_over_runs(
+    a: Scores, b: Scores, *, shared_seeds: bool = True, rng: Generator, level: float = LEVEL
+) -> PairedEffect:
+    """The mean of `b - a` over training runs of two methods, with an interval and a p-value.
+
+    The bootstrap-t of the two samples' difference in mean, runs being resampled within each.
+
+    Args:
+        a: [runs, episodes], [runs] or ragged, of one method.
+        b: of the other; it may have another number of runs.
+        shared_seeds: column k is the same episode seed in all runs of both.
+        rng: draws the resamples.
+        level: coverage, in [0.8, 0.99].
+    Returns:
+        value, low, high and p; `n` is the smaller number of runs. `b - a`, as `paired_effect`. The
+        p-value is the least for which the interval leaves 0 out, and no less than 2 / 5,000.
+    Raises:
+        EvidenceError: fewer runs than `FEWEST_RUNS_APART` of either, seeds that aren't shared,
+            or a figure isn't finite.
+    Source: `stratified` and `reach_of_seeds`, put together as in `over_runs`.
+    """
+    where = "difference_over_runs"
+    check_level(level, where)
+    strata = [run_scores(each, where=where) for each in (a, b)]
+    runs = min(map(len, strata))
+    enough(runs, FEWEST_RUNS_APART, "training runs of each method", where=where)
+    found = stratified(strata, weighted_means([-1.0, 1.0]), rng)
+    seeds = _seeds_of_both(a, b) if shared_seeds else _no_seeds
+
+    def off(level: float) -> tuple[float, float]:
+        """Error of the estimate above the truth, at least and at most."""
+        least, most = found.bounds(level) if found.bounds else (0.0, 0.0)
+        luck = seeds(level)
+        return -hypotenuse(least * found.error, luck), hypotenuse(most * found.error, luck)
+
+    least, most = off(level)
+    value = found.value
+    if most == least:  # nothing varied
+        return PairedEffect(value, value, value, 1.0 if value == 0 else 2.0 ** (1 - runs), runs)
+    return PairedEffect(value, value - most, value - least, least_p(off, value), runs)
+
+
+def _no_seeds(level: float) -> float:
+    """Runs on seeds of their own hold the seeds' luck already."""
+    return 0.0
+
+
+def _seeds_of_both(a: Scores, b: Scores) -> Callable[[float], float]:
+    where = "difference_over_runs"
+    one, two = crossed(a, where=where), crossed(b, where=where)
+    if one is None or two is None:
+        return _no_seeds
+    if one.shape[1] != two.shape[1]:
+        raise EvidenceError(
+            "two methods didn't play the same seeds",
+            where=where,
+            expected="equally many episodes, column for column on one seed",
+            actual=f"{one.shape[1]} and {two.shape[1]}",
+            fix="play the same seeds, or say shared_seeds=False",
+        )
+    blocks = [Crossed(one, np.arange(len(one)), -1.0), Crossed(two, np.arange(len(two)), 1.0)]
+    return reach_of_seeds(blocks, where=where)
+
+
+def kept_runs(run_means: FloatArray, statistic: Statistic) -> NDArray[np.intp]:
+    """The runs that a statistic rests on.
+
+    Args:
+        run_means: [runs] scores.
+        statistic: which.
+    Returns:
+        [kept runs] their places.
+    """
+    order, n = np.argsort(run_means, kind="stable"), len(run_means)
+    cut = {"mean": 0, "iqm": n // 4, "median": (n - 1) // 2}[statistic]
+    return order[cut : n - cut]

@@ -1,0 +1,30 @@
+"""Checks of arguments that all tasks share."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gamekeeper.errors import SpecError
+
+
+def check_whole(name: str, value: object, least: int, most: int | None = None) -> None:
+    """Refuses an argument that isn't a whole number in its range.
+
+    Args:
+        name: of the argument.
+        value: its value.
+        least, most: ends of the range; None: there is no upper end.
+    Raises:
+        SpecError: it isn't one.
+    """
+    is_whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if is_whole and least <= value and (most is None or value <= most):  # type: ignore[operator]  # it is a number
+        return
+    bounds = f"{least} or more" if most is None else f"from {least} to {most}"
+    raise SpecError(
+        f"the task can't be made with {name}={value!r}",
+        where=name,
+        expected=f"a whole number, {bounds}",
+        actual=repr(value),
+        fix=f"give {name} as a whole number, {bounds}",
+    )

@@ -1,0 +1,1 @@
+"""Foraging: agents collect food that needs several of them."""

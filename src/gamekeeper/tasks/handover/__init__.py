@@ -1,0 +1,1 @@
+"""Handover: a picker passes items to a carrier."""

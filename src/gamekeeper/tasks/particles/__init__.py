@@ -1,0 +1,1 @@
+"""Particle worlds: spread, tag, reference, speaker and listener, on one physics."""

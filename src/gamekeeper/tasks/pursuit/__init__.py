@@ -1,0 +1,1 @@
+"""Pursuit: hunters surround evaders on a grid."""

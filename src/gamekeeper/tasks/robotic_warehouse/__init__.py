@@ -1,0 +1,1 @@
+"""Robotic warehouse: robots bring requested shelves to workstations."""

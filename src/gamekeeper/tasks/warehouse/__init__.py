@@ -1,0 +1,1 @@
+"""Warehouse: pickers and carriers on one floor, as ticks and as turns."""

@@ -1,0 +1,71 @@
+"""The warehouse by turns: all pickers act, one after the other, then all carriers.
+
+Rules R1 to R14 of `gamekeeper.tasks.warehouse.warehouse` hold, read for one robot at a time:
+
+    T1. A tick has a turn for each live robot: pickers first, then carriers, by their numbers. So
+        every picker has settled its grasp before a carrier moves, and a carrier may take in the
+        same tick what a picker has put down.
+    T2. Each turn is resolved at once, alone, and all robots after it see its outcome. There are no
+        ties: the first robot has the cell, or the item, and one that moves into a robot is refused
+        and pays `collision`.
+    T3. What follows a tick (spares, orders, "cleared") follows the last robot's turn. A spare has
+        its first turn in the next tick, at its place in the order.
+"""
+
+from __future__ import annotations
+
+from gamekeeper.kernels.kernel import Kernel
+from gamekeeper.kernels.kernel_env import MaskedTurns
+from gamekeeper.tasks.disturbed import DisturbedTurns
+from gamekeeper.tasks.warehouse import warehouse_rules as work
+from gamekeeper.tasks.warehouse import warehouse_sight as sight
+from gamekeeper.tasks.warehouse.warehouse import WarehouseRules, shared_parts
+from gamekeeper.tasks.warehouse.warehouse_floor import FloorLayout, Sizes, layout_of
+
+
+def warehouse_turns_kernel(
+    *,
+    pickers: int = 3,
+    carriers: int = 2,
+    spares: int = 1,
+    orders: int = 8,
+    every: int = 8,
+    battery: int = 60,
+    layout: str | tuple[str, ...] | list[str] | FloorLayout = "small",
+    horizon: int | None = None,
+) -> Kernel:
+    """The rules of `warehouse_turns`; arguments are those of `WarehouseRules`.
+
+    Raises:
+        SpecError: a number is out of its range, or the layout has too few cells.
+    """
+    sizes = Sizes(
+        pickers=pickers,
+        carriers=carriers,
+        spares=spares,
+        orders=orders,
+        every=every,
+        battery=battery,
+        layout=layout_of(layout),
+    )
+    return Kernel(
+        name="warehouse_turns_v0",
+        act=work.act,
+        observe=sight.observe_one,
+        mask=sight.mask_one,
+        inform=sight.inform_one,
+        **shared_parts(sizes, horizon, is_parallel=False),
+    )
+
+
+class WarehouseTurns(WarehouseRules, DisturbedTurns, MaskedTurns):
+    """The warehouse as an AEC environment; arguments are those of `WarehouseRules`."""
+
+    metadata = {  # noqa: RUF012  # PettingZoo declares it so
+        "name": "warehouse_turns_v0",
+        "render_modes": ["ansi", "rgb_array"],
+        "render_fps": 8,
+        "is_parallelizable": False,
+    }
+    contract = "warehouse_turns.toml"
+    kernel_of = staticmethod(warehouse_turns_kernel)

@@ -1,0 +1,144 @@
+"""A vector environment as Gymnasium's: every agent of every copy is one of its environments."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector import VectorEnv as GymnasiumVectorEnv
+from gymnasium.vector.utils import batch_space
+
+from gamekeeper.errors import SpecError
+from gamekeeper.vector.vector_form import ALL
+
+ABSENT: Final = ("refuse", "zeros")
+
+
+class AgentsAsEnvs(GymnasiumVectorEnv[Any, Any, Any]):
+    """Sub-environment e * A + a is agent a of copy e.
+
+    Kept: seeds, both autoreset modes, terminations and truncations of each agent, its final
+    observation, masks. Lost: nothing; who acts with whom is no business of Gymnasium's. Refused: an
+    agent that isn't in the game while its copy plays (it has ended, or joins later). Gymnasium's
+    environments begin anew as they end, and this one can't before its copy does, so that whoever
+    doesn't know would count and learn steps in between that were none. `absent="zeros"` shows
+    zeros and reward 0 in them, and `infos["live"]` is False there.
+    """
+
+    def __init__(self, venv: Any, *, absent: str = "refuse") -> None:
+        """Takes over a vector environment.
+
+        Args:
+            venv: a vector environment.
+            absent: `refuse` or `zeros`: how an agent is shown that isn't in the game.
+        Raises:
+            SpecError: its agents differ in their spaces, or act in turn; or there is no such way.
+        """
+        if absent not in ABSENT:
+            raise SpecError(
+                "there is no such way to show who isn't in the game",
+                where="absent",
+                expected=" or ".join(ABSENT),
+                actual=repr(absent),
+                fix="use one of these for absent",
+            )
+        groups = venv.groups
+        if len(groups) != 1 or groups[0].name != ALL or venv.api != "parallel":
+            raise SpecError(
+                "not every agent is a sub-environment of one kind",
+                where="as_gymnasium",
+                expected="a Parallel environment whose agents share their spaces",
+                actual=f"{venv.api}, roles {[group.name for group in groups]}",
+                fix="step the vector environment itself, or its roles one by one",
+            )
+        self.venv, self._refuses = venv, absent == "refuse"
+        self.count = len(groups[0].agents)
+        self.num_envs = venv.num_envs * self.count
+        self.single_observation_space = groups[0].observation_space
+        self.single_action_space = groups[0].action_space
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        mode = AutoresetMode.SAME_STEP if venv.autoreset == "same_step" else AutoresetMode.NEXT_STEP
+        self.metadata = {**venv.metadata, "autoreset_mode": mode}
+
+    def reset(self, *, seed: Any = None, options: Any = None) -> tuple[Any, dict[str, Any]]:
+        """Begins the run of this seed.
+
+        Raises:
+            SpecError: there are many seeds; or an agent isn't in the game, and that is refused.
+        """
+        if isinstance(seed, list):
+            raise SpecError(
+                "one seed names a run, from which every episode has its own",
+                where="seed",
+                expected="a whole number or None",
+                actual=repr(seed)[:80],
+                fix="give one whole number; each sub-environment gets seeds of its own from it",
+            )
+        obs, infos = self.venv.reset(seed=seed, options=options)
+        nobody = np.zeros(self.num_envs, bool)
+        return self._flat(obs), self._infos(infos, nobody)
+
+    def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
+        """One step of every agent of every copy.
+
+        Raises:
+            SpecError: an agent isn't in the game any more, and that is refused.
+        """
+        shaped = _mapped(actions, lambda a: np.asarray(a).reshape(-1, self.count, *a.shape[1:]))
+        obs, rewards, terminated, truncated, infos = self.venv.step(shaped)
+        flags = [part.reshape(-1) for part in (rewards, terminated, truncated)]
+        return self._flat(obs), *flags, self._infos(infos, flags[1] | flags[2])
+
+    def close(self, **kwargs: Any) -> None:
+        """Closes every copy."""
+        self.venv.close()
+        self.closed = True
+
+    def _flat(self, tree: Any) -> Any:
+        return _mapped(tree, lambda array: array.reshape(self.num_envs, *array.shape[2:]))
+
+    def _infos(self, infos: dict[str, Any], ended: Any) -> dict[str, Any]:
+        if self._refuses:
+            self._check(infos["live"])
+        found: dict[str, Any] = {
+            key: self._flat(infos[key]) for key in ("live", "action_mask") if key in infos
+        }
+        if "final_obs" not in infos:
+            return found
+        finals = np.empty(self.num_envs, object)
+        told = np.empty(self.num_envs, object)
+        agents = self.venv.groups[0].agents
+        for place in np.flatnonzero(ended).tolist():
+            e, a = divmod(place, self.count)
+            finals[place] = _mapped(infos["final_obs"][e], lambda array, a=a: array[a])
+            told[place] = infos["final_info"][e].get(agents[a], {})
+        found |= {"final_obs": finals, "final_info": told}
+        found["_final_obs"] = found["_final_info"] = ended
+        return found
+
+    def _check(self, live: Any) -> None:
+        """Refuses copies that play without some of their agents."""
+        plays_on = live.any(1) & ~live.all(1)
+        if plays_on.any():
+            e = int(plays_on.argmax())
+            a = int(live[e].argmin())
+            raise SpecError(
+                "an agent isn't in the game while its copy plays on, which no environment of "
+                "Gymnasium's can be",
+                where=f"copy {e}, agent {self.venv.groups[0].agents[a]!r}",
+                expected="agents that begin and end together",
+                actual=f"{int(live[e].sum())} of {self.count} agents in the game",
+                fix="absent='zeros', and leave out the steps in which infos['live'] was False "
+                "before; or an adapter that knows of agents, as gamekeeper.adapters.sb3",
+            )
+
+
+def _mapped(tree: Any, change: Any) -> Any:
+    """The same tree with every array changed."""
+    if isinstance(tree, dict):
+        return {key: _mapped(part, change) for key, part in tree.items()}
+    if isinstance(tree, tuple):
+        return tuple(_mapped(part, change) for part in tree)
+    return change(tree)

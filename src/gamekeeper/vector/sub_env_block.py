@@ -1,0 +1,175 @@
+"""A block of copies in one process, stepped one after the other: what both APIs have in common.
+
+Slot i of N plays the episodes i, i + N, i + 2N ... of the run, each from its own seed, so that who
+steps which slots changes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, Literal, TypeAlias
+
+from gamekeeper.interface.capture import AgentId, Capture
+from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.randomness.seeds import EpisodeSeeds
+from gamekeeper.rollouts.interrupts import HeldInterrupt
+from gamekeeper.vector.vector_form import Arrays, VectorForm, VectorGroup, built
+from gamekeeper.vector.vector_rows import Batches, Recording, RowShelf, SlotSink
+
+Autoreset: TypeAlias = Literal["same_step", "next_step"]
+AUTORESETS: Final = ("same_step", "next_step")
+
+
+@dataclass(slots=True)
+class Said:
+    """Outputs that no array holds: infos by env and agent, as they came.
+
+    Attributes:
+        infos: of this step, where they are asked for.
+        final: of envs in which an agent ended in it: infos of the agents whose last observations
+            stand in the arrays.
+    """
+
+    infos: dict[int, Mapping[AgentId, Any]] = field(default_factory=dict)
+    final: dict[int, dict[AgentId, Any]] = field(default_factory=dict)
+
+
+class SubEnvBlock:
+    """Copies of one environment that one process steps. Use `TickBlock` or `TurnBlock`."""
+
+    def __init__(
+        self,
+        doors: Sequence[Any],
+        arrays: Arrays,
+        form: VectorForm,
+        *,
+        first: int,
+        slots: int,
+        autoreset: Autoreset,
+        wants_infos: bool = False,
+        after_env: Callable[[], None] | None = None,
+    ) -> None:
+        """Takes hold of the copies; nothing is called yet.
+
+        Args:
+            doors: an environment, or a game around one, for each slot of this block.
+            arrays: of these slots alone, by the names of `VectorForm.plan`.
+            form: of all copies.
+            first: number of the first slot.
+            slots: number of all slots of the run, N.
+            autoreset: when a copy that is over is reset.
+            wants_infos: hand out what agents are told at every step.
+            after_env: called after each copy, as a sign of life.
+        """
+        self.doors, self.form, self.autoreset = list(doors), form, autoreset
+        self._arrays, self._wants_infos = arrays, wants_infos
+        self._first, self._slots, self._seeds = first, slots, EpisodeSeeds(0)
+        self._episodes = [0] * len(self.doors)
+        self._options: Any = None
+        self._shelf: RowShelf | None = None
+        self._after_env = after_env or _nothing
+        self._agents = form.agents
+        self._column = {agent: place for place, agent in enumerate(self._agents)}
+        self._count = len(self._agents)
+        by_agent = form.api == "parallel"
+        self._actions = [
+            _reader(group, g, arrays, by_agent=by_agent) for g, group in enumerate(form.groups)
+        ]
+        self._group_of = [g for g, group in enumerate(form.groups) for _ in group.agents]
+
+    def reset(self, seed: int, options: Any = None) -> Said:
+        """Begins a run: every slot plays its first episode."""
+        self._seeds, self._options = EpisodeSeeds(seed), options
+        said = Said()
+        for name in ("rewards", "terminated", "truncated", "over", "ended"):
+            self._arrays[name][...] = 0
+        for e in range(len(self.doors)):
+            self._episodes[e] = self._first + e
+            self._begin(e, said)
+        self._pour()
+        return said
+
+    def record(self, recording: Recording, out: Callable[[Batches], None]) -> None:
+        """Every copy's rows go to `out` from its next episode on."""
+        self._shelf = recording.shelf(out)
+        envs = [bare(door) for door in self.doors]
+        self.doors = [game_of(env, sink=SlotSink(self._shelf)) for env in envs]
+
+    def end_recording(self) -> None:
+        """Ends the episodes in progress, as *cut*; what is on the shelf goes out."""
+        if self._shelf is not None:
+            with HeldInterrupt():
+                for door in self.doors:
+                    door.end_episode()
+                self._shelf.flush()
+
+    def step(self) -> Said:
+        """One step of every copy, with the actions that stand in the arrays."""
+        raise NotImplementedError
+
+    def _begin(self, e: int, said: Said) -> None:
+        """Begins the copy's episode."""
+        raise NotImplementedError
+
+    def _pour(self) -> None:
+        """Puts what was collected copy by copy into the arrays."""
+
+    def _reset_door(self, e: int) -> Any:
+        self._arrays["cursor"][0] = e
+        self._arrays["episode"][e] = self._episodes[e]
+        if self._shelf is not None:
+            self.doors[e].episode = self._episodes[e] - 1  # its reset begins the next one
+        seed = self._seeds[self._episodes[e]]
+        if self._options is None:  # as who hands none over calls it
+            return self.doors[e].reset(seed=seed)
+        return self.doors[e].reset(seed=seed, options=self._options)
+
+    def close(self) -> None:
+        """Closes every copy."""
+        for door in self.doors:
+            door.close()
+
+
+def bare(door: Any) -> Any:
+    """The environment itself, without the game around it."""
+    return door.env if isinstance(door, Capture) else door
+
+
+def put_mask(flags: Any, mask: Any) -> None:
+    """Puts a mask into its row: in parts for MultiDiscrete; None: all is legal."""
+    if mask is None:
+        flags[...] = 1
+    elif isinstance(mask, tuple | list) and len(mask) and hasattr(mask[0], "__len__"):
+        flags[...] = [flag for part in mask for flag in part]
+    else:
+        flags[...] = mask
+
+
+def _reader(
+    group: VectorGroup, g: int, arrays: Arrays, *, by_agent: bool
+) -> Callable[[], list[Any]]:
+    """Function that reads a group's actions: [env] lists by agent, or that of the one in turn."""
+    columns = [arrays[f"action.{g}.{i}"] for i in range(len(group.acted))]
+    is_plain = len(group.acted) == 1 and not group.acted[0].path
+    if is_plain and not group.acted[0].shape:
+        return columns[0].tolist  # whole numbers, as every Discrete space takes them
+    if is_plain:
+        split = (lambda rows: list(rows)) if by_agent else (lambda rows: rows)
+        return lambda: [split(rows) for rows in columns[0].copy()]
+    space, count = group.action_space, len(group.agents)
+
+    def read() -> list[Any]:
+        own = [column.copy() for column in columns]
+        envs = range(len(own[0]))
+        if not by_agent:
+            return [built(space, iter([each[e] for each in own])) for e in envs]
+        return [
+            [built(space, iter([each[e, a] for each in own])) for a in range(count)] for e in envs
+        ]
+
+    return read
+
+
+def _nothing() -> None:
+    """Gives no sign of life."""

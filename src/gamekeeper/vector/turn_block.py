@@ -1,0 +1,159 @@
+"""A block of AEC copies: each step is one turn of whoever's turn it is in each copy.
+
+A dead agent's None turn is no step of anybody's: it is made at once, and what it is told there
+(its last observation and info) is final.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from gamekeeper.interface.capture import AgentId
+from gamekeeper.vector.sub_env_block import Said, SubEnvBlock, bare, put_mask
+from gamekeeper.vector.vector_form import getter
+
+
+class TurnBlock(SubEnvBlock):
+    """Copies of an AEC environment."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        """See `SubEnvBlock`."""
+        super().__init__(*arguments, **options)
+        self._envs = [bare(door) for door in self.doors]
+        self._told: list[dict[AgentId, Any]] = [{} for _ in self.doors]  # infos of who ended
+        self._ended: list[set[tuple[str, AgentId]]] = [set() for _ in self.doors]
+        self._leaves = [
+            [(getter(leaf.path), i) for i, leaf in enumerate(group.observed)]
+            for group in self.form.groups
+        ]
+        self._finals = [name for name in self._arrays if name.startswith("final.")]
+        self._givens = [name for name in self._arrays if name.startswith(("obs.", "mask."))]
+
+    def _begin(self, e: int, said: Said) -> None:
+        self._reset_door(e)
+        self._told[e], self._ended[e] = {}, set()
+        self._find_live(e)
+        self._turn_of_the_living(e, said, {})
+
+    def step(self) -> Said:
+        """One turn in every copy; a copy that is over begins anew, when `autoreset` says so."""
+        said, arrays = Said(), self._arrays
+        for name in ("rewards", "terminated", "truncated", "ended"):
+            arrays[name][...] = 0
+        fresh, turns = arrays["over"].tolist(), arrays["turn"].tolist()
+        actions = [read() for read in self._actions]
+        for e in range(len(self.doors)):
+            arrays["cursor"][0] = e
+            if fresh[e]:
+                arrays["over"][e] = False
+                self._episodes[e] += self._slots
+                self._begin(e, said)
+                continue
+            row = actions[self._group_of[turns[e]]][e]
+            self.doors[e].step(row)
+            paid: dict[AgentId, float] = {}
+            self._note(e, paid)
+            self._turn_of_the_living(e, said, paid)
+            for agent, reward in paid.items():
+                arrays["rewards"][e, self._column[agent]] = reward
+            self._after_env()
+        return said
+
+    def _note(self, e: int, paid: dict[AgentId, float]) -> None:
+        """Notes rewards and endings of the last step."""
+        env = self._envs[e]
+        if any(env.rewards.values()):
+            for agent, reward in env.rewards.items():
+                if reward:
+                    paid[agent] = paid.get(agent, 0.0) + float(reward)
+        column, ended = self._column, self._ended[e]
+        for name in ("terminated", "truncated"):
+            flags: Mapping[AgentId, Any] = getattr(env, _FLAGS[name])
+            if True in flags.values():
+                for agent, flag in flags.items():
+                    if flag and (name, agent) not in ended:
+                        ended.add((name, agent))
+                        self._arrays[name][e, column[agent]] = True
+
+    def _turn_of_the_living(self, e: int, said: Said, paid: dict[AgentId, float]) -> None:
+        """Makes the None turns of the dead, then shows what the agent in turn is given."""
+        env, door = self._envs[e], self.doors[e]
+        while env.agents:
+            agent = env.agent_selection
+            observation, _, terminated, truncated, info = door.last()
+            if not (terminated or truncated):
+                if self._ended[e]:
+                    self._tell_the_late(e, said)
+                self._find_live(e)
+                self._show(e, agent, observation, info, said)
+                return
+            self._tell(e, agent, observation, info, said)
+            door.step(None)
+            self._note(e, paid)
+        self._over(e, said)
+
+    def _tell_the_late(self, e: int, said: Said) -> None:
+        """Last observations of agents that have ended and whose last turn comes after others'."""
+        env = self._envs[e]
+        for agent in env.agents:
+            if env.terminations.get(agent) or env.truncations.get(agent):
+                self._tell(e, agent, env.observe(agent), env.infos.get(agent, {}), said)
+
+    def _tell(self, e: int, agent: AgentId, observation: Any, info: Any, said: Said) -> None:
+        """Keeps the last observation of an agent beside those of agents that ended before it."""
+        told, column = self._told[e], self._column[agent]
+        if agent in told:
+            return
+        if not told:
+            self._blank_finals(e)
+        g = self._group_of[column]
+        for get, i in self._leaves[g]:
+            self._arrays[f"final.{g}.{i}"][e, column - self.form.groups[g].first] = get(observation)
+        told[agent] = info
+        said.final[e] = dict(told)
+
+    def _blank_finals(self, e: int) -> None:
+        for name in self._finals:
+            self._arrays[name][e] = 0
+
+    def _find_live(self, e: int) -> None:
+        env, row = self._envs[e], self._arrays["live"][e]
+        if len(env.agents) == self._count and not self._ended[e]:
+            row[...] = True
+            return
+        row[...] = False
+        for agent in env.agents:
+            is_dead = env.terminations.get(agent) or env.truncations.get(agent)
+            row[self._column[agent]] = not is_dead
+
+    def _show(self, e: int, agent: AgentId, observation: Any, info: Any, said: Said) -> None:
+        column = self._column[agent]
+        g = self._group_of[column]
+        if len(self.form.groups) > 1:
+            for name in self._givens:
+                self._arrays[name][e] = 0
+        for get, i in self._leaves[g]:
+            self._arrays[f"obs.{g}.{i}"][e] = get(observation)
+        self._arrays["turn"][e] = column
+        if self.form.groups[g].flags:
+            put_mask(self._arrays[f"mask.{g}"][e], self.form.masks[agent](observation, info))
+        if self._wants_infos:
+            said.infos[e] = {agent: info}
+
+    def _over(self, e: int, said: Said) -> None:
+        arrays = self._arrays
+        if not self._told[e]:
+            self._blank_finals(e)
+        said.final[e] = dict(self._told[e])
+        arrays["ended"][e] = True
+        for name in self._givens:
+            arrays[name][e] = 0
+        arrays["live"][e] = False
+        arrays["over"][e] = self.autoreset == "next_step"
+        if self.autoreset == "same_step":
+            self._episodes[e] += self._slots
+            self._begin(e, said)
+
+
+_FLAGS: Final = {"terminated": "terminations", "truncated": "truncations"}

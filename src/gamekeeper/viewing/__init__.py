@@ -1,0 +1,1 @@
+"""Reports, the live viewer, videos and SQL over recorded runs."""

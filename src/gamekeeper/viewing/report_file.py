@@ -1,0 +1,309 @@
+"""The report: runs, and documents about them, as one page in one file.
+
+Counterfactuals that a diagnosis recorded beside a run are added. An existing file is overwritten
+only if it is a page too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from gamekeeper._version import __version__
+from gamekeeper.diagnosis.labels import labels
+from gamekeeper.episodes.plain_json import legible
+from gamekeeper.errors import EvidenceError, GamekeeperError, RunError
+from gamekeeper.reporting.page.composition import (
+    Documents,
+    Pair,
+    Shown,
+    alerts_of,
+    lead_of,
+    pairs_of,
+    sections_of,
+    shown,
+)
+from gamekeeper.reporting.page.episode_list import (
+    BUDGET_BYTES,
+    MOST_AGENTS,
+    Budget,
+    chosen_text,
+    listed,
+    order_of,
+)
+from gamekeeper.reporting.page.page_data import Page
+from gamekeeper.reporting.page.page_html import render
+from gamekeeper.runs.files.folder import replace, system_error
+from gamekeeper.runs.load_run import load
+from gamekeeper.viewing.report_documents import Given, PathText, documents_of
+from gamekeeper.viewing.report_packer import LETTERS, Packer, Pictures
+
+
+def opened(path: str | PathLike[str], *, key: str, name: str | None = None) -> Shown:
+    """Opens a run with its figures and labels.
+
+    Args:
+        path: the folder of the run.
+        key: its letter on the page.
+        name: its name on the page; None: the folder's name.
+    """
+    folder = Path(path)
+    return shown(
+        load(folder),
+        key=key,
+        path=str(path),
+        name=folder.resolve().name if name is None else name,
+        labels=[each.to_json() for each in labels(folder)],
+    )
+
+
+UNCHANGED: Final = "unchanged"
+
+
+def counterfactuals_of(
+    run: Path, main: Shown, diagnosis: Mapping[str, Any] | None
+) -> Iterator[Shown]:
+    """The runs that a diagnosis recorded: unchanged, then with each intervention; maybe none.
+
+    Args:
+        run: the folder of the run.
+        main: the run.
+        diagnosis: its document, which names the runs.
+    """
+    recorded = (diagnosis or {}).get("runs")
+    if not isinstance(recorded, Mapping) or UNCHANGED not in recorded:
+        return
+    found = []
+    arms = sorted(recorded, key=lambda arm: (arm != UNCHANGED, arm))  # annotations have no order
+    for number, arm in enumerate(arms):
+        folder = _beside(run, Path(str(recorded[arm])))
+        if folder is None:
+            continue
+        word = "unchanged" if arm == UNCHANGED else f"counterfactual{number}"
+        name = f"{main.name}, new seeds, unchanged" if arm == UNCHANGED else f"with {arm}"
+        try:
+            found.append(opened(folder, key=f"{main.key}.{word}", name=name))
+        except GamekeeperError:  # a page without these extras is still right
+            return
+    if len(found) > 1 and found[0].key.endswith("unchanged"):
+        yield from found
+
+
+def _beside(run: Path, named: Path) -> Path | None:
+    """The folder of a diagnosis' run beside the run, also after both were moved.
+
+    No other folder of this machine is read, whatever evidence names.
+    """
+    beside = run.resolve().parent
+    for folder in (beside / f"{run.resolve().name}-diagnosis" / "runs" / named.name, named):
+        if folder.is_dir() and beside in folder.resolve().parents:
+            return folder
+    return None
+
+
+DOCTYPE: Final = b"<!doctype html>"
+
+
+def put(target: Path, page: bytes) -> None:
+    """Writes the page, in place of an earlier one; also to a device or a pipe.
+
+    Raises:
+        RunError: another file has that name, or the disk refuses.
+    """
+    if target.exists() and not target.is_file():  # a device or a pipe can't be replaced
+        try:
+            target.write_bytes(page)
+        except OSError as error:
+            raise system_error(f"writing {target.name}", target, error) from error
+        return
+    if not _is_free(target):
+        raise RunError(
+            "another file has the name of the report",
+            where=str(target),
+            expected="a new name, or that of an earlier report",
+            actual="a file that isn't an HTML page",
+            fix="name another one with --out, or move it away first",
+        )
+    replace(target.resolve(), page, durable=False)
+
+
+def _is_free(target: Path) -> bool:
+    try:
+        with target.open("rb") as file:
+            begun = file.read(len(DOCTYPE))
+    except OSError:  # missing, or unreadable: then replacing it says why
+        return True
+    return begun.lower() in (DOCTYPE, b"")
+
+
+__all__ = ["Pictures", "documents_of", "opened", "report"]
+
+FRAMES_BYTES: Final = 8_000_000
+"""Size of recorded frames on a page, beside its data."""
+MOST_PAIRS: Final = 12
+"""Most episodes of two runs that are compared."""
+MOST_COUNTERFACTUALS: Final = 3
+"""Most counterfactuals of each intervention."""
+LIST_BYTES: Final = 300_000
+"""Size of the list of all episodes."""
+ENTRY_BYTES: Final = 220
+RETURN_BYTES: Final = 24
+"""Approximate size of an episode in that list, and of an agent's return in it."""
+SEED: Final = 0
+"""Seed of the resamples behind intervals: the same evidence gives the same page."""
+
+
+def report(
+    run: PathText,
+    out: PathText = "report.html",
+    *,
+    others: Iterable[PathText] = (),
+    audit: Given = None,
+    diagnosis: Given = None,
+    attribution: Given = None,
+    evaluation: Given = None,
+    episodes: Iterable[int] = (),
+    budget_bytes: int = BUDGET_BYTES,
+    frames_bytes: int = FRAMES_BYTES,
+    title: str | None = None,
+) -> Path:
+    """Writes one self-contained HTML page about a run.
+
+    A diagnosis and an attribution are found in the run's annotations, where their commands store
+    them. For a missing document, the page names the command that makes it.
+
+    Args:
+        run: the folder of the run that the page is about.
+        out: the file to write; a failure leaves no partial file.
+        others: runs to compare it with.
+        audit: document of `gamekeeper audit --json`, or its file.
+        diagnosis: document or file, in place of the run's last diagnosis.
+        attribution: document or file, in place of the run's last attribution.
+        evaluation: `evaluation.json` of `gamekeeper evaluate`, or its folder.
+        episodes: numbers of episodes that must be on the page.
+        budget_bytes: size of all episodes on the page; the others are only listed.
+        frames_bytes: size of recorded frames.
+        title: of the page; None: the name of the run.
+    Returns:
+        The file.
+    Raises:
+        RunError: a run is missing or damaged, or the file can't be written.
+        EvidenceError: a document has another kind, or a named episode isn't in the run.
+    """
+    paths = [Path(run), *map(Path, others)]
+    if len(paths) > len(LETTERS):
+        raise EvidenceError(
+            "too many runs for one page",
+            where="others",
+            expected=f"at most {len(LETTERS)}",
+            actual=str(len(paths)),
+            fix="write several reports",
+        )
+    runs = [opened(path, key=key) for key, path in zip(LETTERS, paths, strict=False)]
+    documents = documents_of(
+        paths[0], audit=audit, diagnosis=diagnosis, attribution=attribution, evaluation=evaluation
+    )
+    page = _page(
+        runs,
+        documents,
+        title=title,
+        named=tuple(episodes),
+        budget=Budget(budget_bytes),
+        frames=Budget(frames_bytes),
+        counterfactuals=tuple(counterfactuals_of(paths[0], runs[0], documents.diagnosis)),
+    )
+    target = Path(out)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise system_error("making the folder", target.parent, error) from error
+    put(target, render(page).encode())
+    return target
+
+
+@legible
+def _page(
+    runs: Sequence[Shown],
+    documents: Documents,
+    *,
+    title: str | None,
+    named: tuple[int, ...],
+    budget: Budget,
+    frames: Budget,
+    counterfactuals: Sequence[Shown],
+) -> Page:
+    main = runs[0]
+    pairs = _pairs(runs, counterfactuals)
+    order = order_of(
+        main.figures,
+        failing=main.failed,
+        named=named,
+        labelled=[each["episode"] for each in main.labels if each["episode"] is not None],
+        diverging=_diverging(documents, pairs, main),
+    )
+    budget.left -= min(_list_size(main), LIST_BYTES)  # the list of all episodes is data too
+    packer = Packer([*runs, *counterfactuals], pairs, budget, frames, documents)
+    taken = packer.fill(main, order)
+    every = [entry for run in (*runs, *counterfactuals) for entry in packer.entries(run)]
+    entries = listed(_in_order(every, main, [number for number, _ in order]), most_bytes=LIST_BYTES)
+    chosen = chosen_text(taken, len(main.figures.headers), run=main.path)
+    if len(entries) < len(every):
+        chosen += f" The list holds {len(entries):,} of {len(every):,}."
+    return Page(
+        title=main.name if title is None else title,
+        lead=lead_of(runs, documents),
+        alerts=alerts_of(runs),
+        runs=tuple(run.card for run in (*runs, *counterfactuals)),
+        sections=sections_of(runs, documents, version=__version__, rng=np.random.default_rng(SEED)),
+        episodes=entries,
+        packed=packer.packed,
+        chosen=chosen,
+        extra={"pairs": [pair.to_json() for pair in pairs if packer.has(pair)]},
+    )
+
+
+def _in_order(
+    entries: Iterable[dict[str, Any]], main: Shown, order: Sequence[int]
+) -> list[dict[str, Any]]:
+    """Episodes of the main run that are on the page in the order of choice, then all others."""
+    places = {number: place for place, number in enumerate(order)}
+
+    def key(entry: dict[str, Any]) -> tuple[bool, str, int]:
+        is_first = entry["run"] == main.key and entry["packed"]
+        number = entry["episode"]
+        return (not is_first, entry["run"], places.get(number, 0) if is_first else number)
+
+    return sorted(entries, key=key)
+
+
+def _list_size(run: Shown) -> int:
+    """Estimated size of the list of a run's episodes, in bytes."""
+    few = min(len(run.figures.agents), MOST_AGENTS)
+    return len(run.figures.headers) * (ENTRY_BYTES + few * RETURN_BYTES)
+
+
+def _pairs(runs: Sequence[Shown], counterfactuals: Sequence[Shown]) -> list[Pair]:
+    main = runs[0]
+    found = []
+    for other in runs[1:]:
+        text = f"{main.name} and {other.name}"
+        found += pairs_of(main, other, text=text, most=MOST_PAIRS)
+    for counterfactual in counterfactuals[1:]:
+        found += pairs_of(
+            counterfactuals[0], counterfactual, text=counterfactual.name, most=MOST_COUNTERFACTUALS
+        )
+    return found
+
+
+def _diverging(documents: Documents, pairs: Sequence[Pair], main: Shown) -> list[int]:
+    """Episodes with a diagnosis' counterfactuals, then those that diverge from another run's."""
+    differing = [
+        int(each["episode"])
+        for each in (documents.diagnosis or {}).get("counterfactuals") or ()
+        if each.get("turn") is not None
+    ]
+    return [*differing, *(pair.left[1] for pair in pairs if pair.left[0] == main.key)]

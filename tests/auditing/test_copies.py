@@ -1,0 +1,96 @@
+"""Copies and conversions: what is refused, what begins anew, what is lost."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium.utils import EzPickle
+
+from gamekeeper.auditing.audit import audit_here
+from tests.faults.lanterns import Lanterns
+from tests.faults.rovers import Rovers
+from tests.faults.tokens import Tokens
+from tests.faults.traders import Traders
+
+COPIES = ("GK701", "GK702", "GK703")
+
+
+def outcomes(spec: object, *ids: str) -> dict[str, str]:
+    """The outcomes of these checks."""
+    found = audit_here(spec, select=ids, budget=300)
+    return {verdict.id: verdict.outcome for verdict in found.verdicts}
+
+
+@pytest.mark.parametrize("kind", [Rovers, Traders, Tokens, Lanterns])
+def test_copies_of_clean_environments_are_kept(kind: Any) -> None:
+    """Environments without tricks are copied in mid-episode, in both ways."""
+    assert outcomes(kind, *COPIES) == dict.fromkeys(COPIES, "passed")
+
+
+class Refusing(Rovers):
+    """Can't be copied, and says so."""
+
+    def __reduce_ex__(self, protocol: Any) -> Any:
+        """No."""
+        raise TypeError("this environment can't be copied")
+
+
+def test_refusing_to_be_copied_is_not_applicable() -> None:
+    """Nobody promises that an environment can be copied."""
+    assert outcomes(Refusing, *COPIES) == dict.fromkeys(COPIES, "not_applicable")
+
+
+class Anew(EzPickle, Rovers):
+    """Its copies are built from the same arguments."""
+
+    def __init__(self) -> None:
+        EzPickle.__init__(self)
+        Rovers.__init__(self)
+
+
+def test_copies_that_begin_anew_are_not_applicable() -> None:
+    """A copy that wants a reset first, as EzPickle makes it, is no copy of the episode."""
+    assert outcomes(Anew, *COPIES) == dict.fromkeys(COPIES, "not_applicable")
+
+
+class Halting(Rovers):
+    """Its copies can't be stepped: something that can't be copied was left out."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but the cells."""
+        return {name: value for name, value in vars(self).items() if name != "cells"}
+
+
+def test_copies_that_cannot_be_stepped_are_not_applicable() -> None:
+    """A copy that raises at once misleads nobody."""
+    assert outcomes(Halting, *COPIES) == dict.fromkeys(COPIES, "not_applicable")
+
+
+class Shared(Traders):
+    """Its generator belongs to the class."""
+
+    dice: Any = None
+
+    def reset(self, seed: int | None = None, options: Any = None) -> None:
+        """One generator for all."""
+        super().reset(seed, options)
+        type(self).dice = np.random.default_rng(seed)
+
+    def settle(self) -> None:
+        """Somebody finds a coin."""
+        super().settle()
+        finder = self.possible_agents[int(type(self).dice.integers(self.count))]
+        self.money[finder] += 1
+
+
+def test_what_belongs_to_the_class_moves_with_every_copy() -> None:
+    """A generator of the class is drawn from by the copy, so the original goes another way."""
+    assert outcomes(Shared, "GK702") == {"GK702": "failed"}
+
+
+def test_conversion_is_asked_only_where_it_is_promised() -> None:
+    """An environment that doesn't call itself parallelizable promises nothing."""
+    ids = ("GK710", "GK711")
+    assert outcomes(Traders, *ids) == dict.fromkeys(ids, "not_applicable")
+    assert outcomes(Rovers, *ids) == dict.fromkeys(ids, "not_applicable")
+    assert outcomes(Lanterns, *ids) == dict.fromkeys(ids, "passed")

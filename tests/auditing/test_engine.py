@@ -1,0 +1,206 @@
+"""The engine: budgets, processes that die, objects, faults of probes and checks."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from gamekeeper.auditing.audit import audit_here
+from gamekeeper.auditing.audit_process import audit
+from gamekeeper.auditing.gather import gather, lab_of
+from gamekeeper.auditing.judge import judge
+from gamekeeper.auditing.result import AuditResult
+from gamekeeper.checks import check as checks_room
+from gamekeeper.checks.check import LOW, Case, Check, check, checks, selected
+from gamekeeper.checks.probe_evidence import ProbeDeath, ProbeEvidence
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.where import Where
+from gamekeeper.errors import EvidenceError, SpecError
+from gamekeeper.interface.opening import open_env
+from gamekeeper.plugins import Plugins
+from tests.faults.endings import SilentLeave
+from tests.faults.rovers import Rovers
+
+BROKEN = "tests.faults.endings:SilentLeave"
+CLEAN = "tests.faults.rovers:Rovers"
+
+
+def made(ok: bool = True, **options: Any) -> Check:
+    """A check of its own that looks once."""
+
+    @check("TEST001", needs=("rollout",), severity=LOW, fix="nothing", **options)
+    def promise(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+        """Something holds."""
+        yield Case(Where("rollout", 0, 0, None, "x"), ok, 1, 2)
+
+    return promise
+
+
+def test_audit_of_an_object_runs_in_this_process() -> None:
+    """An environment in memory is audited as it is."""
+    found = audit(SilentLeave(), select=("GK501",), budget=1500)
+
+    assert [verdict.id for verdict in found.failed] == ["GK501"]
+    assert "your environment" in found.failed[0].findings[0].reproducer
+
+
+def test_audit_repeats_with_its_seed() -> None:
+    """Verdicts, findings and steps are the same on every run with one seed."""
+    one, two = (audit_here(BROKEN, select=("GK5", "GK4"), budget=1500, seed=3) for _ in range(2))
+
+    assert one.verdicts == two.verdicts
+    assert one.steps == two.steps
+
+
+def test_audit_on_a_busy_machine_gives_the_same_verdicts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An hour between any two looks at the clock cuts nothing short."""
+    asked: Any = {"select": ("GK5",), "budget": 600}
+    quiet = audit_here(BROKEN, **asked)
+    hours = itertools.count(0.0, 3600.0)
+    for clock in ("time.monotonic", "gamekeeper.heartbeat.monotonic"):
+        monkeypatch.setattr(clock, lambda: next(hours))
+    busy = audit_here(BROKEN, **asked)
+
+    assert (busy.verdicts, busy.steps) == (quiet.verdicts, quiet.steps)
+
+
+def test_audit_document_reads_back() -> None:
+    """What crosses a process as JSON comes back as it was."""
+    found = audit_here(BROKEN, select=("GK501",), budget=600)
+
+    assert AuditResult.from_json(found.to_json()).to_json() == found.to_json()
+    assert "GK501 high" in str(found)
+
+
+def test_audit_steps_stay_near_the_budget() -> None:
+    """A budget of steps is kept, but for the last play and for shrinking."""
+    assert audit_here(CLEAN, budget=4000).steps < 5000
+
+
+def test_audit_refuses_an_empty_budget() -> None:
+    """Nothing can be seen without a step."""
+    with pytest.raises(EvidenceError, match="nothing can be seen"):
+        audit_here(CLEAN, budget=0)
+
+
+def test_audit_refuses_an_unknown_environment() -> None:
+    """The error of the process comes out as it would here."""
+    with pytest.raises(SpecError, match="no_such"):
+        audit("no_such_module:make")
+
+
+def test_selected_refuses_what_begins_no_id() -> None:
+    """A misspelt id isn't passed over."""
+    with pytest.raises(EvidenceError, match="GK9999"):
+        selected(("GK9999",))
+
+
+def test_selected_takes_beginnings() -> None:
+    """A family is named by how its ids begin, and single ones are left out."""
+    assert set(selected(("GK5",), ("GK501",))) == {
+        id for id in checks() if id.startswith("GK5") and id != "GK501"
+    }
+
+
+@pytest.mark.parametrize(
+    ("ok", "waivers", "outcome"),
+    [
+        (True, {}, "passed"),
+        (False, {}, "failed"),
+        (False, {"TEST001": "on purpose"}, "waived"),
+        (True, {"TEST001": "on purpose"}, "passed"),
+    ],
+)
+def test_judge_minds_waivers(ok: bool, waivers: dict[str, str], outcome: str) -> None:
+    """A waiver stands for a broken promise; on a kept one it is reported as needless."""
+    judged = judge(made(ok), Contract(waivers=waivers), ProbeEvidence("parallel"), {})
+
+    assert judged.outcome == outcome
+    assert ("on purpose" in judged.reason) == bool(waivers)
+
+
+def test_judge_tells_not_exercised_from_not_applicable() -> None:
+    """No case is never green, and what isn't promised isn't judged."""
+
+    @check("TEST002", needs=("rollout",), severity=LOW, fix="")
+    def quiet(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+        """Something holds."""
+        yield from ()
+
+    not_exercised = judge(
+        quiet, Contract(), ProbeEvidence("parallel", not_exercised={"rollout": "time"}), {}
+    )
+    other = judge(made(api="aec"), Contract(), ProbeEvidence("parallel"), {})
+    declared = judge(made(applies=lambda *_: "undeclared"), Contract(), ProbeEvidence("aec"), {})
+
+    assert (not_exercised.outcome, not_exercised.reason) == ("not_exercised", "time")
+    assert (other.outcome, declared.outcome) == ("not_applicable", "not_applicable")
+    assert declared.reason == "undeclared"
+
+
+def test_judge_calls_a_failing_check_an_error() -> None:
+    """A check that raises is our fault, or its author's, never the environment's."""
+
+    @check("TEST003", needs=(), severity=LOW, fix="")
+    def promise(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+        """Something holds."""
+        raise ZeroDivisionError
+        yield
+
+    judged = judge(promise, Contract(), ProbeEvidence("parallel"), {})
+
+    assert judged.outcome == "error"
+    assert "ZeroDivisionError" in judged.reason
+
+
+def test_check_needs_a_promise() -> None:
+    """A check without a claim, or with an id of another form, can't be made."""
+
+    def run(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
+        yield from ()
+
+    with pytest.raises(EvidenceError, match="is no check"):
+        check("GK001", needs=(), severity=LOW, fix="")(run)
+
+
+def test_gather_goes_on_without_a_probe_in_which_the_process_died() -> None:
+    """The death is a fact, and what the probe should have seen is unseen."""
+    opened = open_env(Rovers)
+    lab = lab_of(opened, None, spec=Rovers, kwargs={}, seed=0, budget=100)
+
+    gathered = gather(
+        lab, ["rollout"], died={"rollout": "died: killed by SIGSEGV"}, on_probe=lambda *_: None
+    ).gathered()
+
+    assert [fact.value.text for fact in gathered.facts(ProbeDeath)] == ["died: killed by SIGSEGV"]
+    assert "SIGSEGV" in gathered.not_exercised["rollout"]
+
+
+def test_audit_survives_a_process_that_is_killed(tmp_path: Any) -> None:
+    """An environment that kills its process leaves the rest of the audit standing."""
+    source = tmp_path / "killer.py"
+    source.write_text(
+        "import os, signal\n"
+        "from tests.faults.rovers import Rovers\n"
+        "class Killer(Rovers):\n"
+        "    def step(self, actions):\n"
+        "        os.kill(os.getpid(), signal.SIGKILL)\n"
+        "def make():\n"
+        "    return Killer()\n",
+        encoding="utf-8",
+    )
+    found = audit(f"{source}:make", select=("GK402", "GK501"), budget=300)
+
+    assert {verdict.outcome for verdict in found.verdicts} == {"not_exercised"}
+    assert "SIGKILL" in found.verdicts[0].reason
+
+
+def test_checks_refuses_two_of_one_id(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An id names one promise."""
+    found = Plugins({"one": made(), "two": made()})
+    monkeypatch.setattr(checks_room.plugins, "load", lambda *_, **__: found)
+    with pytest.raises(EvidenceError, match="two checks are called TEST001"):
+        checks()

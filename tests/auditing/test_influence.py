@@ -1,0 +1,142 @@
+"""Replaced actions: what they move, when, and what is seen of them too early."""
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from gamekeeper.auditing.audit import audit_here
+from gamekeeper.contract import Contract
+from tests.auditing.small_games import Grab
+from tests.faults.payers import Pursuit
+from tests.faults.ticks import HANDS_CONTRACT, Hands
+
+
+def verdict(spec: Any, id: str, **options: Any) -> Any:
+    """What one check came to."""
+    found = audit_here(spec, select=(id,), **{"budget": 500, **options}).of(id)
+    assert found.outcome != "error", found.reason
+    return found
+
+
+class Prompt(Pursuit):
+    """The same game with rewards after the moves."""
+
+    def step(self, actions: Any) -> Any:
+        """Pays once all have moved."""
+        acting = list(self.agents)
+        out = super().step(actions)
+        return out[0], {a: self.reward(a) for a in acting}, *out[2:]
+
+
+class Sled(Prompt):
+    """Actions push, and positions follow a tick later: slow by its rules, not a late reward."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Nobody moves yet."""
+        self.push = {a: np.zeros(2, int) for a in self.possible_agents}
+        return super().reset(seed, options)
+
+    def step(self, actions: Any) -> Any:
+        """Drifts on, then takes the new push."""
+        acting = list(self.agents)
+        for agent in acting:
+            self.cells[agent] = (self.cells[agent] + self.push[agent]) % 6
+        held = {a: self.cells[a].copy() for a in acting}
+        out = Pursuit.step(self, actions)
+        for agent in acting:
+            self.push[agent] = self.cells[agent] - held[agent]
+            self.cells[agent] = held[agent]
+        seen = {a: self.observation(a) for a in acting}
+        return seen, {a: self.reward(a) for a in acting}, *out[2:]
+
+    def observation(self, agent: Any) -> Any:
+        """The push stands in place of the last evader."""
+        seen = super().observation(agent)
+        seen[-2:] = self.push[agent] % 6
+        return seen
+
+
+def test_rewards_before_the_moves_are_broken() -> None:
+    """Pursuit's rewards of the state before the tick come one step late."""
+    assert verdict(Pursuit, "GK411").outcome == "failed"
+
+
+def test_rewards_after_the_moves_are_kept() -> None:
+    """The same game, paid once all have moved."""
+    assert verdict(Prompt, "GK411").outcome == "passed"
+
+
+def test_slow_rules_are_no_late_reward() -> None:
+    """A position that follows a push a tick later moves the reward later too, and is right."""
+    assert verdict(Sled, "GK411").outcome == "passed"
+
+
+def test_a_game_that_pays_nothing_is_not_exercised() -> None:
+    """Without rewards nobody can tell when they come."""
+    assert verdict(partial(Grab, "none", (1,), 3), "GK411").outcome in ("passed", "not_exercised")
+
+
+def test_hands_shown_need_the_declaration() -> None:
+    """Turns that answer each other are a game of their own unless declared simultaneous."""
+    assert verdict(Hands, "GK331").outcome == "not_applicable"
+    declared = Contract.from_json(HANDS_CONTRACT)
+    assert verdict(Hands, "GK331", contract=declared).outcome == "failed"
+
+
+def test_stages_may_see_each_other() -> None:
+    """Who is declared to act in a later stage may see what the earlier one did."""
+    declared = Contract.from_json(
+        {
+            "api": "aec",
+            "roles": {
+                name: {"agents": [f"player_{place}"]}
+                for place, name in enumerate(("one", "two", "three"))
+            },
+            "schedule": {"stages": [["one"], ["two"], ["three"]], "observe": "after tick"},
+        }
+    )
+    assert verdict(Hands, "GK331", contract=declared).outcome == "not_exercised"
+
+
+def test_a_bump_that_both_can_avoid_is_joint() -> None:
+    """A penalty that its payee could have avoided too lands on no wrong participant."""
+
+    class Crash(Grab):
+        def step(self, actions: Any) -> Any:
+            """Two who ask at once crash; the first of them pays."""
+            asking = [a for a in self.agents if actions[a] == 1]
+            out = super().step(actions)
+            paid = {a: -float(len(asking) > 1 and a == asking[0]) for a in out[1]}
+            return out[0], paid, *out[2:]
+
+    declared = Contract.from_json(
+        {
+            "roles": {"player": {"agents": ["*"]}},
+            "rewards": {"crash": {"kind": "individual", "earner": "all", "payee": "earner"}},
+        }
+    )
+    assert verdict(Crash, "GK421", contract=declared).outcome == "passed"
+
+
+def test_undeclared_terms_are_not_judged() -> None:
+    """Whose doing a reward is, only a contract says."""
+    assert verdict(partial(Grab, "none"), "GK421").outcome == "not_applicable"
+
+
+def test_symmetry_under_a_declared_priority_is_not_judged() -> None:
+    """Where some agents are declared to come first, they may fare better."""
+    roles = {"player": {"agents": ["*"], "symmetric": True}}
+    declared = Contract.from_json({"roles": roles, "schedule": {"conflicts": "priority"}})
+    assert verdict(partial(Grab, "first"), "GK511", contract=declared).outcome == "not_applicable"
+
+
+def test_hidden_priority_shows_among_symmetric_agents() -> None:
+    """Who always wins conflicts isn't interchangeable with the others."""
+    roles = {"player": {"agents": ["*"], "symmetric": True}}
+    declared = Contract.from_json({"roles": roles})
+    found = {
+        rule: verdict(partial(Grab, rule, (0, 1, 2), 20), "GK511", contract=declared).outcome
+        for rule in ("first", "draw")
+    }
+    assert found == {"first": "failed", "draw": "passed"}

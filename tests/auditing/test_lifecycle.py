@@ -1,0 +1,164 @@
+"""Life cycle: before a reset, after the end, resets at any time, closing."""
+
+from typing import Any
+
+import pytest
+
+from gamekeeper.auditing.audit import audit_here
+from gamekeeper.auditing.result import AuditResult
+from tests.auditing.roster_games import Counting, Turning
+from tests.faults.rovers import Rovers
+from tests.faults.traders import Traders
+
+
+def audited(spec: object, *, budget: int = 200) -> AuditResult:
+    """The audit of a small game, by the checks of life cycles."""
+    found = audit_here(spec, select=("GK52",), budget=budget)
+    assert [v.reason for v in found.verdicts if v.outcome == "error"] == []
+    return found
+
+
+def broken(spec: object, **options: Any) -> set[str]:
+    """The ids of the checks that are broken."""
+    return {verdict.id for verdict in audited(spec, **options).failed}
+
+
+@pytest.mark.parametrize("game", [Counting, Turning])
+@pytest.mark.parametrize("ids", [("a", "b", "c"), (0, 1, 2), (("red", 0), 1, "b")], ids=str)
+def test_agents_may_be_called_anything(game: Any, ids: Any) -> None:
+    """Numbers and tuples name agents as well as texts do."""
+    assert broken(lambda: game(ids)) == set()
+
+
+class Watched(Counting):
+    """Counts how often it is closed."""
+
+    closed = 0
+
+    def close(self) -> None:
+        """Takes note."""
+        self.closed += 1
+
+
+def test_an_object_is_never_closed() -> None:
+    """Who hands over an object keeps it: what needs another instance is unseen."""
+    env = Watched()
+    found = audited(env)
+    assert found.of("GK525").outcome == found.of("GK521").outcome == "not_exercised"
+    assert found.of("GK520").outcome == "passed"
+    assert env.closed == 0
+
+
+class Refuses(Rovers):
+    """Refuses steps after the end, with an error of its own."""
+
+    def step(self, actions: dict[str, Any]) -> Any:
+        """Raises where there is nobody."""
+        if not self.agents:
+            raise KeyError("nobody is here")
+        return super().step(actions)
+
+
+class Silent(Traders):
+    """Says nothing to steps after the end, and does nothing."""
+
+    def step(self, action: Any) -> None:
+        """Nothing, where there is nobody."""
+        if self.agents:
+            super().step(action)
+
+
+@pytest.mark.parametrize("game", [Refuses, Silent])
+def test_steps_after_the_end_may_raise_or_do_nothing(game: Any) -> None:
+    """Any exception is fine, and so is silence."""
+    assert audited(game).of("GK520").outcome == "passed"
+
+
+class Revives(Turning):
+    """A step after the end begins another round."""
+
+    def step(self, action: Any) -> None:
+        """Resets itself."""
+        if not self.agents:
+            self.reset()
+        super().step(action)
+
+
+def test_a_turn_after_the_end_is_found() -> None:
+    """An AEC environment that goes on by itself is told so."""
+    assert "GK520" in broken(Revives)
+
+
+class ThrowsAway(Rovers):
+    """Can't be reset while an episode is on."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Raises in mid-episode."""
+        if self.agents:
+            raise RuntimeError("the episode isn't over")
+        return super().reset(seed, options)
+
+
+class Empty(Rovers):
+    """After its first episode nobody comes back."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """The roster of the second episode is empty."""
+        is_first = self.rng is None
+        out = super().reset(seed, options)
+        self.agents = self.agents if is_first else []
+        return out
+
+
+@pytest.mark.parametrize("game", [ThrowsAway, Empty])
+def test_resets_begin_anew_at_any_time(game: Any) -> None:
+    """A reset that raises in mid-episode, or leaves nobody, is found."""
+    assert "GK523" in broken(game)
+
+
+def test_equal_starts_are_no_ignored_reset() -> None:
+    """A game that shows the same at every turn may well have been reset."""
+
+    class Blind(Counting):
+        def step(self, actions: Any) -> Any:
+            _, *rest = super().step(actions)
+            return dict.fromkeys(rest[0], 0), *rest
+
+    assert audited(Blind).of("GK523").outcome == "passed"
+
+
+class NeedsSeed(Rovers):
+    """Its seed has no default."""
+
+    def reset(self, seed: int | None, options: Any = None) -> Any:  # type: ignore[override]  # the fault
+        """Must be told."""
+        return super().reset(seed, options)
+
+
+def test_a_reset_needs_no_argument() -> None:
+    """A seed that has to be given is found, with the call that shows it."""
+    verdict = audited(NeedsSeed).of("GK524")
+    assert verdict.outcome == "failed"
+    assert "reset()" in verdict.findings[0].reproducer
+
+
+def test_the_ended_may_be_refused() -> None:
+    """An environment that raises at actions of those who are gone is fine."""
+
+    class Strict(Rovers):
+        def step(self, actions: Any) -> Any:
+            if set(actions) - set(self.agents):
+                raise ValueError("somebody isn't here")
+            return super().step(actions)
+
+    assert audited(Strict, budget=800).of("GK526").outcome == "passed"
+
+
+def test_the_ended_are_not_blamed_for_chance() -> None:
+    """A game that never goes the same way twice says nothing about those who ended."""
+
+    class Chance(Rovers):
+        def reset(self, seed: int | None = None, options: Any = None) -> Any:
+            return super().reset(None if self.rng is not None else seed, options)
+
+    assert audited(Chance, budget=800).of("GK526").outcome == "not_exercised"

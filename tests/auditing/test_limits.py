@@ -1,0 +1,81 @@
+"""Limits of time that nobody has declared: where they are named, and how they end an episode."""
+
+from typing import Any, Final
+
+import numpy as np
+
+from gamekeeper.auditing.probes.surface import limits_of
+from tests.auditing.roster_games import Counting
+from tests.auditing.test_rosters import audited, broken
+
+TICK_LIMIT: Final = 6
+"""The name that the classes below find in their module; no instance holds the number."""
+
+
+class Terminating(Counting):
+    """All end by termination when time is up."""
+
+    def __init__(self) -> None:
+        super().__init__(ends=(TICK_LIMIT, TICK_LIMIT, TICK_LIMIT))
+
+
+class Truncating(Counting):
+    """All are cut when time is up."""
+
+    def __init__(self) -> None:
+        super().__init__(ends=(900, 900, 900), limit=TICK_LIMIT)
+
+
+class Emptied(Counting):
+    """Batteries of many sizes; some are empty in the very tick in which time is up."""
+
+    def __init__(self) -> None:
+        super().__init__(limit=TICK_LIMIT)
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """The last agent ends in one of four ticks, of which the limit is one."""
+        if seed is not None:
+            self.rng = np.random.default_rng(seed)
+        last = int(self.rng.integers(TICK_LIMIT - 3, TICK_LIMIT + 1))
+        self.ends = dict.fromkeys(self.possible_agents, last)
+        return super().reset(seed, options)
+
+
+class Settled:
+    """Holds numbers in many places."""
+
+    max_cycles = 11
+
+    def __init__(self, deadline: int = 12, size_limit: int = 13) -> None:
+        self.n_steps, self.end, self.size = 14, deadline, size_limit
+        self.settings: dict[str, Any] = {"horizon": 15, "max_players": 16, "cutoff": 17.0}
+        self.max_laps, self.bid_limit = 18, 19
+
+
+def test_limits_of_the_module_that_terminate_are_found() -> None:
+    """A limit's name may stand outside the instance."""
+    assert {"GK508"} == broken(Terminating)
+
+
+def test_limits_of_the_module_that_truncate_break_nothing() -> None:
+    """Where the other flag is up all is well."""
+    assert set() == broken(Truncating)
+
+
+def test_rule_that_sometimes_ends_in_the_last_tick_is_no_limit() -> None:
+    """Where most plays end before it, what meets the limit is chance."""
+    found = audited(Emptied).of("GK508")
+    assert found.outcome in ("passed", "not_exercised")
+
+
+def test_limits_are_found_wherever_they_are_named() -> None:
+    """In the instance, its settings, its class, its constructor and its module."""
+    found = limits_of(Settled())
+
+    assert {name: found[name] for name in found if found[name] < 100} == {
+        "max_cycles": 11,
+        "deadline": 12,
+        "n_steps": 14,
+        "horizon": 15,
+        "TICK_LIMIT": 6,
+    }

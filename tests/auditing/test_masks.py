@@ -1,0 +1,146 @@
+"""Checks of action masks, where the matrix doesn't go."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium import spaces
+
+from gamekeeper.auditing.audit import audit_here
+from gamekeeper.contract import Contract
+from tests.faults.rovers import Rovers
+from tests.faults.tokens import Tokens
+
+
+class Masked(Rovers):
+    """Rovers with a mask in their infos; the last move is never allowed."""
+
+    mask: Any = np.array([1, 1, 1, 1, 0], np.int8)
+
+    def info(self, agent: str) -> dict[str, Any]:
+        """With the mask."""
+        return {"battery": self.battery[agent], "action_mask": self.mask}
+
+    def step(self, actions: dict[str, Any]) -> Any:
+        """Refuses the last move."""
+        if any(actions[agent] == 4 for agent in self.agents):
+            raise ValueError("not there")
+        return super().step(actions)
+
+
+def broken(make: Any, budget: int = 200, contract: Contract | None = None) -> list[str]:
+    """Ids of checks of masks and actions that were broken or failed."""
+    audit = audit_here(make, select=("GK22", "GK23"), budget=budget, contract=contract)
+    return [each.id for each in audit.verdicts if each.outcome in ("failed", "error")]
+
+
+def test_masks_in_infos_are_read() -> None:
+    """A mask in the infos of a Parallel environment is as good as one in the observation."""
+    assert broken(Masked) == []
+
+
+@pytest.mark.parametrize(
+    ("mask", "ids"),
+    [
+        ([1, 1, 1, 1, 0], ["GK231"]),
+        (np.array([1, 2, 1, 1, 0], np.int8), ["GK231"]),
+        (np.array([[1, 1, 1, 1, 0]], np.int8), ["GK230"]),
+        (np.ones(4, np.int8), ["GK230"]),
+        ("all", ["GK230"]),
+        (np.ones(5, np.int8), ["GK235"]),
+        (np.array([0, 0, 0, 0, 1], np.int8), ["GK235"]),
+    ],
+)
+def test_masks_are_told_apart(mask: Any, ids: list[str]) -> None:
+    """Each way in which a mask is wrong has one check, also where no policy can choose by it."""
+    make = type("Wrong", (Masked,), {"mask": mask})
+    assert broken(make) == ids
+
+
+def test_masks_of_waiting_agents_may_be_empty() -> None:
+    """All zeros are right for who isn't to move, and for who has ended."""
+
+    class Waiting(Masked):
+        def info(self, agent: str) -> dict[str, Any]:
+            info = super().info(agent)
+            return info if self.battery[agent] > 0 else {**info, "action_mask": self.mask * 0}
+
+    assert broken(Waiting) == []
+    assert broken(Tokens) == []
+
+
+class Levers(Masked):
+    """Two choices at once."""
+
+    mask = (np.array([1, 0], np.int8), np.array([1, 1, 0], np.int8))
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._done = {a: spaces.MultiDiscrete([2, 3]) for a in self.possible_agents}
+
+    def step(self, actions: dict[str, Any]) -> Any:
+        """Refuses what the first mask forbids."""
+        if any(actions[a].tolist() not in ([0, 0], [0, 1]) for a in self.agents):
+            raise ValueError("not there")
+        return Rovers.step(self, {a: int(actions[a][1]) for a in self.agents})
+
+
+@pytest.mark.parametrize(
+    ("mask", "ids"),
+    [
+        (Levers.mask, []),
+        (np.array([1, 0, 1, 1, 0], np.int8), []),
+        ((Levers.mask[0].astype(bool), Levers.mask[1]), ["GK231"]),
+        ((Levers.mask[0], np.ones(3, np.int8)), ["GK235"]),
+        ((Levers.mask[0],), ["GK230"]),
+    ],
+)
+def test_masks_of_several_choices_are_judged(mask: Any, ids: list[str]) -> None:
+    """MultiDiscrete takes a mask for each part, or a flat one."""
+    assert broken(type("Pulled", (Levers,), {"mask": mask})) == ids
+
+
+@pytest.mark.parametrize(
+    ("declared", "done", "is_kept"),
+    [
+        ("error", "error", True),
+        ("penalty", "penalty", True),
+        ("end", "end", True),
+        ("end", "penalty", False),
+        ("error", "end", False),
+    ],
+)
+def test_forbidden_actions_bring_what_is_declared(declared: str, done: str, is_kept: bool) -> None:
+    """Whether a forbidden action raises, costs or ends is compared with the contract."""
+
+    class Strict(Masked):
+        def step(self, actions: dict[str, Any]) -> Any:
+            bad = [agent for agent in self.agents if actions[agent] == 4]
+            if bad and done == "error":
+                raise ValueError("not there")
+            out = Rovers.step(self, {a: 0 if a in bad else actions[a] for a in self.agents})
+            for agent in bad:
+                if done == "penalty":
+                    out[1][agent] = -1.0
+                else:
+                    out[2][agent] = True
+                    self.agents = [each for each in self.agents if each != agent]
+            return out
+
+    role = {"agents": "rover_*", "mask": "infos.action_mask", "illegal": declared}
+    contract = Contract.from_json({"roles": {"rover": role}})
+    assert broken(Strict, contract=contract) == ([] if is_kept else ["GK237"])
+
+
+def test_masks_of_turns_are_shown_without_a_step() -> None:
+    """What is wrong from the first turn on is shown by a program that steps nothing."""
+
+    class Bool(Tokens):
+        def observe(self, agent: str) -> dict[str, Any]:
+            seen = super().observe(agent)
+            return {**seen, "action_mask": seen["action_mask"].astype(bool)}
+
+    verdict = audit_here(Bool, select=("GK231",), budget=100).of("GK231")
+    assert "ACTIONS = []" in verdict.findings[0].reproducer

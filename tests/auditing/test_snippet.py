@@ -1,0 +1,86 @@
+"""Snippets: values that can be pasted, programs that run."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gamekeeper.auditing.snippet import Home, home, snippet
+from gamekeeper.checks.case import Reproducer
+from gamekeeper.checks.literal import literal
+from gamekeeper.rollouts.episode_loop import EpisodePlan
+
+PLAIN = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats(allow_nan=False)
+    | st.text()
+    | st.binary(),
+    lambda inner: st.lists(inner) | st.tuples(inner) | st.dictionaries(st.text(), inner),
+)
+
+
+@given(PLAIN)
+def test_literal_reads_back(value: Any) -> None:
+    """A plain value's text is an expression that gives it."""
+    assert eval(literal(value), {"np": np}) == value
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        np.array([0.1, -np.inf], np.float32),
+        np.array([[1, 2]], np.int8),
+        np.array([True]),
+        np.zeros((0, 2)),
+    ],
+)
+def test_literal_of_an_array_keeps_dtype_and_shape(value: Any) -> None:
+    """Arrays come back with their dtype; 32-bit floats show no more digits than they have."""
+    back = eval(literal(value), {"np": np})
+
+    assert back.dtype == value.dtype
+    assert np.array_equal(back.reshape(value.shape), value)
+    assert "0.10000000149" not in literal(value)
+
+
+def test_program_raises_where_its_proof_does() -> None:
+    """Without a fault the program ends; with one it raises."""
+    where = Home((), "None")
+    quiet = snippet(
+        where,
+        "parallel",
+        EpisodePlan(actions=()),
+        Reproducer("assert True", plays=False),
+        title="x",
+        shows="y",
+    )
+    loud = snippet(
+        where,
+        "parallel",
+        EpisodePlan(actions=()),
+        Reproducer("assert False", plays=False),
+        title="x",
+        shows="y",
+    )
+
+    exec(quiet, {})
+    with pytest.raises(AssertionError):
+        exec(loud, {})
+
+
+def test_home_needs_pettingzoo_alone_where_it_can() -> None:
+    """A module is imported by itself; an id goes through gk.make, an object can't be built."""
+    module = {"kind": "module", "entry_point": "mpe2.simple_spread_v3:parallel_env"}
+    assert home("mpe2.simple_spread_v3:parallel_env", module, {"N": 2}) == Home(
+        ("from mpe2.simple_spread_v3 import parallel_env as build",), "build(N=2)"
+    )
+    shipped = {"kind": "id", "entry_point": "classic/go-v5", "api": "aec"}
+    assert home("classic/go-v5", shipped, {}).make == "pettingzoo.make('aec', 'classic/go-v5')"
+    assert "gk.make('warehouse'" in home("warehouse", {"kind": "id"}, {}).make
+    assert home("<object>", {"kind": "object"}, {}).make == ""

@@ -1,0 +1,100 @@
+"""Edge cases of state() that the matrix doesn't show."""
+
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+
+from gamekeeper.auditing.audit import audit_here
+from gamekeeper.auditing.result import AuditResult
+from tests.faults.rovers import Rovers
+from tests.faults.tokens import Tokens
+from tests.faults.traders import Traders
+
+
+def audited(spec: Any) -> AuditResult:
+    """A small audit of what is said of state()."""
+    return audit_here(spec, select=("GK81",), budget=200)
+
+
+class Undeclared(Rovers):
+    """Has a state, and no space for it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        del self.state_space
+
+
+class NotANumber(Undeclared):
+    """Divides by nothing."""
+
+    def state(self) -> Any:
+        return np.full(3, np.nan, np.float32)
+
+
+class Nothing(Rovers):
+    """Declares a state, and forgets to return it."""
+
+    def state(self) -> Any:
+        return None
+
+
+class Nested(Rovers):
+    """A state of two parts."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.state_space = spaces.Dict(  # type: ignore[assignment]
+            {"cells": spaces.Box(0.0, 1.0, (12,), np.float32), "time": spaces.Discrete(100)}
+        )
+
+    def state(self) -> Any:
+        return {"cells": super().state(), "time": self.time}
+
+
+class SilentAtTheEnd(Traders):
+    """Has no state once all have ended."""
+
+    def state(self) -> Any:
+        if not self.agents:
+            raise RuntimeError("nobody is left")
+        return super().state()
+
+
+def test_state_is_optional() -> None:
+    """No state() is legal."""
+    assert {"not_applicable"} == {verdict.outcome for verdict in audited(Tokens).verdicts}
+
+
+def test_state_without_a_space_keeps_its_form() -> None:
+    """Without a space shape and dtype are looked at against the first state."""
+    found = audited(Undeclared)
+    assert found.failed == ()
+    assert [found.of(id).outcome for id in ("GK811", "GK812", "GK813")] == ["passed"] * 3
+
+
+def test_state_of_nan_is_found_without_a_space() -> None:
+    """NaN is no state, whatever is declared."""
+    assert "GK813" in [verdict.id for verdict in audited(NotANumber).failed]
+
+
+def test_state_that_is_none_hasnt_its_shape() -> None:
+    """None is not in a space."""
+    assert "GK811" in [verdict.id for verdict in audited(Nothing).failed]
+
+
+def test_state_may_be_nested() -> None:
+    """A state of several parts is looked at as a whole."""
+    found = audited(Nested)
+    assert found.failed == ()
+    assert found.of("GK813").outcome == "passed"
+
+
+def test_state_after_the_end_isnt_judged() -> None:
+    """What state() does once everybody has ended is its own affair."""
+    assert audited(SilentAtTheEnd).failed == ()
+
+
+def test_state_of_an_object_is_looked_at() -> None:
+    """One instance is enough."""
+    assert audited(Rovers()).of("GK815").outcome == "passed"

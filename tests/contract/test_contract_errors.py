@@ -1,0 +1,315 @@
+"""Mistakes in contracts: each is found where it stands, with what would have been right."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gamekeeper.contract import Contract
+from gamekeeper.errors import ContractError
+
+WAREHOUSE = """\
+name = "warehouse_v0"
+api = "parallel"
+why = "all robots move once a tick; the tick resolves their joint action"
+
+[schedule]
+stages = [["picker", "carrier"]]        # roles that act together
+order = "none"
+observe = "after tick"
+conflicts = "joint rule"
+horizon = 200
+
+[roles.picker]
+agents = "picker_*"
+symmetric = true
+may_join = true
+may_leave = true
+noop = 4
+mask = "infos.action_mask"
+messages = []
+
+[rewards.delivery]
+kind = "shared"
+earner = "carrier"
+payee = "all"
+
+[endings]
+battery = { kind = "truncation", owner = "agent" }
+cleared = { kind = "termination", owner = "all" }
+
+[seeds]
+deterministic = true
+[infos]
+position = { dtype = "int64", shape = [2] }
+wall_s = { volatile = true }
+[knobs]
+sensor_noise = { label = "perception", ideal = 0.0 }
+[failure]
+team = "deliveries < 3"
+[waivers]
+GK503 = "battery death is announced one tick late on purpose"
+"""
+
+
+def seen_error(text, **options):
+    """The error that a text meets."""
+    with pytest.raises(ContractError) as caught:
+        Contract.parse(text, **options)
+    return caught.value
+
+
+def changed(old, new):
+    """The warehouse's contract with one piece of its text replaced."""
+    assert old in WAREHOUSE
+    return WAREHOUSE.replace(old, new, 1)
+
+
+WRONG = {
+    "unknown key": ("why =", "wy =", 3, "wy", "write 'why'"),
+    "unknown section": ("[seeds]", "[seed]", 30, "seed", "write 'seeds'"),
+    "unknown inner key": ("shape = [2]", "shap = [2]", 33, "infos.position.shap", "write 'shape'"),
+    "unknown word": ('"none"', '"nome"', 7, "schedule.order", "write 'none'"),
+    "unknown api": ('"parallel"', '"Parallel"', 2, "api", "write 'parallel'"),
+    "wrong type": (
+        "symmetric = true",
+        "symmetric = 1",
+        14,
+        "roles.picker.symmetric",
+        "true or false",
+    ),
+    "quoted truth": (
+        "may_join = true",
+        'may_join = "true"',
+        15,
+        "roles.picker.may_join",
+        "without quotes",
+    ),
+    "text for a number": (
+        "horizon = 200",
+        'horizon = "200"',
+        10,
+        "schedule.horizon",
+        "whole number",
+    ),
+    "truth for a number": (
+        "horizon = 200",
+        "horizon = true",
+        10,
+        "schedule.horizon",
+        "whole number",
+    ),
+    "no horizon": ("horizon = 200", "horizon = 0", 10, "schedule.horizon", "from 1 on"),
+    "date": ('name = "warehouse_v0"', "name = 2026-01-01", 1, "name", "quotes"),
+    "nan": ("noop = 4", "noop = [4, nan]", 17, "roles.picker.noop", "replace nan"),
+    "infinite": ("ideal = 0.0", "ideal = inf", 36, "knobs.sensor_noise.ideal", "replace inf"),
+    "long number": ("noop = 4", f"noop = {2**70}", 17, "roles.picker.noop", "64 bits"),
+    "mask nowhere": (
+        "infos.action_mask",
+        "info.action_mask",
+        18,
+        "roles.picker.mask",
+        "infos.action_mask",
+    ),
+    "earner unknown": (
+        '"carrier"\np',
+        '"carier"\np',
+        23,
+        "rewards.delivery.earner",
+        "write 'carrier'",
+    ),
+    "payee unknown": (
+        'payee = "all"',
+        'payee = ["picker", "al"]',
+        24,
+        "rewards.delivery.payee[1]",
+        "al",
+    ),
+    "owner unknown": (
+        'owner = "agent"',
+        'owner = "agents"',
+        27,
+        "endings.battery.owner",
+        "write 'agent'",
+    ),
+    "stage misspelt": (
+        '"picker", "carrier"]',
+        '"pickr", "carrier"]',
+        6,
+        "schedule.stages[0][0]",
+        "write 'picker'",
+    ),
+    "stage twice": (
+        '"picker", "carrier"]',
+        '"picker", "picker"]',
+        6,
+        "schedule.stages[0][1]",
+        "leave the second out",
+    ),
+    "stage empty": ('["picker", "carrier"]', "[]", 6, "schedule.stages[0]", "fill it"),
+    "stage no list": (
+        '[["picker", "carrier"]]',
+        '["picker", "carrier"]',
+        6,
+        "schedule.stages[0]",
+        "put the items into [ ]",
+    ),
+    "label missing": (
+        'label = "perception", ',
+        "",
+        36,
+        "knobs.sensor_noise",
+        "add knobs.sensor_noise.label",
+    ),
+    "patterns overlap": (
+        'agents = "picker_*"',
+        'agents = "*_1*"',
+        13,
+        "roles.picker.agents",
+        "narrower",
+    ),
+    "reserved role": ("[roles.picker]", "[roles.all]", 12, "roles.all", "something else"),
+    "waiver id": ("GK503", "gk503", 40, "waivers.gk503", "write GK503"),
+    "waiver no id": ("GK503", "battery", 40, "waivers.battery", "audit's report"),
+    "waiver no reason": (
+        '"battery death is announced one tick late on purpose"',
+        '" "',
+        40,
+        "waivers.GK503",
+        "why it is so",
+    ),
+    "failure": ("deliveries < 3", "deliveries <", 38, "failure.team", "deliveries < 3"),
+    "failure of whom": ("team = ", "pikcer = ", 38, "failure.pikcer", "write 'picker'"),
+    "observe in vain": ('"after tick"', '"after turn"', 8, "schedule.observe", 'api = "aec"'),
+    "order in vain": ('"joint rule"', '"ordered"', 9, "schedule.conflicts", "schedule.order"),
+    "after_end": (
+        "[rewards.delivery]",
+        '[rewards]\nafter_end = "no"\n[rewards.delivery]',
+        22,
+        "rewards.after_end",
+        "listed",
+    ),
+    "blank": ('"warehouse_v0"', '""', 1, "name", "leave the key out"),
+    "table for text": ('"warehouse_v0"', "{ a = 1 }", 1, "name", "quotes"),
+    "text for a table": ("{ volatile = true }", '"volatile"', 34, "infos.wall_s", "section"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_contract_error_names_line_key_and_fix(case):
+    """Each mistake is found where it stands, with what would have been right."""
+    old, new, line, key, fix = WRONG[case]
+    error = seen_error(changed(old, new), source="warehouse.toml")
+    assert error.where == f"warehouse.toml, line {line}, {key}"
+    assert fix in error.fix or fix in error.expected
+    assert error.expected
+    assert error.actual
+    assert str(error.what) in str(error)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "seen"),
+    [
+        ('a = 1\nname = "x', 2, "name"),
+        ("[schedule\norder = 1", 1, "[schedule"),
+        ("api parallel", 1, "api parallel"),
+        ("[roles.a]\nnoop = 01", 2, "noop"),
+        ('name = "a"\n\n\nwhy = \\', 4, "why"),
+    ],
+)
+def test_contract_syntax_error_names_the_line(text, line, seen):
+    """What isn't TOML is shown with its line."""
+    error = seen_error(text, source="c.toml")
+    assert f"c.toml, line {line}" in error.where
+    assert seen in error.actual
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "key"),
+    [
+        ('[waivers]\nGK101 = "a"\nGK101 = "b"', 3, "GK101"),
+        ("[roles.a]\nnoop = 1\n[roles.a]\nnoop = 2", 3, "roles.a"),
+        ("name = 'a'\nname = 'b'", 2, "name"),
+    ],
+)
+def test_contract_refuses_what_is_declared_twice(text, line, key):
+    """A second declaration of a key is named with its line."""
+    error = seen_error(text)
+    assert f"line {line}" in error.where
+    assert f"{key!r} is declared twice" == error.what
+
+
+@pytest.mark.parametrize(
+    "term",
+    [
+        'kind = "zero-sum"\npayee = "a"',
+        'kind = "zero-sum"\npayee = "earner"',
+        'kind = "shared"\npayee = "earner"',
+        'kind = "individual"\nearner = "a"\npayee = "all"',
+        'kind = "shared"\npayee = ["a", "all"]',
+    ],
+)
+def test_reward_terms_that_contradict_themselves_are_refused(term):
+    """A zero-sum needs two payees, a shared term all, an individual one its earner."""
+    text = f'[roles.a]\nagents = "a"\n[roles.b]\nagents = "b_*"\n[rewards.t]\n{term}'
+    assert "rewards.t.payee" in seen_error(text).where
+
+
+def test_contract_error_from_plain_data_names_the_key():
+    """Without a text there are no lines, but the source and the key path are named."""
+    with pytest.raises(ContractError) as caught:
+        Contract.from_json({"schedule": {"horizon": -1}}, source="manifest.json")
+    assert caught.value.where == "manifest.json, schedule.horizon"
+
+
+@pytest.mark.parametrize("data", [None, [], "x", {1: 2}, {"roles": []}, {"name": None}])
+def test_contract_refuses_data_of_another_form(data):
+    """Anything but a table of the right form is a ContractError, never another error."""
+    with pytest.raises(ContractError):
+        Contract.from_json(data)
+
+
+def complaint(read, value):
+    """The ContractError that reading the value meets, if any; another error comes through."""
+    try:
+        read(value)
+    except ContractError as error:
+        return error
+    return None
+
+
+anything = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
+    lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
+)
+SECTIONS = ["name", "schedule", "roles", "rewards", "infos", "knobs", "failure", "waivers", "x"]
+
+
+@given(anything, st.sampled_from(SECTIONS))
+def test_contract_meets_any_data_with_its_own_error(data, section):
+    """No value makes reading fail in a way that isn't explained."""
+    error = complaint(Contract.from_json, {section: data})
+    assert error is None or (error.where and error.fix)
+
+
+@given(st.text() | st.text("[]{}=,.\"'#\n ab1", max_size=60))
+def test_contract_meets_any_text_with_its_own_error(text):
+    """No text makes parsing fail in a way that isn't explained."""
+    error = complaint(Contract.parse, text)
+    assert error is None or (error.where and error.fix)
+
+
+@pytest.mark.parametrize("text", ["a = " + "[" * 5_000, "a = " + "9" * 5_000, "[" * 3_000])
+def test_contract_survives_texts_made_to_break_it(text):
+    """Deep nesting and endless numbers are refused like any other mistake."""
+    assert seen_error(text).fix
+
+
+def test_contract_bounds_the_nesting_of_a_noop():
+    """A value nested beyond measure is refused before it can exhaust the stack."""
+    noop = []
+    for _ in range(100_000):
+        noop = [noop]
+    with pytest.raises(ContractError, match="nested"):
+        Contract.from_json({"roles": {"a": {"noop": noop}}})
+    while noop:
+        noop = noop.pop()

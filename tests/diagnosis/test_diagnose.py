@@ -1,0 +1,189 @@
+"""Diagnoses of recorded runs, from end to end."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import gamekeeper as gk
+from gamekeeper.diagnosis.diagnosis_result import Diagnosis
+from gamekeeper.diagnosis.shortest_failure import shrunk
+from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.errors import ContractError, EvidenceError, RunError, TrustError
+
+
+def run(spec: str = "handover", policies: Any = "reference", **kwargs: Any) -> Evidence:
+    """A run of ten episodes in memory."""
+    return gk.rollout(spec, policies=policies, episodes=10, seed=1, env_kwargs=kwargs)
+
+
+def plainly(evidence: Any, **options: Any) -> Diagnosis:
+    """A diagnosis without perturbations."""
+    return gk.diagnose(evidence, perturbations=False, **options)
+
+
+def test_a_knob_of_one_agent_is_isolated_and_is_that_agents() -> None:
+    """The other one is told whose it is."""
+    found = plainly(run(latency={"giver_0": 3}, occlusion=0.02))
+    assert found.team is not None
+    assert (found.team.answer, found.team.labels) == ("isolated", ("timing",))
+    assert found.agents["giver_0"].labels == ("timing",)
+    assert found.agents["receiver_0"].answer == "untested"
+    assert "latency[giver_0] = 0" in found.agents["receiver_0"].why
+    tested = {each.intervention: each for each in found.agents["giver_0"].tested}
+    assert tested["latency[giver_0] = 0"].restores
+    assert tested["latency[giver_0] = 0"].n >= 50
+    assert not tested["occlusion = 0.0"].restores
+    assert found.recorded == {"team": (10, 10)}
+    first = found.counterfactuals[0]
+    assert (first.failed, first.restored) == (True, True)
+    assert first.turn is not None
+
+
+def test_two_knobs_that_only_cure_together_are_joint() -> None:
+    """Neither alone helps."""
+    found = plainly(run(observation_noise=2.0, actuator_slip=0.5))
+    assert found.team is not None
+    assert (found.team.answer, found.team.labels) == ("joint", ("perception", "control"))
+
+
+def test_a_policy_is_cured_by_the_reference() -> None:
+    """Planning is isolated to the agent whose policy it is."""
+    found = plainly(run(policies={"giver": "noop", "receiver": "reference"}))
+    assert found.agents["giver_0"].labels == ("planning",)
+    assert found.agents["receiver_0"].labels == ()
+
+
+def test_a_horizon_shorter_than_declared_is_evaluation() -> None:
+    """The declared protocol restores."""
+    found = plainly(run(horizon=30))
+    assert found.team is not None
+    assert found.team.labels == ("evaluation",)
+
+
+def test_a_sound_run_has_no_cause() -> None:
+    """Also where a knob is turned that does no harm."""
+    found = gk.diagnose(run(occlusion=0.01))
+    assert not found.has_cause
+    assert found.episodes < 100
+
+
+def test_a_fault_without_a_handle_is_not_named() -> None:
+    """The condition can't be met by any ideal substitute, so nothing is."""
+    found = plainly(run(occlusion=0.02), failed="length > 0")
+    assert found.team is not None
+    assert (found.team.answer, found.team.labels) == ("untested", ())
+    assert "no ideal substitute restores" in found.team.why
+
+
+def test_perturbations_show_dependence_and_never_a_cause() -> None:
+    """A sound run depends on what its agents see, and no cause is named."""
+    found = gk.diagnose(run(), budget=1_500, perturbations=True)
+    kinds = {each.kind for agent in found.agents.values() for each in agent.tested}
+    assert kinds == {"perturbation"}
+    tested = {each.intervention: each for each in found.agents["giver_0"].tested}
+    assert tested["ObservationBias[giver_0]"].depends
+    assert 0.0 < (tested["ObservationBias[giver_0]"].flips_at or 0.0) < 0.2
+    assert not found.has_cause
+
+
+def test_equal_seeds_give_equal_answers_however_many_work(tmp_path: Path) -> None:
+    """One process, a worker, or a second call that goes on: the same document."""
+    evidence = run(latency=3)
+    apart = plainly(evidence, budget=300, workers=2)
+    here = plainly(evidence, budget=300, out=tmp_path / "d")
+    again = plainly(evidence, budget=300, out=tmp_path / "d")
+    assert again.episodes == 0
+    for one in (here, again):
+        same = {**one.to_json(), "episodes": apart.episodes, "runs": {}}
+        assert same == apart.to_json()
+
+
+def test_a_stopped_diagnosis_goes_on(tmp_path: Path) -> None:
+    """What was played isn't played again, nor is a line that was torn."""
+    evidence, seen = run(latency=3), []
+
+    def stop(fields: dict[str, Any]) -> None:
+        seen.append(fields)
+        if len(seen) > 40:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        plainly(evidence, out=tmp_path, on_message=stop)
+    notes = tmp_path / "outcomes.jsonl"
+    lines = len(notes.read_text().splitlines())
+    with notes.open("a") as file:
+        file.write('{"key": ["unchanged rerun"')
+    found = plainly(evidence, out=tmp_path)
+    whole = plainly(evidence)
+    assert found.episodes + lines - 1 == whole.episodes
+    assert found.agents == whole.agents
+
+
+def test_counterfactuals_replay_and_another_experiment_is_refused(tmp_path: Path) -> None:
+    """Runs of the unchanged rerun and of what restores stand on their own."""
+    evidence = run(latency=3)
+    found = plainly(evidence, out=tmp_path)
+    assert list(found.runs) == ["unchanged", "latency = 0"]
+    for folder in found.runs.values():
+        assert gk.replay(folder).verified
+    assert json.loads((tmp_path / "diagnosis.json").read_text()) == found.to_json()
+    with pytest.raises(RunError, match="outcomes of another experiment"):
+        plainly(evidence, out=tmp_path, seed=5)
+    with pytest.raises(RunError, match="outcomes of another experiment"):
+        plainly(evidence, out=tmp_path, policies={"*": "greedy"})
+
+
+@pytest.mark.usefixtures("nothing_is_ours")
+def test_code_that_evidence_names_is_not_run_unasked(tmp_path: Path) -> None:
+    """A policy with a colon is code."""
+    gk.rollout(
+        "handover",
+        policies={"giver": "gamekeeper.tasks.handover.handover_rules:reference"},
+        episodes=2,
+        out=tmp_path / "r",
+    )
+    with pytest.raises(TrustError, match="would execute code"):
+        plainly(tmp_path / "r")
+    assert plainly(tmp_path / "r", allow_import=True).run == str(tmp_path / "r")
+
+
+def test_objects_of_this_process_play_here_alone() -> None:
+    """A callable is diagnosed in this process, and refused to workers."""
+
+    def still(observation: Any, agent: Any, info: Any, rng: Any) -> int:
+        return 0
+
+    evidence = run(policies={"giver": still, "receiver": "reference"})
+    policies = {"giver": still, "receiver": "reference"}
+    found = plainly(evidence, policies=policies)
+    assert found.agents["giver_0"].labels == ("planning",)
+    with pytest.raises(EvidenceError, match="an object of this process"):
+        plainly(evidence, policies=policies, workers=2)
+
+
+def test_a_run_without_a_condition_asks_for_one() -> None:
+    """What failed means is data."""
+    evidence = gk.rollout("tictactoe", episodes=2)
+    with pytest.raises(ContractError, match="nothing says when an episode failed"):
+        plainly(evidence, contract=gk.Contract())
+
+
+def test_shrunk_play_fails_in_the_same_way_and_replays(tmp_path: Path) -> None:
+    """Fewer turns and acts, the same endings, evidence that replays."""
+    found = shrunk(run(latency={"giver_0": 3}), 0, out=tmp_path / "s")
+    assert found.turns[0] <= found.turns[1]
+    assert found.acts[0] < found.acts[1]
+    assert found.is_least
+    assert gk.replay(tmp_path / "s").verified
+
+
+def test_shrunk_refuses_what_does_not_fail() -> None:
+    """There is nothing to cut down."""
+    with pytest.raises(EvidenceError, match="doesn't fail"):
+        shrunk(run(), 0)
+    with pytest.raises(EvidenceError, match="has no episode 99"):
+        shrunk(run(), 99)

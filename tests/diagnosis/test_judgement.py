@@ -1,0 +1,112 @@
+"""What arms say, on outcomes made by hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gamekeeper.diagnosis.judgement import ScopeFinding, is_failing, judged, recovered
+from gamekeeper.diagnosis.trials import IdealSubstitute, joined
+
+N = 64
+NOISE = IdealSubstitute("noise = 0", "perception", ("a",), (("argument", "", "noise", 0),))
+BLUR = IdealSubstitute("blur = 0", "perception", ("a",), (("argument", "", "blur", 0),))
+SLIP = IdealSubstitute("slip = 0", "control", ("b",), (("argument", "", "slip", 0),))
+TRUTH = IdealSubstitute(
+    "truth = 1",
+    "state estimation",
+    ("a",),
+    (("argument", "", "truth", 1),),
+    frozenset({"noise = 0"}),
+)
+
+
+def share(p: float) -> Any:
+    """[N] of which a part succeeds."""
+    return (np.arange(N) < round(p * N)).astype(float)
+
+
+def found(unchanged: float, everything: float | None = None, **arms: float) -> ScopeFinding:
+    """The finding for arms named by the ideal substitutes above."""
+    substitutes = {"noise": NOISE, "blur": BLUR, "slip": SLIP, "truth": TRUTH}
+    substitutes["pair"] = joined([NOISE, SLIP])
+    substitutes["more"] = joined([joined([NOISE, BLUR], "perception: all"), SLIP])
+    return judged(
+        share(unchanged),
+        {substitutes[name]: share(p) for name, p in arms.items()},
+        everything=None if everything is None else share(everything),
+        rng=np.random.default_rng(0),
+    )
+
+
+def test_one_that_restores_alone_is_isolated() -> None:
+    """The decoy that was at its ideal too changes nothing."""
+    answer = found(0.1, noise=0.95, slip=0.1)
+    assert (answer.answer, answer.labels) == ("isolated", ("perception",))
+    assert answer.substitutes == (NOISE,)
+
+
+def test_what_contains_a_restoring_substitute_says_nothing() -> None:
+    """The true state cures noise by declaration, so it isn't a second cause."""
+    assert found(0.1, noise=0.95, truth=0.95).labels == ("perception",)
+
+
+def test_a_containing_substitute_that_restores_alone_is_the_cause() -> None:
+    """What it contains doesn't restore: then it is the estimation."""
+    assert found(0.1, noise=0.1, truth=0.95).labels == ("state estimation",)
+
+
+def test_two_that_restore_each_cannot_be_told_apart() -> None:
+    """Of different labels: compatible. Of one label: that label is isolated."""
+    assert found(0.1, noise=0.95, slip=0.95).answer == "compatible"
+    answer = found(0.1, noise=0.95, blur=0.95)
+    assert (answer.answer, answer.labels) == ("isolated", ("perception",))
+
+
+def test_a_pair_that_neither_part_replaces_is_joint() -> None:
+    """Both together, and neither alone."""
+    answer = found(0.1, noise=0.15, slip=0.1, pair=0.95)
+    assert (answer.answer, answer.labels) == ("joint", ("perception", "control"))
+
+
+def test_a_pair_that_needs_less_goes_before_one_that_does_more() -> None:
+    """So nobody is named whose handle does no harm."""
+    answer = found(0.1, noise=0.15, slip=0.1, blur=0.1, pair=0.95, more=0.95)
+    assert answer.answer == "joint"
+    assert [substitute.name for substitute in answer.substitutes] == ["noise = 0 + slip = 0"]
+
+
+def test_a_pair_no_better_than_its_part_is_not_joint() -> None:
+    """One part nearly restores: more episodes have to tell."""
+    answer = found(0.1, noise=0.64, slip=0.1, pair=0.68)
+    assert answer.answer == "compatible"
+    assert "more episodes would tell" in answer.why
+
+
+def test_all_at_once_without_a_pair_is_compatible() -> None:
+    """Something among them is it."""
+    assert found(0.1, 0.95, noise=0.1, slip=0.1).answer == "compatible"
+
+
+def test_nothing_that_restores_is_untested() -> None:
+    """The cause has no handle; no label is named."""
+    answer = found(0.1, 0.1, noise=0.15, slip=0.1)
+    assert (answer.answer, answer.labels) == ("untested", ())
+    assert "no ideal substitute restores" in answer.why
+
+
+@pytest.mark.parametrize("unchanged", [0.98, 0.92, 0.85])
+def test_who_does_not_fail_beyond_chance_has_no_cause(unchanged: float) -> None:
+    """However good an ideal substitute looks, there is nothing to restore."""
+    answer = found(unchanged, noise=1.0)
+    assert (answer.answer, answer.labels) == ("untested", ())
+    assert not is_failing(share(unchanged), 0.9)
+
+
+def test_recovered_is_the_part_of_the_gap() -> None:
+    """From 0.5 to 0.7 is half of the way to 0.9."""
+    unchanged, arm = (np.arange(100) < 50).astype(float), (np.arange(100) < 70).astype(float)
+    assert recovered(unchanged, arm, 0.9) == pytest.approx(0.5)
+    assert recovered(arm, unchanged, 0.5) == 0.0

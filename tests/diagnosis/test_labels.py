@@ -1,0 +1,58 @@
+"""Failure labels beside the evidence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+import gamekeeper as gk
+from gamekeeper.diagnosis.labels import label, labels, propose
+from gamekeeper.errors import EvidenceError
+
+
+@pytest.fixture(name="run")
+def _run(tmp_path: Path) -> Path:
+    """A failing run."""
+    path = tmp_path / "r"
+    gk.rollout("handover", policies="reference", episodes=3, out=path, env_kwargs={"latency": 3})
+    return path
+
+
+def test_labels_are_kept_in_order_and_found_again(run: Path) -> None:
+    """By whom, where and why; the checksums and the fingerprint don't know of them."""
+    label(run, "control", agent="giver_0", episode=1, turn=0, why="slow", by="ann")
+    label(run, "state-estimation", by="bob")
+    every = labels(run)
+    assert [(each.label, each.agent, each.episode, each.by) for each in every] == [
+        ("control", "giver_0", 1, "ann"),
+        ("state estimation", None, None, "bob"),
+    ]
+    assert not any(each.proposed for each in every)
+    assert labels(run, agent="giver_0") == every[:1]
+    assert labels(run, name="state estimation") == every[1:]
+    assert gk.replay(run).verified
+
+
+def test_labels_outside_the_vocabulary_are_refused(run: Path) -> None:
+    """Also agents, episodes and turns that aren't there; nothing is written."""
+    with pytest.raises(EvidenceError, match="no failure label 'controll'") as caught:
+        label(run, "controll")
+    assert "write 'control'" in str(caught.value)
+    with pytest.raises(EvidenceError, match="no failure label 'battery'"):
+        label(run, "battery")
+    with pytest.raises(EvidenceError, match="nobody in the run is called"):
+        label(run, "control", agent="bob")
+    with pytest.raises(EvidenceError, match="no episode 9"):
+        label(run, "control", episode=9)
+    with pytest.raises(EvidenceError, match="a turn is one of an episode"):
+        label(run, "control", turn=1)
+    assert labels(run) == ()
+
+
+def test_a_diagnosis_proposes_labels_once(run: Path) -> None:
+    """They say that nobody but the diagnosis has said so."""
+    found = gk.diagnose(run, perturbations=False, budget=300)
+    assert [each.label for each in propose(run, found, by="test")] == ["timing", "timing"]
+    assert propose(run, found, by="test") == ()
+    assert all(each.proposed and each.by == "test" for each in labels(run))

@@ -1,0 +1,163 @@
+"""A rerun has the recorded set-up, down to which agents one object plays; else it says so first."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import gamekeeper as gk
+from gamekeeper.cli._app import run_line
+from gamekeeper.diagnosis.judgement import contradictions
+from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.reporting.diagnosis_text import diagnosis_text
+
+ENV = '''
+import gamekeeper as gk
+from gymnasium import spaces
+
+class Agree(gk.TickEnv):
+    """Two agents are paid where they choose alike."""
+
+    metadata = {"name": "agree_v0"}
+
+    def __init__(self, turns=4):
+        super().__init__()
+        self.turns, self.possible_agents = turns, ["a", "b"]
+        self.observation_spaces = {x: spaces.Discrete(9) for x in "ab"}
+        self.action_spaces = {x: spaces.Discrete(2) for x in "ab"}
+
+    def start(self, rng, options):
+        self.now = 0
+
+    def tick(self, actions):
+        self.now += 1
+        one, two = actions.values()
+        for agent in "ab":
+            self.add_reward(agent, float(one == two))
+            if self.now == self.turns:
+                self.terminate(agent, "done")
+
+    def observe(self, agent):
+        return self.now
+'''
+POLICY = '''
+class Alternating:
+    """0, 1, 0, 1, ...: two agents of one object never choose alike, those of two always do."""
+
+    def __init__(self):
+        self.count = 0
+
+    def reset(self, seed):
+        self.count = seed % 2
+
+    def __call__(self, observation, agent, info, rng):
+        self.count += 1
+        return self.count % 2
+'''
+FAILED = "return < 1"
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with an environment and a policy that remembers, as the current one."""
+    (tmp_path / "agree.py").write_text(ENV)
+    (tmp_path / "alternating.py").write_text(POLICY)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def recorded(policies: Any, out: str | None = None, **options: Any) -> Evidence:
+    """Twenty episodes."""
+    return gk.rollout("agree.py:Agree", policies=policies, episodes=20, out=out, **options)
+
+
+def objects(evidence: Evidence) -> dict[str, str]:
+    """The objects that the evidence names, by agent."""
+    named = json.loads(evidence.episode_table["policies"][0].as_py())
+    return {agent: each["object"] for agent, each in named.items()}
+
+
+def test_evidence_keeps_who_shared_an_object(folder: Path) -> None:
+    """One choice for all is one object, the same text for each is one each; Python's own stay."""
+    name = "alternating.py:Alternating"
+    assert objects(recorded(name)) == {"a": "*", "b": "*"}
+    assert objects(recorded({"a": name, "b": name})) == {"a": "a", "b": "b"}
+    assert objects(recorded({"a": name, "b": "same:a"})) == {"a": "a", "b": "a"}
+
+    def one(observation: Any, agent: Any, info: Any, rng: Any) -> int:
+        return 0
+
+    assert objects(recorded({"a": one, "b": one})) == {"a": "a", "b": "a"}
+
+
+def test_policies_that_share_choose_again_as_they_did(folder: Path) -> None:
+    """`replay --policies` plays every episode with the same sharing, order and resets."""
+    name = "alternating.py:Alternating"
+    for number, policies in enumerate((name, {"a": name, "b": name}, {"a": name, "b": "same:a"})):
+        recorded(policies, out=f"run-{number}")
+        replayed = gk.replay(f"run-{number}", policies=True, allow_import=True)
+        assert replayed.verified, (policies, replayed)
+
+
+def test_workers_share_as_one_process_does(folder: Path) -> None:
+    """The evidence is the same for any number of workers."""
+    alone = recorded("alternating.py:Alternating")
+    fanned = recorded("alternating.py:Alternating", out="fanned", workers=2)
+    assert fanned.fingerprint == alone.fingerprint
+
+
+def test_a_shared_policy_that_failed_fails_again(folder: Path) -> None:
+    """The unchanged rerun has one object too: 20 of 20 failed, and so do fresh episodes."""
+    evidence = recorded("alternating.py:Alternating")
+    found = gk.diagnose(evidence, failed=FAILED, perturbations=False, allow_import=True, budget=200)
+    assert found.recorded == {"team": (20, 20)}
+    assert found.team is not None
+    assert found.team.success[0] == 0.0
+    assert found.contradictions == {}
+    changes = {each.intervention for each in found.team.tested}
+    assert "memory[a, b] reset" in changes
+
+
+def test_attribution_plays_one_object_for_both(folder: Path) -> None:
+    """Fresh episodes of an attribution pay what the recorded ones did."""
+    evidence = recorded("alternating.py:Alternating")
+    assert gk.attribute(evidence, episodes=5, papers=0).everyone == 0.0
+
+
+def test_a_contradiction_is_said_first_and_is_no_all_clear(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Recorded 20 of 20 failed, fresh none: in text, JSON, Python and by the exit code."""
+    recorded("alternating.py:Alternating", out="run")
+    options: dict[str, Any] = {"failed": FAILED, "perturbations": False, "allow_import": True}
+    fair = gk.diagnose("run", policies={"*": "first-legal"}, budget=100, **options)
+    assert fair.contradictions["team"].recorded == (20, 20)
+    assert fair.contradictions["team"].fresh == (0, 64)
+    assert fair.team is not None
+    for text in (
+        str(fair),
+        fair.team.why,
+        fair.agents["a"].why,
+        fair._repr_html_(),
+        json.dumps(fair.to_json()["contradictions"]),
+    ):
+        assert "no all-clear" in text
+    shown = diagnosis_text(json.loads(json.dumps(fair.to_json())), width=80)
+    assert shown.startswith("Contradiction  team: 20 of 20 recorded episodes failed and 0 of 64")
+    assert "doesn't fall short" not in shown
+    line = ["diagnose", "run", "--failed", FAILED, "--policy", "first-legal", "--budget", "100"]
+    code = run_line([*line, "--no-perturbations", "--workers", "0", "--allow-import"])
+    assert code == 2
+    assert capsys.readouterr().out.startswith("Contradiction")
+
+
+def test_shares_that_chance_explains_are_no_contradiction() -> None:
+    """One failed episode of a system that fails now and then, or a picked one, says nothing."""
+    assert contradictions({"team": (1, 1)}, {"team": (0, 64)}) == {}
+    assert contradictions({"team": (5, 20)}, {"team": (12, 64)}) == {}
+    assert contradictions({"team": (3, 20), "gone": (9, 9)}, {"team": (0, 0)}) == {}
+    found = contradictions({"team": (0, 20)}, {"team": (60, 64)})
+    assert found["team"].p < 1e-12

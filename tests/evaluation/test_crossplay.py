@@ -1,0 +1,148 @@
+"""Cross-play: cells, best responses, fairness."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gamekeeper.evaluation.crossplay import _times
+from gamekeeper.evaluation.estimates import Judge
+from gamekeeper.evaluation.evaluation import Evaluation
+from gamekeeper.evaluation.evaluator import evaluate
+from tests.evaluation.policies import names
+
+
+@pytest.fixture(name="line", scope="module")
+def _line() -> Evaluation:
+    """Who walks to the middle, who walks by chance, and who stays, on a longer line."""
+    return evaluate(
+        "two_robot_line",
+        policies={"reference": "reference", "random": "random", "still": "noop"},
+        episodes=50,
+        env_kwargs={"n": 5, "horizon": 40},
+        crossplay=True,
+    )
+
+
+@pytest.fixture(name="board", scope="module")
+def _board() -> Evaluation:
+    """A game with a winner and a loser."""
+    return evaluate(
+        "tictactoe",
+        policies={"random": "random", "first": "first-legal"},
+        episodes=50,
+        crossplay=True,
+    )
+
+
+def cell(found: dict[str, Any], *seated: str) -> dict[str, Any]:
+    """The cell in which these policies sit, in the order of the seats."""
+    return next(c for c in found["cells"] if tuple(c["roles"].values()) == seated)
+
+
+def test_crossplay_has_a_cell_for_every_policy_in_every_seat(line: Evaluation) -> None:
+    """Nine of them, each with its n, its interval, and each seat's own return."""
+    found = line.crossplay["two_robot_line"]
+    assert found["roles"] == ["picker", "carrier"]
+    assert len(found["cells"]) == 9
+    still = cell(found, "still", "still")
+    assert (still["kind"], still["mean"], still["n"]) == ("self", 0.0, 50)
+    met = cell(found, "reference", "random")
+    assert (met["kind"], met["unit"]) == ("fixed", "episode")
+    assert met["low"] <= met["mean"] <= met["high"]
+    assert met["mean"] == pytest.approx(sum(met["by_role"].values()))
+
+
+def test_crossplay_of_one_policy_is_what_it_does_alone(line: Evaluation) -> None:
+    """The same episodes, not others."""
+    found = line.crossplay["two_robot_line"]
+    alone = next(
+        row
+        for row in line.results
+        if (row["policy"], row["scope"], row["metric"]) == ("random", "team", "return")
+    )
+    assert alone["mean"]["value"] == cell(found, "random", "random")["mean"]
+
+
+def test_crossplay_names_the_best_response_and_how_far_others_are(line: Evaluation) -> None:
+    """To one who stays, it is whoever finds them; the choice is noted as optimistic."""
+    found = line.crossplay["two_robot_line"]["best_response"]
+    row = next(r for r in found if r["role"] == "picker" and r["against"] == {"carrier": "still"})
+    assert row["policy"] == "random"
+    assert row["gap"]["still"]["value"] == row["value"]
+    assert "overstated" in row["note"]
+    assert set(row["gap"]) == {"reference", "still"}
+
+
+def test_crossplay_is_fair_both_ways_on_the_same_seeds(board: Evaluation) -> None:
+    """Leads of the first seat, and what is left of a difference once both have sat in it."""
+    found = board.crossplay["tictactoe"]
+    assert found["who"] == "player_1"
+    both = next(r for r in found["fairness"] if set(r["policies"]) == {"random", "first"})
+    a, b = both["policies"]
+    there, back = cell(found, a, b), cell(found, b, a)
+    lead = (there["mean"] * 2 + back["mean"] * 2) / 2  # the second has minus the first's
+    assert both["first_mover"]["value"] == pytest.approx(lead)
+    swapped = there["by_role"]["player_1"] - back["by_role"]["player_1"]
+    assert both["difference"]["value"] == pytest.approx(swapped)
+    assert both["means"][a] == pytest.approx(swapped / 2)
+
+
+def test_comparisons_of_rivals_are_of_their_meetings(board: Evaluation) -> None:
+    """Not of what each does against itself; both seats count alike."""
+    (row,) = (each for each in board.comparisons if each["metric"] == "return")
+    assert (row["scope"], row["who"]) == ("seats", "player_1 and player_2")
+    both = next(
+        r
+        for r in board.crossplay["tictactoe"]["fairness"]
+        if set(r["policies"]) == {"random", "first"}
+    )
+    sign = 1 if both["policies"][0] == row["a"] else -1
+    assert row["difference"]["value"] == pytest.approx(sign * both["difference"]["value"])
+    assert not [r for r in board.results if r["scope"] == "team" and r["metric"] == "return"]
+    assert any("cancel" in row["why"] for row in board.refused)
+
+
+def test_comparisons_of_rivals_who_never_met_are_refused() -> None:
+    """Strength against oneself is no strength."""
+    found = evaluate("tictactoe", policies={"a": "random", "b": "first-legal"}, episodes=20)
+    assert [row for row in found.comparisons if row["metric"] == "return"] == []
+    assert any("cross-play lets two policies meet" in row["why"] for row in found.refused)
+
+
+def test_crossplay_of_a_method_pairs_its_runs() -> None:
+    """Runs are the unit of its cells; partners of the same method are zero-shot."""
+    found = evaluate(
+        "two_robot_line",
+        policies={"method": names(10), "still": "noop"},
+        episodes=4,
+        env_kwargs={"n": 5, "horizon": 20},
+        crossplay={"sample": 1},
+    ).crossplay["two_robot_line"]
+    by_kind = {c["kind"]: c for c in found["cells"] if set(c["roles"].values()) == {"method"}}
+    assert tuple(by_kind["self"][k] for k in ("unit", "n", "pairings")) == ("run", 10, 10)
+    zero = by_kind["zero-shot"]
+    assert tuple(zero[k] for k in ("unit", "n", "pairings")) == ("run", 10, 20)
+    assert zero["low"] <= zero["mean"] <= zero["high"]
+    fixed = cell(found, "method", "still")
+    assert tuple(fixed[k] for k in ("kind", "n", "pairings")) == ("fixed", 10, 10)
+
+
+@pytest.mark.parametrize(("runs", "spread"), [(10, 0.0), (10, 1.0), (20, 0.5)])
+def test_interval_over_meetings_of_runs_covers(runs: int, spread: float) -> None:
+    """Of all meetings within a method, from the fewest runs on; simulated."""
+    rng, hits, rounds = np.random.default_rng(runs), 0, 600
+    others = ~np.eye(runs, dtype=bool)
+    for _ in range(rounds):
+        sits = rng.standard_normal((2, runs))
+        scores = sits[0][:, None] + sits[1] + spread * rng.standard_normal((runs, runs))
+        own = [
+            (scores[k][others[k]].mean() + scores[:, k][others[k]].mean()) / 2 for k in range(runs)
+        ]
+        times = _times(runs, None, "zero-shot")
+        found = Judge(0.95, 0).meetings([own], times=times, of="")
+        assert found is not None
+        hits += found["low"] <= 0.0 <= found["high"]
+    assert 0.92 <= hits / rounds <= 0.98

@@ -1,0 +1,64 @@
+"""Metadata."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tests.faults import faulty
+from tests.faults.rovers import Rovers
+
+
+@faulty("GK821")
+class Nameless(Rovers):
+    """The metadata has no name."""
+
+    metadata = {k: v for k, v in Rovers.metadata.items() if k != "name"}  # noqa: RUF012
+
+
+@faulty("GK822")
+class ModeUndeclared(Rovers):
+    """It renders in a mode that its metadata doesn't have."""
+
+    metadata = {**Rovers.metadata, "render_modes": ["human"]}  # noqa: RUF012
+
+    def __init__(self, count: int = 3, horizon: int = 20, render_mode: str = "rgb_array") -> None:
+        super().__init__(count, horizon, render_mode)
+
+
+@faulty("GK822")
+class ModesAsText(Rovers):
+    """The render modes are one text."""
+
+    metadata = {**Rovers.metadata, "render_modes": "rgb_array"}  # noqa: RUF012
+
+
+@faulty("GK823")
+class NoRate(Rovers):
+    """Pictures are rendered at no rate."""
+
+    metadata = {k: v for k, v in Rovers.metadata.items() if k != "render_fps"}  # noqa: RUF012
+
+
+@faulty("GK824")
+class GrowingModes(Rovers):
+    """Every instance adds a render mode to the list of the class.
+
+    Adds a mode for text.
+    """
+
+    metadata = {**Rovers.metadata, "render_modes": ["rgb_array"]}  # noqa: RUF012
+
+    def __init__(self, render_mode: str | None = None) -> None:
+        super().__init__(render_mode=render_mode)
+        self.metadata["render_modes"].append("ansi")  # type: ignore[attr-defined]
+
+    def render(self) -> Any:
+        """A picture, or the cells in words."""
+        return str(self.cells) if self.render_mode == "ansi" else super().render()
+
+
+@faulty("GK825")
+class TextForBool(Rovers):
+    """It says in words that it can't be made parallel."""
+
+    metadata = {**Rovers.metadata, "is_parallelizable": "no"}  # noqa: RUF012

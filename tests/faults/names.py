@@ -1,0 +1,62 @@
+"""Actions and agents that evidence can't name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gymnasium import spaces
+
+from tests.faults import faulty
+from tests.faults.rovers import MOVES, Rovers
+
+
+class Order:
+    """Where to go."""
+
+    def __init__(self, move: int) -> None:
+        self.move = move
+
+
+class Orders(spaces.Space[Any]):
+    """A space of orders."""
+
+    def sample(self, mask: Any = None, probability: Any = None) -> Any:
+        """Any order."""
+        return Order(int(self.np_random.integers(len(MOVES))))
+
+    def contains(self, x: Any) -> bool:
+        """Whether it is an order."""
+        return isinstance(x, Order)
+
+
+# Another process can't be told of objects either.
+@faulty("GK901", also=("GK608",))
+class OrdersAreObjects(Rovers):
+    """Rovers are steered by objects that only live in this process.
+
+    Rovers that take orders.
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self._done = {agent: Orders() for agent in self.possible_agents}  # type: ignore[misc]
+
+    def step(self, actions: dict[str, Any]) -> Any:
+        """Does as ordered."""
+        return super().step({agent: order.move for agent, order in actions.items()})
+
+
+# In evidence, which knows agents by their text, the two are one: it lives on when either ends.
+@faulty("GK902", also=("GK104", "GK402", "GK503", "GK608"))
+class NumberAndText(Rovers):
+    """One player is called 1, the other "1".
+
+    Two rovers whose names look alike.
+    """
+
+    def __init__(self, render_mode: str | None = None) -> None:
+        super().__init__(count=2, render_mode=render_mode)
+        names: list[Any] = [1, "1"]
+        self._seen = dict(zip(names, self._seen.values(), strict=True))
+        self._done = dict(zip(names, self._done.values(), strict=True))
+        self.possible_agents = names

@@ -1,0 +1,175 @@
+"""Seeds and generators."""
+
+from __future__ import annotations
+
+import random
+from typing import Any
+
+import numpy as np
+
+from tests.faults import faulty
+from tests.faults.rovers import Rovers
+from tests.faults.tokens import Tokens
+from tests.faults.traders import Traders
+
+
+@faulty("GK600")
+class ConstantGenerator(Rovers):
+    """The generator is built in the constructor from a constant, and the seed is ignored.
+
+    Every instance plays the one sequence of episodes.
+    """
+
+    def __init__(self, **kwargs: Any) -> None:
+        super().__init__(**kwargs)
+        self.rng = np.random.default_rng(42)
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Goes on with the generator that is there."""
+        return super().reset(None, options)
+
+
+@faulty("GK600")
+class RestartedGenerator(Traders):
+    """Every reset begins the generator anew from a constant: all episodes are one.
+
+    Lots and winners are drawn, and always the same ones.
+    """
+
+    def reset(self, seed: int | None = None, options: Any = None) -> None:
+        """Knows the seed that was good once."""
+        super().reset(7, options)
+
+
+@faulty("GK601")
+class Entropy(Rovers):
+    """The wind comes from the system's entropy.
+
+    The seed settles where rovers start, and not how far they come.
+    """
+
+    battery: dict[str, Any]
+
+    def drive(self, agent: str, action: int) -> None:
+        """Headwind costs more."""
+        super().drive(agent, action)
+        self.battery[agent] -= np.random.default_rng().random()
+
+
+@faulty("GK602")
+class GlobalGenerator(Traders):
+    """Every second round a trader that numpy's global generator draws is given a coin.
+
+    Luck hangs on whoever else draws in the process.
+    """
+
+    def settle(self) -> None:
+        """A coin in every second round."""
+        super().settle()
+        if self.round % 2 == 0:
+            winner = self.possible_agents[np.random.randint(self.count)]
+            self.money[winner] += 1
+
+
+@faulty("GK603")
+class SeedsRandom(Rovers):
+    """The reset seeds the generator of the module random, for everybody.
+
+    Seeds whatever might be drawn from.
+    """
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Seeds more than its own."""
+        if seed is not None:
+            random.seed(seed)
+        return super().reset(seed, options)
+
+
+@faulty("GK604")
+class KeptSamples(Rovers):
+    """Samples lie where they lay at the end of the episode before.
+
+    What was found outlasts a reset.
+    """
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Places rovers, and samples only where there are none."""
+        kept = getattr(self, "samples", None)
+        super().reset(seed, options)
+        self.samples = kept or self.samples
+        return {a: self.observation(a) for a in self.agents}, {a: self.info(a) for a in self.agents}
+
+
+@faulty("GK605")
+class SeedZero(Tokens):
+    """Seed 0 is taken for no seed.
+
+    Asks whether the seed is true.
+    """
+
+    def reset(self, seed: int | None = None, options: Any = None) -> None:
+        """0 isn't."""
+        super().reset(seed or None, options)
+
+
+@faulty("GK606")
+class FirstSeedOnly(Traders):
+    """Only the first seed of an instance is obeyed.
+
+    A generator that is there stays.
+    """
+
+    def reset(self, seed: int | None = None, options: Any = None) -> None:
+        """Hands the seed on once."""
+        super().reset(seed if self.rng is None else None, options)
+
+
+# A copy draws from the same generator, so the original goes on otherwise beside it.
+@faulty("GK607", also=("GK702",))
+class GeneratorOfTheClass(Rovers):
+    """The generator belongs to the class, so that all instances draw from it.
+
+    Whoever resets last has seeded for all.
+    """
+
+    shared: Any = None
+
+    @property
+    def rng(self) -> Any:
+        """The generator of everybody."""
+        return GeneratorOfTheClass.shared
+
+    @rng.setter
+    def rng(self, value: Any) -> None:
+        if value is not None:
+            GeneratorOfTheClass.shared = value
+
+
+@faulty("GK608")
+class OrderOfASet(Rovers):
+    """Rovers draw their batteries in the order of a set of their names.
+
+    Who gets which battery hangs on the hash seed of the process.
+    """
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Hands out batteries."""
+        super().reset(seed, options)
+        for agent in set(self.agents):
+            self.battery[agent] = int(self.rng.integers(8, 30))
+        return {a: self.observation(a) for a in self.agents}, {a: self.info(a) for a in self.agents}
+
+
+@faulty("GK609")
+class NoneReseeds(Tokens):
+    """A reset without a seed takes the last one again.
+
+    The seed is kept for later.
+    """
+
+    seed = 0
+
+    def reset(self, seed: int | None = None, options: Any = None) -> None:
+        """Starts every unseeded episode alike."""
+        self.seed = self.seed if seed is None else seed
+        super().reset(self.seed, options)

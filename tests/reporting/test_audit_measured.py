@@ -1,0 +1,125 @@
+from typing import Any
+
+from gamekeeper.contract import Contract
+from gamekeeper.contract.toml import Question
+from gamekeeper.reporting.changes_text import changes_text
+from gamekeeper.reporting.measured_text import (
+    draft_note,
+    influence_text,
+    measured_questions,
+    measured_text,
+    words,
+)
+from tests.reporting.audits import audit
+
+MEASURED: dict[str, Any] = {
+    "schedule": {"acts": "together", "order": "none"},
+    "order_sensitive": "none",
+    "deterministic": True,
+    "horizon": 20,
+    "symmetric": {"rover": {"seems": True, "p": 0.52, "n": 24}},
+    "reward": {"shared": False, "by_agent": {"rover_0": {"mean_return": 0.5, "positive": 3}}},
+    "endings": {"episodes": 8, "by_agent": {"rover_0": {"terminated": 5}}},
+    "influence": [],
+    "advice": "parallel",
+    "why": "in 518 ticks another order changed nothing",
+}
+DECLARED = {
+    "schedule": {"horizon": 25, "order": "none"},
+    "roles": {"rover": {"symmetric": True}},
+    "rewards": {"sample": {"kind": "individual"}},
+}
+
+
+def influence(one: str, two: str, on: str, lag: int, p: float) -> dict[str, Any]:
+    """One measured influence."""
+    return {"from": one, "to": two, "on": on, "lag": lag, "p": p, "low": 0, "high": 1, "n": 5}
+
+
+def test_measured_stands_beside_declared() -> None:
+    """A row for each measured field, what the contract says of it at the right."""
+    text = measured_text(audit(measured=MEASURED, declared=DECLARED), width=80)
+    rows = {line[2:18].strip(): line for line in text.splitlines()}
+    assert rows["horizon"].split() == ["horizon", "20", "25"]
+    assert rows["deterministic"].endswith("not declared")
+    assert rows["symmetric"].split("  ")[-1] == "rover: yes"
+    assert rows["reward"].endswith("sample (individual)")
+    assert "Advice\n  Parallel: in 518 ticks" in text
+
+
+def test_agents_have_a_table_of_their_own() -> None:
+    """What was measured by agent is one table, its figures at the right."""
+    lines = measured_text(audit(measured=MEASURED), width=80).splitlines()
+    place = lines.index("Measured by agent")
+    assert lines[place + 1].split() == ["agent", "mean", "return", "terminated"]
+    assert lines[place + 2].split() == ["rover_0", "0.5", "5"]
+
+
+def test_nothing_measured_is_no_text() -> None:
+    """An audit of a few checks measures nothing, and shows nothing of it."""
+    assert measured_text(audit(), width=80) == ""
+
+
+def test_influence_is_a_matrix() -> None:
+    """From row to column; the strongest lag of each kind, a dash where nothing moved."""
+    found = [
+        influence("a", "a", "observation", 0, 1.0),
+        influence("a", "a", "reward", 0, 0.1),
+        influence("a", "a", "reward", 1, 0.625),
+        influence("a", "b", "ending", 0, 0.0),
+    ]
+    lines = influence_text(found, width=80).splitlines()
+    assert lines[1].split() == ["from", "\\", "to", "a", "b"]
+    assert lines[2].split() == ["a", "o100", "r62+1", "-"]
+
+
+def test_influence_of_many_agents_is_counted() -> None:
+    """A matrix of twelve agents isn't shown, the pairs are counted."""
+    names = [f"agent_{k}" for k in range(12)]
+    found = [influence(one, two, "reward", 0, 0.5) for one in names for two in names]
+    text = " ".join(influence_text(found, width=80).split())
+    assert "132 pairs" in text
+    assert "12 of 12 agents" in text
+
+
+def test_values_are_said_as_readers_say_them() -> None:
+    """Truth values, nested tables, lists; names of agents stay as they are."""
+    assert words(True) == "yes"
+    assert words({"agent_0": [1, 2.5], "empty": None}) == "agent_0: (1, 2.5)"
+    assert words({"seems": False, "p": 0.001}) == "seems not, p 0.001"
+
+
+def test_draft_proposes_what_was_measured_and_declares_nothing() -> None:
+    """Measured answers stand as comments, so a contract read from the draft has none of them."""
+    contract = Contract(name="rovers_v0", api="parallel")
+    questions = (
+        Question(("schedule", "horizon"), "after how many ticks?", "N"),
+        Question(("seeds", "deterministic"), "the same rollout?", "true | false"),
+        Question(("roles", "rover", "symmetric"), "interchangeable?", "true | false"),
+        Question(("why",), "why?", '"…"'),
+        Question(("infos", "x"), "what?", "…"),
+    )
+    asked = measured_questions(questions, MEASURED)
+    assert [each.answer for each in asked[:2]] == ["20", "true"]
+    assert asked[2].hint == "measured: seems so, p 0.52"
+    assert "in 518 ticks" in asked[3].hint
+    assert asked[4] == questions[4]
+    text = draft_note(steps=3_000, seed=0) + contract.to_toml(asked)
+    assert "# horizon = 20" in text
+    assert Contract.parse(text) == contract
+
+
+def test_changes_stand_by_kind() -> None:
+    """What it was and what it is now; of promises what broke first."""
+    changes = [
+        {"kind": "spaces", "where": "a.action_space", "a": "Discrete(3)", "b": "Discrete(4)"},
+        {"kind": "verdicts", "where": "GK1 Fixed.", "a": "failed", "b": "passed"},
+        {"kind": "verdicts", "where": "GK2 Broke.", "a": "passed", "b": "failed"},
+        {"kind": "roster", "where": "agents", "a": None, "b": ["late_0"]},
+    ]
+    assert changes_text(changes, width=80) == (
+        "Agents\n  agents  not there -> late_0\n\n"
+        "Spaces\n  a.action_space  Discrete(3) -> Discrete(4)\n\n"
+        "Checks\n  passed -> failed  GK2 Broke.\n  failed -> passed  GK1 Fixed."
+    )
+    assert changes_text([], width=80) == ""

@@ -1,0 +1,114 @@
+import pytest
+
+from gamekeeper.reporting.audit_text import (
+    brief_rows,
+    counts_text,
+    errors_text,
+    failed_blocks,
+    not_exercised_text,
+    program_of,
+    timings_text,
+    title_text,
+    waived_text,
+)
+from tests.reporting.audits import PROGRAM, audit, finding, mixed, verdict
+
+
+def test_title_counts_what_the_audit_came_to() -> None:
+    """One line: environment, API, and the outcomes, failures last."""
+    expected = (
+        "rovers.py:make (Parallel): 1 passed, 1 waived, 1 not exercised, 1 not applicable, "
+        "1 error, 2 failed (1 high, 1 low)"
+    )
+    assert expected == title_text(mixed())
+    assert counts_text(audit()) == "0 passed, 0 failed"
+
+
+def test_broken_promises_stand_by_severity() -> None:
+    """Each severity has a heading; a finding says claim, where, expected, actual and fix."""
+    blocks = dict(failed_blocks(mixed(), width=80))
+    assert list(blocks) == ["Failed: high", "Failed: low"]
+    high = blocks["Failed: high"]
+    assert high.splitlines()[0] == "  GK402  The promise of GK402."
+    for word in ("rollout/7, turn 8", "expected  0.0", "actual    0.5", "30 of 260 cases"):
+        assert word in high
+    assert list(dict(failed_blocks(mixed(), width=80, least="high"))) == ["Failed: high"]
+
+
+def test_findings_after_the_first_are_named() -> None:
+    """Where a promise is broken in several fields, the others are told in a line each."""
+    found = [finding(), finding(where="rollout/1, turn 2, infos", actual="None")]
+    ((_, text),) = failed_blocks(audit(verdict("GK402", "failed", findings=found)), width=80)
+    assert "also      rollout/1, turn 2, infos: actual None" in text
+
+
+def test_uncertain_findings_say_how_sure_they_are() -> None:
+    """A confidence below certainty stands beside the number of looks."""
+    ((_, text),) = failed_blocks(audit(verdict("GK312", "failed", confidence=0.9)), width=80)
+    assert "confidence 0.90" in text
+
+
+@pytest.mark.parametrize("width", [60, 80, 110])
+def test_lines_keep_to_the_width(width: int) -> None:
+    """No line of prose is wider than the terminal."""
+    long = finding(expected="a value " * 60, actual="x" * 900)
+    document = audit(verdict("GK402", "failed", claim="A promise " * 20, findings=[long]))
+    ((_, text),) = failed_blocks(document, width=width)
+    assert max(map(len, text.splitlines())) <= width
+
+
+def test_control_signs_are_made_visible() -> None:
+    """What an environment puts into a finding can't steer the terminal."""
+    document = audit(verdict("GK402", "failed", findings=[finding(actual="\x1b[2J")]))
+    ((_, text),) = failed_blocks(document, width=80)
+    assert "\x1b" not in text
+
+
+def test_program_is_that_of_the_worst_finding() -> None:
+    """The worst one with a program; none where nothing is broken."""
+    no_program = [finding(reproducer="")]
+    document = audit(
+        verdict("GK821", "failed", severity="low"), verdict("GK101", "failed", findings=no_program)
+    )
+    assert program_of(document) == ("GK821", PROGRAM)
+    assert program_of(audit(verdict("GK101", "passed"))) is None
+
+
+def test_waivers_are_shown_with_their_reasons() -> None:
+    """Waived promises, waivers that nothing needs any more, and those of no check at all."""
+    document = audit(
+        verdict("GK501", "waived", reason="on purpose"),
+        verdict("GK402", "passed", reason="its waiver isn't needed any more (old)"),
+        declared={"waivers": {"GK501": "on purpose", "GK402": "old", "GK999": "a slip"}},
+    )
+    text = waived_text(document, known={"GK501", "GK402"}, width=80)
+    assert "Waived: on purpose" in text
+    assert "isn't needed any more (old)" in text
+    assert "GK999  a check with this id doesn't exist" in text
+    assert waived_text(audit(), known=(), width=80) == ""
+
+
+def test_not_exercised_checks_are_gathered_by_reason() -> None:
+    """A reason stands once, with its checks."""
+    document = audit(
+        *(verdict(id, "not_exercised", reason="no play ended") for id in ("GK1", "GK2"))
+    )
+    assert not_exercised_text(document, width=80) == "Not exercised\n  2  no play ended: GK1, GK2"
+
+
+def test_errors_show_the_last_line_of_the_traceback() -> None:
+    """What a check raised is told in a line."""
+    assert "GK502  NameError: name 'x' is not defined" in errors_text(mixed(), width=80)
+
+
+def test_timings_begin_with_the_longest() -> None:
+    """Probes by the time they took, then the whole with its steps."""
+    lines = timings_text(mixed(), width=80).splitlines()
+    assert [line.split()[0] for line in lines] == ["Timings", "rollout", "judging", "total"]
+    assert lines[-1].endswith("3,000 steps")
+
+
+def test_brief_rows_count_what_they_leave_out() -> None:
+    """The worst ones by id, severity and claim; the rest as a number."""
+    rows = brief_rows(mixed(), most=1)
+    assert rows == [("GK402", "high", "The promise of GK402."), ("", "", "and 1 more")]

@@ -1,0 +1,157 @@
+"""An evaluation as text."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from gamekeeper.reporting.evaluation_text import evaluation_text
+
+INTERVAL = {"value": 1.2345678, "low": 1.1, "high": 1.4, "method": "bootstrap-t"}
+ENDINGS = {"terminated": 3, "truncated": 1, "cut": 0, "reasons": {"met": 3, "horizon": 1}}
+
+
+def row(**more: Any) -> dict[str, Any]:
+    """A result."""
+    return {
+        "environment": "line",
+        "policy": "mine",
+        "run": 0,
+        "scope": "team",
+        "who": "team",
+        "metric": "return",
+        "episodes": 50,
+        "runs": 1,
+        "mean": INTERVAL,
+        "median": 1.0,
+        "iqm": INTERVAL,
+        "quantiles": {"0.05": 0.5, "0.25": 1, "0.75": 2, "0.95": 3},
+        "success": {"hits": 3, "n": 4, "p": 0.75, "low": 0.3, "high": 0.95},
+        "endings": ENDINGS,
+        **more,
+    }
+
+
+def document(**more: Any) -> dict[str, Any]:
+    """An evaluation."""
+    return {
+        "kind": "evaluation",
+        "name": "lines",
+        "suite": None,
+        "seed": 0,
+        "level": 0.95,
+        "environments": {"line": {}},
+        "policies": {"mine": {}},
+        "results": [row()],
+        "comparisons": [],
+        "crossplay": {},
+        "stopping": None,
+        "refused": [],
+        "claims": [],
+        "episodes": 50,
+        "fingerprint": "f" * 32,
+        **more,
+    }
+
+
+def test_evaluation_text_shows_figures_with_their_intervals() -> None:
+    """Mean, middle half, quantiles, n; success and endings apart."""
+    text = evaluation_text(document(), width=80)
+    assert "1.23 (1.1 to 1.4)" in text
+    assert "75 % (30 to 95)" in text
+    assert "met 3, horizon 1" in text
+
+
+def test_evaluation_text_shows_a_figure_without_interval_alone() -> None:
+    """And why there is none, at the end."""
+    mean = {**INTERVAL, "low": None, "high": None}
+    refused = [{"what": "interval of the mean", "why": "too few episodes"}]
+    text = evaluation_text(document(results=[row(mean=mean)], refused=refused), width=80)
+    assert "1.235" in text
+    assert "Refused claims\n  interval of the mean: too few episodes" in text
+
+
+def test_evaluation_text_shows_methods_over_their_runs_and_lists_these() -> None:
+    """One row for the method; its runs in one line."""
+    runs = [row(run=k, mean={**INTERVAL, "value": float(k)}) for k in range(3)]
+    over = row(run=None, runs=3, success=None, endings=None)
+    text = evaluation_text(document(results=[*runs, over]), width=80)
+    assert "3 runs" in text
+    assert "runs of mine, team: 0, 1, 2" in text
+
+
+def test_evaluation_text_shows_agents_side_by_side_by_policy() -> None:
+    """Where a team or a role stands above them."""
+    agents = [
+        row(
+            policy=policy, scope="agent", who=who, mean={**INTERVAL, "value": 7.0 + k}, endings=None
+        )
+        for k, policy in enumerate(("mine", "yours"))
+        for who in ("p_0", "p_1")
+    ]
+    text = evaluation_text(document(results=[row(), *agents]), width=80)
+    assert "agent  mine  yours" in text
+    assert "p_1       7      8" in text
+
+
+@pytest.mark.parametrize("width", [66, 80, 110])
+def test_evaluation_text_stays_within_its_width(width: int) -> None:
+    """Comparisons, cross-play, best responses, fairness, claims."""
+    cells = [
+        {
+            "roles": {"p": "mine", "c": "mine"},
+            "kind": "self",
+            "n": 50,
+            "mean": 1.0,
+            "low": 0.5,
+            "high": 1.5,
+            "by_role": {"p": 1.0, "c": None},
+        }
+    ]
+    best = {
+        "role": "p",
+        "against": {"c": "mine"},
+        "policy": "mine",
+        "value": 1.0,
+        "gap": {"yours": INTERVAL},
+        "note": "n",
+    }
+    fair = {
+        "policies": ["mine", "yours"],
+        "roles": ["p", "c"],
+        "n": 50,
+        "first_mover": INTERVAL,
+        "difference": None,
+    }
+    crossplay = {
+        "line": {
+            "roles": ["p", "c"],
+            "who": "team",
+            "cells": cells * 40,
+            "best_response": [best],
+            "fairness": [fair],
+        }
+    }
+    compared = {
+        "environment": "line",
+        "a": "mine",
+        "b": "yours",
+        "who": "team",
+        "metric": "return",
+        "difference": {**INTERVAL, "p": 0.01},
+        "improvement": None,
+    }
+    text = evaluation_text(
+        document(
+            crossplay=crossplay,
+            comparisons=[compared],
+            claims=["word " * 40],
+            suite={"id": "s-1", "version": "1", "fingerprint": "0" * 8},
+        ),
+        width=width,
+    )
+    assert "more pairings" in text
+    assert "p leads by 1.23 (1.1 to 1.4)" in " ".join(text.split())
+    long = [line for line in text.splitlines() if len(line) > width]
+    assert long == []

@@ -1,0 +1,139 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium import spaces
+
+import gamekeeper as gk
+from gamekeeper.episodes.divergence import compare
+from gamekeeper.episodes.episode import Episode
+from gamekeeper.errors import EvidenceError
+from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.rollouts.episode_loop import play
+from gamekeeper.rollouts.interventions.tick_order import ActionOrder
+from gamekeeper.rollouts.memory import MemorySink
+from gamekeeper.rollouts.reruns import replay_trace
+from gamekeeper.rollouts.reruns import rerun as run_again
+from gamekeeper.runs.recording import cast_of, rollout
+from tests.runs.walks import Turns, Walk
+
+
+def rerun(trace: Episode, env: Any, **options: Any) -> Episode:
+    """What a trace comes to, played again in an environment."""
+    sink = MemorySink()
+    game = game_of(env, sink=sink)
+    game.episode = trace.episode - 1
+    agents = {str(agent): agent for agent in env.possible_agents}
+    replay_trace(trace, game, agents=agents, **options)
+    return next(sink.evidence({"name": "x", "api": game.api, "kwargs": {}}).episodes)
+
+
+@pytest.mark.parametrize("kind", [Walk, Turns])
+def test_rerun_plays_the_same_again(kind: type) -> None:
+    """Recorded actions from a recorded seed come to the same rows."""
+    for trace in rollout(kind(), episodes=3, seed=2).episodes:
+        assert compare(trace, rerun(trace, kind())).is_exact
+
+
+@pytest.mark.parametrize("kind", [Walk, Turns])
+def test_rerun_closes_the_loop(kind: type) -> None:
+    """Policies that choose anew from the recorded seed choose the same."""
+    evidence = rollout(kind(), episodes=2, seed=2, policies={"a": "random", "b": "first-legal"})
+    for trace in evidence.episodes:
+        env = kind()
+        cast = cast_of({"a": "random", "b": "first-legal"}, env, None)
+
+        assert compare(trace, rerun(trace, env, cast=cast, run_seed=2)).is_exact
+
+
+def test_rerun_reports_every_turn() -> None:
+    """Each step is a sign of life."""
+    trace = next(rollout(Walk(), episodes=1).episodes)
+    turns: list[int] = []
+
+    rerun(trace, Walk(), after_turn=lambda: turns.append(1))
+
+    assert len(turns) == 5
+
+
+def test_rerun_stops_where_the_environment_raises() -> None:
+    """An environment that raises where none raised before ends the episode as failed."""
+
+    class Breaks(Walk):
+        def step(self, actions: Any) -> Any:
+            if self.turn == 2:
+                raise ZeroDivisionError
+            return super().step(actions)
+
+    again = rerun(next(rollout(Walk(), episodes=1).episodes), Breaks())
+
+    assert (again.header["end"], again.header["turns"]) == ("failed", 3)
+
+
+def test_rerun_stops_where_everybody_has_left() -> None:
+    """Actions that were recorded beyond the end of the episode aren't handed over."""
+    again = rerun(next(rollout(Walk(), episodes=1).episodes), Walk(turns=2))
+
+    assert (again.header["end"], again.header["turns"]) == ("ended", 2)
+
+
+@pytest.mark.parametrize("names", [[0, 1], [("row", 1), ("row", 2)], ["a", 1]])
+def test_rerun_knows_agents_whatever_they_are(names: list[Any]) -> None:
+    """Agents that are no texts get their actions again, by what they are."""
+
+    class Named(Walk):
+        def __init__(self) -> None:
+            super().__init__()
+            self.possible_agents = names
+            self.observation_spaces = {n: spaces.Box(-99, 99, (3,), np.float64) for n in names}
+            self.action_spaces = {n: spaces.Discrete(3) for n in names}
+
+        def step(self, actions: Any) -> Any:
+            assert set(actions) <= set(names)
+            return super().step(actions)
+
+    trace = next(rollout(Named(), episodes=1).episodes)
+
+    assert compare(trace, rerun(trace, Named())).is_exact
+
+
+def test_rerun_of_nothing_resets_once() -> None:
+    """A trace without turns is a reset without turns."""
+    env, sink = Walk(), MemorySink()
+    game = game_of(env, sink=sink)
+    play(game, cast_of("random", env, None), range(1), seed=0, most_turns=0)
+    trace = next(sink.evidence({"name": "x", "api": "parallel", "kwargs": {}}).episodes)
+
+    assert compare(trace, rerun(trace, Walk())).is_exact
+
+
+@pytest.mark.parametrize("spec", ["warehouse", "warehouse_turns", "two_robot_line"])
+def test_rerun_without_a_change_is_the_unchanged_rerun(spec: str) -> None:
+    """An episode from evidence, played again from paper or by its policies, comes out the same."""
+    for trace in rollout(spec, episodes=2, seed=3, most_turns=60).episodes:
+        env = gk.make(spec)
+        open_loop = run_again(trace, env)
+        cast = cast_of("random", env, None)
+        closed = run_again(trace, env, loop="closed", cast=cast, run_seed=3, most_turns=60)
+
+        assert compare(trace, open_loop.trace).divergence is None
+        assert compare(trace, closed.trace).divergence is None
+
+
+def test_rerun_names_its_change() -> None:
+    """The counterfactual says what was done differently."""
+    trace = next(rollout("two_robot_line", episodes=1).episodes)
+
+    counterfactual = run_again(trace, gk.make("two_robot_line"), change=ActionOrder("reversed"))
+
+    assert counterfactual.trace.change is not None
+    assert counterfactual.trace.change["change"] == "ActionOrder"
+
+
+def test_rerun_closed_needs_a_cast() -> None:
+    """Somebody has to choose."""
+    trace = next(rollout("two_robot_line", episodes=1).episodes)
+    with pytest.raises(EvidenceError, match="nobody chooses"):
+        run_again(trace, gk.make("two_robot_line"), loop="closed")

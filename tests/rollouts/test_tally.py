@@ -1,0 +1,79 @@
+"""An episode that is only counted comes to what the recorded one came to."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from gamekeeper.episodes.outcome import Outcome, outcome_of
+from gamekeeper.interface.declared_contract import declared_contract
+from gamekeeper.interface.opening import open_env
+from gamekeeper.rollouts.episode_loop import EpisodePlan, EvidenceOptions, perform
+from gamekeeper.rollouts.interventions.action_substitutes import ReplacedAction
+from gamekeeper.rollouts.tally import tally
+from gamekeeper.runs.recording import cast_of
+
+
+def _rounded(outcome: Outcome) -> dict[str, Any]:
+    """Sums that were added up in another order differ in their last digits."""
+    data = outcome.to_json()
+    data["returns"] = {agent: round(value, 9) for agent, value in data["returns"].items()}
+    data["terms"] = {
+        agent: paid
+        for agent, terms in data["terms"].items()
+        if (paid := {name: round(value, 9) for name, value in terms.items() if value})
+    }
+    return data
+
+
+@pytest.mark.parametrize("most_turns", [100_000, 7])
+@pytest.mark.parametrize(
+    "spec", ["two_robot_line", "handover", "warehouse", "warehouse_turns", "connect_four"]
+)
+def test_tally_counts_what_the_record_says(spec: str, most_turns: int) -> None:
+    """Returns, terms, endings, infos and length are those of the trace."""
+    opened = open_env(spec)
+    contract = declared_contract(None, opened)
+    cast = cast_of("random", opened.env, contract)
+    for seed in range(2):
+        play = EpisodePlan(seed=seed, stream=seed, most_turns=most_turns)
+        options: dict[str, Any] = {"cast": cast, "contract": contract}
+        played = perform(play, opened.env, keep=EvidenceOptions(state=False), **options)
+        counted = tally(play, opened.env, **options)
+        assert _rounded(counted) == _rounded(outcome_of(played.trace))
+
+
+def test_tally_plays_a_change() -> None:
+    """A change is played as a rerun plays it."""
+    opened = open_env("two_robot_line")
+    contract = declared_contract(None, opened)
+    cast = cast_of("reference", opened.env, contract)
+    play, change = (
+        EpisodePlan(seed=3, most_turns=1),
+        ReplacedAction(turn=0, agent="picker", action=1),
+    )
+    played = perform(
+        play,
+        opened.env,
+        cast=cast,
+        change=change,
+        contract=contract,
+        keep=EvidenceOptions(state=False),
+    )
+    counted = tally(play, opened.env, cast=cast, change=change, contract=contract)
+    assert _rounded(counted) == _rounded(outcome_of(played.trace))
+
+
+def test_tally_keeps_what_broke_an_episode_off() -> None:
+    """A policy that raises is told as the episode's error."""
+
+    def broken(observation: Any, agent: Any, info: Any, rng: Any) -> Any:
+        raise RuntimeError("no idea")
+
+    opened = open_env("two_robot_line")
+    cast = cast_of(broken, opened.env, None)
+    outcome = tally(EpisodePlan(seed=0), opened.env, cast=cast)
+    assert outcome.error is not None
+    assert "no idea" in outcome.error
+    assert not outcome.is_over

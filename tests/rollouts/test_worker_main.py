@@ -1,0 +1,73 @@
+"""The worker's own main: what it says before a task of ours begins."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from gamekeeper import heartbeat
+from gamekeeper.rollouts import worker_main
+
+SOON_S = 30.0
+
+
+class Heard(worker_main.Channel):
+    """A channel that tells when something was sent."""
+
+    def __init__(self) -> None:
+        super().__init__(-1)
+        self.sign = threading.Event()
+
+    def write(self, message: bytes) -> None:
+        """Something was sent."""
+        self.sign.set()
+
+
+@pytest.fixture(autouse=True)
+def as_before() -> Iterator[None]:
+    """Puts back what a worker changes of its process."""
+    handler, signs = signal.getsignal(signal.SIGINT), list(heartbeat._signs)
+    yield
+    signal.signal(signal.SIGINT, handler)
+    heartbeat._signs[:] = signs
+
+
+def importing(channel: Heard, *, signs: bool) -> Callable[[str], Any]:
+    """`find`, but importing the task's module lasts until there was a sign of life, or wasn't."""
+
+    def find(task: str) -> Any:
+        assert channel.sign.wait(SOON_S if signs else 0.5) == signs
+        return lambda report: threading.active_count()
+
+    return find
+
+
+def test_worker_main_importing_our_modules_is_no_silence(monkeypatch: pytest.MonkeyPatch) -> None:
+    """While our task's module is imported there are signs of life; its thread ends before it."""
+    channel, before = Heard(), threading.active_count()
+    monkeypatch.setattr(worker_main, "find", importing(channel, signs=True))
+    order = {"task": "gamekeeper.runs.worker_tasks:any", "arguments": {}, "memory_bytes": None}
+    answer = worker_main.perform(order, channel)
+    assert worker_main.encoded("returned", before) == answer
+
+
+def test_worker_main_importing_others_modules_is_silence(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A foreign module that hangs when it is imported gives no signs of life."""
+    channel, before = Heard(), threading.active_count()
+    monkeypatch.setattr(worker_main, "find", importing(channel, signs=False))
+    order = {"task": "other:any", "arguments": {}, "memory_bytes": None}
+    assert worker_main.encoded("returned", before) == worker_main.perform(order, channel)
+
+
+@pytest.mark.parametrize("size_bytes", [None, 1 << 62, 10**30])
+def test_worker_main_takes_a_bound_that_no_machine_reaches_for_none(size_bytes: int | None) -> None:
+    """The system's own type couldn't hold it; nothing is bounded, nothing is lifted."""
+    resource = pytest.importorskip("resource")
+    before = [resource.getrlimit(which) for which in (resource.RLIMIT_DATA, resource.RLIMIT_AS)]
+    worker_main.limit_memory(size_bytes)()
+    after = [resource.getrlimit(which) for which in (resource.RLIMIT_DATA, resource.RLIMIT_AS)]
+    assert before == after

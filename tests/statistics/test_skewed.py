@@ -1,0 +1,55 @@
+"""How far a mean's t goes by the shape of the values."""
+
+import numpy as np
+import pytest
+
+from gamekeeper.statistics.one_sample import reach_of_mean, stretches
+from gamekeeper.statistics.resampling import reach, t_of_means
+from gamekeeper.statistics.student import student
+
+
+def _standard(values):
+    values = np.asarray(values, float)
+    return (values - values.mean()) / values.std(ddof=1)
+
+
+def test_stretches_leave_upright_values_alone() -> None:
+    """What chance brings isn't stretched; a long tail on a side is, on that side alone."""
+    assert [float(each) for each in stretches(np.float64(0.15), 2.5)] == [1.0, 1.0]
+    assert [float(each) for each in stretches(np.float64(0.4), 2.5)] == pytest.approx([1.5, 1.0])
+    assert [float(each) for each in stretches(np.float64(-0.4), 2.5)] == pytest.approx([1.0, 1.5])
+
+
+def test_reach_of_mean_of_upright_values_is_the_bootstraps() -> None:
+    """Of values that don't lean and stand in one heap it is half way between the two kinds."""
+    values = _standard(np.random.default_rng(0).normal(size=60))
+    t = t_of_means(values, np.random.default_rng(1))
+    assert reach(t, 59)(0.95) == pytest.approx(tuple(map(float, reach_of_mean(t, values, 0.95))))
+
+
+def test_reach_of_mean_goes_farther_where_values_lean_from() -> None:
+    """Of values with rare high ones the mean may be farther under the truth."""
+    values = _standard(np.random.default_rng(1).gamma(0.7, 1, 40))
+    lean = float((values**3).mean() / (values**2).mean() ** 1.5 / 40**0.5)
+    t = t_of_means(values, np.random.default_rng(1))
+    least, most = reach_of_mean(t, values, 0.95)
+    plain = reach(t, 39)(0.95)
+    assert lean > 0.25
+    assert least < plain[0] < -student(0.95, 39)
+    assert most == pytest.approx(plain[1])
+
+
+def test_reach_of_mean_of_two_heaps_is_no_farther_than_students() -> None:
+    """Resamples with one heap alone have next to no spread; their t counts for nothing."""
+    values = _standard([0.0, 0.01] * 4 + [5.0, 5.01] * 8)
+    least, most = reach_of_mean(t_of_means(values, np.random.default_rng(1)), values, 0.95)
+    assert max(-least, most) <= student(0.95, 23) + 1e-9
+
+
+def test_reach_of_mean_takes_many_at_once() -> None:
+    """Rows of samples have the reach that each of them has alone."""
+    values = np.stack([_standard(each) for each in np.random.default_rng(0).gamma(2, 1, (3, 25))])
+    t = np.stack([t_of_means(each, np.random.default_rng(1)) for each in values])
+    together = np.stack(reach_of_mean(t, values, 0.95))
+    alone = np.stack([reach_of_mean(*pair, 0.95) for pair in zip(t, values, strict=True)])
+    np.testing.assert_allclose(together.T, alone)
