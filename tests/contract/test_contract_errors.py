@@ -206,6 +206,33 @@ def test_contract_error_names_line_key_and_fix(case):
     assert str(error.what) in str(error)
 
 
+def test_contract_reports_all_its_mistakes_together():
+    """Unknown keys, wrong values and contradictions stand in one error, each with its fix."""
+    text = changed("why =", "wy =").replace('"none"', '"nome"').replace("shape", "shap")
+    text = text.replace('earner = "carrier"', 'earner = "carier"').replace("noop = 4", "nop = 4")
+    error = seen_error(text, source="c.toml")
+    assert error.where.split("; ") == [
+        "c.toml, line 3, wy",
+        "c.toml, line 7, schedule.order",
+        "c.toml, line 17, roles.picker.nop",
+        "c.toml, line 23, rewards.delivery.earner",
+        "c.toml, line 33, infos.position.shap",
+    ]
+    assert error.what.startswith("the contract has 5 mistakes\n  1. 'wy' is no key")
+    for fix in ("'why'", "'none'", "'noop'", "'carrier'", "'shape'"):
+        assert f"fix: write {fix}" in error.what
+    assert all((error.expected, error.actual, error.fix))
+
+
+def test_contract_blames_no_name_whose_own_declaration_is_wrong():
+    """A role, a knob or a stage that can't be read doesn't make its name unknown elsewhere."""
+    text = changed('label = "perception", ', "")
+    text = text.replace("[roles.picker]", "[roles]\ncarrier = 3\n[roles.picker]")
+    text = text.replace("stages = [[", "stages = [[], [").replace("[knobs]", "[knobs]\nx = {}")
+    keys = ["schedule.stages[0]", "roles.carrier", "knobs.x", "knobs.sensor_noise"]
+    assert [each.split(", ")[-1] for each in seen_error(text).where.split("; ")] == keys
+
+
 @pytest.mark.parametrize(
     ("text", "line", "seen"),
     [

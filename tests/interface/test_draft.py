@@ -82,7 +82,12 @@ def test_draft_declares_only_what_is_seen():
         (["picker", "carrier"], {"picker": ("picker",), "carrier": ("carrier",)}),
         (["a_0", "a_0b"], {"a": ("a_0",), "a_0b": ("a_0b",)}),
         (["a_0", "a_1", "a_1x"], {"a": ("a_0", "a_1"), "a_1x": ("a_1x",)}),
-        (["a_0", "a_x"], {"a": ("a_[0-9]*",), "a_x": ("a_x",)}),
+        (["a_0", "a_xy"], {"a": ("a_[0-9]*",), "a_xy": ("a_xy",)}),
+        (["a_0", "a_x"], {"a": ("a_*",)}),
+        (["wolf_a", "wolf_b", "sheep_x"], {"wolf": ("wolf_*",), "sheep_x": ("sheep_x",)}),
+        (["wolf_a", "wolf_b", "wolf_dog"], {"wolf": ("wolf_[A-Za-z]",), "wolf_dog": ("wolf_dog",)}),
+        (["wolfA", "wolfB", "dog"], {"wolf": ("wolf[A-Z]",), "dog": ("dog",)}),
+        (["adversary_0", "adversary_1"], {"adversary": ("adversary_*",)}),
         (["red_1_0", "red_1_1"], {"red_1": ("red_1_*",)}),
         (["robot0", "robot1"], {"robot": ("robot[0-9]*",)}),
         (["0", "1"], {"agent": ("[0-9]*",)}),
@@ -95,6 +100,21 @@ def test_draft_declares_only_what_is_seen():
 def test_draft_names_roles_after_their_agents(agents, expected):
     """Agents numbered alike are a role, whose patterns cover nobody else."""
     assert roles(agents) == expected
+
+
+@pytest.mark.parametrize(
+    ("spec", "expected"),
+    [
+        ("mpe2.simple_tag_v3:parallel_env", {"adversary": ("adversary_*",), "agent": ("agent_*",)}),
+        ("pettingzoo.classic.tictactoe_v3:env", {"player": ("player_*",)}),
+        ("warehouse", {"picker": ("picker_*",), "carrier": ("carrier_*",)}),
+    ],
+)
+def test_draft_of_known_environments_has_a_role_for_each_kind(spec, expected):
+    """Agents of one kind are one role with one pattern, also where another kind has one agent."""
+    pytest.importorskip(spec.partition(".")[0] if "." in spec else "gamekeeper")
+    drafted = draft_contract(open_env(spec).env).roles
+    assert {name: role.agents for name, role in drafted.items()} == expected
 
 
 def test_draft_parts_agents_whose_spaces_differ():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import combinations, product
 from os import PathLike, fspath
 from typing import cast
 
@@ -12,7 +13,7 @@ from gamekeeper.contract.failure import Failure
 from gamekeeper.contract.file import contract_text
 from gamekeeper.contract.html import contract_html
 from gamekeeper.contract.pattern import overlap
-from gamekeeper.contract.reader import SECTIONS, read_sections
+from gamekeeper.contract.reader import SECTIONS, read_sections, with_placeholders
 from gamekeeper.contract.sections import (
     NONE,
     RESERVED,
@@ -31,7 +32,16 @@ from gamekeeper.contract.sections import (
     plain,
 )
 from gamekeeper.contract.toml import Question, parse_toml, write_toml
-from gamekeeper.contract.validation import NOWHERE, SourceLines, SourcePath, can_be_told, nearest
+from gamekeeper.contract.validation import (
+    NOWHERE,
+    SourceLines,
+    SourcePath,
+    can_be_told,
+    mistakes_in,
+    nearest,
+    together,
+)
+from gamekeeper.errors import ContractError, GamekeeperError
 
 __all__ = [
     "Contract",
@@ -71,7 +81,8 @@ class Contract:
         places: the lines of the text it was read from; no part of its value.
 
     Raises:
-        ContractError: a value isn't of its kind, or a declaration contradicts another.
+        ContractError: a value isn't of its kind, or a declaration contradicts another; lists all
+            such places.
     """
 
     name: str | None = None
@@ -90,12 +101,19 @@ class Contract:
     places: SourceLines = field(default=NOWHERE, compare=False, repr=False)
 
     def __post_init__(self) -> None:
-        for key, value in read_sections(self.to_json(), SourcePath(self.places)).items():
+        mistakes: list[GamekeeperError] = []
+        at = SourcePath(self.places, mistakes=mistakes)
+        sections = read_sections(self.to_json(), at)
+        if mistakes:
+            raise together(mistakes, self.places)
+        for key, value in sections.items():
             object.__setattr__(self, key, value)
         for key in ("roles", "rewards", "endings", "infos", "knobs", "failure", "waivers"):
             object.__setattr__(self, key, Table(getattr(self, key)))
-        object.__setattr__(self, "roles", _with_staged(self))
-        _check_declarations(self)
+        object.__setattr__(self, "roles", _with_staged(self, at))
+        _check_declarations(self, at)
+        if mistakes:
+            raise together(mistakes, self.places)
 
     @classmethod
     def parse(cls, text: str, *, source: str = "<text>") -> Contract:
@@ -106,7 +124,8 @@ class Contract:
             source: what errors call the text.
 
         Raises:
-            ContractError: it isn't TOML, isn't a contract, or contradicts itself; names the line.
+            ContractError: it isn't TOML, isn't a contract, or contradicts itself; names the line
+                of each mistake.
         """
         data, places = parse_toml(text, source=source)
         return cls._of(data, places)
@@ -135,8 +154,18 @@ class Contract:
 
     @classmethod
     def _of(cls, data: object, places: SourceLines) -> Contract:
-        sections = read_sections(data, SourcePath(places))
-        return cls(**sections, places=places)  # type: ignore[arg-type]
+        mistakes: list[GamekeeperError] = []
+        at = SourcePath(places, mistakes=mistakes)
+        try:
+            sections = read_sections(data, at)
+            if mistakes:
+                sections = with_placeholders(sections, data)
+            contract = cls(**sections, places=places)  # type: ignore[arg-type]
+        except ContractError as error:
+            mistakes.extend(mistakes_in(error))
+        if mistakes:
+            raise together(mistakes, places)
+        return contract
 
     def to_json(self) -> dict[str, object]:
         """Plain data: dictionaries, lists and scalars, without what isn't declared."""
@@ -207,13 +236,8 @@ def _column_name(agent: object) -> str:
     return str(agent) if is_text else json.dumps(agent, default=str)
 
 
-def _check_declarations(contract: Contract) -> None:
-    """Every role that is spoken of is declared, and nothing is declared both ways.
-
-    Raises:
-        ContractError: the first contradiction, at the place where it stands.
-    """
-    root = SourcePath(contract.places)
+def _check_declarations(contract: Contract, root: SourcePath) -> None:
+    """Reports each role and knob that isn't declared, and each contradiction, where it stands."""
     _check_roles(contract.roles, root / "roles")
     _check_schedule(contract, root / "schedule")
     for name, term in contract.rewards.items():
@@ -227,17 +251,17 @@ def _check_declarations(contract: Contract) -> None:
             if other not in contract.knobs or other == name:
                 place = root / "knobs" / name / "contains" / position
                 others = [known for known in contract.knobs if known != name]
-                raise place.unknown(f"knob {other!r} is not declared", other, others, noun="knob")
+                what = f"knob {other!r} is not declared"
+                root.report(place.unknown(what, other, others, noun="knob"))
     for scope in contract.failure:
         _check_known(root / "failure" / scope, scope, ("team", "agent", *contract.roles))
 
 
-def _with_staged(contract: Contract) -> Table[Role]:
+def _with_staged(contract: Contract, root: SourcePath) -> Table[Role]:
     """The declared roles, and those that are declared by standing in a stage alone.
 
-    Raises:
-        ContractError: one of the latter is a declared role's name misspelt, as far as can be seen:
-            it is close to a role that no stage names.
+    Reports each of the latter that is a declared role's name misspelt, as far as can be seen: it
+    is close to a role that no stage names.
     """
     roles = dict(contract.roles)
     stages = contract.schedule.stages or ()
@@ -245,57 +269,62 @@ def _with_staged(contract: Contract) -> Table[Role]:
     for number, stage in enumerate(stages):
         for position, name in enumerate(stage):
             if name not in roles and nearest(name, unstaged):
-                place = SourcePath(contract.places, ("schedule", "stages", number, position))
-                raise place.unknown(f"role {name!r} is not declared", name, unstaged, noun="role")
+                place = root / "schedule" / "stages" / number / position
+                what = f"role {name!r} is not declared"
+                root.report(place.unknown(what, name, unstaged, noun="role"))
             roles.setdefault(name, Role())
     return Table(roles)
 
 
 def _check_known(at: SourcePath, name: str, known: Iterable[str]) -> None:
     if name not in known:
-        raise at.unknown(f"role {name!r} is not declared", name, known, noun="role")
+        at.report(at.unknown(f"role {name!r} is not declared", name, known, noun="role"))
 
 
 def _check_roles(roles: Mapping[str, Role], at: SourcePath) -> None:
-    seen: list[tuple[str, str]] = []
-    for name, role in roles.items():
+    for name in roles:
         if name in RESERVED:
-            raise (at / name).error(
+            error = (at / name).error(
                 f"no role can be called {name!r}",
                 expected="a name of your own",
                 actual=name,
                 fix=f"{name!r} is a word of contracts: call the role something else",
             )
-        for pattern in patterns(name, role):
-            for other, taken in seen:
-                if other != name and overlap(pattern, taken):
-                    # The line of the one that says which agents it holds, where one says nothing.
-                    wrong = name if role.agents or not roles[other].agents else other
-                    raise (at / wrong / "agents").error(
-                        f"roles {other!r} and {name!r} can both hold an agent",
-                        expected="patterns that no name fits both of",
-                        actual=f"{taken} and {pattern}",
-                        fix="make one pattern narrower, or list its agents by name",
-                    )
-            seen.append((name, pattern))
+            at.report(error)
+    usable = [(name, role) for name, role in roles.items() if name not in RESERVED]
+    for (other, first), (name, second) in combinations(usable, 2):
+        both = product(patterns(other, first), patterns(name, second))
+        shared = next((pair for pair in both if overlap(*pair)), None)
+        if shared is not None:
+            # The line of the one that says which agents it holds, where one says nothing.
+            wrong = name if second.agents or not first.agents else other
+            error = (at / wrong / "agents").error(
+                f"roles {other!r} and {name!r} can both hold an agent",
+                expected="patterns that no name fits both of",
+                actual=" and ".join(shared),
+                fix="make one pattern narrower, or list its agents by name",
+            )
+            at.report(error)
 
 
 def _check_schedule(contract: Contract, at: SourcePath) -> None:
     schedule = contract.schedule
     if contract.api == "parallel" and schedule.observe == "after turn":
-        raise (at / "observe").error(
+        error = (at / "observe").error(
             "a parallel environment can't show anything before its tick is over",
             expected='"after tick"',
             actual=schedule.observe,
             fix='write observe = "after tick", or api = "aec"',
         )
+        at.report(error)
     if schedule.order == "none" and schedule.conflicts == "ordered":
-        raise (at / "conflicts").error(
+        error = (at / "conflicts").error(
             "conflicts are settled by an order of acting that there isn't",
             expected='"joint rule", "priority" or "random"',
             actual=schedule.conflicts,
             fix="declare the order in schedule.order, or another rule for conflicts",
         )
+        at.report(error)
 
 
 def _check_term(term: RewardTerm, roles: Mapping[str, Role], at: SourcePath) -> None:
@@ -305,32 +334,36 @@ def _check_term(term: RewardTerm, roles: Mapping[str, Role], at: SourcePath) -> 
             place = at / key / number if len(names) > 1 else at / key
             _check_known(place, name, (*extra, *roles))
         if len(names) > 1 and set(names) & set(extra):
-            raise (at / key).error(
+            error = (at / key).error(
                 f"'{at.text}.{key}' names roles beside a word for all of them",
                 expected="roles, or one of " + ", ".join(extra),
                 actual=list(names),
                 fix="leave one out",
             )
+            at.report(error)
     payees = term.payee or ()
     one = payees == ("earner",) or (len(payees) == 1 and is_single(roles.get(payees[0], Role())))
     if term.kind == "zero-sum" and one:
-        raise (at / "payee").error(
+        error = (at / "payee").error(
             f"the zero-sum term {at.path[-1]!r} has one payee, so it always pays 0",
             expected="two payees or more, or all",
             actual=list(payees),
             fix='write payee = "all", or another kind',
         )
+        at.report(error)
     if term.kind == "shared" and payees == ("earner",):
-        raise (at / "payee").error(
+        error = (at / "payee").error(
             f"the shared term {at.path[-1]!r} pays only the agent that earned it",
             expected="roles, or all",
             actual="earner",
             fix='write kind = "individual", or payee = "all"',
         )
+        at.report(error)
     if term.kind == "individual" and payees == ("all",) and term.earner not in (None, ("all",)):
-        raise (at / "payee").error(
+        error = (at / "payee").error(
             f"the individual term {at.path[-1]!r} pays agents that didn't earn it",
             expected="the role that earns it, or earner",
             actual="all",
             fix='write kind = "shared", or payee = "earner"',
         )
+        at.report(error)

@@ -31,6 +31,7 @@ from gamekeeper.contract.sections import (
 from gamekeeper.contract.validation import (
     Read,
     SourcePath,
+    can_be_told,
     different,
     listed,
     named,
@@ -198,17 +199,66 @@ SECTIONS: Final[Mapping[str, Read[object]]] = {
 def read_sections(value: object, at: SourcePath) -> dict[str, object]:
     """The declared sections of a contract, each as its frozen data.
 
+    Args:
+        value: plain data.
+        at: collects the mistakes; a key that has one is left out.
+
     Raises:
-        ContractError: a key is unknown, or a value isn't of its key's kind.
+        ContractError: the data isn't a table; or, where `at` collects nothing, a key is unknown,
+            or a value isn't of its key's kind.
     """
     table = dict(at.table(value))
     for key in table:
         if key not in SECTIONS:
-            raise unknown_key(at / key, SECTIONS)
+            at.report(unknown_key(at / key, SECTIONS))
     found: dict[str, object] = {}
     rewards = table.get("rewards")
     if isinstance(rewards, Mapping) and "after_end" in rewards:
         place = at / "rewards" / "after_end"
-        found["after_end"] = word(*AFTER_END)(rewards["after_end"], place)
+        with at.collecting():
+            found["after_end"] = word(*AFTER_END)(rewards["after_end"], place)
         table["rewards"] = {key: item for key, item in rewards.items() if key != "after_end"}
-    return found | {key: SECTIONS[key](item, at / key) for key, item in table.items()}
+    for key, item in table.items():
+        if key in SECTIONS:
+            with at.collecting():
+                found[key] = SECTIONS[key](item, at / key)
+    return found
+
+
+def with_placeholders(sections: dict[str, object], data: object) -> dict[str, object]:
+    """The sections with an empty role or knob for each name whose declaration couldn't be read.
+
+    So that a name which stands somewhere isn't called undeclared, beside the mistake that is there.
+    """
+    raw = data if isinstance(data, Mapping) else {}
+    schedule = raw.get("schedule")
+    stages = schedule.get("stages") if isinstance(schedule, Mapping) else None
+    names = {
+        "roles": [*_texts(raw.get("roles")), *_texts(stages)],
+        "knobs": _texts(raw.get("knobs")),
+    }
+    blanks = {"roles": Role(), "knobs": Knob(label="unknown")}
+    filled = dict(sections)
+    for key, blank in blanks.items():
+        read = sections.get(key)
+        rows = dict.fromkeys(names[key], blank) | dict(read if isinstance(read, Mapping) else {})
+        if rows:
+            filled[key] = rows
+    if stages is not None and getattr(sections.get("schedule"), "stages", None) is None:
+        # Stages that can't be read may declare any role, so no other name can be called unknown.
+        for key in ("rewards", "endings", "failure"):
+            filled.pop(key, None)
+    return filled
+
+
+def _texts(value: object) -> list[str]:
+    """The keys of a table that can be names; the texts in a list, and in the lists in it."""
+    if isinstance(value, str):
+        return [value] if can_be_told(value) else []
+    if isinstance(value, Mapping):
+        return [key for key in value if isinstance(key, str) and can_be_told(key)]
+    items = value if isinstance(value, list | tuple) else ()
+    inner = (each if isinstance(each, list | tuple) else (each,) for each in items)
+    return [
+        text for each in inner for item in each if isinstance(item, str) for text in _texts(item)
+    ]

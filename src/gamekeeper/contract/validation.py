@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from numbers import Integral
@@ -97,13 +98,37 @@ class SourceLines:
 
 @dataclass(frozen=True, slots=True)
 class SourcePath:
-    """One path in a text: what readers of a value are handed, to say where it was wrong."""
+    """One path in a text: what readers of a value are handed, to say where it was wrong.
+
+    Args:
+        places: lines of the text.
+        path: keys and indices.
+        mistakes: where errors are collected, so that all are reported together; None: the first
+            one is raised.
+    """
 
     places: SourceLines
     path: Path = ()
+    mistakes: list[GamekeeperError] | None = None
 
     def __truediv__(self, key: str | int) -> SourcePath:
-        return SourcePath(self.places, (*self.path, key))
+        return SourcePath(self.places, (*self.path, key), self.mistakes)
+
+    def report(self, error: GamekeeperError) -> None:
+        """Collects the error, or raises it where errors aren't collected."""
+        if self.mistakes is None:
+            raise error
+        self.mistakes.append(error)
+
+    @contextmanager
+    def collecting(self) -> Iterator[None]:
+        """Reports an error of the block and goes on after it."""
+        try:
+            yield
+        except GamekeeperError as error:
+            if self.mistakes is None:
+                raise
+            self.mistakes.append(error)
 
     @property
     def text(self) -> str:
@@ -143,6 +168,49 @@ class SourcePath:
             actual=value,
             fix=f"write a section [{self.text or example}] with its keys below",
         )
+
+
+def together(mistakes: Sequence[GamekeeperError], places: SourceLines) -> GamekeeperError:
+    """One error for all mistakes of a text: a single one as it is, several as a numbered list.
+
+    Args:
+        mistakes: one at least; equal ones are listed once, in the order of their lines.
+        places: lines of the text.
+    """
+    listed = sorted({str(each): each for each in mistakes}.values(), key=_line_of)
+    if len(listed) == 1:
+        return listed[0]
+    numbered = [
+        f"{number}. {each}".replace("\n", "\n   ") for number, each in enumerate(listed, start=1)
+    ]
+    error = places.refusal(
+        "\n".join([f"the {places.document} has {len(listed)} mistakes", *numbered]).replace(
+            "\n", "\n  "
+        ),
+        where="; ".join(dict.fromkeys(each.where for each in listed if each.where)),
+        expected=f"a {places.document} without mistakes",
+        actual=f"{len(listed)} mistakes",
+        fix="correct every one; each has its fix beside it",
+    )
+    vars(error)[PARTS] = tuple(listed)
+    return error
+
+
+PARTS: Final = "mistakes"
+"""Attribute of an error that `together` made of several."""
+
+
+def mistakes_in(error: GamekeeperError) -> tuple[GamekeeperError, ...]:
+    """The errors that `together` made one of; any other error alone."""
+    return tuple(vars(error).get(PARTS, (error,)))
+
+
+LINE_NUMBER: Final = re.compile(r", line (\d+)")
+
+
+def _line_of(error: GamekeeperError) -> int:
+    found = LINE_NUMBER.search(error.where)
+    return int(found.group(1)) if found else 0
 
 
 NOWHERE: Final = SourceLines()
@@ -294,7 +362,12 @@ def section(
         table = at.table(value)
         for key in table:
             if key not in readers:
-                raise unknown_key(at / key, readers)
+                at.report(unknown_key(at / key, readers))
+        found = {}
+        for key, item in table.items():
+            if key in readers and key not in required:
+                with at.collecting():
+                    found[key] = readers[key](item, at / key)
         for key in required:
             if key not in table:
                 raise at.error(
@@ -303,7 +376,9 @@ def section(
                     actual=", ".join(table) or "nothing",
                     fix=f"add {path_text((*at.path, key))}",
                 )
-        return cls(**{key: readers[key](item, at / key) for key, item in table.items()})
+            # Without it there is nothing to return, so its error ends the whole section.
+            found[key] = readers[key](table[key], at / key)
+        return cls(**found)
 
     return read
 
@@ -325,7 +400,10 @@ def named(item: Read[T]) -> Read[Table[T]]:
     """Reads a table whose keys are names of the author's."""
 
     def read(value: object, at: SourcePath) -> Table[T]:
-        rows = at.table(value).items()
-        return Table({text(key, at / key): item(each, at / key) for key, each in rows})
+        rows = {}
+        for key, each in at.table(value).items():
+            with at.collecting():
+                rows[text(key, at / key)] = item(each, at / key)
+        return Table(rows)
 
     return read

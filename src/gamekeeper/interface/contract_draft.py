@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final, TypeAlias
 
@@ -12,12 +13,12 @@ from pettingzoo import AECEnv, ParallelEnv
 from gamekeeper.contract import Contract, Question, Role
 from gamekeeper.contract.pattern import exact, matches
 from gamekeeper.contract.sections import RESERVED
-from gamekeeper.contract.validation import can_be_told
+from gamekeeper.contract.validation import can_be_told, together
 from gamekeeper.episodes.agent_spec import AgentSpec, Space, agent_spec
 from gamekeeper.episodes.contract_questions import open_questions
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.spaces.nesting import check_extent
-from gamekeeper.errors import ContractError
+from gamekeeper.errors import ContractError, GamekeeperError
 from gamekeeper.interface.authoring import Authored
 
 __all__ = ["agent_specs", "draft_contract", "draft_questions", "open_questions"]
@@ -30,6 +31,10 @@ NUMBERED: Final = re.compile(
     r"(?:(?P<stem>.*?[^\d_-])(?P<line>[_-]?)|(?P<stem2>.+)(?P<line2>[_-]))?\d+", re.DOTALL
 )
 """`picker_0`, `picker-0` and `picker0` are a `picker`, `red_1_0` is a `red_1`, `0` an `agent`."""
+LETTERED: Final = re.compile(
+    r"(?P<stem>.+)(?P<line>[_-])[A-Za-z]|(?P<stem2>.*[a-z])[A-Z]", re.DOTALL
+)
+"""`wolf_a` and `wolfA` are a `wolf`, where another agent's name begins alike."""
 MASK_KEY: Final = "action_mask"
 """Key of the mask in the Dict observations of PettingZoo's own environments."""
 
@@ -37,9 +42,9 @@ MASK_KEY: Final = "action_mask"
 def draft_contract(env: Env) -> Contract:
     """The contract as far as the environment shows it before its first step.
 
-    Seen are name, API, the roster's roles (agents that are numbered alike and have equal spaces),
-    masks that stand in an observation space, the horizon of a `TickEnv` or `TurnEnv`, and a
-    kernel's reward terms and endings. All else stays undeclared: `open_questions`
+    Seen are name, API, the roster's roles (agents whose names differ by a number or a letter, and
+    whose spaces are equal), masks that stand in an observation space, the horizon of a `TickEnv` or
+    `TurnEnv`, and a kernel's reward terms and endings. All else stays undeclared: `open_questions`
     asks for it.
 
     Args:
@@ -61,13 +66,20 @@ def agent_specs(env: Env, contract: Contract) -> tuple[AgentSpec, ...]:
     """The lines of the agents in the roster, checked against their spaces.
 
     Raises:
-        ContractError: a declaration doesn't fit the agent's spaces.
+        ContractError: declarations don't fit the agents' spaces; lists each of them once.
     """
-    kinds = [(agent, _kind(env, agent)) for agent in _roster(env)]
-    return tuple(
-        agent_spec(contract, agent, observation_space=seen, action_space=done)
-        for agent, (seen, done) in kinds
-    )
+    found: list[AgentSpec] = []
+    mistakes: dict[str, GamekeeperError] = {}
+    for agent in _roster(env):
+        seen, done = _kind(env, agent)
+        try:
+            found.append(agent_spec(contract, agent, observation_space=seen, action_space=done))
+        except ContractError as error:
+            # A noop is told once for the first agent of its role, not for each.
+            mistakes.setdefault(error.where, error)
+    if mistakes:
+        raise together(list(mistakes.values()), contract.places)
+    return tuple(found)
 
 
 def draft_questions(env: Env, contract: Contract) -> tuple[Question, ...]:
@@ -125,19 +137,31 @@ def _space(ask: Callable[[Any], object], agent: object) -> Space | None:
     return space
 
 
-def _stem(agent: str) -> tuple[str, str] | None:
-    """Text before an agent's number, and the line between them; None without a number."""
-    found = NUMBERED.fullmatch(agent)
-    if found is None:
-        return None
-    return found["stem"] or found["stem2"] or "", found["line"] or found["line2"] or ""
+def _stems(roster: Iterable[str]) -> dict[str, tuple[str, str]]:
+    """Text before each agent's number or letter, and the line between them.
+
+    Agents with neither have no entry, nor has one with a letter that no other name begins like: the
+    `x` of `agent_x` numbers nothing.
+    """
+    numbered, lettered = (
+        {agent: _parts(found) for agent in roster if (found := suffix.fullmatch(agent))}
+        for suffix in (NUMBERED, LETTERED)
+    )
+    count = Counter([*numbered.values(), *lettered.values()])
+    return numbered | {agent: stem for agent, stem in lettered.items() if count[stem] > 1}
+
+
+def _parts(found: re.Match[str]) -> tuple[str, str]:
+    parts = found.groupdict(default="")
+    return parts["stem"] or parts["stem2"], parts["line"] or parts.get("line2", "")
 
 
 def _roles(kinds: Mapping[str, Kind]) -> dict[str, Role]:
     """Roles of agents that are called alike and have equal spaces."""
+    stems = _stems(list(filter(can_be_told, kinds)))
     groups: dict[str, list[list[str]]] = {}
     for agent in filter(can_be_told, kinds):
-        stem, _ = _stem(agent) or (agent, "")
+        stem, _ = stems.get(agent, (agent, ""))
         alike = groups.setdefault(stem or "agent", [])
         for group in alike:
             if kinds[group[0]] == kinds[agent]:
@@ -146,7 +170,7 @@ def _roles(kinds: Mapping[str, Kind]) -> dict[str, Role]:
         else:
             alike.append([agent])
     return {
-        name: Role(agents=_patterns(group, kinds), mask=_mask(kinds[group[0]][0]))
+        name: Role(agents=_patterns(group, kinds, stems), mask=_mask(kinds[group[0]][0]))
         for name, group in _names(groups).items()
     }
 
@@ -163,12 +187,14 @@ def _names(groups: Mapping[str, list[list[str]]]) -> dict[str, list[str]]:
     return named
 
 
-def _patterns(group: list[str], roster: Iterable[str]) -> tuple[str, ...]:
-    """One pattern for numbered agents where it covers no other; else their names."""
-    stem, line = _stem(group[0]) or (None, "")
-    if stem is not None:
-        start = exact(stem) + line
-        for pattern in (f"{start}*", f"{start}[0-9]*") if line else (f"{start}[0-9]*",):
+def _patterns(
+    group: list[str], roster: Iterable[str], stems: Mapping[str, tuple[str, str]]
+) -> tuple[str, ...]:
+    """One pattern for numbered or lettered agents where it covers no other; else their names."""
+    if group[0] in stems:
+        stem, line = stems[group[0]]
+        ends = ("*", "[0-9]*", "[A-Za-z]") if line else ("[0-9]*", "[A-Z]")
+        for pattern in (exact(stem) + line + end for end in ends):
             if {agent for agent in roster if matches(pattern, agent)} == set(group):
                 return (pattern,)
     return tuple(exact(agent) for agent in group)
