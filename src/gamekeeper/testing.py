@@ -132,7 +132,7 @@ def settle(verdict: Verdict, config: pytest.Config) -> None:
         pytest.fail(f"a fault of the check, not of the environment\n{verdict.reason}", False)
     elif verdict.outcome == "waived":
         pytest.xfail(verdict.reason)
-    elif verdict.outcome in ("not_exercised", "not_applicable"):
+    elif verdict.outcome in ("suspected", "not_exercised", "not_applicable"):
         pytest.skip(f"{verdict.outcome.replace('_', ' ')}: {verdict.reason}")
     elif verdict.reason:
         config.stash.setdefault(NOTES, []).append(f"{verdict.id}: {verdict.reason}")

@@ -6,10 +6,7 @@ audit plays under another hash seed, it plays in a fork.
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import threading
-from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -26,41 +23,9 @@ NAMES = list(environments())
 CLEAN = [name for name, each in environments().items() if not each.checks]
 
 
-@dataclass(frozen=True, slots=True)
-class Seen:
-    """What one environment came to.
-
-    Attributes:
-        audit: under the contract that it declares.
-        programs: of every finding.
-    """
-
-    audit: AuditResult
-    programs: tuple[Ran, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Ran:
-    """A finding's program, run in a fresh process.
-
-    Attributes:
-        check: whose finding it is.
-        code: its exit code.
-        errors: what it wrote to stderr.
-    """
-
-    check: str
-    program: str
-    code: int
-    errors: str
-
-
-def seen(name: str) -> Seen:
-    """What an environment came to; waits until a process has audited it."""
-    found = _pool().result(name)
-    return Seen(
-        AuditResult.from_json(found["audit"]), tuple(Ran(**each) for each in found["programs"])
-    )
+def seen(name: str) -> AuditResult:
+    """The audit of an environment, under its contract; waits until a process has made it."""
+    return AuditResult.from_json(_pool().result(name)["audit"])
 
 
 @cache
@@ -103,21 +68,11 @@ class _Pool:
 
 
 def audit_task(report: Any, *, names: list[str]) -> None:
-    """Audits environments in this process, and runs the program of every finding in a fresh one."""
+    """Audits environments in this process; reproducers run in fresh ones."""
     elsewhere.run_task = Forks().run_task  # type: ignore[assignment]  # this process is for this alone
     for name in names:
         each = environments()[name]
         audit = audit_here(
             each.spec, contract=each.contract, budget=each.budget, attempt=AuditAttempt(beat=report)
         )
-        programs = [
-            {"check": verdict.id, "program": finding.reproducer, **_run(finding.reproducer)}
-            for verdict in audit.failed
-            for finding in verdict.findings
-        ]
-        report(name=name, audit=audit.to_json(), programs=programs)
-
-
-def _run(program: str) -> dict[str, Any]:
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    return {"code": done.returncode, "errors": done.stderr}
+        report(name=name, audit=audit.to_json())

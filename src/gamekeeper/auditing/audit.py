@@ -9,10 +9,11 @@ from dataclasses import dataclass, field
 from os import PathLike
 from typing import Any, Final
 
-from gamekeeper.auditing.gather import Gathering, gather, lab_of
+from gamekeeper.auditing.confirm import confirmed
+from gamekeeper.auditing.gather import INTERRUPTED, Gathering, gather, lab_of
 from gamekeeper.auditing.judge import judge
 from gamekeeper.auditing.measured import PROBES, measured
-from gamekeeper.auditing.reproduce import Reproduction, verdict_of
+from gamekeeper.auditing.reproduce import Reproduction, draft_of
 from gamekeeper.auditing.result import AuditResult
 from gamekeeper.auditing.snippet import home
 from gamekeeper.auditing.source import source_of
@@ -30,6 +31,11 @@ QUICK: Final = 3_000
 SHRINKING: Final = 0.25
 """Part of the budget that may be spent on top of it to shrink findings."""
 
+CONFIRMING_S: Final = 120.0
+"""Seconds in which reproducers are run; findings that are left are suspected."""
+PROBING: Final = 0.7
+"""Part of the seconds asked for after which the probes end."""
+
 OnProbe = Callable[[str, int, int], None]
 
 
@@ -41,11 +47,13 @@ class AuditAttempt:
         died: probes in which the process of an earlier try ended, and what was said of it.
         on_probe: called with a probe's name, its place and their number.
         beat: called at every step, as a sign of life.
+        keeps_partial: Ctrl-C ends the probes, and isn't raised.
     """
 
     died: Mapping[str, str] = field(default_factory=dict)
     on_probe: OnProbe | None = None
     beat: Callable[[], None] | None = None
+    keeps_partial: bool = False
 
 
 def audit_here(
@@ -57,6 +65,7 @@ def audit_here(
     select: Sequence[str] = (),
     ignore: Sequence[str] = (),
     env_kwargs: Mapping[str, Any] | None = None,
+    seconds: float | None = None,
     attempt: AuditAttempt = AuditAttempt(),
 ) -> AuditResult:
     """Audits in this process; see `gamekeeper.auditing.audit_process.audit`."""
@@ -79,14 +88,28 @@ def audit_here(
         )
         needs = needed(wanted, is_all=not select)
         on_probe = attempt.on_probe or _nothing
-        gathering = gather(lab, needs, died=attempt.died, on_probe=on_probe)
+        gathering = gather(
+            lab,
+            needs,
+            died=attempt.died,
+            on_probe=on_probe,
+            until_s=None if seconds is None else begun_s + seconds * PROBING,
+            keeps_partial=attempt.keeps_partial,
+        )
         bench = Reproduction(
             gathering,
             declared or Contract(),
             home(opened.spec, opened.identity, kwargs),
-            int(budget * SHRINKING),
+            0 if gathering.stopped else int(budget * SHRINKING),
         )
-        return _judged(wanted, opened, bench, begun_s=begun_s, seed=seed, is_all=not select)
+        until_s = time.monotonic() + CONFIRMING_S
+        if seconds is not None:
+            until_s = min(until_s, begun_s + seconds)
+        if gathering.stopped == INTERRUPTED:
+            until_s = 0.0
+        return _judged(
+            wanted, opened, bench, begun_s=begun_s, seed=seed, is_all=not select, until_s=until_s
+        )
     finally:
         if opened.make is not None:
             with suppress(Exception):  # one that raises is a finding of a check's
@@ -106,6 +129,7 @@ def _judged(
     begun_s: float,
     seed: int,
     is_all: bool,
+    until_s: float,
 ) -> AuditResult:
     gathering: Gathering = bench.gathering
     evidence = gathering.gathered()
@@ -113,11 +137,14 @@ def _judged(
     judged = [judge(each, bench.contract, evidence, gathering.broken) for each in wanted.values()]
     form = measured(bench.contract, evidence) if is_all else {}
     shrinking_s = time.perf_counter()
-    verdicts = tuple(verdict_of(each, bench) for each in judged)
+    drafts = [draft_of(each, bench) for each in judged]
+    confirming_s = time.perf_counter()
+    verdicts = confirmed(drafts, beat=gathering.lab.meter.beat or _nothing, until_s=until_s)
     timings = {
         **gathering.seconds,
         "judging": shrinking_s - judging_s,
-        "shrinking": time.perf_counter() - shrinking_s,
+        "shrinking": confirming_s - shrinking_s,
+        "confirming": time.perf_counter() - confirming_s,
     }
     return AuditResult(
         environment=opened.spec,
@@ -131,6 +158,7 @@ def _judged(
         agents={name: _spaces(spec) for name, spec in gathering.lab.agents.items()},
         declared=bench.contract.to_json() or None,
         source=source_of(opened.env),
+        stopped=gathering.stopped,
     )
 
 
@@ -140,5 +168,5 @@ def _spaces(spec: AgentSpec) -> dict[str, str]:
     return {name: "" if space is None else str(space) for name, space in spaces.items()}
 
 
-def _nothing(name: str, place: int, count: int) -> None:
+def _nothing(*args: Any) -> None:
     """Ignores progress."""

@@ -20,6 +20,18 @@ MOST_DEATHS: Final = 6
 """Probes in which the process may end before the audit gives up."""
 
 
+class AuditInterruptedError(KeyboardInterrupt):
+    """An audit was interrupted by Ctrl-C.
+
+    Attributes:
+        result: what was known by then.
+    """
+
+    def __init__(self, result: AuditResult) -> None:
+        super().__init__("the audit was interrupted")
+        self.result = result
+
+
 def audit(
     spec: object,
     *,
@@ -30,6 +42,7 @@ def audit(
     select: Sequence[str] = (),
     ignore: Sequence[str] = (),
     env_kwargs: Mapping[str, Any] | None = None,
+    seconds: float | None = None,
     silence_s: float = SILENCE_S,
     memory_bytes: int | None = None,
     on_probe: OnProbe | None = None,
@@ -50,6 +63,7 @@ def audit(
         select: only checks whose ids begin so; all where empty.
         ignore: but those whose ids begin so.
         env_kwargs: handed to the factory.
+        seconds: wall time after which the audit ends with what it knows by then; None: no limit.
         silence_s: a probe that gives no sign of life for so long is given up.
         memory_bytes: bound of the process's memory.
         on_probe: called with a probe's name, its place and their number.
@@ -58,6 +72,8 @@ def audit(
         ContractError: the contract doesn't fit the environment.
         EvidenceError: no check begins like `select` or `ignore`.
         EnvError: the environment's process ended again and again.
+        AuditInterruptedError: by Ctrl-C, with what was known by then; an environment that runs here
+            raises a plain KeyboardInterrupt.
     """
     asked: dict[str, Any] = {
         "budget": QUICK if quick else budget,
@@ -65,6 +81,7 @@ def audit(
         "select": list(select),
         "ignore": list(ignore),
         "env_kwargs": dict(env_kwargs or {}),
+        "seconds": seconds,
     }
     if not isinstance(spec, str):
         return audit_here(spec, contract=contract, attempt=AuditAttempt(on_probe=on_probe), **asked)
@@ -106,12 +123,15 @@ def _tried(
         memory_bytes=memory_bytes,
         on_message=take,
     )
-    if outcome.status == "interrupted":
-        raise KeyboardInterrupt
     if isinstance(outcome.value, dict):
         if outcome.value["error"] is not None:
             raise error_of(outcome.value["error"])
-        return AuditResult.from_json(outcome.value["audit"])
+        result = AuditResult.from_json(outcome.value["audit"])
+        if outcome.status == "interrupted":
+            raise AuditInterruptedError(result)
+        return result
+    if outcome.status == "interrupted":
+        raise KeyboardInterrupt
     if outcome.status == "raised" or not current or current in died:
         raise EnvError(
             f"the environment's process {outcome.status}: {outcome.error}",
@@ -145,7 +165,7 @@ def audit_task(
 
     declared = Contract.from_json(contract) if isinstance(contract, dict) else contract
     try:
-        attempt = AuditAttempt(died, on_probe, beat=report)
+        attempt = AuditAttempt(died, on_probe, beat=report, keeps_partial=True)
         found = audit_here(spec, contract=declared, attempt=attempt, **options)
     except GamekeeperError as error:
         return {"error": error_fields(error), "audit": None}

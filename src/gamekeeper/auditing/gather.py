@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from gamekeeper.auditing.bulk import EVIDENCE_BYTES, held_bytes, most_turns, slimmed
 from gamekeeper.auditing.probe import Probe, probes
-from gamekeeper.auditing.probe_session import Meter, ProbeSession
+from gamekeeper.auditing.probe_session import LEAST_TURNS, Meter, ProbeSession, TimeUpError
 from gamekeeper.checks.probe_evidence import (
     Fact,
     ProbeCounterfactual,
@@ -23,7 +23,10 @@ from gamekeeper.episodes.outcome import check_measured, outcome_of
 from gamekeeper.interface.contract_draft import agent_specs
 from gamekeeper.interface.opening import Opened
 from gamekeeper.rollouts.episode_loop import EpisodePlan
+from gamekeeper.rollouts.process_randomness import held
 
+INTERRUPTED: Final = "the audit was interrupted"
+TIME_UP: Final = "the audit's time was over"
 ROLLOUT: Final = "rollout"
 """The probe that plays whole episodes."""
 
@@ -39,6 +42,8 @@ class Gathering:
         not_exercised: probes that couldn't look, and why.
         broken: probes that failed through a fault of their own, with the traceback.
         seconds: by probe.
+        stopped: what ended the gathering before all probes had looked; empty where nothing did.
+        is_cut: a probe ended before it had seen all that its ration allows.
     """
 
     lab: ProbeSession
@@ -48,6 +53,8 @@ class Gathering:
     not_exercised: dict[str, str] = field(default_factory=dict)
     broken: dict[str, str] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
+    stopped: str = ""
+    is_cut: bool = False
 
     def gathered(self) -> ProbeEvidence:
         """For the checks to read."""
@@ -92,6 +99,8 @@ def gather(
     *,
     died: Mapping[str, str],
     on_probe: Callable[[str, int, int], None],
+    until_s: float | None = None,
+    keeps_partial: bool = False,
 ) -> Gathering:
     """Lets the probes of these names look, one after the other, each within its ration.
 
@@ -100,11 +109,20 @@ def gather(
         died: probes in which the process of an earlier try died or hung, and what was said of it;
             they don't look again.
         on_probe: called with a probe's name, its place and their number, before it looks.
+        until_s: time of the monotonic clock at which all must be over; each probe has its share of
+            what is left when it begins.
+        keeps_partial: Ctrl-C ends the gathering, and isn't raised.
     """
     found = probes(names)
     gathering = Gathering(lab, found)
-    total = sum(probe.share for probe in found.values())
+    total = left = sum(probe.share for probe in found.values())
+    if until_s is not None:
+        lab.ration = min(lab.ration, _steps_until(lab, until_s))
     for place, (name, probe) in enumerate(found.items()):
+        lab.meter.until_s = None
+        if gathering.stopped:
+            gathering.not_exercised[name] = gathering.stopped
+            continue
         on_probe(name, place, len(found))
         if name in died:
             where = lab.for_probe(name, 0).at()
@@ -117,11 +135,37 @@ def gather(
             continue
         begun_s = time.perf_counter()
         part = probe.share / total
-        _probe(gathering, name, probe, int(lab.ration * part), int(EVIDENCE_BYTES * part))
+        if until_s is not None:
+            now_s = time.monotonic()
+            lab.meter.until_s = now_s + max(until_s - now_s, 0.0) * probe.share / left
+        try:
+            _probe(gathering, name, probe, int(lab.ration * part), int(EVIDENCE_BYTES * part))
+        except TimeUpError:
+            gathering.not_exercised[name] = TIME_UP
+            gathering.is_cut = True
+        except KeyboardInterrupt:
+            if not keeps_partial:
+                raise
+            gathering.stopped = INTERRUPTED
+            gathering.not_exercised[name] = gathering.stopped
+        left -= probe.share
         gathering.seconds[name] = time.perf_counter() - begun_s
         if name == ROLLOUT:
             _check_measured(gathering)
+    lab.meter.until_s = None
+    if gathering.is_cut and not gathering.stopped:
+        gathering.stopped = TIME_UP
     return gathering
+
+
+def _steps_until(lab: ProbeSession, until_s: float) -> int:
+    """Steps that fit into the time left, as fast as the first ones are."""
+    begun_s, begun = time.monotonic(), lab.meter.steps
+    lab.play(EpisodePlan(seed=lab.seed, most_turns=LEAST_TURNS), state=False)
+    lab.base = None
+    lab.close()
+    step_s = (time.monotonic() - begun_s) / max(lab.meter.steps - begun, 1)
+    return max(int((until_s - time.monotonic()) / step_s), 1)
 
 
 def _check_measured(gathering: Gathering) -> None:
@@ -138,12 +182,16 @@ def _check_measured(gathering: Gathering) -> None:
 
 
 def look_once(lab: ProbeSession, probe: Probe, play: EpisodePlan) -> ProbeRun:
-    """Result of one rerun of a probe; its instances are closed."""
+    """Result of one rerun of a probe; its instances are closed.
+
+    The global generators start from one seed, so that equal audits see the same.
+    """
     lab.base = None
-    try:
-        saw = list(probe.look(lab, play))
-    finally:
-        lab.close()
+    with held():
+        try:
+            saw = list(probe.look(lab, play))
+        finally:
+            lab.close()
     return ProbeRun(
         traces=tuple(each for each in saw if not isinstance(each, Fact | ProbeCounterfactual)),
         counterfactuals=tuple(
@@ -167,7 +215,7 @@ def _probe(gathering: Gathering, name: str, probe: Probe, ration: int, size_byte
             looks.append(look_once(lab, probe, play))
             held += held_bytes(looks[-1])
             gathering.plays[name, number] = lab.base or play
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, TimeUpError):
         raise
     except BaseException as error:  # a fault of the probe's, told as one; the other probes go on
         gathering.broken[name] = traceback_text(error)

@@ -16,7 +16,7 @@ from gamekeeper.contract import Contract
 from gamekeeper.episodes.layout import role
 from gamekeeper.statistics.significance import holm
 
-PROBES: Final[tuple[str, ...]] = ("rollout", "order", "influence")
+PROBES: Final[tuple[str, ...]] = ("rollout", "order", "influence", "same_seed")
 """Probes whose looks it reads."""
 LEVEL: Final = 0.01
 
@@ -70,7 +70,13 @@ def _deterministic(
         for counterfactual in counterfactuals
     }
     orders = [fact.value.result != "noise" for fact in evidence.facts(OrderOutcome)]
-    return all([*unchanged_reruns.values(), *orders]) if unchanged_reruns or orders else None
+    again = [
+        each.divergence is None
+        for each in evidence.counterfactuals("same_seed")
+        if each.change["change"] in ("nothing", "the global generators")
+    ]
+    reruns = [*unchanged_reruns.values(), *orders, *again]
+    return all(reruns) if reruns else None
 
 
 def _symmetric(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any] | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
@@ -39,6 +40,10 @@ RESET_STEPS: Final = 1
 """Cost of a reset in the budget, in steps."""
 
 
+class TimeUpError(BaseException):
+    """The time of an audit is over; environments that catch every Exception don't catch it."""
+
+
 @dataclass(slots=True)
 class Meter:
     """Counts steps of the environment.
@@ -46,16 +51,24 @@ class Meter:
     Attributes:
         steps: taken so far.
         beat: called at each count, as a sign of life.
+        until_s: time of the monotonic clock at which the probes end; None: no such time.
     """
 
     steps: int = 0
     beat: Callable[[], None] | None = None
+    until_s: float | None = None
 
     def count(self, steps: int = 1) -> None:
-        """Counts so many more."""
+        """Counts so many more.
+
+        Raises:
+            TimeUpError: the time is over.
+        """
         self.steps += steps
         if self.beat is not None:
             self.beat()
+        if self.until_s is not None and time.monotonic() > self.until_s:
+            raise TimeUpError
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,12 +6,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
+from gamekeeper.auditing.confirm import Programs
 from gamekeeper.auditing.gather import Gathering, look_once
 from gamekeeper.auditing.judge import Judged
 from gamekeeper.auditing.snippet import Home, snippet
 from gamekeeper.checks.case import Case, Reproducer
 from gamekeeper.checks.check import Check
 from gamekeeper.checks.probe_evidence import ProbeEvidence
+from gamekeeper.checks.reproducer_source import reproducer_of
+from gamekeeper.checks.reproducers import plays_repeat
 from gamekeeper.checks.verdict import Finding, Verdict
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.canonical import shown
@@ -32,11 +35,14 @@ class Reproduction:
     steps_left: int
 
 
-def verdict_of(judged: Judged, bench: Reproduction) -> Verdict:
-    """The verdict, each broken case that is shown shrunk and made a finding."""
+def draft_of(judged: Judged, bench: Reproduction) -> tuple[Verdict, tuple[Programs, ...]]:
+    """The verdict, and the programs of its findings; these are empty where none can run.
+
+    Each failed case that is shown is shrunk.
+    """
     check = judged.check
-    findings = tuple(_finding(check, case, bench) for case in judged.shown)
-    return Verdict(
+    programs = tuple(_programs(check, case, bench) for case in judged.shown)
+    verdict = Verdict(
         id=check.id,
         claim=check.claim,
         outcome=judged.outcome,
@@ -44,25 +50,40 @@ def verdict_of(judged: Judged, bench: Reproduction) -> Verdict:
         confidence=judged.confidence,
         cases=judged.cases,
         failed=judged.failed,
-        findings=findings,
+        findings=tuple(each.finding for each in programs),
         reason=judged.reason,
     )
+    return verdict, programs if bench.home.make else ()
 
 
-def _finding(check: Check, case: Case, bench: Reproduction) -> Finding:
-    play = bench.gathering.plays.get((case.where.probe, case.where.play), EpisodePlan())
-    play, case = _shortest(check, case, play, bench)
+def _programs(check: Check, case: Case, bench: Reproduction) -> Programs:
+    begun = bench.gathering.plays.get((case.where.probe, case.where.play), EpisodePlan())
+    play, case = _shortest(check, case, begun, bench)
     proof = Reproducer(case.proof) if isinstance(case.proof, str) else case.proof
     expected, actual = words(case.expected), words(case.actual)
-    program = snippet(
-        bench.home,
-        bench.gathering.lab.api,
-        play,
-        proof,
-        title=f"{check.id}: {check.claim}",
-        shows=f"expected: {expected}\nactual: {actual}",
+    title, shows = f"{check.id}: {check.claim}", f"expected: {expected}\nactual: {actual}"
+
+    def program(of: EpisodePlan, proof: Reproducer | None) -> str:
+        return snippet(bench.home, bench.gathering.lab.api, of, proof, title=title, shows=shows)
+
+    finding = Finding(str(case.where), expected, actual, check.fix, program(play, proof))
+    whole = program(begun if begun.actions is not None else play, proof)
+    unchanged = None if proof is None else unchanged_of(proof)
+    return Programs(
+        finding,
+        whole,
+        compares=proof is not None and proof.compares,
+        unchanged=program(begun, unchanged) if unchanged else "",
     )
-    return Finding(str(case.where), expected, actual, check.fix, program)
+
+
+def unchanged_of(proof: Reproducer) -> Reproducer | None:
+    """The reproducer without its trigger; None where it has none."""
+    if not proof.compares or proof.unchanged == "":
+        return None
+    if proof.unchanged is not None:
+        return replace(proof, lines=proof.unchanged)
+    return reproducer_of(plays_repeat, options=proof.options)
 
 
 def _shortest(

@@ -26,6 +26,7 @@ class AuditResult:
         agents: the roster, each with `observation_space` and `action_space` in words.
         declared: the contract as plain data; None where there was none.
         source: `class`, `file` and `line` of the rules, as far as they are known.
+        stopped: what ended the audit before its budget was spent; empty where nothing did.
     """
 
     environment: str
@@ -39,6 +40,7 @@ class AuditResult:
     agents: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     declared: Mapping[str, Any] | None = None
     source: Mapping[str, Any] = field(default_factory=dict)
+    stopped: str = ""
 
     @property
     def failed(self) -> tuple[Verdict, ...]:
@@ -82,6 +84,7 @@ class AuditResult:
             "agents": {name: dict(each) for name, each in self.agents.items()},
             "declared": None if self.declared is None else dict(self.declared),
             "source": dict(self.source),
+            "stopped": self.stopped,
         }
 
     @classmethod

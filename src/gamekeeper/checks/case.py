@@ -24,12 +24,18 @@ class Reproducer:
         imports: modules that the lines need, beside numpy.
         options: what `make()` hands to the factory, beside the user's own arguments; `plain()`
             is then an instance without them.
+        compares: two plays are compared, one of them with a trigger (an extra call, another order,
+            a write): the same play twice, without the trigger, must be equal.
+        unchanged: lines that take the place of `lines` to see that; None: the play twice. Empty:
+            there is no trigger, the plays differ by themselves.
     """
 
     lines: str
     plays: bool = True
     imports: tuple[str, ...] = ()
     options: Mapping[str, Any] = field(default_factory=dict)
+    compares: bool = False
+    unchanged: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

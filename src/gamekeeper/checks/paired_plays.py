@@ -17,6 +17,8 @@ from gamekeeper.checks.facts.seed_facts import (
 )
 from gamekeeper.checks.literal import literal
 from gamekeeper.checks.probe_evidence import ProbeCounterfactual, ProbeEvidence, ProbeRun
+from gamekeeper.checks.reproducer_source import text_of
+from gamekeeper.checks.reproducers import alike
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.canonical import shown
 from gamekeeper.episodes.divergence import Divergence, shown_pair
@@ -108,22 +110,30 @@ def told_of(
     return frozenset(infos | ({"state"} if has_state else set()))
 
 
+TWICE: Final = ("alike(play(make()), play(make()))",)
+"""Lines that compare an episode with the same one again."""
+
+
 def program(
     api: str,
     *lines: str,
     tells: frozenset[str] = frozenset({"infos"}),
     imports: tuple[str, ...] = (),
     reset: str = "env.reset(seed=seed)",
+    unchanged: tuple[str, ...] = TWICE,
 ) -> Reproducer:
-    """A program whose `play(env, seed=SEED, between=...)` tells all that was seen, as text.
+    """A program whose `play(env, seed=SEED, between=...)` gives what was seen, as text by turn.
 
-    An error of the environment is told like all else, and ends the play.
+    Its `alike(one, other)` raises at the first turn in which two plays differ. An error of the
+    environment is seen like all else, and ends the play.
 
     Args:
         lines: what is done with it.
         tells: `infos` (not where some of them may differ), `state`.
         imports: modules that the lines need.
         reset: how each play begins; without an argument it is another one than with None.
+        unchanged: the lines without what makes the plays differ; empty where nothing does but the
+            environment itself.
     """
     course = _parallel(reset, tells) if api == "parallel" else _aec(reset, tells)
     told = [
@@ -134,10 +144,18 @@ def program(
         *(f"    {line}" for line in course),
         "    except Exception as error:",
         "        seen.append(error)",
-        "    return repr(seen)",
+        "    return tuple(map(repr, seen))",
+        "",
+        *text_of(alike)[0].splitlines(),
         "",
     ]
-    return Reproducer("\n".join([*told, *lines]), plays=False, imports=imports)
+    return Reproducer(
+        "\n".join([*told, *lines]),
+        plays=False,
+        imports=imports,
+        compares=True,
+        unchanged="\n".join([*told, *unchanged]) if unchanged else "",
+    )
 
 
 def _parallel(reset: str, tells: frozenset[str]) -> list[str]:
@@ -218,7 +236,7 @@ def used_beside_fresh(api: str, before: Any, tells: frozenset[str]) -> Reproduce
             "    used.step(actions)",
             *(["    used.state()"] if "state" in tells else []),
         ]
-    return program(api, *used, "assert play(used) == play(make())", tells=tells)
+    return program(api, *used, "alike(play(used), play(make()))", tells=tells)
 
 
 COUNTERFACTUAL_FIELDS: Final = {"reward": "rewards", "action": "actions", "obs": "observations"}

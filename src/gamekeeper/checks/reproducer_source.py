@@ -23,6 +23,7 @@ def reproducer_of(
     *,
     api: str = "parallel",
     options: Mapping[str, Any] | None = None,
+    compares: bool = False,
     **values: Any,
 ) -> Reproducer:
     """A reproducer that calls a function which raises while the fault is there.
@@ -35,6 +36,7 @@ def reproducer_of(
         function: imports, beside numpy, what it needs from modules at the head of its own.
         api: `aec`: `terminations` and the like are those of `env`.
         options: what `make()` hands to the factory.
+        compares: it compares two plays, one of them with a trigger.
         values: its other arguments, written as literals.
     """
     books = {name: f"env.{name}" for name in BOOKS} if api == "aec" else {}
@@ -49,6 +51,7 @@ def reproducer_of(
         plays="env" in inspect.signature(function).parameters,
         imports=imports,
         options=options or {},
+        compares=compares,
     )
 
 

@@ -41,6 +41,34 @@ def go(env: Any, actions: Sequence[Any]) -> list[Any]:
     return seen
 
 
+def alike(one: Sequence[str], other: Sequence[str]) -> None:
+    """Raises at the first turn in which two plays differ, with both from there on."""
+    for turn, pair in enumerate(zip(one, other, strict=False)):
+        if pair[0] != pair[1]:
+            same = next((k for k, (a, b) in enumerate(zip(*pair, strict=False)) if a != b), 0)
+            seen = [text[max(same - 60, 0) : same + 100] for text in pair]
+            raise AssertionError(f"turn {turn} differs:\n  ...{seen[0]}\n  ...{seen[1]}")
+    assert len(one) == len(other), f"one play has {len(one)} turns, the other {len(other)}"
+
+
+def gives(make: Callable[[], Any], seed: int, actions: Sequence[Any]) -> list[Any]:
+    """All that the steps of an episode give, but infos."""
+    env, seen = begin(make, seed), []
+    for action in copy.deepcopy(actions):
+        if hasattr(env, "last"):
+            seen.append((env.agent_selection, copy.deepcopy(env.last()[:4])))
+            env.step(action)
+            seen.append(copy.deepcopy(env.rewards))
+        else:
+            seen.append(copy.deepcopy(env.step(action)[:4]))
+    return seen
+
+
+def plays_repeat(make: Callable[[], Any], seed: int, actions: Sequence[Any]) -> None:
+    """Plays twice, and compares what the steps gave."""
+    np.testing.assert_equal(gives(make, seed, actions), gives(make, seed, actions))
+
+
 def state_of(env: Any) -> Any:
     """Value of state(), if there is one."""
     try:

@@ -84,9 +84,14 @@ def story_proof(
         f"{first}{told}\n"
         f"def meddle(env, out):\n{_indented(meddling)}\n"
         f"def leave(env, out):\n{_indented(idle)}\n"
-        "np.testing.assert_equal(story(meddle), story(leave))"
     )
-    return Reproducer(lines, plays=False, imports=("copy",))
+    return Reproducer(
+        f"{lines}np.testing.assert_equal(story(meddle), story(leave))",
+        plays=False,
+        imports=("copy",),
+        compares=True,
+        unchanged=f"{lines}np.testing.assert_equal(story(leave), story(leave))",
+    )
 
 
 def _indented(lines: str) -> str:

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Final, Literal, TypeAlias
 
 Outcome: TypeAlias = Literal[
-    "passed", "failed", "not_exercised", "not_applicable", "waived", "error"
+    "passed", "failed", "suspected", "not_exercised", "not_applicable", "waived", "error"
 ]
 Severity: TypeAlias = Literal["high", "medium", "low"]
 
@@ -44,13 +44,45 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True)
+class Reproduced:
+    """How a reproducer fared in fresh processes.
+
+    Attributes:
+        failed: number of processes in which it failed.
+        tried: number of processes; it isn't run again once it passed.
+        unchanged_passed: the same without the fault's trigger passed; None: there is no trigger.
+    """
+
+    failed: int
+    tried: int
+    unchanged_passed: bool | None
+
+
+@dataclass(frozen=True, slots=True)
+class FollowsFrom:
+    """The cause of a consequence.
+
+    Attributes:
+        id: check whose failure is the cause.
+        held_still: what was held still, so that the reproducer passed.
+    """
+
+    id: str
+    held_still: str
+
+
+NESTED: Final = ("findings", "reproduced", "follows_from")
+
+
+@dataclass(frozen=True, slots=True)
 class Verdict:
     """Outcome of one check, with its findings.
 
     Attributes:
         id: of the check.
         claim: the promise, in one sentence.
-        outcome: `passed`, `failed`, `not_exercised` (no case to look), `not_applicable` (nothing
+        outcome: `passed`, `failed`, `suspected` (a case failed, and no reproducer shows it in
+            every fresh process), `not_exercised` (no case to look), `not_applicable` (nothing
             of the kind is declared, or is there), `waived` (failed, with a reason in the
             contract), `error` (the check itself raised).
         severity: how bad it is to break the promise.
@@ -58,7 +90,9 @@ class Verdict:
         cases: how often it looked.
         failed: how many of these cases failed.
         findings: the first places, the shortest ways to see them first.
-        reason: why it is not exercised, not applicable, waived or an error.
+        reason: why it is suspected, not exercised, not applicable, waived or an error.
+        reproduced: how the reproducers fared in fresh processes; None: they weren't run.
+        follows_from: the cause of which this is a consequence; None: it is a cause.
     """
 
     id: str
@@ -70,16 +104,25 @@ class Verdict:
     failed: int = 0
     findings: tuple[Finding, ...] = ()
     reason: str = ""
+    reproduced: Reproduced | None = None
+    follows_from: FollowsFrom | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Plain data, as it stands in the audit's document."""
         return {
-            **{name: getattr(self, name) for name in self.__slots__ if name != "findings"},
+            **{name: getattr(self, name) for name in self.__slots__ if name not in NESTED},
+            "reproduced": None if self.reproduced is None else asdict(self.reproduced),
+            "follows_from": None if self.follows_from is None else asdict(self.follows_from),
             "findings": [finding.to_json() for finding in self.findings],
         }
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Verdict:
         """The verdict from plain data."""
-        findings = tuple(Finding(**finding) for finding in data["findings"])
-        return cls(**{**data, "findings": findings})
+        reproduced, cause = data["reproduced"], data["follows_from"]
+        nested = {
+            "findings": tuple(Finding(**finding) for finding in data["findings"]),
+            "reproduced": None if reproduced is None else Reproduced(**reproduced),
+            "follows_from": None if cause is None else FollowsFrom(**cause),
+        }
+        return cls(**{**data, **nested})

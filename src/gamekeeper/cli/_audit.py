@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Severity = Literal["high", "medium", "low"]
 
 
-MANNERS: Final = {"high": "bad", "medium": "bad", "low": "unsure"}
+MANNERS: Final = {"high": "bad", "medium": "bad", "consequences": "bad", "low": "unsure"}
 
 
 def audit_with_progress(
@@ -70,11 +70,13 @@ def shares_of(select: Sequence[str], ignore: Sequence[str]) -> dict[str, float]:
 def show_audit(screen: Screen, document: Mapping[str, Any]) -> None:
     """Shows an audit: failed checks and a program, waived checks, the measured game form."""
     from gamekeeper.checks.check import checks
-    from gamekeeper.reporting.audit_text import program_of, title_text, waived_text
+    from gamekeeper.reporting.audit_text import program_of, suspected_text, title_text, waived_text
     from gamekeeper.reporting.measured_text import measured_text
 
     width = screen.width
     screen.verdict(title_text(document), _manner(document))
+    if document["stopped"]:
+        screen.show(f"This audit is incomplete: {document['stopped']}.")
     show_failed(screen, document)
     program = program_of(document)
     if program is not None:
@@ -87,6 +89,7 @@ def show_audit(screen: Screen, document: Mapping[str, Any]) -> None:
         )
     known = checks().keys()
     for part in (
+        suspected_text(document, width=width),
         waived_text(document, known=known, width=width),
         measured_text(document, width=width),
     ):
@@ -122,18 +125,22 @@ def _manner(document: Mapping[str, Any]) -> str:
     outcomes = {each["outcome"] for each in document["verdicts"]}
     if "failed" in outcomes:
         return "bad"
-    return "unsure" if "error" in outcomes or "passed" not in outcomes else "good"
+    is_unsure = document["stopped"] or outcomes & {"error", "suspected"} or "passed" not in outcomes
+    return "unsure" if is_unsure else "good"
 
 
 def audit_code(document: Mapping[str, Any], *, fail_on: Severity = "low", strict: bool) -> int:
-    """Returns 0: passed. 1: failed, as bad as `fail_on`. 2: an error; if strict, not exercised."""
+    """Returns 0: passed. 1: failed, as bad as `fail_on`. 2: an error.
+
+    If strict, 2 is for suspected checks and those that were not exercised too.
+    """
     from gamekeeper.checks.verdict import SEVERITIES
 
     bad = SEVERITIES[: SEVERITIES.index(fail_on) + 1]
     verdicts = document["verdicts"]
     if any(x["outcome"] == "failed" and x["severity"] in bad for x in verdicts):
         return 1
-    unsure = ("error", "not_exercised") if strict else ("error",)
+    unsure = ("error", "not_exercised", "suspected") if strict else ("error",)
     return 2 if any(each["outcome"] in unsure for each in verdicts) else 0
 
 
@@ -253,11 +260,13 @@ def audit_many(
 ) -> list[dict[str, Any]]:
     """The documents of all environments' audits with all seeds, in that order.
 
+    After Ctrl-C those that were done by then.
+
     Args:
         options: as in `gk.audit`, as plain JSON.
 
     Raises:
-        KeyboardInterrupt: by Ctrl-C.
+        KeyboardInterrupt: by Ctrl-C, before one was done.
         WorkerFault: a task of ours is broken.
     """
     wanted = [(spec, seed) for spec in dict.fromkeys(specs) for seed in seeds]
@@ -270,7 +279,7 @@ def audit_many(
             for done in ends:
                 end = done.outcome
                 if end.status == "interrupted":
-                    raise KeyboardInterrupt
+                    break
                 if not isinstance(end.value, dict):
                     raise WorkerFault(end.traceback or end.error or end.status)
                 found[int(done.key.rpartition("-")[2])] = end.value
@@ -278,11 +287,13 @@ def audit_many(
     names = {
         spec: found[n]["environment"]
         for n, (spec, _) in enumerate(wanted)
-        if "verdicts" in found[n]
+        if "verdicts" in found.get(n, {})
     }
-    for number, (spec, _) in enumerate(wanted):  # the same name where another seed could be played
-        found[number]["environment"] = names.get(spec, found[number]["environment"])
-    return [found[number] for number in range(len(wanted))]
+    if not found:
+        raise KeyboardInterrupt
+    for number, document in found.items():  # the same name where another seed could be played
+        document["environment"] = names.get(wanted[number][0], document["environment"])
+    return [found[number] for number in sorted(found)]
 
 
 def _tasks(wanted: Sequence[tuple[str, int]], options: Mapping[str, Any]) -> Iterator[WorkTask]:

@@ -43,6 +43,7 @@ ORDER: Final = 15
 BUDGET: Final = 20_000
 """Environment steps, as `auditing.audit.BUDGET` has it; that loads numpy, help does not."""
 SILENCE_S: Final = 120.0
+INTERRUPTED: Final = 130
 
 EnvsArgument = Annotated[list[str], get_args(EnvArgument)[1]]
 SeedsOption = Annotated[
@@ -63,6 +64,15 @@ BudgetOption = Annotated[
 ]
 QuickOption = Annotated[
     bool, typer.Option("--quick", help="Limit the budget to 3,000 steps, which miss rare faults.")
+]
+SecondsOption = Annotated[
+    float | None,
+    typer.Option(
+        "--seconds",
+        metavar="S",
+        min=1.0,
+        help="Seconds after which the audit ends with what it knows by then (default: no limit).",
+    ),
 ]
 SelectOption = Annotated[
     list[str] | None,
@@ -96,7 +106,8 @@ TimingsOption = Annotated[
     bool, typer.Option("--timings", help="Show the steps and seconds of each probe.")
 ]
 StrictOption = Annotated[
-    bool, typer.Option("--strict", help="Exit with 2 if a check was not exercised.")
+    bool,
+    typer.Option("--strict", help="Exit with 2 if a check was not exercised, or is suspected."),
 ]
 FailOption = Annotated[
     Severity, typer.Option("--fail-on", help="Lowest severity of a failed check that exits with 1.")
@@ -123,6 +134,7 @@ def command(
     contract: ContractOption = None,
     budget: BudgetOption = BUDGET,
     quick: QuickOption = False,
+    seconds: SecondsOption = None,
     seed: SeedOption = 0,
     seeds: SeedsOption = 1,
     select: SelectOption = None,
@@ -142,8 +154,9 @@ def command(
     """Checks an environment against PettingZoo's rules and its contract.
 
     Probes play the environment in many ways in a process of its own; checks judge what was
-    recorded. Each failed check names a place, a fix and a program that shows it. Waive a finding
-    with a reason in the contract: [waivers] GK503 = "...". Several environments or seeds are
+    recorded. Each failed check names a place, a fix and a program that shows it, and that failed in
+    five fresh processes; otherwise the check is suspected. Waive a finding with a reason in the
+    contract: [waivers] GK503 = "...". Several environments or seeds are
     audited in parallel, and the worst exit code counts.
 
     Exit code 0: no check failed. 1: a check failed. 2: the audit has no answer.
@@ -154,6 +167,7 @@ def command(
         "contract": None if contract is None else str(contract),
         "budget": budget,
         "quick": quick,
+        "seconds": seconds,
         "select": select or (),
         "ignore": ignore or (),
         "silence_s": timeout,
@@ -169,9 +183,20 @@ def command(
         if timings:
             screen.note("note: --timings has no effect on several audits; --json has the timings")
         write_audits(screen, documents, **files)
+        if len(documents) < len(set(env)) * seeds:
+            screen.error(
+                f"interrupted: {len(documents)} of {len(set(env)) * seeds} audits were done"
+            )
+            return CommandResult({"audits": documents}, INTERRUPTED)
         codes = [audit_code_of(each, fail_on=fail_on, strict=strict) for each in documents]
         return CommandResult({"audits": documents}, worst_code(codes))
-    document = audit_with_progress(screen, env[0], seed=seed, **asked).to_json()
+    from gamekeeper.auditing.audit_process import AuditInterruptedError
+
+    code = None
+    try:
+        document = audit_with_progress(screen, env[0], seed=seed, **asked).to_json()
+    except AuditInterruptedError as interrupted:
+        document, code = interrupted.result.to_json(), INTERRUPTED
     show_audit(screen, document)
     if timings:
         from gamekeeper.reporting.audit_text import timings_text
@@ -179,7 +204,9 @@ def command(
         screen.show(f"\n{timings_text(document, width=screen.width)}")
     say_not_exercised(screen, document)
     _write(screen, document, **files)
-    return CommandResult(document, audit_code(document, fail_on=fail_on, strict=strict))
+    if code is None:
+        code = audit_code(document, fail_on=fail_on, strict=strict)
+    return CommandResult(document, code)
 
 
 def _write(

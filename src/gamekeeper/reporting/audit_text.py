@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from gamekeeper.checks.verdict import SEVERITIES
+from gamekeeper.checks.verdict import LOW, SEVERITIES
 from gamekeeper.contract.validation import one_line
 from gamekeeper.reporting.results_text import table_lines
 from gamekeeper.reporting.text_columns import wrapped
@@ -17,7 +17,15 @@ Document = Mapping[str, Any]
 Row = tuple[str, str]
 
 INDENT: Final = "  "
-OUTCOMES: Final = ("passed", "waived", "not_exercised", "not_applicable", "error", "failed")
+OUTCOMES: Final = (
+    "passed",
+    "waived",
+    "not_exercised",
+    "not_applicable",
+    "error",
+    "suspected",
+    "failed",
+)
 """Outcomes of verdicts in the order in which they are counted."""
 SURE: Final = 0.995
 """Confidence from which on it isn't shown."""
@@ -51,17 +59,51 @@ def counts_text(audit: Document) -> str:
 
 
 def failed_blocks(audit: Document, *, width: int, least: str = "low") -> Iterator[tuple[str, str]]:
-    """The failed checks by severity: a heading, and the findings below it.
+    """The failed checks: causes by severity, in full; consequences and minor ones in a line each.
 
     Args:
         audit: the document.
         width: columns that no line exceeds, as far as words allow.
         least: severity below which nothing is shown.
     """
-    for severity in SEVERITIES[: SEVERITIES.index(least) + 1]:
-        found = [x for x in verdicts_of(audit, "failed") if x["severity"] == severity]
-        if found:
+    bad = SEVERITIES[: SEVERITIES.index(least) + 1]
+    failed = [each for each in verdicts_of(audit, "failed") if each["severity"] in bad]
+    causes = [each for each in failed if not each["follows_from"]]
+    for severity in bad:
+        found = [each for each in causes if each["severity"] == severity]
+        if found and severity == LOW:
+            yield "Failed: low", "\n".join(_row_lines([_minor(x) for x in found], width))
+        elif found:
             yield f"Failed: {severity}", "\n\n".join(_finding(each, width) for each in found)
+    rows = [_consequence(each) for each in failed if each["follows_from"]]
+    if rows:
+        yield "Failed: consequences", "\n".join(_row_lines(rows, width))
+
+
+def _row_lines(rows: Sequence[Row], width: int) -> list[str]:
+    return list(table_lines(rows, width=width))
+
+
+def _minor(verdict: Document) -> Row:
+    """A cause of low severity in one line."""
+    first = (verdict["findings"] or [{}])[0]
+    return verdict["id"], _short(f"{verdict['claim']} Actual: {first.get('actual', '')}")
+
+
+def _consequence(verdict: Document) -> Row:
+    """The claim, the cause, and what was held still so that the reproducer passed."""
+    cause = verdict["follows_from"]
+    text = f"{verdict['claim']} Follows from {cause['id']}: passes with {cause['held_still']}."
+    return verdict["id"], _short(text)
+
+
+def suspected_text(audit: Document, *, width: int) -> str:
+    """Checks with a failed case that their reproducer doesn't show, with the reason."""
+    rows = [
+        (x["id"], _short(f"{x['claim']} Not confirmed: {x['reason']}."))
+        for x in verdicts_of(audit, "suspected")
+    ]
+    return _section("Suspected", rows, width)
 
 
 def brief_rows(audit: Document, *, most: int) -> list[tuple[str, str, str]]:
@@ -85,8 +127,12 @@ def _finding(verdict: Document, width: int) -> str:
 
 def _cases(verdict: Document) -> str:
     text = f"{verdict['failed']:,} of {verdict['cases']:,} cases"
+    how = verdict["reproduced"]
+    if how is not None:
+        text += f"; the reproducer in {how['failed']} of {how['tried']} fresh processes"
+        text += ", without the trigger in none" if how["unchanged_passed"] else ""
     confidence = verdict["confidence"]
-    return text if confidence >= SURE else f"{text}, confidence {confidence:.2f}"
+    return text if confidence >= SURE else f"{text}; confidence {confidence:.2f}"
 
 
 def _short(text: str) -> str:
@@ -95,8 +141,10 @@ def _short(text: str) -> str:
 
 
 def program_of(audit: Document) -> tuple[str, str] | None:
-    """Id and program of the worst finding that has one."""
-    for verdict in verdicts_of(audit, "failed"):
+    """Id and program of the worst finding that has one, a cause's where there is one."""
+    for verdict in sorted(
+        verdicts_of(audit, "failed"), key=lambda x: x["follows_from"] is not None
+    ):
         for finding in verdict["findings"]:
             if finding["reproducer"]:
                 return verdict["id"], finding["reproducer"]

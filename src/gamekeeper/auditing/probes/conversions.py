@@ -21,6 +21,7 @@ from gamekeeper.checks.probe_evidence import Fact
 from gamekeeper.contract import Contract
 from gamekeeper.interface.env_inside import pettingzoo_parallel
 from gamekeeper.rollouts.episode_loop import Actions, EpisodePlan, actions_of
+from gamekeeper.rollouts.process_randomness import HELD, seed_all
 from gamekeeper.rollouts.snapshots import is_same, snapshot
 
 MOMENTS: Final = 8
@@ -152,6 +153,7 @@ def _whole(lab: ProbeSession, play: EpisodePlan, paper: Sequence[Any]) -> list[T
 
 def _begin(lab: ProbeSession, env: Any, play: EpisodePlan) -> None:
     given = {"seed": play.seed, "options": play.options}
+    seed_all(HELD)  # who draws from the global generators is told so elsewhere
     lab.call("reset", env.reset, **{key: item for key, item in given.items() if item is not None})
 
 

@@ -221,7 +221,9 @@ def _resets(lab: ProbeSession, env: Any, base: EpisodeResult, begun: StartAndEnd
         before, latest = played, sight.last
     if ignored:
         yield lab.fact(
-            IgnoredResets(all(ignored)), field="ignored", proof=reproducer_of(reset_forgets)
+            IgnoredResets(all(ignored)),
+            field="ignored",
+            proof=reproducer_of(reset_forgets, compares=True),
         )
 
 

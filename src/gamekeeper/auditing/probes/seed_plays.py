@@ -28,14 +28,18 @@ from gamekeeper.episodes.layout import agent_name
 from gamekeeper.interface.generators import is_same_state
 from gamekeeper.rollouts.episode_loop import Actions, EpisodePlan, EpisodeResult, StepHook
 from gamekeeper.rollouts.interventions.generator_futures import GeneratorsElsewhere
-from gamekeeper.rollouts.process_randomness import LATER_S, held, later, standing
+from gamekeeper.rollouts.process_randomness import LATER_S, held, later, reseed, standing
 
 PLAYS: Final = 3
 
 
 def _same_seed_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """Long ones, each played twice, the first one once more."""
-    return lab.plays(PLAYS, runs=2)
+    """Long ones, each played three times, the first one once more."""
+    return lab.plays(PLAYS, runs=3)
+
+
+OTHERWISE: Final = 90_127
+"""Seed of the global generators in the play that starts them elsewhere."""
 
 
 @probe("same_seed", share=1.5, plays=_same_seed_plays)
@@ -44,7 +48,8 @@ def same_seed(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
 
     The play and its counterfactual; generators of the whole process start from the same state.
 
-    Counterfactuals by `change`: `nothing`; in the first play also `empty options`, whose unchanged
+    Counterfactuals by `change`: `nothing`; `the global generators`, which start from another state;
+    in the first play also `empty options`, whose unchanged
     rerun is that, and `the time of day`, where nothing else made a difference.
     """
     volatile = tuple(lab.contract.volatile_infos())
@@ -54,6 +59,11 @@ def same_seed(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         again = lab.play(base.play, lab.env())
     same = ProbeCounterfactual(base.trace, base.trace, again.trace, {"change": "nothing"}, volatile)
     yield same
+    if same.divergence is None:
+        with held(OTHERWISE):
+            elsewhere = lab.play(base.play, lab.env(), hold=False)
+        change: dict[str, Any] = {"change": "the global generators"}
+        yield ProbeCounterfactual(base.trace, again.trace, elsewhere.trace, change, volatile)
     if lab.number == 0 and same.divergence is None:
         for seconds in LATER_S:
             with held(), later(seconds):
@@ -207,7 +217,7 @@ def unseeded(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
             unseeded.append(_told(lab.play(again, env, hold=False)))
     elif kinds[0] == 1 and kinds[1] > 1:
         _until_two(seeded, MANY, lambda: _told(_seeded(lab, play, len(seeded))))
-        yield lab.fact(UnseededOpenings(_openings(lab, lab.env())))
+        yield lab.fact(UnseededOpenings(_drawn_openings(lab)))
     elif kinds == (1, 1):
         yield lab.fact(PlayElsewhere(_elsewhere(lab, play)))
     yield lab.fact(SeededPlays(seeded))
@@ -270,10 +280,22 @@ def _noting(stands: list[Any]) -> StepHook:
     return watch
 
 
-def _openings(lab: ProbeSession, env: Any) -> list[str]:
+def _drawn_openings(lab: ProbeSession) -> list[str]:
+    """Openings of resets without a seed; of those that no draw decides, the first.
+
+    These differ since something of an earlier episode is left, and not since a seed is ignored.
+    """
+    found = _openings(lab, lab.env(), 0)
+    is_drawn = any(_openings(lab, lab.env(), number) != found for number in (0, 1))
+    return found if is_drawn else found[:1]
+
+
+def _openings(lab: ProbeSession, env: Any, number: int) -> list[str]:
+    """Openings of resets without a seed, with generators that `number` settles."""
     found = []
-    for _ in range(FEW):
+    for k in range(FEW):
         lab.meter.count()
+        reseed(env, number * FEW + k)
         out = lab.call("reset", env.reset)
         if out.failed is not None:
             break

@@ -27,7 +27,7 @@ def copied_cases(evidence: ProbeEvidence, way: str, who: str) -> Iterator[Case]:
             wrong is None,
             "it goes on like a play of which no copy was made",
             "it does" if wrong is None else wrong,
-            proof=reproducer_of(copies_go_on, at=fact.value.at, way=way, who=who),
+            proof=reproducer_of(copies_go_on, compares=True, at=fact.value.at, way=way, who=who),
         )
 
 

@@ -52,6 +52,7 @@ def rendering_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> It
                 course_lines(evidence.api) + RENDERING_LINES,
                 plays=False,
                 options=_options(evidence, counterfactual.change),
+                compares=True,
             )
             yield from counterfactual_cases(counterfactual, "the play without a camera", proof)
 
@@ -92,7 +93,7 @@ def mode_changes_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterato
         if counterfactual.change["change"] == "RenderMode":
             options = {"render_mode": counterfactual.change["mode"]}
             proof = Reproducer(
-                course_lines(evidence.api) + MODE_LINES, plays=False, options=options
+                course_lines(evidence.api) + MODE_LINES, plays=False, options=options, compares=True
             )
             yield from counterfactual_cases(counterfactual, "the play in the usual mode", proof)
 

@@ -233,7 +233,7 @@ def states_forget_the_last_episode(contract: Contract, evidence: ProbeEvidence) 
         def reset(self, seed=None, options=None):
             self.kept = None
     """
-    proof = reproducer_of(states_forget)
+    proof = reproducer_of(states_forget, compares=True)
     for fact in evidence.facts(UsedState):
         is_same = fact.value.turn is None
         seen = "the same" if is_same else "another"

@@ -201,6 +201,7 @@ def _proof(agent: str, turn: int, action: Any) -> Reproducer:
         f"next_step = one[{turn + 1}][{agent!r}] != two[{turn + 1}][{agent!r}]\n"
         'assert same_step or not next_step, "the reward comes one step late"',
         plays=False,
+        compares=True,
     )
 
 
@@ -221,4 +222,5 @@ def _aec_proof(turn: int, change: Any) -> Reproducer:
         "first, then = [one[k] != two[k] for k in later[:2]]\n"
         'assert first or not then, "the reward comes one round late"',
         plays=False,
+        compares=True,
     )

@@ -302,4 +302,5 @@ def _earner_proof(fact: Fact[Payment], culprit: str, api: str) -> Reproducer:
         f"# only what {culprit!r} does is different\n"
         "assert abs(payment(other)) >= abs(payment(actions)), (payment(other), payment(actions))",
         plays=False,
+        compares=True,
     )

@@ -101,7 +101,7 @@ def actions_are_read_in_their_step(contract: Contract, evidence: ProbeEvidence) 
             False,
             "the play goes on as if nothing was written",
             first_divergence_words(first_divergence),
-            proof=reproducer_of(actions_are_read_at_once),
+            proof=reproducer_of(actions_are_read_at_once, compares=True),
         )
 
 

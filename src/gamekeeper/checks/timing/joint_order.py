@@ -110,6 +110,7 @@ def proof_of_order(order: str) -> Reproducer:
         "np.testing.assert_equal(other, one)",
         plays=False,
         imports=("copy", "random"),
+        compares=True,
     )
 
 

@@ -215,4 +215,5 @@ def _proof(start: int, turn: int, action: Any) -> Reproducer:
         f"other[{start}] = {literal(action)}\n"
         f"np.testing.assert_equal(seen(other[:{turn}]), seen(ACTIONS[:{turn}]))",
         plays=False,
+        compares=True,
     )

@@ -36,7 +36,7 @@ from gamekeeper.reporting.page.page_data import (
 )
 from gamekeeper.reporting.text_columns import space_text
 
-ORDER: Final = ("waived", "not_exercised", "passed", "not_applicable")
+ORDER: Final = ("suspected", "waived", "not_exercised", "passed", "not_applicable")
 """The outcomes that aren't failures, in the order in which they are shown."""
 BAD: Final = ("failed", "error")
 FACTS: Final = ("where", "expected", "actual", "fix")

@@ -1,0 +1,187 @@
+"""Findings confirmed: their reproducers run in fresh processes before they are given out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+from gamekeeper.auditing.holds import HOLDS, Hold, held_still
+from gamekeeper.checks.verdict import SEVERITIES, Finding, FollowsFrom, Reproduced, Verdict
+from gamekeeper.rollouts.workers import run_task
+
+TASK: Final = "gamekeeper.auditing.reproducer_process:run_program"
+TRIES: Final = 5
+"""Fresh processes in which a reproducer must fail."""
+LIMIT_S: Final = 60.0
+"""Seconds after which a program is ended; it failed, as its environment hangs."""
+AT_ONCE: Final = 2
+"""Programs that run beside each other."""
+NOT_SHOWN: Final = ("SyntaxError", "NameError", "ImportError", "ModuleNotFoundError")
+"""What a program raises where it can't run at all; this shows nothing of the environment."""
+FLAKY: Final = "its reproducer doesn't fail in every fresh process"
+NOT_RUN: Final = "the audit ended before its reproducer was run"
+UNSTABLE: Final = "its reproducer fails without the trigger too: the same play differs by itself"
+
+
+@dataclass(frozen=True, slots=True)
+class Programs:
+    """Programs of one finding.
+
+    Attributes:
+        finding: its reproducer is the shortest that was found.
+        whole: the reproducer with the episode as it was played; the same where it wasn't shrunk.
+        compares: two plays are compared, so that it may be a consequence.
+        unchanged: without the fault's trigger; empty where there is none.
+    """
+
+    finding: Finding
+    whole: str
+    compares: bool
+    unchanged: str
+
+
+@dataclass(slots=True)
+class Confirmation:
+    """Runs reproducers in fresh processes.
+
+    Attributes:
+        beat: called after each process, as a sign of life.
+        until_s: time of the monotonic clock after which nothing more is run.
+    """
+
+    beat: Callable[[], None]
+    until_s: float
+    _seen: dict[str, bool] = field(default_factory=dict)
+
+    @property
+    def is_over(self) -> bool:
+        """Tells whether the time is spent."""
+        return time.monotonic() > self.until_s
+
+    def failures(self, program: str) -> tuple[int, int]:
+        """How many fresh processes failed, and how many were tried, up to the first that passed."""
+        failed = 0
+        with ThreadPoolExecutor(AT_ONCE) as pool:
+            for start in range(0, TRIES, AT_ONCE):
+                count = min(AT_ONCE, TRIES - start)
+                results = list(pool.map(_fails, [program] * count))
+                self.beat()
+                failed += sum(results)
+                if not all(results):
+                    return failed, start + count
+        return failed, TRIES
+
+    def passes(self, program: str) -> bool:
+        """Tells whether a program passes in as many fresh processes."""
+        if program not in self._seen:
+            with ThreadPoolExecutor(AT_ONCE) as pool:
+                results = [False]
+                for _ in range(0, TRIES, AT_ONCE):
+                    results = list(pool.map(_fails, [program] * AT_ONCE))
+                    self.beat()
+                    if any(results):
+                        break
+            self._seen[program] = not any(results)
+        return self._seen[program]
+
+    def finding(self, each: Programs) -> tuple[Finding, Reproduced, bool]:
+        """The finding with the shorter of its programs that fails everywhere, and whether one does.
+
+        A shrunk program that passes by chance gives way to the whole episode.
+        """
+        finding, unchanged = each.finding, None
+        failed, tried = self.failures(finding.reproducer)
+        if failed < tried and each.whole != finding.reproducer:
+            again = self.failures(each.whole)
+            if again[0] == again[1]:
+                (failed, tried), finding = again, replace(finding, reproducer=each.whole)
+        is_shown = failed == tried
+        if is_shown and each.unchanged:
+            unchanged = is_shown = self.passes(each.unchanged)
+        return finding, Reproduced(failed, tried, unchanged), is_shown
+
+
+def _fails(program: str) -> bool:
+    """Tells whether a program fails through its environment, in a process of its own."""
+    outcome = run_task(TASK, {"program": program}, silence_s=None, limit_s=LIMIT_S)
+    if isinstance(outcome.value, dict):
+        return outcome.value["raised"] is not None and outcome.value["raised"] not in NOT_SHOWN
+    return outcome.status in ("died", "hung")
+
+
+def confirmed(
+    drafts: Sequence[tuple[Verdict, Sequence[Programs]]],
+    *,
+    beat: Callable[[], None],
+    until_s: float,
+) -> tuple[Verdict, ...]:
+    """The verdicts, those that failed confirmed, suspected, or traced to a cause.
+
+    Causes are established first. What compares two plays, and passes once an established cause is
+    held still, is a consequence; it stays failed. What one play shows is always a cause.
+
+    Args:
+        drafts: verdicts in the order of their ids, with the programs of their findings.
+        beat: called now and then, as a sign of life.
+        until_s: time of the monotonic clock after which no other finding is confirmed.
+    """
+    work = Confirmation(beat, until_s)
+    found = {verdict.id: verdict for verdict, _ in drafts}
+    causes: list[str] = []
+    for verdict, programs in sorted(drafts, key=_order):
+        if verdict.outcome != "failed" or not programs:
+            continue
+        if work.is_over:
+            found[verdict.id] = replace(verdict, outcome="suspected", reason=NOT_RUN)
+            continue
+        follows = _cause_of(programs, _others(causes, verdict.id), work)
+        if follows is not None:
+            found[verdict.id] = replace(verdict, follows_from=follows)
+            continue
+        found[verdict.id] = _judged(verdict, programs, work)
+        if verdict.id in HOLDS and found[verdict.id].outcome == "failed":
+            causes.append(verdict.id)
+    return tuple(found.values())
+
+
+def _order(draft: tuple[Verdict, Sequence[Programs]]) -> tuple[int, int]:
+    """Causes that can be held still in their order, then the others by severity."""
+    ids = list(HOLDS)
+    place = ids.index(draft[0].id) if draft[0].id in ids else len(ids)
+    return place, SEVERITIES.index(draft[0].severity)
+
+
+def _others(causes: Iterable[str], id: str) -> Iterator[tuple[str, Hold]]:
+    """The established causes, each kind of hold once."""
+    held: set[str] = set()
+    for cause in causes:
+        if cause != id and HOLDS[cause].words not in held:
+            held.add(HOLDS[cause].words)
+            yield cause, HOLDS[cause]
+
+
+def _cause_of(
+    programs: Sequence[Programs], causes: Iterable[tuple[str, Hold]], work: Confirmation
+) -> FollowsFrom | None:
+    """The cause that, held still, lets every reproducer pass."""
+    if not all(each.compares for each in programs):
+        return None
+    for cause, hold in causes:
+        if all(work.passes(held_still(each.whole, hold)) for each in programs):
+            return FollowsFrom(cause, hold.words)
+    return None
+
+
+def _judged(verdict: Verdict, programs: Sequence[Programs], work: Confirmation) -> Verdict:
+    """The verdict with the findings that are shown; suspected where none is."""
+    results = [work.finding(each) for each in programs]
+    shown = [(finding, how) for finding, how, is_shown in results if is_shown]
+    if shown:
+        findings = tuple(finding for finding, _ in shown)
+        return replace(verdict, findings=findings, reproduced=shown[0][1])
+    how = results[0][1]
+    reason = UNSTABLE if how.unchanged_passed is False else FLAKY
+    return replace(verdict, outcome="suspected", reason=reason, reproduced=how)

@@ -1,0 +1,130 @@
+"""What holds a cause still, as Python that a reproducer begins with.
+
+Each function takes the `make` of a reproducer and returns one that builds the same environment with
+one cause held still. Its source stands at the head of the program, so it names nothing of ours.
+"""
+
+from __future__ import annotations
+
+import random
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from gamekeeper.checks.reproducer_source import text_of
+
+MAKE: Final = "\ndef make():\n"
+"""The line before which a reproducer's imports stand, and after which its environment is built."""
+SEED: Final = "\nSEED = "
+"""The line after `make`, before which it is replaced."""
+
+
+def with_class(env: Any, **methods: Any) -> Any:
+    """The environment, its class replaced by one with these methods in front of its own."""
+    cls = type(env)
+    held = type(f"Held{cls.__name__}", (cls,), {**methods, "__module__": "__main__"})
+    sys.modules["__main__"].__dict__[held.__name__] = held  # by which pickle finds it
+    env.__class__ = held
+    return env
+
+
+def globals_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Seeds the global generators before each call by its number within the episode."""
+
+    def seed_all(number: int) -> None:
+        np.random.seed(number)
+        random.seed(number)
+        if "torch" in sys.modules:
+            sys.modules["torch"].manual_seed(number)
+
+    def built() -> Any:
+        seed_all(0)
+        env = make()
+        cls = type(env)
+
+        def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
+            self.__dict__["calls_made"] = 0
+            seed_all(0)
+            return cls.reset(self, *args, **kwargs)
+
+        def step(self: Any, action: Any) -> Any:
+            self.__dict__["calls_made"] += 1
+            seed_all(self.__dict__["calls_made"])
+            return cls.step(self, action)
+
+        return with_class(env, reset=reset, step=step)
+
+    return built
+
+
+def entropy_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Gives the same bits whenever a generator asks the system for entropy."""
+    own_seed = random.Random.seed
+
+    def seeded(self: Any, a: Any = None, version: int = 2) -> None:
+        own_seed(self, 0 if a is None else a, version)
+
+    np.random.bit_generator.randbits = lambda count: 0  # type: ignore[attr-defined]
+    random.Random.seed = seeded  # type: ignore[method-assign]
+    random.SystemRandom.random = lambda self: 0.5  # type: ignore[method-assign]
+    random.SystemRandom.getrandbits = lambda self, k: 0  # type: ignore[method-assign]
+    return make
+
+
+def instances_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Resets a fresh instance in place of a used one."""
+
+    def built() -> Any:
+        env = make()
+        cls = type(env)
+
+        def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
+            self.__dict__.clear()
+            self.__dict__.update(make().__dict__)
+            return cls.reset(self, *args, **kwargs)
+
+        return with_class(env, reset=reset)
+
+    return built
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """Holds one kind of cause still.
+
+    Attributes:
+        words: what is done, for `follows_from`.
+        function: takes `make`, returns another.
+    """
+
+    words: str
+    function: Callable[[Callable[[], Any]], Callable[[], Any]]
+
+
+GLOBALS: Final = Hold("global generators seeded before each call", globals_held)
+ENTROPY: Final = Hold("the system's entropy replaced by a constant", entropy_held)
+INSTANCES: Final = Hold("a fresh instance for each reset", instances_held)
+
+HOLDS: Final = {
+    "GK602": GLOBALS,
+    "GK601": ENTROPY,
+    "GK605": ENTROPY,
+    "GK606": INSTANCES,
+    "GK604": INSTANCES,
+}
+"""By the check whose failure is a cause, in the order in which causes are established."""
+
+
+def held_still(program: str, hold: Hold) -> str:
+    """The program with a cause held still in every environment that it builds."""
+    text, modules = text_of(hold.function)
+    imports = "".join(f"import {name}\n" for name in modules)
+    head, found, rest = program.partition(MAKE)
+    body, seed, tail = rest.partition(SEED)
+    if not found or not seed:
+        return program
+    replaced = f"\n{text}\nmake = {hold.function.__name__}(make)\n"
+    return f"{head}\n{imports}{MAKE}{body}{replaced}{seed}{tail}"

@@ -1,0 +1,28 @@
+"""A reproducer in a process of its own; loads nothing, as a stranger's process wouldn't either."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from typing import Any, Final
+
+FILE: Final = "<reproducer>"
+
+
+def run_program(report: Callable[..., None], *, program: str) -> dict[str, Any]:
+    """Runs a program in this process, which was started for it.
+
+    Returns:
+        `raised`: name of the exception's class, None where the program came to its end; `text`: its
+        message.
+    """
+    sys.argv, sys.orig_argv = ["-c"], [sys.executable, "-c", program]  # it may start itself again
+    sys.path.insert(0, "")  # as `python -c` has it
+    names = sys.modules["__main__"].__dict__
+    try:
+        exec(compile(program, FILE, "exec"), names)  # the audit has run this environment already
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # whatever it raises is the answer
+        return {"raised": type(error).__name__, "text": str(error)[:500]}
+    return {"raised": None, "text": ""}
