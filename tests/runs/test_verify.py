@@ -268,6 +268,20 @@ def test_verify_reads_hostile_manifests(tmp_path: Path, key: str, value: object)
     assert not found.ok or key in ("terms", "agents")
 
 
+@pytest.mark.parametrize("fault", [AttributeError, NameError, TypeError, KeyError, AssertionError])
+def test_verify_does_not_call_a_fault_of_ours_damage(
+    finalized: Path, monkeypatch: pytest.MonkeyPatch, fault: type[Exception]
+) -> None:
+    """An exception that broken bytes can't cause leaves as it is: the run is whole."""
+
+    def broken(**_: object) -> None:
+        raise fault("a fault of ours")
+
+    monkeypatch.setattr("gamekeeper.runs.run_check.episode_header", broken)
+    with pytest.raises(fault, match="a fault of ours"):
+        verify(finalized)
+
+
 def test_verify_refuses_what_was_never_finalized(tmp_path: Path) -> None:
     """A run that is still recorded has no checksums to compare with; no run has none at all."""
     recorder = RunRecorder(tmp_path / "run", environment={})

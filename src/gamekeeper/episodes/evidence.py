@@ -23,6 +23,7 @@ from gamekeeper.episodes.plain_json import legible
 from gamekeeper.episodes.spaces import Codec, UnknownSpace, space_from_json, space_to_json
 from gamekeeper.episodes.summary import Summary, summarise
 from gamekeeper.episodes.tables import Tables, episode_rows
+from gamekeeper.errors import EvidenceError
 
 NO_STEPS: Final = pa.schema(  # of a run that ended before its first row: what every run has
     [
@@ -279,7 +280,20 @@ def manifest_of(
 
 
 def fingerprints(manifest: Mapping[str, Any], episodes: pa.Table) -> dict[str, str]:
-    """The two fingerprints of a run, from its manifest and those of its episodes."""
+    """The two fingerprints of a run, from its manifest and those of its episodes.
+
+    Raises:
+        EvidenceError: the manifest has no environment or no spaces.
+    """
+    for key in ("environment", "spaces"):
+        if not isinstance(manifest.get(key), Mapping):
+            raise EvidenceError(
+                f"the manifest has no {key}",
+                where=key,
+                expected="a JSON object",
+                actual=repr(manifest.get(key))[:80],
+                fix="restore the run from a copy",
+            )
     environment = {key: manifest["environment"].get(key) for key in IDENTITY}
     done = episodes.filter(pc.is_valid(episodes["fingerprint"]))
     return {

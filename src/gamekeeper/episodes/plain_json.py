@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import struct
+import zlib
 from collections.abc import Callable, Mapping
 from functools import wraps
 from typing import Any, Final, ParamSpec, TypeVar
@@ -25,14 +27,48 @@ P = ParamSpec("P")
 R = TypeVar("R")
 MOST_SAID: Final = 300  # characters of a decoder's message that the error repeats
 
+DAMAGE: Final = (
+    ArithmeticError,
+    EOFError,
+    MemoryError,
+    OSError,
+    RecursionError,
+    ValueError,
+    struct.error,
+    zlib.error,
+)
+"""Exceptions of decoders on broken bytes: JSON, text, NumPy and Arrow raise a ValueError, Parquet
+an OSError too; stack and memory run out."""
+
+
+def is_damage(error: Exception) -> bool:
+    """True if broken bytes can raise it; anything else, as an AttributeError, is a fault of ours.
+
+    All exceptions of Arrow count, by the name of their module: importing it takes longer than a
+    command that needs none of it.
+    """
+    return isinstance(error, DAMAGE) or type(error).__module__.startswith("pyarrow.")
+
+
+PLAIN: Final = (type(None), bool, int, float, str, bytes, list, tuple, dict)
+"""Types of what JSON spells, and of what it is read into; NumPy's are among them, too."""
+
+
+def is_misshapen(error: Exception) -> bool:
+    """True if JSON of another shape can raise it: an entry is missing, or of another type.
+
+    An attribute that one of our own objects lacks is a fault of ours.
+    """
+    if isinstance(error, AttributeError):
+        return isinstance(error.obj, PLAIN) or type(error.obj).__module__ == "numpy"
+    return isinstance(error, LookupError | TypeError)
+
 
 def legible(read: Callable[P, R]) -> Callable[P, R]:
     """The same reading, whose errors on damaged values leave as an EvidenceError.
 
-    A run's hashes show accidents, but the author of a run makes its hashes too. JSON, NumPy, Arrow
-    and a wrong shape raise errors of no closed list (RecursionError and MemoryError are in it), so
-    all but our own are translated. A fault of ours in there is, too: therefore this stands around
-    decoders only, the error asks to be reported, and its cause is kept.
+    A run's hashes show accidents, but the author of a run makes its hashes too. What no damage
+    raises is a fault of ours, and leaves as it is.
     """
 
     @wraps(read)
@@ -42,6 +78,8 @@ def legible(read: Callable[P, R]) -> Callable[P, R]:
         except GamekeeperError:
             raise
         except Exception as error:
+            if not (is_damage(error) or is_misshapen(error)):
+                raise
             text = f"{type(error).__name__}: {error}".splitlines()[0]
             raise EvidenceError(
                 "recorded values can't be read",

@@ -33,6 +33,7 @@ from gamekeeper.episodes.canonical.json_text import (
     tagged,
 )
 from gamekeeper.episodes.canonical.opaque import Opaque, content_of, shown, type_name
+from gamekeeper.episodes.plain_json import is_damage, is_misshapen
 from gamekeeper.errors import EvidenceError
 
 # -- Writing
@@ -250,15 +251,9 @@ def from_json(text: str) -> object:
         return _DECODER.decode(text)
     except EvidenceError:
         raise
-    except (
-        ArithmeticError,
-        AttributeError,
-        LookupError,
-        MemoryError,
-        RecursionError,
-        TypeError,
-        ValueError,
-    ) as error:
+    except Exception as error:
+        if not (is_damage(error) or is_misshapen(error)):
+            raise
         raise EvidenceError(
             "a value's JSON can't be read",
             expected="canonical JSON as gamekeeper writes it",

@@ -13,6 +13,7 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import BinaryIO, Final
 
+from gamekeeper.episodes.plain_json import is_damage
 from gamekeeper.errors import EvidenceError, GamekeeperError, RunError
 
 # -- The files of a run's folder: names that stay inside, plain files, whole replacements
@@ -63,14 +64,15 @@ def system_error(doing: str, path: Path, error: OSError) -> RunError:
 def reading(path: Path) -> Iterator[None]:
     """Raises a RunError naming the file for any error of a decoder on damaged bytes.
 
-    Arrow, Parquet and JSON raise errors of no closed list on damage (MemoryError and
-    RecursionError are in it), so all but our own are translated.
+    What no damage raises is a fault of ours, and leaves as it is.
     """
     try:
         yield
     except GamekeeperError:
         raise
     except Exception as error:
+        if not is_damage(error):
+            raise
         text = (str(error) or type(error).__name__).splitlines()[0][:300]
         raise RunError(
             f"{path.name} can't be read",
