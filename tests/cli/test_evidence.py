@@ -21,14 +21,33 @@ def test_diff_of_equal_runs_is_the_same(
 def test_diff_names_the_first_difference(
     line_run: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """Runs from other seeds differ: exit code 1, and the place with both values."""
+    """Runs from other seeds can't be compared by turns: exit code 1, and both seeds."""
     gk.rollout(LINE, episodes=3, seed=1, out=tmp_path / "other")
     code, out, _ = said(capfd, "diff", line_run, tmp_path / "other")
     assert code == 1
-    assert out.startswith("different at episode 0: seed\n")
+    assert out.startswith("different set-up: the turns of these runs can't be compared\n")
+    assert "episode 0: the seed of its reset\n" in out
+    assert "the same environment, arguments and seeds" in out
     assert str(tmp_path / "other") in out
     code, found = document(capfd, "diff", line_run, tmp_path / "other")
     assert (code, found["equal"], found["divergence"]["field"]) == (1, False, "seed")
+    assert (found["comparable"], len(found["set_up"])) == (False, 1)
+
+
+def test_diff_of_other_environments_names_all_that_differs(
+    line_run: Path, rough_run: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The environments are named before the turns, which can't be compared; exit code 1."""
+    code, out, _ = said(capfd, "diff", line_run, rough_run)
+    assert code == 1
+    lines = out.splitlines()
+    assert lines[1] == "the name of the environment"
+    assert "two_robot_line_v0" in lines[2]
+    assert "rough_v0" in lines[3]
+    assert "turn 0" not in out
+    assert document(capfd, "diff", line_run, rough_run)[1]["divergence"]["field"] == (
+        "environment.name"
+    )
 
 
 def test_verify_finds_a_changed_byte(

@@ -5,8 +5,10 @@ from pathlib import Path
 import pytest
 
 from gamekeeper.contract import Contract
+from gamekeeper.episodes.divergence import Divergence
 from gamekeeper.errors import RunError
-from gamekeeper.runs.comparison import diff
+from gamekeeper.reporting.results_text import divergence_text
+from gamekeeper.runs.comparison import diff, different_set_ups
 from gamekeeper.runs.recording import rollout
 from tests.runs.plays import played
 from tests.runs.walks import Walk
@@ -74,6 +76,38 @@ def test_diff_names_what_runs_were_told(
     assert found is not None
     assert field == found.field
     assert values is None or values == (found.recorded, found.replayed)
+
+
+def test_diff_says_the_set_up_before_any_turn(tmp_path: Path) -> None:
+    """A later episode's seed and the arguments are told before turns of an earlier episode."""
+    edit = ("float(actions.get(agent, 0))", "float(self.turn == 3)")
+    one = played(tmp_path, out="one", policies="first-legal")
+    two = played(tmp_path, edit, out="two", policies="first-legal", env_kwargs={"turns": 5}, seed=1)
+    found = different_set_ups(one, two)
+
+    assert [each.field for each in found] == ["environment.kwargs", "seed"]
+    assert diff(one, two) == found[0]
+    assert str(found[0]).startswith("the arguments of the environment\n")
+    assert str(found[1]).startswith("episode 0, the seed of its reset\n")
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ((["a"], None), "the number of turns (only one side has this one)"),
+        ((["a"], ["a", "b"]), "the number of rows of this turn (a row for each agent in it)"),
+        ((["a"], ["b"]), "the agents of this turn"),
+        ((["a"], ["a"]), "the spelling of values that are equal"),
+    ],
+)
+def test_rows_that_differ_are_explained(values: tuple[object, object], text: str) -> None:
+    """The field `rows` says in words what differs: turns, rows of a turn, or their agents."""
+    found = Divergence(0, 3, None, "rows", *values)
+
+    assert text == found.field_text
+    assert f"episode 0, turn 3, {text}" in str(found)
+    assert f"episode 0, turn 3: {text}" in divergence_text(found, width=100)
+    assert found.to_json()["field"] == "rows"
 
 
 def test_diff_passes_over_what_is_within_tolerance(tmp_path: Path) -> None:

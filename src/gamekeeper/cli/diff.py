@@ -149,6 +149,10 @@ def _show(
 
 
 ORDER: Final = 50
+SET_UP: Final = "different set-up: the turns of these runs can't be compared"
+NEXT: Final = (
+    "Record both runs with the same environment, arguments and seeds to compare their turns."
+)
 SILENCE_S: Final = 120.0
 
 FirstArgument = Annotated[
@@ -172,7 +176,8 @@ def command(
 ) -> CommandResult:
     """Shows the first place where two runs differ, or the changes between two environments.
 
-    For two runs: episode, turn, agent and field, with both values. Two environments are audited
+    For two runs: episode, turn, agent and field, with both values; if environment, arguments or
+    seeds differ, these, as turns can't be compared then. Two environments are audited
     with the same seed and budget, and episodes of A are replayed in B: agents, spaces, measured
     game form, failed checks, and the first row that differs.
 
@@ -197,14 +202,29 @@ def command(
 
 def _diff_runs(screen: Screen, a: Path, b: Path, tolerance: float | None) -> CommandResult:
     from gamekeeper.reporting.results_text import divergence_text
-    from gamekeeper.runs.comparison import diff
+    from gamekeeper.runs.comparison import diff, different_set_ups
+    from gamekeeper.runs.load_run import load
 
-    divergence = diff(a, b, tolerance=tolerance)
-    found = None if divergence is None else divergence.to_json()
-    document = {"a": str(a), "b": str(b), "equal": divergence is None, "divergence": found}
+    left, right = load(a), load(b)
+    set_ups = different_set_ups(left, right)
+    divergence = diff(left, right, tolerance=tolerance)
+    document = {
+        "a": str(a),
+        "b": str(b),
+        "equal": divergence is None,
+        "comparable": not set_ups,
+        "set_up": [each.to_json() for each in set_ups],
+        "divergence": None if divergence is None else divergence.to_json(),
+    }
     if divergence is None:
         screen.verdict("the same" if tolerance is None else "the same within tolerance", "good")
         return CommandResult(document)
+    if set_ups:
+        lines = [
+            divergence_text(each, sides=(str(a), str(b)), width=screen.width) for each in set_ups
+        ]
+        screen.verdict("\n".join([SET_UP, *lines, NEXT]), "bad")
+        return CommandResult(document, 1)
     text = divergence_text(divergence, sides=(str(a), str(b)), width=screen.width)
     screen.verdict(f"different at {text}", "bad")
     return CommandResult(document, 1)

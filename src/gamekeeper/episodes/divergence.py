@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
 
@@ -25,6 +25,19 @@ from gamekeeper.episodes.plain_json import legible
 
 WHOLE_ELEMENTS = 16  # an array of no more is shown whole
 SHOWN = 200  # characters of a value
+SET_UP = {
+    "environment.name": "the name of the environment",
+    "environment.api": "the API of the environment",
+    "environment.kwargs": "the arguments of the environment",
+    "seed": "the seed of its reset",
+    "options": "the options of its reset",
+}  # fields in which runs differ before their first turn, in words
+WORDS = {
+    **SET_UP,
+    "episode": "the number of episodes",
+    "endings": "the reasons for which agents ended",
+    "digest": "the digest of the row (its values aren't in the run, or are spelled otherwise)",
+}
 
 
 def difference(one: Any, two: Any, tolerance: float | None) -> float | None:
@@ -113,6 +126,29 @@ class Divergence:
     recorded: Any
     replayed: Any
 
+    @property
+    def field_text(self) -> str:
+        """The field in words, where its name alone doesn't say what differs."""
+        if self.field != "rows":
+            return WORDS.get(self.field, self.field)
+        one, two = self.recorded, self.replayed
+        if one is None or two is None:
+            return "the number of turns (only one side has this one)"
+        if len(one) != len(two):
+            return "the number of rows of this turn (a row for each agent in it)"
+        if one != two:
+            return "the agents of this turn"
+        return "the spelling of values that are equal"
+
+    @property
+    def place_text(self) -> str:
+        """Episode, turn and agent in words; empty for a difference of the whole runs."""
+        if self.field.startswith("environment."):
+            return ""
+        turn = "" if self.turn is None else f", turn {self.turn}"
+        agent = "" if self.agent is None else f", agent {self.agent}"
+        return f"episode {self.episode}{turn}{agent}"
+
     def to_json(self) -> dict[str, Any]:
         """Plain data; arrays as canonical JSON has them."""
         return {
@@ -125,12 +161,11 @@ class Divergence:
         }
 
     def __str__(self) -> str:
-        place = f"episode {self.episode}"
-        if self.turn is not None:
-            place += f", turn {self.turn}"
-        key = f"{self.field}[{self.agent!r}]" if self.agent is not None else self.field
+        place = replace(self, agent=None).place_text
+        key = f"{self.field}[{self.agent!r}]" if self.agent is not None else self.field_text
         recorded, replayed = shown_pair(self.recorded, self.replayed)
-        return f"{place}, {key}\n  recorded: {recorded}\n  replayed: {replayed}"
+        first = ", ".join(filter(None, [place, key]))
+        return f"{first}\n  recorded: {recorded}\n  replayed: {replayed}"
 
 
 class Comparison:

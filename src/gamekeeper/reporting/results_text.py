@@ -139,12 +139,8 @@ def divergence_text(
     divergence: Divergence, *, sides: tuple[str, str] = ("recorded", "replayed"), width: int
 ) -> str:
     """The place on the first line, then both values under one another."""
-    place = f"episode {divergence.episode}"
-    if divergence.turn is not None:
-        place += f", turn {divergence.turn}"
-    if divergence.agent is not None:
-        place += f", agent {divergence.agent}"
-    lines = [one_line(f"{place}: {divergence.field}")]
+    place, field = divergence.place_text, divergence.field_text
+    lines = [one_line(f"{place}: {field}" if place else field)]
     rows = list(zip(sides, _values(divergence), strict=True))
     whole = max(map(columns_of, sides))  # two runs are told apart by the ends of their paths
     return "\n".join([*lines, *table_lines(rows, width=width, most=whole)])

@@ -359,6 +359,28 @@ def _other_fingerprint(evidence: Evidence, prints: list[str | None]) -> Divergen
 # -- Two recorded runs side by side
 
 
+def different_set_ups(a: Evidence, b: Evidence) -> tuple[Divergence, ...]:
+    """All that is different before the first turn, so that turns can't be compared; maybe empty.
+
+    Name, API and arguments of the environment; then the first episode that was reset with another
+    seed, and the first one with other options.
+    """
+    environments = _identity(a), _identity(b)
+    found = []
+    for key in ("name", "api", "kwargs"):
+        values = [each.get(key) for each in environments]
+        if values[0] != values[1]:
+            found.append(Divergence(0, None, None, f"environment.{key}", *values))
+    one, two = ({header["episode"]: header for header in side.headers} for side in (a, b))
+    for key in ("seed", "options"):
+        for episode in sorted(one.keys() & two.keys()):
+            values = [side[episode][key] for side in (one, two)]
+            if values[0] != values[1]:
+                found.append(Divergence(episode, None, None, key, *values))
+                break
+    return tuple(found)
+
+
 def diff(
     a: str | PathLike[str] | Evidence,
     b: str | PathLike[str] | Evidence,
@@ -367,7 +389,8 @@ def diff(
 ) -> Divergence | None:
     """The first place where two runs differ, or None if they are the same.
 
-    Episodes are compared in their order: first the arguments of their resets, then turn by turn.
+    First the set-up is compared: the environment, its arguments, seeds and options of the resets.
+    Where these differ, turns can't be compared. Then episodes are, in their order, turn by turn.
     Volatile infos are left out.
 
     Args:
@@ -380,6 +403,9 @@ def diff(
     prints = [[side.manifest.get(name) or None for name in PRINTS] for side in (left, right)]
     if prints[0] == prints[1] and None not in prints[0]:
         return None
+    set_up = different_set_ups(left, right)
+    if set_up:
+        return set_up[0]
     volatile = left.contract.volatile_infos() | right.contract.volatile_infos()
     one, two = (
         {header["episode"]: header for header in side.episode_table.to_pylist()}
@@ -389,10 +415,6 @@ def diff(
         if episode not in one or episode not in two:
             values = ["present" if episode in side else None for side in (one, two)]
             return Divergence(episode, None, None, "episode", *values)
-        for name in ("seed", "options"):
-            values = [side[episode][name] for side in (one, two)]
-            if values[0] != values[1]:
-                return Divergence(episode, None, None, name, *values)
         found = compare_chunks(
             left.chunks(one[episode]),
             right.chunks(two[episode]),
