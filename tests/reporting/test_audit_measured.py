@@ -13,7 +13,13 @@ from gamekeeper.reporting.measured_text import (
 from tests.reporting.audits import audit
 
 MEASURED: dict[str, Any] = {
-    "schedule": {"acts": "together", "order": "none"},
+    "schedule": {
+        "acts": "together",
+        "order": "none",
+        "rounds": 518,
+        "most_in_a_round": 4,
+        "fewest_in_a_round": 4,
+    },
     "order_sensitive": "none",
     "deterministic": True,
     "horizon": 20,
@@ -39,12 +45,40 @@ def influence(one: str, two: str, on: str, lag: int, p: float) -> dict[str, Any]
 def test_measured_stands_beside_declared() -> None:
     """A row for each measured field, what the contract says of it at the right."""
     text = measured_text(audit(measured=MEASURED, declared=DECLARED), width=80)
-    rows = {line[2:18].strip(): line for line in text.splitlines()}
+    rows = {line[2:17].strip(): line for line in text.splitlines()}
     assert rows["horizon"].split() == ["horizon", "20", "25"]
     assert rows["deterministic"].endswith("not declared")
     assert rows["symmetric"].split("  ")[-1] == "rover: yes"
     assert rows["reward"].endswith("sample (individual)")
-    assert "Advice\n  Parallel: in 518 ticks" in text
+    assert "Which API fits this game\n  Parallel (ParallelEnv) fits: in 518 ticks" in text
+    assert rows["order matters"].split()[2] == "no"
+
+
+def test_measured_values_are_sentences() -> None:
+    """A reader who knows PettingZoo needs no key: who acts with whom, what was paid, what ended."""
+    found = {key: words(MEASURED[key]) for key in ("schedule", "symmetric", "reward", "endings")}
+    assert found == {
+        "schedule": "agents act all at once; 4 agents per tick (518 seen)",
+        "symmetric": "rover: seems so, p-value 0.52, 24 episodes",
+        "reward": "not the same for all agents",
+        "endings": "0 of 8 episodes ended by themselves",
+    }
+    turns = {"acts": "in turns", "order": "fixed", "most_in_a_round": 3, "fewest_in_a_round": 1}
+    assert words(turns) == (
+        "agents act one after the other in a fixed order; 1 to 3 agents per round, in which each "
+        "acts once"
+    )
+    paid = {"shared": True, "zero_sum": False, "n": 1_193}
+    assert words(paid).endswith("doesn't sum to 0 over them; 1,193 steps paid something")
+    ended = {"episodes": 9, "ended": 8, "ticks": {"least": 3, "median": 4, "most": 25}}
+    assert words(ended) == "8 of 9 episodes ended by themselves, after 3 to 25 (median 4) ticks"
+
+
+def test_legends_explain_ticks_and_p_values() -> None:
+    """Below the table stands what a tick and the p-value of symmetry are."""
+    text = " ".join(measured_text(audit(measured=MEASURED), width=80).split())
+    assert "tick: one step in which every live agent acts once." in text
+    assert "0.01 or less counts as no" in text
 
 
 def test_agents_have_a_table_of_their_own() -> None:
@@ -71,6 +105,9 @@ def test_influence_is_a_matrix() -> None:
     lines = influence_text(found, width=80).splitlines()
     assert lines[1].split() == ["from", "\\", "to", "a", "b"]
     assert lines[2].split() == ["a", "o100", "r62+1", "-"]
+    legend = " ".join(" ".join(lines[4:]).split())
+    assert "probability p, in percent, that another legal action of the agent in the row" in legend
+    assert "is 5 for each p; the widest 95 % interval is 0 to 100 (for 100)." in legend
 
 
 def test_influence_of_many_agents_is_counted() -> None:
@@ -86,7 +123,7 @@ def test_values_are_said_as_readers_say_them() -> None:
     """Truth values, nested tables, lists; names of agents stay as they are."""
     assert words(True) == "yes"
     assert words({"agent_0": [1, 2.5], "empty": None}) == "agent_0: (1, 2.5)"
-    assert words({"seems": False, "p": 0.001}) == "seems not, p 0.001"
+    assert words({"seems": False, "p": 0.001}) == "seems not, p-value 0.001"
 
 
 def test_draft_proposes_what_was_measured_and_declares_nothing() -> None:
@@ -101,7 +138,7 @@ def test_draft_proposes_what_was_measured_and_declares_nothing() -> None:
     )
     asked = measured_questions(questions, MEASURED)
     assert [each.answer for each in asked[:2]] == ["20", "true"]
-    assert asked[2].hint == "measured: seems so, p 0.52"
+    assert asked[2].hint == "measured: seems so, p-value 0.52, 24 episodes"
     assert "in 518 ticks" in asked[3].hint
     assert asked[4] == questions[4]
     text = draft_note(steps=3_000, seed=0) + contract.to_toml(asked)

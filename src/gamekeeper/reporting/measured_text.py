@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
@@ -33,13 +33,33 @@ COLUMNS: Final = {"least": "least reward", "most": "greatest reward", "open": "u
 """Names of columns that are more than their key."""
 LEFT_OUT: Final = ("positive", "negative")
 """Figures by agent that only the JSON document has."""
-SPOKEN: Final = {
-    "most_in_a_round": "most in a round",
-    "fewest_in_a_round": "fewest",
-    "zero_sum": "zero-sum",
-    "after_end": "after the end",
-}
+SPOKEN: Final = {"zero_sum": "zero-sum", "after_end": "after the end"}
 """Keys that are shown in other words; names of agents and roles stay."""
+LABELS: Final = {"order_sensitive": "order matters"}
+"""Rows of the table whose label is more than their key."""
+ORDER_MATTERS: Final = {
+    "none": "no",
+    "draws": "only in which random numbers are drawn",
+    "outcome": "yes, it changes the outcome",
+}
+"""Effect of the order of the actions of one tick."""
+ORDERS_SEEN: Final = {
+    "fixed": "in a fixed order",
+    "rotating": "in an order that rotates",
+    "random": "in an order that differs from episode to episode",
+    "other": "in an order without a pattern that was recognized",
+}
+FITS: Final = {
+    "aec": "AEC (AECEnv) fits",
+    "parallel": "Parallel (ParallelEnv) fits",
+    "either": "AEC and Parallel fit alike",
+}
+ADVICE: Final = "Which API fits this game"
+TICK: Final = "tick: one step in which every live agent acts once."
+SYMMETRIC: Final = (
+    "symmetric: agents of one role seem interchangeable. p-value: how likely returns as unequal as "
+    "these would be if they were; 0.01 or less counts as no."
+)
 SIGNS: Final = {"observation": "o", "reward": "r", "ending": "e"}
 MOST_AGENTS: Final = 8
 """Agents that are shown one by one."""
@@ -57,8 +77,9 @@ def measured_text(audit: Document, *, width: int) -> str:
     measured, declared = audit["measured"], audit.get("declared") or {}
     rows = [
         (
-            key.replace("_", " "),
-            _cut(words(value)) or "not measured",
+            LABELS.get(key, key.replace("_", " ")),
+            _cut(ORDER_MATTERS.get(value, "") if key == "order_sensitive" else words(value))
+            or "not measured",
             _cut(words(declared_as(declared, key))) or "not declared",
         )
         for key, value in measured.items()
@@ -66,14 +87,16 @@ def measured_text(audit: Document, *, width: int) -> str:
     ]
     parts = []
     if rows:
-        lines = column_lines([("", "measured", "declared"), *rows], width=width)
+        lines = list(column_lines([("", "measured", "declared"), *rows], width=width))
+        for legend in [TICK, *([SYMMETRIC] if measured.get("symmetric") else [])]:
+            lines += wrapped(legend, width, first=INDENT, rest=INDENT)
         parts.append("\n".join(["Measured beside declared", *lines]))
     parts.append(agents_text(measured, width=width))
     parts.append(influence_text(measured.get("influence") or (), width=width))
     if measured.get("advice"):
-        api = {"aec": "AEC", "parallel": "Parallel"}.get(measured["advice"], measured["advice"])
+        api = FITS.get(measured["advice"], measured["advice"])
         why = one_line(f"{api}: {measured.get('why', '')}".removesuffix(": "))
-        parts.append("\n".join(["Advice", *wrapped(why, width, first=INDENT, rest=INDENT)]))
+        parts.append("\n".join([ADVICE, *wrapped(why, width, first=INDENT, rest=INDENT)]))
     return "\n\n".join(filter(None, parts))
 
 
@@ -133,13 +156,74 @@ def words(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.4g}"
     if isinstance(value, Mapping):
-        if "seems" in value:
-            return f"{'seems so' if value['seems'] else 'seems not'}, p {words(value.get('p'))}"
+        sentence = _sentence(value)
+        if sentence is not None:
+            return sentence
         inner = [_pair(str(name), each) for name, each in value.items() if name != BY_AGENT]
         return "; ".join(filter(None, inner))
     if isinstance(value, list | tuple):
         return ", ".join(filter(None, map(_inner, value)))
     return one_line(str(value))
+
+
+def _sentence(value: Document) -> str | None:
+    """A measured value that has a sentence of its own; None for any other table."""
+    return next((say(value) for key, say in SENTENCES.items() if key in value), None)
+
+
+def _symmetry(value: Document) -> str:
+    episodes = f", {value['n']} episodes" if "n" in value else ""
+    seems = "seems so" if value["seems"] else "seems not"
+    return f"{seems}, p-value {words(value.get('p'))}{episodes}"
+
+
+def _schedule(value: Document) -> str:
+    """The order in which agents were seen to act, and how many act in a tick or a round."""
+    is_together = value["acts"] == "together"
+    how = "all at once" if is_together else "one after the other"
+    order = "" if is_together else ORDERS_SEEN.get(str(value.get("order")), "")
+    text = " ".join(filter(None, ["agents act", how, order]))
+    least, most = value.get("fewest_in_a_round"), value.get("most_in_a_round")
+    if most is None:
+        return text
+    each = words(most) if least in (None, most) else f"{words(least)} to {words(most)}"
+    per = "tick" if is_together else "round, in which each acts once"
+    seen = f" ({value['rounds']:,} seen)" if value.get("rounds") else ""
+    return f"{text}; {each} agents per {per}{seen}"
+
+
+def _payments(value: Document) -> str:
+    """Rewards: the same for all agents or not, summing to zero or not."""
+    parts = []
+    for key, yes, no in (
+        ("shared", "the same for all agents", "not the same for all agents"),
+        ("zero_sum", "sums to 0 over the agents", "doesn't sum to 0 over them"),
+    ):
+        if value.get(key) is not None:
+            parts.append(yes if value[key] else no)
+    if "n" in value:
+        parts.append(f"{value['n']:,} steps paid something")
+    return "; ".join(parts)
+
+
+def _lengths(value: Document) -> str:
+    """Number of episodes that ended by themselves, and their length in ticks."""
+    text = f"{value.get('ended', 0)} of {value['episodes']} episodes ended by themselves"
+    ticks = value.get("ticks")
+    if not isinstance(ticks, Mapping):
+        return text
+    least, median, most = (words(ticks.get(key)) for key in ("least", "median", "most"))
+    span = f"{least}" if least == most else f"{least} to {most} (median {median})"
+    return f"{text}, after {span} ticks"
+
+
+SENTENCES: Final[Mapping[str, Callable[[Document], str]]] = {
+    "seems": _symmetry,
+    "acts": _schedule,
+    "shared": _payments,
+    "episodes": _lengths,
+}
+"""Sentences for measured values, by a key that only such a value has."""
 
 
 def _pair(name: str, value: Any) -> str:
@@ -152,7 +236,9 @@ def _pair(name: str, value: Any) -> str:
 
 def _inner(value: Any) -> str:
     text = words(value)
-    is_nested = isinstance(value, Mapping | list | tuple)
+    is_nested = isinstance(value, list | tuple) or (
+        isinstance(value, Mapping) and _sentence(value) is None
+    )
     return f"({text})" if is_nested and text else text
 
 
@@ -174,17 +260,31 @@ def influence_text(influence: Iterable[Document], *, width: int) -> str:
         return "\n".join(["Influence", *_counted(cells, len(agents), width)])
     rows = [("from \\ to", *agents)]
     rows += [(one, *(_cell(cells.get((one, two), {})) for two in agents)) for one in agents]
-    legend = (
-        "o, r, e: percentage of replaced actions of the agent in the row that changed the "
-        "observation, reward or ending of the agent in the column; +1: one step later."
-    )
-    return "\n".join(
-        [
-            "Influence",
-            *table_lines(rows, width=max(width, 60)),
-            *wrapped(legend, width, first=INDENT, rest=INDENT),
-        ]
-    )
+    lines = list(table_lines(rows, width=max(width, 60)))
+    shown = [each for kinds in cells.values() for each in kinds.values()]
+    lines += wrapped(" ".join([INFLUENCE, *_certainty(shown)]), width, first=INDENT, rest=INDENT)
+    return "\n".join(["Influence", *lines])
+
+
+INFLUENCE: Final = (
+    "o, r, e: probability p, in percent, that another legal action of the agent in the row changes "
+    "the observation, reward or ending of the agent in the column; +1: one step later; -: no "
+    "change was seen."
+)
+
+
+def _certainty(shown: Sequence[Document]) -> list[str]:
+    """Number of tried turns behind the figures that are shown, and their widest interval."""
+    if not shown:
+        return []
+    counts = sorted(each["n"] for each in shown)
+    span = f"{counts[0]}" if counts[0] == counts[-1] else f"{counts[0]} to {counts[-1]}"
+    widest = max(shown, key=lambda each: each["high"] - each["low"])
+    ends = f"{100 * widest['low']:.0f} to {100 * widest['high']:.0f}"
+    return [
+        f"n, the number of turns in which another action was tried, is {span} for each p; the "
+        f"widest 95 % interval is {ends} (for {100 * widest['p']:.0f})."
+    ]
 
 
 def _cell(kinds: Mapping[str, Document]) -> str:
