@@ -34,8 +34,9 @@ def audited(spec: object, select: tuple[str, ...] = HERE, **options: Any) -> Aud
 
 
 def broken(spec: object, select: tuple[str, ...] = IDS, **options: Any) -> list[str]:
-    """The promises that it breaks."""
-    return sorted(each.id for each in audited(spec, select, **options).failed)
+    """The promises that it breaks, but what follows from another."""
+    failed = audited(spec, select, **options).failed
+    return sorted(each.id for each in failed if each.follows_from is None)
 
 
 class FirstSeedOnly(Rovers):

@@ -56,7 +56,7 @@ class Entropy(Rovers):
         self.battery[agent] -= np.random.default_rng().random()
 
 
-@faulty("GK602")
+@faulty("GK602", also=("GK601",))
 class GlobalGenerator(Traders):
     """Every second round a trader that numpy's global generator draws is given a coin.
 

@@ -30,6 +30,8 @@ def verdict(id: str, outcome: str, **fields: Any) -> dict[str, Any]:
         "failed": 30 if is_bad else 0,
         "findings": [finding()] if is_bad else [],
         "reason": "" if outcome in ("failed", "passed") else f"why {id} is {outcome}",
+        "reproduced": {"failed": 5, "tried": 5, "unchanged_passed": None} if is_bad else None,
+        "follows_from": None,
     }
     return {**usual, **fields}
 
@@ -49,6 +51,7 @@ def audit(*verdicts: dict[str, Any], **fields: Any) -> dict[str, Any]:
         "agents": {},
         "declared": None,
         "source": {"class": "rovers.Rovers", "file": "rovers.py", "line": 12},
+        "stopped": "",
     }
     return {**usual, **fields}
 

@@ -7,6 +7,7 @@ from gamekeeper.reporting.audit_text import (
     failed_blocks,
     not_exercised_text,
     program_of,
+    suspected_text,
     timings_text,
     title_text,
     waived_text,
@@ -33,6 +34,27 @@ def test_broken_promises_stand_by_severity() -> None:
     for word in ("rollout/7, turn 8", "expected  0.0", "actual    0.5", "30 of 260 cases"):
         assert word in high
     assert list(dict(failed_blocks(mixed(), width=80, least="high"))) == ["Failed: high"]
+
+
+def test_consequences_stand_after_their_cause_in_a_line_each() -> None:
+    """What passes once its cause is held still names the cause and what was held still."""
+    cause = {"id": "GK602", "held_still": "global generators seeded"}
+    document = audit(
+        verdict("GK601", "failed", follows_from=cause, reproduced=None), verdict("GK602", "failed")
+    )
+    blocks = dict(failed_blocks(document, width=120))
+    assert list(blocks) == ["Failed: high", "Failed: consequences"]
+    expected = "Follows from GK602: passes with global generators seeded."
+    assert blocks["Failed: consequences"].endswith(expected)
+    assert "GK601" not in blocks["Failed: high"]
+
+
+def test_suspected_checks_are_no_failures() -> None:
+    """They are counted by themselves, and shown with the reason."""
+    document = audit(verdict("GK601", "suspected", reason="its reproducer passes"))
+    assert counts_text(document) == "0 passed, 1 suspected, 0 failed"
+    assert list(failed_blocks(document, width=80)) == []
+    assert "Not confirmed: its reproducer passes." in suspected_text(document, width=120)
 
 
 def test_findings_after_the_first_are_named() -> None:

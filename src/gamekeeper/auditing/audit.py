@@ -31,8 +31,6 @@ QUICK: Final = 3_000
 SHRINKING: Final = 0.25
 """Part of the budget that may be spent on top of it to shrink findings."""
 
-CONFIRMING_S: Final = 120.0
-"""Seconds in which reproducers are run; findings that are left are suspected."""
 PROBING: Final = 0.7
 """Part of the seconds asked for after which the probes end."""
 
@@ -102,9 +100,7 @@ def audit_here(
             home(opened.spec, opened.identity, kwargs),
             0 if gathering.stopped else int(budget * SHRINKING),
         )
-        until_s = time.monotonic() + CONFIRMING_S
-        if seconds is not None:
-            until_s = min(until_s, begun_s + seconds)
+        until_s = None if seconds is None else begun_s + seconds
         if gathering.stopped == INTERRUPTED:
             until_s = 0.0
         return _judged(
@@ -129,7 +125,7 @@ def _judged(
     begun_s: float,
     seed: int,
     is_all: bool,
-    until_s: float,
+    until_s: float | None,
 ) -> AuditResult:
     gathering: Gathering = bench.gathering
     evidence = gathering.gathered()

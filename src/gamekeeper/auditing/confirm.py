@@ -15,7 +15,7 @@ from gamekeeper.rollouts.workers import run_task
 TASK: Final = "gamekeeper.auditing.reproducer_process:run_program"
 TRIES: Final = 5
 """Fresh processes in which a reproducer must fail."""
-LIMIT_S: Final = 60.0
+LIMIT_S: Final = 300.0
 """Seconds after which a program is ended; it failed, as its environment hangs."""
 AT_ONCE: Final = 2
 """Programs that run beside each other."""
@@ -49,17 +49,17 @@ class Confirmation:
 
     Attributes:
         beat: called after each process, as a sign of life.
-        until_s: time of the monotonic clock after which nothing more is run.
+        until_s: time of the monotonic clock after which nothing more is run; None: no such time.
     """
 
     beat: Callable[[], None]
-    until_s: float
+    until_s: float | None
     _seen: dict[str, bool] = field(default_factory=dict)
 
     @property
     def is_over(self) -> bool:
         """Tells whether the time is spent."""
-        return time.monotonic() > self.until_s
+        return self.until_s is not None and time.monotonic() > self.until_s
 
     def failures(self, program: str) -> tuple[int, int]:
         """How many fresh processes failed, and how many were tried, up to the first that passed."""
@@ -116,7 +116,7 @@ def confirmed(
     drafts: Sequence[tuple[Verdict, Sequence[Programs]]],
     *,
     beat: Callable[[], None],
-    until_s: float,
+    until_s: float | None,
 ) -> tuple[Verdict, ...]:
     """The verdicts, those that failed confirmed, suspected, or traced to a cause.
 
@@ -126,7 +126,8 @@ def confirmed(
     Args:
         drafts: verdicts in the order of their ids, with the programs of their findings.
         beat: called now and then, as a sign of life.
-        until_s: time of the monotonic clock after which no other finding is confirmed.
+        until_s: time of the monotonic clock after which no other finding is confirmed; None: all
+            are.
     """
     work = Confirmation(beat, until_s)
     found = {verdict.id: verdict for verdict, _ in drafts}

@@ -52,15 +52,18 @@ def alike(one: Sequence[str], other: Sequence[str]) -> None:
 
 
 def gives(make: Callable[[], Any], seed: int, actions: Sequence[Any]) -> list[Any]:
-    """All that the steps of an episode give, but infos."""
+    """All that the steps of an episode give, but infos; an exception ends it."""
     env, seen = begin(make, seed), []
     for action in copy.deepcopy(actions):
-        if hasattr(env, "last"):
-            seen.append((env.agent_selection, copy.deepcopy(env.last()[:4])))
-            env.step(action)
-            seen.append(copy.deepcopy(env.rewards))
-        else:
-            seen.append(copy.deepcopy(env.step(action)[:4]))
+        try:
+            if hasattr(env, "last"):
+                seen.append((env.agent_selection, copy.deepcopy(env.last()[:4])))
+                env.step(action)
+                seen.append(copy.deepcopy(env.rewards))
+            else:
+                seen.append(copy.deepcopy(env.step(action)[:4]))
+        except Exception as error:
+            return [*seen, repr(error)]
     return seen
 
 

@@ -236,15 +236,23 @@ def seed_zero_is_a_seed(contract: Contract, evidence: ProbeEvidence) -> Iterator
                 yield Case(whole(counterfactual), True, SAME, SAME)
             elif plain.value.is_fine and refused is not None:
                 at = counterfactual.base.at(0, None, FIELD)
-                yield Case(at, False, "a seed like any other", refused.value.text, proof)
+                refusal = Reproducer(f"make().reset(seed={seed})", plays=False)
+                yield Case(at, False, "a seed like any other", refused.value.text, refusal)
             elif plain.value.is_fine:
                 yield from parted(
                     counterfactual, proof, expected=f"the same play for seed {seed} again"
                 )
 
 
+PLAIN_SEED: Final = 12345
+
+
 def _seed_zero_proof(api: str, seed: int, tells: frozenset[str]) -> Reproducer:
-    return program(api, *_repeated(f"play(make(), seed={seed})"), tells=tells)
+    plain = f"play(make(), seed={PLAIN_SEED})"
+    unchanged = (f"alike({plain}, {plain})",)
+    return program(
+        api, *_repeated(f"play(make(), seed={seed})"), tells=tells, unchanged=unchanged
+    )
 
 
 @check(

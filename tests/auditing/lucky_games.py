@@ -1,0 +1,94 @@
+"""Environments whose faults lie in luck or in time; light, as fresh processes import them."""
+
+from __future__ import annotations
+
+import functools
+import sys
+import time
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium.spaces import Box, Discrete
+from pettingzoo import ParallelEnv
+
+
+class Sound(ParallelEnv[str, Any, Any]):
+    """Two agents see a number that their seed and the tick settle, for twenty ticks."""
+
+    metadata: ClassVar = {"name": "sound_v0", "render_modes": []}
+
+    def __init__(self) -> None:
+        self.possible_agents, self.render_mode = ["a", "b"], None
+        self.energy = 0
+
+    @functools.cache  # noqa: B019  # as PettingZoo's documentation has it
+    def observation_space(self, agent: str) -> Box:
+        """A pair of numbers."""
+        return Box(0.0, 1.0, (2,), np.float64)
+
+    @functools.cache  # noqa: B019  # as PettingZoo's documentation has it
+    def action_space(self, agent: str) -> Discrete:
+        """Three actions."""
+        return Discrete(3)
+
+    def seen(self) -> Any:
+        """What both see."""
+        return self.rng.random(2)
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Starts over."""
+        if seed is not None or not hasattr(self, "rng"):
+            self.rng = np.random.default_rng(seed)
+        self.agents, self.tick = list(self.possible_agents), 0
+        seen = self.seen()
+        return dict.fromkeys(self.agents, seen), {agent: {} for agent in self.agents}
+
+    def step(self, actions: Any) -> Any:
+        """Counts, and pays what is seen."""
+        self.tick += 1
+        agents, seen, is_over = self.agents, self.seen(), self.tick >= 20
+        self.agents = [] if is_over else agents
+        parts: tuple[Any, ...] = (seen, float(seen[0]), False, is_over, {})
+        return tuple(dict.fromkeys(agents, part) for part in parts)
+
+
+class Unseeded(Sound):
+    """Draws from numpy's global generator, whatever the seed."""
+
+    def seen(self) -> Any:
+        """Luck of the process."""
+        return np.random.rand(2)
+
+
+class Slips(Sound):
+    """One observation in ten hangs on a generator that nobody seeded."""
+
+    def seen(self) -> Any:
+        """A slip now and then."""
+        return np.array([0.5, float(np.random.default_rng().random() < 0.1)])
+
+
+class Tires(Sound):
+    """What is left of the energy stays over a reset; nothing is drawn."""
+
+    def seen(self) -> Any:
+        """Less at each call."""
+        self.energy += 1
+        return np.array([1.0 / self.energy, 0.0])
+
+
+class OnlyInTests(Sound):
+    """Observations leave their space where pytest is loaded, and in no reproducer's process."""
+
+    def seen(self) -> Any:
+        """Outside the space, or not."""
+        return np.array([2.0 if "pytest" in sys.modules else 0.5, 0.5])
+
+
+class Slow(Sound):
+    """A step takes 20 ms."""
+
+    def step(self, actions: Any) -> Any:
+        """Waits first."""
+        time.sleep(0.02)
+        return super().step(actions)

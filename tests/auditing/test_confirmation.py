@@ -1,0 +1,127 @@
+"""Findings are given out once their reproducers failed in fresh processes; causes are named."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from typing import Any
+
+import pytest
+
+from gamekeeper.auditing.audit import AuditAttempt, audit_here
+from gamekeeper.auditing.audit_process import AuditInterruptedError, audit
+from gamekeeper.auditing.confirm import TRIES
+from gamekeeper.auditing.result import AuditResult
+from gamekeeper.checks.verdict import FollowsFrom, Reproduced
+from gamekeeper.rollouts.workers import TaskOutcome
+from tests.auditing.lucky_games import OnlyInTests, Tires
+
+GAMES = "tests.auditing.lucky_games"
+GLOBALS_SEEDED = "global generators seeded before each call"
+
+
+def audited(name: str, *select: str, **options: Any) -> AuditResult:
+    """The audit of one of the lucky games, in this process."""
+    return audit_here(f"{GAMES}:{name}", budget=600, select=select, **options)
+
+
+def test_finding_is_confirmed_in_five_fresh_processes() -> None:
+    """Rare slips of a generator that nobody seeded are shown in each of them."""
+    verdict = audited("Slips", "GK60").of("GK601")
+    assert (verdict.outcome, verdict.follows_from) == ("failed", None)
+    assert verdict.reproduced == Reproduced(TRIES, TRIES, None)
+
+
+def test_comparison_is_confirmed_beside_an_unchanged_play() -> None:
+    """State that survives a reset: a used instance differs, two fresh ones don't."""
+    found = audited("Tires", "GK60")
+    assert [each.id for each in found.failed] == ["GK604"]  # no seed is ignored: nothing is drawn
+    assert found.of("GK604").reproduced == Reproduced(TRIES, TRIES, True)
+
+
+def test_consequence_names_the_cause_that_was_held_still() -> None:
+    """A seed that settles nothing follows from draws of a global generator."""
+    found = audited("Unseeded", "GK60")
+    assert found.of("GK602").follows_from is None
+    assert found.of("GK601").follows_from == FollowsFrom("GK602", GLOBALS_SEEDED)
+    assert not found.ok
+
+
+def test_game_that_a_seed_does_not_settle_is_not_measured_as_deterministic() -> None:
+    """The generators of the process are another's elsewhere."""
+    assert audited("Unseeded").measured["deterministic"] is False
+    assert audited("Sound").measured["deterministic"] is True
+
+
+def test_finding_that_no_fresh_process_shows_is_suspected() -> None:
+    """An observation leaves its space in this process alone: nothing failed, nothing passed."""
+    found = audited("OnlyInTests", "GK214")
+    verdict = found.of("GK214")
+    assert verdict.outcome == "suspected"
+    assert verdict.reproduced is not None
+    assert verdict.reproduced.failed < verdict.reproduced.tried
+    assert found.ok
+
+
+def test_object_has_findings_without_reproduction() -> None:
+    """No other process can build what was handed over as an object."""
+    verdict = audit_here(Tires(), budget=400, select=("GK214",)).of("GK214")
+    assert (verdict.outcome, verdict.reproduced) == ("passed", None)
+    verdict = audit_here(OnlyInTests(), budget=400, select=("GK214",)).of("GK214")
+    assert (verdict.outcome, verdict.reproduced) == ("failed", None)
+
+
+def test_audit_ends_when_its_time_is_over() -> None:
+    """It gives what it knows by then, and what wasn't exercised with the reason."""
+    begun_s = time.monotonic()
+    found = audited("Slow", seconds=3.0)
+    assert time.monotonic() - begun_s < 30.0  # without a bound it takes minutes
+    assert found.stopped == "the audit's time was over"
+    reasons = {each.reason for each in found.verdicts if each.outcome == "not_exercised"}
+    assert "the audit's time was over" in reasons
+    assert found.counts["passed"] > 0
+
+
+def test_interrupted_probes_give_what_they_saw() -> None:
+    """Ctrl-C in a probe: the probes before it are judged, and nothing failed for certain."""
+    names = itertools.count()
+
+    def interrupt(name: str, place: int, count: int) -> None:
+        if next(names) == 20:
+            raise KeyboardInterrupt
+
+    attempt = AuditAttempt(beat=_Interrupting(300), keeps_partial=True)
+    found = audited("OnlyInTests", attempt=attempt)
+    assert found.stopped == "the audit was interrupted"
+    assert found.failed == ()
+    with pytest.raises(KeyboardInterrupt):
+        audited("Sound", attempt=AuditAttempt(on_probe=interrupt))
+
+
+class _Interrupting:
+    """Raises as Ctrl-C does, at a step."""
+
+    def __init__(self, at: int) -> None:
+        self.left = at
+
+    def __call__(self) -> None:
+        self.left -= 1
+        if self.left == 0:
+            raise KeyboardInterrupt
+
+
+def test_interrupted_audit_carries_its_result(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a process of its own: the exception is a KeyboardInterrupt with what was known."""
+    result = audited("Sound", "GK214")
+
+    def interrupted(*args: Any, **named: Any) -> Any:
+        value = {
+            "error": None,
+            "audit": {**result.to_json(), "stopped": "the audit was interrupted"},
+        }
+        return TaskOutcome("interrupted", value, None, None, 0.0)
+
+    monkeypatch.setattr("gamekeeper.auditing.audit_process.run_task", interrupted)
+    with pytest.raises(AuditInterruptedError) as raised:
+        audit(f"{GAMES}:Sound")
+    assert raised.value.result.stopped == "the audit was interrupted"
