@@ -12,6 +12,7 @@ import pytest
 
 import gamekeeper as gk
 from gamekeeper.cli._worker import evidence_folder, name_of
+from gamekeeper.runs.files.folder import free_beside
 from tests.cli.lines import LINE, ROUGH, SURROUNDINGS, document, failing, rough, run_apart, said
 from tests.cli.rough_env import has_turns
 
@@ -46,7 +47,7 @@ def test_text_shows_each_agent_and_no_average(capfd: pytest.CaptureFixture[str])
         capfd, "rollout", *rough(length=2), "--episodes", 1, "--policy", f"leg={ROUGH[:-5]}:ones"
     )
     assert code == 0, err
-    assert "Recorded  1 episode, 2 turns, 4 actions" in out
+    assert "Recorded  1 episode, 2 ticks, 4 actions" in out
     assert [line.split()[0] for line in out.splitlines()[2:4]] == ["arm", "leg"]
     assert "Evidence  runs/rough_env-1" in out
     evidence = gk.load("runs/rough_env-1")
@@ -154,16 +155,43 @@ def test_mistake_of_the_user_is_told_without_traceback(
     assert "gamekeeper/cli" not in err
 
 
-@pytest.mark.parametrize("name", ["", ".", "/"])
-def test_folder_without_a_name_gets_no_number(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_policy_that_acts_illegally_is_named_with_its_place(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """Nothing stands beside the current folder or the root: recording into it says so."""
-    (tmp_path / "mine").touch()
-    monkeypatch.chdir(tmp_path)
-    with evidence_folder(Path(name), spec=LINE, is_renamed=True) as folder:
-        assert folder == Path(name)
-    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+    """Episode, turn, agent, what was legal, and the folder of the steps before it."""
+    (tmp_path / "late.py").write_text(
+        "seen = []\ndef act(observation, agent, info, rng):\n"
+        "    seen.append(agent)\n    return 9 if len(seen) == 3 else 1\n"
+    )
+    line = (*rough(length=2), "--episodes", 3, "--policy", "leg=late.py:act", "--out", "mine")
+    code, found = document(capfd, "rollout", *line)
+    error = found["error"]
+    assert (code, error["kind"]) == (2, "ActionError")
+    assert error["where"] == "episode 1, turn 0, agent leg"
+    assert error["expected"].startswith("an action of Discrete(")
+    assert error["expected"].endswith(": 0 to 2")
+    assert "recorded in mine" in error["fix"]
+    assert gk.load("mine").episode_table.num_rows == 2
+
+
+def test_reference_of_a_foreign_environment_is_explained(capfd: pytest.CaptureFixture[str]) -> None:
+    """It is the policy of our tasks; the fix names what works here."""
+    code, found = document(capfd, "rollout", ROUGH, "--policy", "reference")
+    assert code == 2
+    assert found["error"]["what"] == "this environment brings no reference policy"
+    assert "scripted policy of Gamekeeper's own tasks" in found["error"]["fix"]
+    assert "use random" in found["error"]["fix"]
+
+
+@pytest.mark.parametrize(
+    ("name", "other"), [("mine", "mine-2"), ("mine-7", "mine-8"), ("a.b", "a.b-2")]
+)
+def test_taken_folder_names_a_free_one(name: str, other: str, tmp_path: Path) -> None:
+    """Numbered on, over those that exist."""
+    assert free_beside(tmp_path / name) == tmp_path / other
+    (tmp_path / other).mkdir()
+    stem, _, number = other.rpartition("-")
+    assert free_beside(tmp_path / name) == tmp_path / f"{stem}-{int(number) + 1}"
 
 
 def test_existing_folder_is_left_alone(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -173,6 +201,7 @@ def test_existing_folder_is_left_alone(tmp_path: Path, capfd: pytest.CaptureFixt
     code, _, err = said(capfd, "rollout", LINE, "--out", "mine")
     assert code == 2
     assert "isn't empty" in err
+    assert "such as mine-2" in err
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["thesis.txt"]
 
 

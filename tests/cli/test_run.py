@@ -33,7 +33,7 @@ def _small_audits_here(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_run_does_the_main_job(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """Card, audit, recording, replay, each agent's part, evidence, next command, in 80 columns."""
+    """Card, audit, recording, replay, each agent's part, evidence, a report next; 80 columns."""
     monkeypatch.chdir(tmp_path)
     code, out, err = said(capfd, "run", LINE, "--out", "demo", "--episodes", "2")
     assert code == 0, err
@@ -54,24 +54,69 @@ def test_run_does_the_main_job(
     assert f"  verified: fingerprint {fingerprint[:16]}..." in lines
     assert f"  fingerprint  {fingerprint}" in lines
     next_command = lines[-1].removeprefix("Next").split()
-    assert next_command[:3] == ["gamekeeper", "replay", "demo"]
+    assert next_command[:3] == ["gamekeeper", "report", "demo"]
     assert max(map(len, lines)) <= max(80, len(lines[-1]))
     assert len(lines) <= 37
 
 
-def test_run_keeps_earlier_evidence(line_run: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """Where --out holds a run already, the folder beside it is taken, and that is said."""
-    before = {path.name: path.read_bytes() for path in line_run.iterdir()}
-    code, out, err = said(capfd, "run", LINE, "--out", line_run, "--episodes", "1", "--json")
+def test_run_document_has_the_parts_of_its_commands(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The documents of contract, audit, rollout and replay stand in one."""
+    code, out, _ = said(capfd, "run", LINE, "--out", tmp_path / "demo", "--episodes", "1", "--json")
     found = json.loads(out)
     assert code == 0
-    assert found["rollout"]["run"] == f"{line_run}-2"
-    assert f"this run goes to {line_run}-2" in err
+    assert found["rollout"]["run"] == str(tmp_path / "demo")
     assert list(found) == ["contract", "audit", "rollout", "replay"]
     assert (found["audit"]["api"], found["audit"]["ok"]) == ("parallel", True)
     assert found["replay"]["verified"]
     assert found["rollout"]["fingerprint"] == found["replay"]["fingerprint"]
+
+
+@pytest.mark.parametrize("command", ["run", "rollout"])
+def test_folder_that_holds_something_is_refused_at_once(
+    command: str, line_run: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Earlier evidence stays, nothing is opened or audited, and the fix names a free folder."""
+    before = {path.name: path.read_bytes() for path in line_run.iterdir()}
+    for name in ("look_at", "audit_with_progress", "record_in_worker"):
+        monkeypatch.setattr(f"gamekeeper.cli.{command}.{name}", None, raising=False)
+    code, out, err = said(capfd, command, LINE, "--out", line_run, "--episodes", "1", "--json")
+    error = json.loads(out)["error"]
+    assert (code, error["kind"]) == (2, "RunError")
+    assert f"{line_run}-2" in error["fix"]
+    assert "a run is there already" in err
     assert {path.name: path.read_bytes() for path in line_run.iterdir()} == before
+    assert not line_run.with_name(f"{line_run.name}-2").exists()
+
+
+@pytest.mark.parametrize(
+    ("where", "seen"),
+    [
+        ("look_at", "interrupted before the recording: no run was written"),
+        ("audit_with_progress", "interrupted in the audit: no run was written"),
+        ("record_in_worker", "interrupted before the first step: no run was written"),
+        ("replay_here", "interrupted in the replay: the run in demo is complete"),
+    ],
+)
+def test_interrupt_says_if_a_run_is_on_the_disk(
+    where: str,
+    seen: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    """Ctrl-C in any part of `run` names the folder of the run, or says that there is none."""
+    monkeypatch.chdir(tmp_path)
+
+    def interrupted(*_: Any, **__: Any) -> Any:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(f"gamekeeper.cli.run.{where}", interrupted)
+    code, _, err = said(capfd, "run", LINE, "--out", "demo", "--episodes", "1")
+    assert code == 130
+    assert seen in err
+    assert (tmp_path / "demo").exists() == ("no run" not in seen)
 
 
 def test_run_of_a_failing_environment_exits_1(
@@ -96,8 +141,51 @@ def test_run_records_what_breaks_a_promise(
     assert code == 1, err
     assert "Audited  " in out
     assert "GK402  high  An agent that has ended is paid nothing more." in out
-    assert f"gamekeeper audit {PAID}" in out
+    assert f"all findings, with programs that show them:\n    gamekeeper audit {PAID}" in out
+    assert f"Next      gamekeeper audit {PAID}" in out.splitlines()[-1]
     assert "verified: fingerprint" in out
+
+
+def test_run_names_checks_that_were_not_exercised(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A count alone tells nothing: their ids, and the command that tells why."""
+
+    def audited(screen: Any, spec: str, **options: Any) -> AuditResult:
+        return audit_here(spec, select=("GK402", "GK411"), budget=200)
+
+    monkeypatch.setattr("gamekeeper.cli.run.audit_with_progress", audited)
+    code, out, err = said(capfd, "run", LINE, "--out", tmp_path / "a", "--episodes", "1")
+    assert code == 0, err
+    assert "1 not exercised" in out
+    assert "not exercised, as nothing happened for them to check: GK411" in out
+    assert f"why checks were not exercised:\n    gamekeeper audit {LINE}" in out
+
+
+def test_run_counts_what_is_not_declared_and_names_the_command(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """The command that drafts a contract is whole: environment, and the file that is found."""
+    env = "tests.cli.rough_env:make"
+    kwargs = '{"length": 2}'
+    line = ("run", env, "--kwargs", kwargs, "--no-audit", "--episodes", "1")
+    code, out, err = said(capfd, *line, "--out", tmp_path / "a")
+    assert code == 0, err
+    assert "properties are not declared, and so not checked. To see which:" in out
+    assert f"    gamekeeper contract {env} --kwargs '{kwargs}' --out rough_v0.toml" in out
+
+
+@pytest.mark.parametrize(
+    ("env", "unit"), [("parallel:two_robot_line", "tick"), ("warehouse_turns", "turn")]
+)
+def test_run_counts_ticks_of_parallel_and_turns_of_aec(
+    env: str, unit: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """One word for one step of the API."""
+    line = (env, "--out", tmp_path / "a", "--episodes", "1", "--most-turns", "1")
+    code, out, err = said(capfd, "rollout", *line)
+    assert code == 0, err
+    assert f"Recorded  1 episode, 1 {unit}, " in out
 
 
 def test_run_goes_on_where_the_audit_gives_up(

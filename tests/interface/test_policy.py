@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from gymnasium import spaces
 from numpy.random import Generator
 
-from gamekeeper.errors import PolicyError
+from gamekeeper.errors import ActionError, PolicyError
+from gamekeeper.interface.joint_policy import assign
 from gamekeeper.interface.policy import Chosen, parse_choices, resolve
 
 
@@ -159,3 +161,35 @@ def test_parse_choices_refuses_what_is_half_said_or_said_twice(texts: list[str],
     """The user is asked rather than guessed at."""
     with pytest.raises(PolicyError, match=said):
         parse_choices(texts)
+
+
+@pytest.mark.parametrize(
+    ("space", "info", "legal"),
+    [
+        (spaces.Discrete(3, start=4), {}, "an action of Discrete(3, start=4): 4 to 6"),
+        (
+            spaces.Discrete(3),
+            {"action_mask": [1, 0, 1]},
+            "an action that is legal by the mask: 0, 2",
+        ),
+        (spaces.Discrete(3), {"action_mask": [1]}, "an action of Discrete(3): 0 to 2"),
+        (
+            spaces.Discrete(30),
+            {"action_mask": [1] * 30},
+            f"an action that is legal by the mask: {', '.join(map(str, range(20)))} and 10 more",
+        ),
+    ],
+)
+def test_illegal_action_is_refused_with_those_that_were_legal(
+    space: spaces.Discrete, info: dict[str, Any], legal: str
+) -> None:
+    """By the mask where there is one, else by the space."""
+    policies = assign(
+        lambda observation, agent, info, rng: 99,
+        possible_agents=["a"],
+        action_space=lambda agent: space,
+    )
+    policies.begin(0, 0)
+    with pytest.raises(ActionError) as caught:
+        policies.act("a", None, info)
+    assert caught.value.expected == legal

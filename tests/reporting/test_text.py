@@ -27,8 +27,8 @@ def test_summary_has_a_row_for_each_agent() -> None:
     expected = [
         "  agent      return  length  share  idle  endings",
         "  picker_0  -12.500    40.0      -   25%  battery 3, cleared 17, terminated 2",
-        "  return, length: mean per episode; share: of the team's return; idle: noops",
-        "  among its actions",
+        "  return, length in actions: mean over the episodes that the agent was in;",
+        "  share: of the team's return; idle: declared noops among its actions",
     ]
     assert summary_text(summary_of(1), width=80).splitlines() == expected
 
@@ -127,9 +127,8 @@ def test_brief_card_has_the_sections_of_a_first_look() -> None:
         '[rewards.met]\nkind = "shared"\nearner = "all"\npayee = "all"\n'
         '[seeds]\ndeterministic = true\n[endings]\nmet = { kind = "termination", owner = "all" }\n'
     )
-    text = brief_card(contract, (), name="line_v0", open_questions=3, width=80)
+    text = brief_card(contract, (), name="line_v0", width=80)
     assert text.splitlines()[:2] == ["line_v0 (AEC)", "  turns"]
     assert "Rewards\n  met" in text
     assert "Endings\n  met" in text
     assert "Seeds" not in text
-    assert "3 properties are not declared" in text

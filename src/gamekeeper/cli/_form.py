@@ -74,15 +74,7 @@ def show_form(screen: Screen, form: GameForm) -> None:
     """Shows the card's short form."""
     from gamekeeper.reporting.results_text import brief_card
 
-    screen.show(
-        brief_card(
-            form.contract,
-            form.agents,
-            name=form.name,
-            open_questions=len(form.questions),
-            width=screen.width,
-        )
-    )
+    screen.show(brief_card(form.contract, form.agents, name=form.name, width=screen.width))
 
 
 def _form(value: Any) -> GameForm:

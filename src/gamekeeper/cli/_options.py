@@ -106,7 +106,7 @@ FramesOption: TypeAlias = Annotated[
     bool,
     typer.Option(
         "--frames",
-        help="Render every turn into RUN/frames, as rgb_array where the environment has it, "
+        help="Render every step into RUN/frames, as rgb_array where the environment has it, "
         "else as ansi; a render_mode in --kwargs takes precedence.",
     ),
 ]
@@ -117,7 +117,8 @@ TurnsOption: TypeAlias = Annotated[
         metavar="N",
         min=1,
         max=MOST,
-        help="Cut an episode after this number of turns (default: 100,000).",
+        help="Cut an episode after this number of env steps: turns (AEC) or ticks (Parallel) "
+        "(default: 100,000).",
     ),
 ]
 TimeoutOption: TypeAlias = Annotated[
@@ -127,7 +128,7 @@ TimeoutOption: TypeAlias = Annotated[
         metavar="S",
         min=0.1,
         max=MOST_S,
-        help="Time without a turn after which an environment counts as hung, in seconds.",
+        help="Time without an env step after which an environment counts as hung, in seconds.",
     ),
 ]
 MemoryOption: TypeAlias = Annotated[

@@ -165,7 +165,7 @@ def _painted(text: str, style: str) -> str:
 
 @contextmanager
 def live_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
-    """Shows a line with episodes, turns and time; yields a function for a task's reports."""
+    """Shows a line with episodes, steps and time; yields a function for a task's reports."""
     columns = (
         SpinnerColumn(),
         TextColumn("{task.description}"),
@@ -198,5 +198,5 @@ def _counts(known: dict[str, Any]) -> str:
         unit = known.get("unit", "episodes")
         counts.append(f"{known['episode']:,} of {known['episodes']:,} {unit}")
     if "turns" in known:
-        counts.append(f"{known['turns']:,} turns")
+        counts.append(f"{known['turns']:,} steps")
     return ", ".join(counts)

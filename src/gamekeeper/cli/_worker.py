@@ -6,11 +6,12 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from gamekeeper.cli._options import json_object
-from gamekeeper.errors import EnvError, GamekeeperError, RunError
+from gamekeeper.errors import ActionError, EnvError, GamekeeperError, PolicyError, RunError
 from gamekeeper.import_guard import unguarded
 from gamekeeper.rollouts.rollout_plan import RolloutPlan
 from gamekeeper.rollouts.workers import TaskOutcome, run_task
@@ -29,6 +30,7 @@ __all__ = [
     "name_of",
     "plan_of",
     "record_in_worker",
+    "refuse_taken_folder",
     "value_of_task",
 ]
 
@@ -133,11 +135,23 @@ def record_in_worker(
         raise type(error)(
             error.what, where=error.where, actual=error.actual, fix=fix
         ) from unfinalized
+    if error is not None and evidence is not None and isinstance(error, ActionError | PolicyError):
+        raise _placed(error, evidence)
     if error is not None and (evidence is None or not isinstance(error, EnvError)):
         raise error
     if evidence is None:
         raise KeyboardInterrupt
     return Recorded(evidence, error, is_interrupted)
+
+
+def _placed(error: GamekeeperError, evidence: Evidence) -> GamekeeperError:
+    """The error of a policy, with its episode and turn, and the folder of the steps before it."""
+    episodes = evidence.episode_table.select(["episode", "turns"]).to_pylist()
+    last = episodes[-1] if episodes else {"episode": 0, "turns": 0}
+    where = f"episode {last['episode']}, turn {last['turns']}, agent {error.where}"
+    fix = f"{error.fix}; the steps until then are recorded in {evidence.path}"
+    parts = {"expected": error.expected, "actual": error.actual}
+    return type(error)(error.what, where=where, fix=fix, **parts)
 
 
 def _finalized(out: Path, outcome: TaskOutcome, error: GamekeeperError | None) -> Evidence | None:
@@ -168,31 +182,41 @@ def _has_no_parts(folder: Path) -> bool:
     return not (parts_folder(folder) / PLAN).exists()
 
 
+def refuse_taken_folder(out: Path | None) -> None:
+    """Refuses a folder for a run that holds something, before any work is done for it.
+
+    Raises:
+        RunError: something lies in it.
+    """
+    from gamekeeper.runs.files.folder import refuse_taken
+
+    try:
+        is_taken = out is not None and any(out.iterdir())
+    except OSError:  # no folder, or unreadable: recording into it says what is wrong
+        return
+    if out is not None and is_taken:
+        refuse_taken(out)
+
+
 @contextmanager
 def evidence_folder(
-    out: Path | None,
-    *,
-    spec: str,
-    is_renamed: bool = False,
-    is_free: Callable[[Path], bool] = _has_no_parts,
+    out: Path | None, *, spec: str, is_free: Callable[[Path], bool] = _has_no_parts
 ) -> Iterator[Path]:
     """Yields the folder for a run; a folder that stays empty is removed at the end.
 
     Args:
         out: as the user named it; None: the first free `runs/NAME-1`, `-2`, ...
         spec: gives the name.
-        is_renamed: if `out` isn't empty, `out-2`, ... is taken.
         is_free: tells if a folder that the user didn't name is free.
     """
-    if out is not None and not (is_renamed and _holds_something(out)):
+    if out is not None:
         yield out
         return
-    stem, first = (RUNS / name_of(spec), 1) if out is None else (out, 2)
-    folder = _numbered(stem, first, is_free)
+    folder = _numbered(RUNS / name_of(spec), is_free)
     try:
         yield folder
     finally:
-        if folder.is_dir() and not _holds_something(folder):
+        if folder.is_dir() and not any(folder.iterdir()):
             folder.rmdir()
 
 
@@ -211,30 +235,17 @@ def name_of(spec: str) -> str:
     return re.sub(r"[^\w.-]+", "_", last).strip("._-") or "run"
 
 
-def _holds_something(folder: Path) -> bool:
-    try:
-        return any(folder.iterdir())
-    except FileNotFoundError:
-        return False
-    except OSError:  # a file, or unreadable: recording into it says what is wrong
-        return folder.is_file()
-
-
-def _numbered(stem: Path, first: int, is_free: Callable[[Path], bool]) -> Path:
+def _numbered(stem: Path, is_free: Callable[[Path], bool]) -> Path:
     """Makes the first free `stem-N` at once, so that two parallel runs get two folders."""
-    if not stem.name:  # `.`, `/`, nothing: recording into it says what is wrong
-        return stem
-    number = first
-    while True:
+    for number in count(1):
         folder = stem.with_name(f"{stem.name}-{number}")
         if not is_free(folder):
-            number += 1
             continue
         try:
             folder.mkdir(parents=True)
         except FileExistsError:
-            number += 1
+            continue
         except OSError:  # read-only, or no folder: recording into it says what is wrong
-            return folder
-        else:
-            return folder
+            break
+        break
+    return folder

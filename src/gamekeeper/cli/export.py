@@ -141,7 +141,8 @@ def _run_files(
     imported = evidence.manifest["environment"].get("imported") or {}
     for each in imported.get("lacks", ()):
         screen.note(f"unknown: {each}")
-    screen.show(f"Imported  {counted(evidence.summary)}")
+    api = str(evidence.manifest["environment"].get("api"))
+    screen.show(f"Imported  {counted(evidence.summary, api=api)}")
     screen.show(summary_text(evidence.summary, width=screen.width))
     screen.show(f"\nEvidence  {evidence.path}\n{digests_text(evidence)}")
     return CommandResult(

@@ -14,7 +14,13 @@ from gamekeeper.cli._fan import (
     record_by_workers,
 )
 from gamekeeper.cli._screen import CommandResult, Screen, error_document
-from gamekeeper.cli._worker import Recorded, evidence_folder, plan_of, record_in_worker
+from gamekeeper.cli._worker import (
+    Recorded,
+    evidence_folder,
+    plan_of,
+    record_in_worker,
+    refuse_taken_folder,
+)
 from gamekeeper.import_guard import unguarded
 
 if TYPE_CHECKING:
@@ -46,9 +52,10 @@ def command(
     """Plays episodes, and records them as a run.
 
     The environment runs in a process of its own: if it raises, hangs or kills the process, the
-    turns until then are finalized as a failed run, with the traceback, and the exit code is 1.
-    Ctrl-C finalizes the run too. With --workers, --executor or --storage, ranges of episodes are
-    played in parallel and merged; after an interruption the same command continues.
+    steps until then are finalized as a failed run, with the traceback, and the exit code is 1.
+    Ctrl-C finalizes the run too. A folder that holds something is refused as --out. With
+    --workers, --executor or --storage, ranges of episodes are played in parallel and merged; after
+    an interruption the same command continues.
 
     Example: gamekeeper rollout butterfly/pistonball-v6 --episodes 5 --seed 7
     """
@@ -77,6 +84,7 @@ def command(
                 memory_mb=memory,
             )
     else:
+        refuse_taken_folder(out)
         with evidence_folder(out, spec=env) as folder, screen.progress("recording") as take:
             recorded = record_in_worker(
                 plan, folder, silence_s=timeout, memory_mb=memory, on_message=take
@@ -90,20 +98,25 @@ def show_recorded(screen: Screen, evidence: Evidence) -> None:
     """Shows what was recorded, agent by agent, and where it lies."""
     from gamekeeper.reporting.results_text import counted, digests_text, summary_text
 
-    screen.show(f"Recorded  {counted(evidence.summary)}")
+    screen.show(f"Recorded  {counted(evidence.summary, api=api_of(evidence))}")
     screen.show(summary_text(evidence.summary, width=screen.width))
     screen.show(f"\nEvidence  {evidence.path}\n{digests_text(evidence)}")
+
+
+def api_of(evidence: Evidence) -> str:
+    """The API of a run's environment: "aec" or "parallel"."""
+    return str(evidence.manifest["environment"]["api"])
 
 
 def say_end(screen: Screen, recorded: Recorded) -> None:
     """Says on stderr why a recording ended early, if it did."""
     path = recorded.evidence.path
     if recorded.is_interrupted:
-        screen.error(f"interrupted; the turns until then are finalized in {path}")
+        screen.error(f"interrupted: the steps until then are finalized in {path}")
     elif recorded.error is not None:
         screen.error(f"{type(recorded.error).__name__}: {recorded.error}")
         status = recorded.evidence.manifest.get("status")
-        screen.error(f"  recorded up to the last complete turn, status {status}: {path}")
+        screen.error(f"  recorded up to the last complete step, status {status}: {path}")
 
 
 def rollout_document(recorded: Recorded) -> dict[str, Any]:

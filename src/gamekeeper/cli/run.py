@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -28,9 +30,15 @@ from gamekeeper.cli._options import (
     TurnsOption,
 )
 from gamekeeper.cli._screen import CommandResult, Screen, error_document
-from gamekeeper.cli._worker import Recorded, evidence_folder, plan_of, record_in_worker
+from gamekeeper.cli._worker import (
+    Recorded,
+    evidence_folder,
+    plan_of,
+    record_in_worker,
+    refuse_taken_folder,
+)
 from gamekeeper.cli.replay import replay_code, show_replayed
-from gamekeeper.cli.rollout import exit_code, rollout_document, say_end
+from gamekeeper.cli.rollout import api_of, exit_code, rollout_document, say_end
 from gamekeeper.errors import GamekeeperError
 from gamekeeper.import_guard import unguarded
 from gamekeeper.rollouts.rollout_plan import RolloutPlan
@@ -50,11 +58,19 @@ MOST_AGENTS: Final = 24
 """Agents whose rows are shown; `gamekeeper show` has them all."""
 HUNG_S: Final = 20.0
 """Longest time without a step in the audit that comes first, in seconds: its probe is given up."""
+MOST_IDS: Final = 12
+"""Most checks that are named as not exercised; `gamekeeper audit` has them all."""
+NO_RUN: Final = "no run was written"
 MOST_FAILED: Final = 5
 """Most failed checks that are shown; `gamekeeper audit` has them all, with programs."""
 
 AuditOption = Annotated[
-    bool, typer.Option("--no-audit", help="Skip the quick audit before the recording.")
+    bool,
+    typer.Option(
+        "--no-audit",
+        help="Skip the quick audit before the recording: about 3,000 env steps beside those of the "
+        "recording.",
+    ),
 ]
 
 
@@ -78,14 +94,15 @@ def command(
 ) -> CommandResult:
     """Shows the game form, audits quickly, records episodes and replays them.
 
-    The summary shows return, length and endings of each agent. Where --out holds a run already,
-    a new folder beside it is taken (FOLDER-2, ...).
+    The summary shows return, length and endings of each agent. A folder that holds something is
+    refused as --out, before anything is done.
 
     Exit code 0: no check failed, and the recording was verified. 1: a check failed (episodes are
     recorded all the same), the environment failed, or its replay diverged. 2: no answer.
 
     Example: gamekeeper run warehouse --policy reference
     """
+    refuse_taken_folder(out)
     plan = plan_of(
         env,
         policy=policy,
@@ -98,38 +115,82 @@ def command(
         options=options,
         most_turns=most_turns,
     )
-    with screen.progress("opening"):
-        form = look_at(
-            env,
-            env_kwargs=plan.env_kwargs,
-            contract=contract,
-            silence_s=timeout,
-            policies=plan.portable().policies,
-        )
-    show_form(screen, form)
+    with said_if_interrupted(screen, f"interrupted before the recording: {NO_RUN}"):
+        with screen.progress("opening"):
+            form = look_at(
+                env,
+                env_kwargs=plan.env_kwargs,
+                contract=contract,
+                silence_s=timeout,
+                policies=plan.portable().policies,
+            )
+        audit_line = audit_command(env, kwargs=kwargs, contract=contract)
+        show_form(screen, form)
+        if form.questions:
+            show_undeclared(screen, form, env, kwargs=kwargs)
     audited = None
     if not no_audit:
-        audited = audit_here(screen, plan, timeout=timeout, memory_mb=memory, kwargs=kwargs)
-    with evidence_folder(out, spec=env, is_renamed=True) as folder:
-        if out is not None and folder != out:
-            screen.note(f"note: {out} isn't empty; this run goes to {folder}")
-        with screen.progress("recording") as take:
-            recorded = record_in_worker(
-                plan, folder, silence_s=timeout, memory_mb=memory, on_message=take
-            )
+        with said_if_interrupted(screen, f"interrupted in the audit: {NO_RUN}"):
+            audited = audit_here(screen, plan, timeout=timeout, memory_mb=memory, line=audit_line)
+    with (
+        evidence_folder(out, spec=env) as folder,
+        said_if_interrupted(screen, f"interrupted before the first step: {NO_RUN}"),
+        screen.progress("recording") as take,
+    ):
+        recorded = record_in_worker(
+            plan, folder, silence_s=timeout, memory_mb=memory, on_message=take
+        )
     say_end(screen, recorded)
     show_summary(screen, recorded, seed=seed)
+    path = recorded.evidence.path
     is_whole = recorded.error is None and not recorded.is_interrupted
-    replayed = replay_here(screen, recorded, timeout=timeout) if is_whole else None
-    show_next(screen, env, form, recorded, replayed)
+    with said_if_interrupted(screen, f"interrupted in the replay: the run in {path} is complete"):
+        replayed = replay_here(screen, recorded, timeout=timeout) if is_whole else None
+    failed = (
+        audited is not None and "error" not in audited and bool(audit_code(audited, strict=False))
+    )
+    show_end(
+        screen, recorded, next_command(env, audit_line if failed else None, recorded, replayed)
+    )
     document = _document(form, audited, recorded, replayed)
     return CommandResult(document, _code(audited, recorded, replayed))
 
 
+@contextmanager
+def said_if_interrupted(screen: Screen, text: str) -> Iterator[None]:
+    """Says on stderr what is on the disk, if Ctrl-C ends the block."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        screen.error(text)
+        raise
+
+
+def audit_command(env: str, *, kwargs: str | None, contract: object) -> str:
+    """The command that audits the same environment in full."""
+    command = f"gamekeeper audit {quote(env)}"
+    command += f" --kwargs {quote(kwargs)}" if kwargs else ""
+    return command + (f" --contract {quote(str(contract))}" if contract else "")
+
+
+def show_undeclared(screen: Screen, form: GameForm, env: str, *, kwargs: str | None) -> None:
+    """Counts the properties without a declaration, and shows the command that drafts them."""
+    count = len(form.questions)
+    noun = "1 property is" if count == 1 else f"{count} properties are"
+    command = f"gamekeeper contract {quote(env)}"
+    command += f" --kwargs {quote(kwargs)}" if kwargs else ""
+    command += "" if form.is_declared else f" --out {quote(contract_file(env, form))}"
+    screen.show(f"\n{INDENT}{noun} not declared, and so not checked. To see which:")
+    screen.show(f"{INDENT * 2}{command}")
+
+
 def audit_here(
-    screen: Screen, plan: RolloutPlan, *, timeout: float, memory_mb: int | None, kwargs: str | None
+    screen: Screen, plan: RolloutPlan, *, timeout: float, memory_mb: int | None, line: str
 ) -> dict[str, Any]:
     """Audits with the quick budget, and shows the result in a few lines.
+
+    Args:
+        line: the command that shows all of it.
 
     Returns:
         The audit's document; where the audit itself was given up, its `error`.
@@ -150,35 +211,39 @@ def audit_here(
         screen.error(f"{type(error).__name__}: {error}")
         screen.show("\nAudited  given up")
         return {"error": error_document(error)}
-    show_audited(screen, found, kwargs=kwargs, contract=contract)
+    show_audited(screen, found, line=line)
     return found
 
 
-def show_audited(
-    screen: Screen, document: dict[str, Any], *, kwargs: str | None, contract: str | None
-) -> None:
-    """Shows the counts, the worst failed checks, and the command that shows all of them."""
-    from gamekeeper.reporting.audit_text import brief_rows, counts_text
-    from gamekeeper.reporting.results_text import table_lines
+def show_audited(screen: Screen, document: dict[str, Any], *, line: str) -> None:
+    """Shows the counts, the worst failed checks, those not exercised, and the command for all."""
+    from gamekeeper.reporting.audit_text import brief_rows, counts_text, verdicts_of
+    from gamekeeper.reporting.results_text import few, table_lines
+    from gamekeeper.reporting.text_columns import wrapped
 
-    screen.show(f"\nAudited  {document['steps']:,} steps: {counts_text(document)}")
+    def show(text: str, *, first: str = INDENT) -> None:
+        screen.show("\n".join(wrapped(text, screen.width, first=first, rest=INDENT)))
+
+    screen.show("")
+    show(f"{document['steps']:,} steps: {counts_text(document)}", first="Audited  ")
     rows = brief_rows(document, most=MOST_FAILED)
-    if not rows:
-        return
-    for line in table_lines(rows, width=screen.width):
-        screen.show(line)
-    command = f"gamekeeper audit {quote(document['environment'])}"
-    command += f" --kwargs {quote(kwargs)}" if kwargs else ""
-    command += f" --contract {quote(contract)}" if contract else ""
-    screen.show(f"{INDENT}all findings, with programs that show them:  {command}")
+    for text in table_lines(rows, width=screen.width) if rows else ():
+        screen.show(text)
+    ids = [each["id"] for each in verdicts_of(document, "not_exercised")]
+    if ids:
+        show(f"not exercised, as nothing happened for them to check: {few(ids, most=MOST_IDS)}")
+    wanted = ["all findings, with programs that show them"] if rows else []
+    wanted += ["why checks were not exercised"] if ids else []
+    if wanted:
+        screen.show(f"{INDENT}{'; '.join(wanted)}:\n{INDENT * 2}{line}")
 
 
 def show_summary(screen: Screen, recorded: Recorded, *, seed: int) -> None:
     """Shows what was recorded, agent by agent."""
     from gamekeeper.reporting.results_text import counted, summary_text
 
-    summary = recorded.evidence.summary
-    screen.show(f"\nRecorded  {counted(summary)}, from seed {seed}")
+    summary, api = recorded.evidence.summary, api_of(recorded.evidence)
+    screen.show(f"\nRecorded  {counted(summary, api=api)}, from seed {seed}")
     screen.show(summary_text(summary, width=screen.width, most=MOST_AGENTS))
 
 
@@ -196,24 +261,35 @@ def replay_here(screen: Screen, recorded: Recorded, *, timeout: float) -> Replay
     return replayed
 
 
-def show_next(
-    screen: Screen, env: str, form: GameForm, recorded: Recorded, replayed: Replay | None
-) -> None:
+def show_end(screen: Screen, recorded: Recorded, command: str) -> None:
     """Shows the folder of the run, and the one command that is most useful next."""
     from gamekeeper.reporting.results_text import digests_text
 
     evidence = recorded.evidence
-    if replayed is None:
-        command = f"gamekeeper show {quote(str(evidence.path))}"
-    elif replayed.divergence is not None:
-        command = _after_divergence(env, evidence, replayed.divergence)
-    elif not form.is_declared:
-        command = f"gamekeeper contract {quote(env)} --out {quote(contract_file(env, form))}"
-    else:
-        command = f"gamekeeper replay {quote(str(evidence.path))}{_env_option(env, evidence)}"
     screen.show(f"\nEvidence  {evidence.path}")
     screen.show(digests_text(evidence))
     screen.show(f"Next      {command}")
+
+
+def next_command(
+    env: str, audit_line: str | None, recorded: Recorded, replayed: Replay | None
+) -> str:
+    """The command that is most useful next: the first trouble's, else a report of the run.
+
+    Args:
+        env: as the user named it.
+        audit_line: shows the audit's findings; None: no check failed.
+        recorded: the recording.
+        replayed: its replay; None: the recording ended early.
+    """
+    evidence = recorded.evidence
+    if replayed is None:
+        return f"gamekeeper show {quote(str(evidence.path))}"
+    if audit_line is not None:
+        return f"{audit_line}   # the failed checks, each with its fix"
+    if replayed.divergence is not None:
+        return _after_divergence(env, evidence, replayed.divergence)
+    return f"gamekeeper report {quote(str(evidence.path))}   # writes report.html"
 
 
 def _after_divergence(env: str, evidence: Evidence, divergence: Divergence) -> str:

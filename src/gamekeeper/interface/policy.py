@@ -15,7 +15,7 @@ from numpy.random import Generator
 from gamekeeper import plugins
 from gamekeeper.episodes.exception_text import message, said_by
 from gamekeeper.errors import ActionError, GamekeeperError, PolicyError, SpecError
-from gamekeeper.interface.action_mask import unreadable
+from gamekeeper.interface.action_mask import legal_flags, reader, unreadable
 from gamekeeper.interface.construction import foreign, foreign_traceback, nearest
 from gamekeeper.interface.identity import source_digest
 from gamekeeper.interface.modules import load_file, load_module, split_file
@@ -193,6 +193,16 @@ def check_spelling(texts: Iterable[str]) -> None:
 
 
 def _no_policy(name: str, words: Iterable[str]) -> PolicyError:
+    if name == REFERENCE:
+        return PolicyError(
+            "this environment brings no reference policy",
+            where="policies",
+            expected=", ".join([*words, _FORMS]),
+            actual=repr(name),
+            fix="use random, or a policy of your own: module:callable or file.py:callable; "
+            "reference is the scripted policy of Gamekeeper's own tasks, and of an environment "
+            "that lists one in its attribute `policies`",
+        )
     return PolicyError(
         f"there is no policy called {name!r}{nearest(name, words)}",
         expected=", ".join([*words, _FORMS]),
@@ -341,6 +351,9 @@ def guarded_seat(seat: AgentSlot, chosen: Chosen, policy: Policy) -> Start:
     first = int(space.start) if isinstance(space, Discrete) else None
     end = first + int(space.n) if isinstance(space, Discrete) and first is not None else 0
 
+    def legal(observation: Any, info: Any) -> str:
+        return _legal_actions(seat, observation, info)
+
     def start(rng: Generator) -> Player:
         def play(observation: Any, info: Any) -> Any:
             try:
@@ -348,11 +361,11 @@ def guarded_seat(seat: AgentSlot, chosen: Chosen, policy: Policy) -> Start:
             except (Exception, SystemExit) as error:
                 raise raised(chosen, agent, error) from error
             if action is None:
-                raise _returned(PolicyError, chosen, seat, action)
+                raise _returned(PolicyError, chosen, seat, action, legal(observation, info))
             if first is not None:
                 is_number = type(action) is int or isinstance(action, np.integer)
                 if not (first <= action < end if is_number else space.contains(action)):
-                    raise _returned(ActionError, chosen, seat, action)
+                    raise _returned(ActionError, chosen, seat, action, legal(observation, info))
             return action
 
         return play
@@ -370,15 +383,37 @@ def raised(chosen: Chosen, whom: Any, error: BaseException) -> PolicyError:
     )
 
 
+_MOST_LEGAL: Final = 20
+"""Legal actions that an error lists."""
+
+
+def _legal_actions(seat: AgentSlot, observation: Any, info: Any) -> str:
+    """The actions that were legal, as an error names them."""
+    space = seat.space
+    if not isinstance(space, Discrete):
+        return f"an action of {space}"
+    first, size = int(space.start), int(space.n)
+    mask = reader(seat.mask)(observation, info)
+    try:
+        flags = None if mask is None else legal_flags(mask, size)
+    except PolicyError:  # a mask that doesn't fit: which actions are legal isn't known
+        flags = None
+    if flags is None or not flags.any():
+        return f"an action of {space}: {first} to {first + size - 1}"
+    legal = (np.flatnonzero(flags) + first).tolist()
+    more = f" and {len(legal) - _MOST_LEGAL} more" if len(legal) > _MOST_LEGAL else ""
+    return f"an action that is legal by the mask: {', '.join(map(str, legal[:_MOST_LEGAL]))}{more}"
+
+
 def _returned(
-    kind: type[GamekeeperError], chosen: Chosen, seat: AgentSlot, action: Any
+    kind: type[GamekeeperError], chosen: Chosen, seat: AgentSlot, action: Any, legal: str
 ) -> GamekeeperError:
     return kind(
         f"the policy {chosen.name} returned {action!r:.80} for {seat.agent!r}, which is alive"
         if action is None
         else f"the policy {chosen.name} chose {action!r:.80} for {seat.agent!r}",
         where=str(seat.agent),
-        expected=f"an action of {seat.space}",
+        expected=legal,
         actual=f"{action!r:.80}",
-        fix="return an action of the agent's space at every call",
+        fix="return a legal action of the agent at every call",
     )

@@ -35,25 +35,18 @@ MOST_NAMES: Final = 4
 FEW: Final = 8
 """Elements of an array that is shown whole; of a larger one the first that differs is shown."""
 SUMMARY_LEGEND: Final = (
-    "return, length: mean per episode; share: of the team's return; idle: noops among its actions"
+    "return, length in actions: mean over the episodes that the agent was in; "
+    "share: of the team's return; idle: declared noops among its actions"
 )
 LONGEST_VALUE: Final = 240
 """Characters of a value that a text shows; the JSON document has all of it."""
 
 
-def brief_card(
-    contract: Contract, agents: Iterable[AgentSpec], *, name: str, open_questions: int, width: int
-) -> str:
+def brief_card(contract: Contract, agents: Iterable[AgentSpec], *, name: str, width: int) -> str:
     """Name, API and reason, then agents with their spaces, rewards and endings."""
     named = contract if contract.name else replace(contract, name=name)
     title, *sections = card_text(named, agents, width=width, questions=()).rstrip().split("\n\n")
     blocks = [title, *(text for text in sections if text.partition("\n")[0] in BRIEF)]
-    if open_questions:
-        text = (
-            f"{open_questions} properties are not declared, so they are not checked; "
-            "`gamekeeper contract` lists them."
-        )
-        blocks.append("\n".join(wrapped(text, width, first=INDENT, rest=INDENT)))
     return "\n\n".join(blocks)
 
 
@@ -75,11 +68,16 @@ def summary_text(summary: Summary, *, width: int, most: int | None = None) -> st
     return "\n".join([*lines, *wrapped(SUMMARY_LEGEND, width, first=INDENT, rest=INDENT)])
 
 
-def counted(summary: Summary) -> str:
-    """Formats `20 episodes, 269 turns, 538 actions`."""
+def counted(summary: Summary, *, api: str) -> str:
+    """Formats `20 episodes, 269 ticks, 538 actions`.
+
+    Args:
+        summary: of a run.
+        api: "aec", whose env steps are turns of one agent; or "parallel": ticks of all agents.
+    """
     parts = (
         (summary.episodes, "episode"),
-        (summary.turns, "turn"),
+        (summary.turns, {"aec": "turn", "parallel": "tick"}.get(api, "step")),
         (summary.agent_steps, "action"),
     )
     return ", ".join(f"{number:,} {word}{'' if number == 1 else 's'}" for number, word in parts)
@@ -93,7 +91,10 @@ def facts_text(evidence: Evidence, *, width: int) -> str:
         ("opened as", _opened_as(environment)),
         ("arguments", to_json(environment.get("kwargs") or {})),
         ("status", _status(evidence)),
-        ("episodes", f"{counted(evidence.summary)}; {_ends(evidence)}"),
+        (
+            "episodes",
+            f"{counted(evidence.summary, api=str(environment.get('api')))}; {_ends(evidence)}",
+        ),
         ("policies", _policies(evidence)),
         *origin_facts(evidence),
     ]

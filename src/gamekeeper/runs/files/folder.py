@@ -9,6 +9,7 @@ import re
 import stat
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
+from itertools import count
 from os import PathLike, fspath
 from pathlib import Path
 from typing import BinaryIO, Final
@@ -373,8 +374,18 @@ def refuse_taken(folder: Path, *, but: tuple[str, ...] = ()) -> None:
             where=str(folder),
             expected="a folder that doesn't exist yet, or is empty",
             actual=", ".join(names[:5]) + (", ..." if len(names) > 5 else ""),
-            fix="choose another folder, or move this one away first",
+            fix=f"name another one, such as {free_beside(folder)}, or move this one away first",
         )
+
+
+def free_beside(folder: Path) -> Path:
+    """The first of `folder-2`, `folder-3`, ... that doesn't exist; `folder-7` counts on from 8."""
+    stem = folder if folder.name else folder / "run"
+    name, _, number = stem.name.rpartition("-")
+    if not (name and number.isdecimal() and len(number) <= 6):
+        name, number = stem.name, "1"
+    numbered = (stem.with_name(f"{name}-{n}") for n in count(int(number) + 1))
+    return next(path for path in numbered if not os.path.lexists(path))
 
 
 def _no_folder(folder: Path, error: OSError | ValueError) -> RunError:
