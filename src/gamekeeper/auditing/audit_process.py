@@ -7,6 +7,7 @@ from os import PathLike, fspath
 from typing import Any, Final
 
 from gamekeeper.auditing.audit import BUDGET, QUICK, AuditAttempt, OnProbe, audit_here
+from gamekeeper.auditing.recorded import audit_run, is_run
 from gamekeeper.auditing.result import AuditResult
 from gamekeeper.contract import Contract
 from gamekeeper.errors import EnvError, GamekeeperError
@@ -49,13 +50,16 @@ def audit(
 ) -> AuditResult:
     """Audits an environment against PettingZoo's contract, and its own where it has one.
 
+    The folder of a run is judged as it was recorded, and nothing is played: see
+    `gamekeeper.auditing.recorded.audit_run`.
+
     What is named by text runs in a process of its own, so that a crash or a hang is a finding; what
     is handed over as an object or a factory runs here. Verdicts repeat with the same seed and
     budget.
 
     Args:
-        spec: where the environment comes from; of an object, what needs a second instance is
-            *not exercised*.
+        spec: where the environment comes from, or a run; of an object, what needs a second instance
+            is *not exercised*.
         contract: what is declared; None: what lies beside the environment, if anything.
         budget: environment steps.
         quick: a budget of 3,000 steps.
@@ -75,6 +79,8 @@ def audit(
         AuditInterruptedError: by Ctrl-C, with what was known by then; an environment that runs here
             raises a plain KeyboardInterrupt.
     """
+    if isinstance(spec, str | PathLike) and is_run(spec):
+        return audit_run(spec, contract=contract, select=select, ignore=ignore)
     asked: dict[str, Any] = {
         "budget": QUICK if quick else budget,
         "seed": seed,

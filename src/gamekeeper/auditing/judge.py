@@ -16,6 +16,11 @@ from gamekeeper.contract import Contract
 MOST_SHOWN: Final = 3
 """Broken cases of one check that become findings, each of another field."""
 FAR: Final = 1 << 60
+READS: Final = frozenset(
+    {"rollout", "spaces", "surface", "metadata", "illegal", "lifecycle", "long"}
+)
+"""Probes whose checks need no two episodes that are equal."""
+NOISE: Final = "the same seed and actions give another episode each time, so none can be compared"
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +68,16 @@ def _not_exercised(check: Check, evidence: ProbeEvidence) -> str:
     reasons = [
         evidence.not_exercised[name] for name in check.needs if name in evidence.not_exercised
     ]
-    return reasons[0] if reasons else "no episode had a case for it"
+    if reasons:
+        return reasons[0]
+    return NOISE if _differs_by_itself(check, evidence) else "no episode had a case for it"
+
+
+def _differs_by_itself(check: Check, evidence: ProbeEvidence) -> bool:
+    """Tells whether its probes compare reruns, and the same rerun differs with nothing changed."""
+    again = evidence.counterfactuals("same_seed")
+    is_noisy = any(x.change["change"] == "nothing" and x.divergence is not None for x in again)
+    return is_noisy and not READS.issuperset(check.needs)
 
 
 def _first_by_field(bad: list[Case]) -> tuple[Case, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Final, get_args
+from typing import Annotated, Any, Final
 
 import typer
 
@@ -28,7 +28,6 @@ from gamekeeper.cli._fan import ExecutorOption
 from gamekeeper.cli._options import (
     MOST,
     ContractOption,
-    EnvArgument,
     KwargsOption,
     MemoryOption,
     SeedOption,
@@ -45,7 +44,16 @@ BUDGET: Final = 20_000
 SILENCE_S: Final = 120.0
 INTERRUPTED: Final = 130
 
-EnvsArgument = Annotated[list[str], get_args(EnvArgument)[1]]
+EnvsArgument = Annotated[
+    list[str],
+    typer.Argument(
+        metavar="ENV",
+        show_default=False,
+        help="Environment: warehouse, butterfly/pistonball-v6, path/to/file.py:factory or "
+        "mpe2.simple_spread_v3:parallel_env; or the folder of a run, which is judged as it was "
+        "recorded.",
+    ),
+]
 SeedsOption = Annotated[
     int,
     typer.Option(

@@ -250,9 +250,7 @@ PLAIN_SEED: Final = 12345
 def _seed_zero_proof(api: str, seed: int, tells: frozenset[str]) -> Reproducer:
     plain = f"play(make(), seed={PLAIN_SEED})"
     unchanged = (f"alike({plain}, {plain})",)
-    return program(
-        api, *_repeated(f"play(make(), seed={seed})"), tells=tells, unchanged=unchanged
-    )
+    return program(api, *_repeated(f"play(make(), seed={seed})"), tells=tells, unchanged=unchanged)
 
 
 @check(

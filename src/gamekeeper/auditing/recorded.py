@@ -1,0 +1,139 @@
+"""Recorded evidence judged by every check that needs no rerun; nothing of it is executed."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any, Final
+
+from gamekeeper.auditing.gather import ROLLOUT
+from gamekeeper.auditing.judge import Judged, judge
+from gamekeeper.auditing.reproduce import words
+from gamekeeper.auditing.result import AuditResult
+from gamekeeper.checks.check import Check, selected
+from gamekeeper.checks.probe_evidence import ProbeEvidence, ProbeRun
+from gamekeeper.checks.verdict import Finding, Verdict
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.agent_spec import AgentSpec, agent_spec
+from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.errors import EvidenceError
+from gamekeeper.runs.files.folder import MANIFEST
+from gamekeeper.runs.load_run import load
+
+FULL: Final = "full"
+ROWS: Final = frozenset({ROLLOUT, "spaces"})
+"""Probes whose checks read rows; those of spaces play more episodes of the same kind."""
+NEEDS_RERUNS: Final = "it needs reruns: `gamekeeper audit ENV` makes them"
+
+
+def is_run(spec: str | PathLike[str]) -> bool:
+    """Tells whether it names the folder of a run, and no environment."""
+    return Path(spec, MANIFEST).is_file()
+
+
+def audit_run(
+    path: str | PathLike[str],
+    *,
+    contract: Contract | str | PathLike[str] | None = None,
+    select: Sequence[str] = (),
+    ignore: Sequence[str] = (),
+) -> AuditResult:
+    """Judges the episodes of a run, each row against the spaces and the contract.
+
+    Checks that need reruns are *not exercised*. The environment isn't opened, so that findings have
+    a place and no reproducer.
+
+    Args:
+        path: folder of the run.
+        contract: what is declared; None: the contract that the run was recorded under.
+        select: only checks whose ids begin so; all where empty.
+        ignore: but those whose ids begin so.
+    Raises:
+        RunError: there is no run, or it is damaged.
+        EvidenceError: the run keeps no observations; no check begins like `select` or `ignore`.
+        ContractError: the contract doesn't fit the agents.
+    """
+    begun_s = time.monotonic()
+    evidence = load(path)
+    level = str(evidence.manifest.get("level"))
+    if level != FULL:
+        raise EvidenceError(
+            f"a run of level {level} can't be judged: it keeps no observations",
+            where=fspath(path),
+            expected="a run of level full",
+            fix=f"gamekeeper expand {fspath(path)} FOLDER, then gamekeeper audit FOLDER",
+        )
+    declared = evidence.contract
+    if contract is not None:
+        declared = contract if isinstance(contract, Contract) else Contract.load(contract)
+    recorded = _recorded(evidence, declared)
+    wanted = selected(tuple(select), tuple(ignore))
+    verdicts = tuple(_verdict(check, declared, recorded) for check in wanted.values())
+    environment = evidence.manifest.get("environment") or {}
+    return AuditResult(
+        environment=fspath(path),
+        api=recorded.api,
+        seconds=time.monotonic() - begun_s,
+        steps=sum(evidence.turns_of(header) for header in evidence.headers),
+        seed=int(evidence.manifest.get("seed") or 0),
+        verdicts=verdicts,
+        agents={name: _spaces(spec) for name, spec in recorded.agents.items()},
+        declared=declared.to_json() or None,
+        source={"class": str(environment.get("name"))} if environment.get("name") else {},
+    )
+
+
+def _recorded(evidence: Evidence, contract: Contract) -> ProbeEvidence:
+    """The episodes of a run in the place of those that the probe of rollouts plays."""
+    looks = tuple(ProbeRun(traces=(each,)) for each in evidence.episodes)
+    return ProbeEvidence(
+        api=str((evidence.manifest.get("environment") or {}).get("api")),
+        agents=_agents(evidence, contract),
+        looks={ROLLOUT: looks},
+        not_exercised={ROLLOUT: "the run has no episode"} if not looks else {},
+    )
+
+
+def _agents(evidence: Evidence, contract: Contract) -> Mapping[str, AgentSpec]:
+    found = {}
+    for agent in evidence.manifest.get("agents") or ():
+        pair = evidence.spaces.get(agent)
+        found[agent] = agent_spec(
+            contract,
+            agent,
+            observation_space=_space(pair and pair.observation),
+            action_space=_space(pair and pair.action),
+        )
+    return found
+
+
+def _space(codec: Any) -> Any:
+    return None if codec is None else codec.space
+
+
+def _verdict(check: Check, contract: Contract, recorded: ProbeEvidence) -> Verdict:
+    if ROLLOUT not in check.needs or not ROWS.issuperset(check.needs):
+        judged = Judged(check, "not_exercised", reason=NEEDS_RERUNS)
+    else:
+        judged = judge(check, contract, recorded, {})
+    return Verdict(
+        id=check.id,
+        claim=check.claim,
+        outcome=judged.outcome,
+        severity=check.severity,
+        confidence=judged.confidence,
+        cases=judged.cases,
+        failed=judged.failed,
+        findings=tuple(
+            Finding(str(x.where), words(x.expected), words(x.actual), check.fix, "")
+            for x in judged.shown
+        ),
+        reason=judged.reason,
+    )
+
+
+def _spaces(spec: AgentSpec) -> dict[str, str]:
+    spaces = {"observation_space": spec.observation_space, "action_space": spec.action_space}
+    return {name: "" if space is None else str(space) for name, space in spaces.items()}
