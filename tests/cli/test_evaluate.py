@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import signal
 import subprocess
 import sys
@@ -44,16 +45,22 @@ def test_evaluate_says_what_was_found_and_how_far_it_goes(
     out = tmp_path / "e"
     code, text, notes = said(capfd, "evaluate", path, "--out", out, "--workers", "1")
     assert code == 0
-    assert "6 parts were played" in notes
+    assert "100 episodes played" in notes
     assert max(map(len, text.replace(str(out), "e").splitlines())) <= 80
     for part in (
         "Returns in line",
         "Endings in line",
         "Compared on the same seeds",
+        "Columns\n",
+        "IQM         interquartile mean",
+        "Notes\n",
         "Supported claims",
     ):
         assert part in text
-    assert "one checkpoint each" in text
+    assert "one policy each" in text
+    claims = text.partition("Supported claims\n")[2].partition("\n\n")[0]
+    starts = [line for line in claims.splitlines() if line[2] != " "]
+    assert all(line.startswith("  line: ") for line in starts), starts
     assert (out / "episodes.parquet").is_file()
     code, found = document(capfd, "evaluate", path, "--out", out, "--workers", "1")
     assert found == json.loads((out / "evaluation.json").read_text())
@@ -70,6 +77,7 @@ def test_evaluate_says_what_was_found_and_how_far_it_goes(
         "stopping",
         "refused",
         "claims",
+        "notes",
         "episodes",
         "commands",
         "fingerprint",
@@ -143,7 +151,7 @@ def test_evaluate_pins_what_is_installed(
     assert "policy mine" in told["error"]["actual"]
     code, found = document(capfd, *line, "--unpinned")
     assert code == 0
-    assert "Not the suite as it was pinned" in found["claims"][0]
+    assert "Not the suite as it was pinned" in found["notes"][0]
 
 
 def test_evaluate_exits_with_1_where_episodes_break_off_and_2_where_it_is_told_to(
@@ -156,7 +164,31 @@ def test_evaluate_exits_with_1_where_episodes_break_off_and_2_where_it_is_told_t
     (tmp_path / "mine.py").write_text("def act(observation, agent, info, rng):\n    1 / 0\n")
     code, text, _ = said(capfd, *line, "--out", tmp_path / "b")
     assert code == 1
+    assert "Failed: mine in line, 2 episodes, the first: episode 0, turn 0:" in text
     assert "division by zero" in text
+    assert "failed" in next(line for line in text.splitlines() if "success" in line)
+
+
+@pytest.mark.parametrize("number", [0, 1])
+def test_evaluate_of_an_unknown_agent_names_those_there_are_and_lines_that_work(
+    number: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Each line of the fix, pasted, evaluates."""
+    monkeypatch.chdir(tmp_path)
+    code, found = document(
+        capfd, "evaluate", "two_robot_line", "--policy", "a=random", "--kwargs", '{"n": 3}'
+    )
+    error = found["error"]
+    assert code == 2
+    assert "'a', which is no agent and no role of two_robot_line" in error["what"]
+    assert error["expected"] == "an agent or a role: picker, carrier"
+    lines = [shlex.split(part[part.index("gamekeeper") :]) for part in error["fix"].split("; ")]
+    words = lines[number]
+    assert words[:2] == ["gamekeeper", "evaluate"]
+    code, found = document(capfd, *words[1:], "--episodes", "1", "--workers", "1")
+    assert code == 0
+    assert list(found["policies"]) == [("a", "random")[number]]
+    assert found["environments"]["two_robot_line"]["kwargs"] == {"n": 3}
 
 
 @pytest.mark.parametrize(
@@ -206,7 +238,7 @@ def test_evaluate_that_is_interrupted_goes_on_from_there(
     assert 0 < kept < 20
     code, _, notes = said(capfd, *line[:-1], "--out", out)
     assert code == 0
-    assert f"{20 - kept} parts were played" in notes
+    assert f"{20 * (20 - kept)} episodes played, {20 * kept} were there already" in notes
 
 
 def test_list_names_suites(capfd: pytest.CaptureFixture[str]) -> None:

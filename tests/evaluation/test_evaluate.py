@@ -58,7 +58,7 @@ def test_evaluate_claims_about_a_checkpoint_say_so_and_need_episodes() -> None:
     assert mean["value"] > 0
     assert mean["low"] is None
     assert any("at least 50 episodes" in row["why"] for row in found.refused)
-    assert any("not about a method" in claim for claim in found.claims)
+    assert any("not about a training method" in claim for claim in found.notes)
 
 
 def test_evaluate_compares_on_shared_seeds_with_correction() -> None:
@@ -105,7 +105,7 @@ def test_evaluate_takes_training_runs_as_the_unit() -> None:
     few = evaluate("two_robot_line", policies={"method": names(3)}, episodes=20, env_kwargs=SHORT)
     (over,) = rows(few, run=None, scope="team", metric="length")
     assert over["mean"]["low"] is None
-    assert any("too few for an interval over runs" in claim for claim in few.claims)
+    assert any("too few for an interval over runs" in claim for claim in few.notes)
 
 
 def test_evaluate_refuses_one_run_under_two_names() -> None:
@@ -148,15 +148,15 @@ def test_evaluate_again_plays_only_what_is_missing_or_stale(tmp_path: Path) -> N
         return evaluate(spec, episodes=episodes, out=tmp_path / "e", on_note=told.append)
 
     first = run(20)
-    assert told == ["2 parts were played"]
+    assert told == ["40 episodes played"]
     assert first == run(20)
-    assert told == ["nothing was to be played: all of it was there"]
+    assert told == ["no episode was missing: 40 were there already"]
     run(40)
-    assert told == ["2 parts were played"]
+    assert told == ["40 episodes played, 40 were there already"]
     policy.write_text("def act(observation, agent, info, rng):\n    return 0\n")
     changed = run(40)
     assert "policy mine in e is stale: its file or source changed" in told
-    assert "2 parts were played" in told
+    assert "40 episodes played, 40 were there already" in told
     assert first.fingerprint != changed.fingerprint
 
 
@@ -177,7 +177,7 @@ def test_evaluate_counts_broken_episodes_as_failed() -> None:
     (row,) = rows(found, policy="bad", scope="team", metric="length")
     assert (row["success"]["hits"], row["endings"]["failed"]) == (0, 20)
     assert rows(found, policy="bad", metric="return") == []
-    assert any("no idea" in claim for claim in found.claims)
+    assert any("no idea" in claim for claim in found.notes)
     assert any("exception" in row["why"] for row in found.refused)
 
 
@@ -196,7 +196,7 @@ def test_evaluate_stops_when_it_is_known_well_enough() -> None:
     assert all(row["width"] <= 0.2 for row in found.stopping["sequences"])
     (row,) = rows(found, policy="random", scope="team", metric="return")
     assert row["success"]["high"] - row["success"]["low"] <= 0.2
-    assert any("allow for looking" in claim for claim in found.claims)
+    assert any("allow for looking" in claim for claim in found.notes)
     spec["stop"] = {"metric": "length", "width": 1e-6, "most": 30, "every": 10}
     found = evaluate(spec)
     assert found.stopping is not None

@@ -55,7 +55,10 @@ def test_spec_compares_all_pairs_unless_told() -> None:
         ({"environments": {"line": {"spec": "x", "kwarg": {}}}}, "write 'kwargs'"),
         ({"environments": {}}, "there are no environments"),
         ({"policies": {"a": {"runs": ["x", "x"]}}}, "stands twice"),
-        ({"policies": {"a": {"policy": "x", "runs": ["y"]}}}, "one checkpoint or several runs"),
+        (
+            {"policies": {"a": {"policy": "x", "runs": ["y"]}}},
+            "one policy or several training runs",
+        ),
         ({"policies": {"a/b": "x"}}, "can't be a name"),
         ({"compare": {"pairs": [["a", "c"]]}}, "there is no policy 'c'"),
         ({"compare": {"pairs": [["a", "a"]]}}, "two different policies"),

@@ -70,7 +70,7 @@ def test_suite_refuses_what_it_does_not_pin(path: Path) -> None:
     found = evaluate(path, unpinned=True)
     assert found.suite is not None
     assert any("digest 00 is pinned" in each for each in found.suite["unpinned"])
-    assert "Not the suite as it was pinned" in found.claims[0]
+    assert "Not the suite as it was pinned" in found.notes[0]
 
 
 def test_suite_refuses_another_policy_than_it_pins(path: Path) -> None:

@@ -63,6 +63,27 @@ def test_evaluation_text_shows_figures_with_their_intervals() -> None:
     assert "met 3, horizon 1" in text
 
 
+def test_evaluation_text_explains_its_columns_and_no_others() -> None:
+    """IQM, intervals and kinds of endings; a kind that no episode has isn't shown."""
+    text = evaluation_text(document(), width=80)
+    columns = text.partition("Columns\n")[2]
+    for word in ("interval", "IQM", "episodes", "success", "terminated", "truncated", "reasons"):
+        assert f"  {word} " in columns
+    assert "cut" not in text
+    assert "P(A > B)" not in text
+    ends = {**ENDINGS, "cut": 2}
+    text = evaluation_text(document(results=[row(endings=ends)]), width=80)
+    assert "terminated  truncated  cut  reasons" in text
+    assert "  cut         number of episodes that were stopped while agents were live" in text
+
+
+def test_evaluation_text_keeps_notes_apart_from_claims() -> None:
+    """A sentence on how it was played is no claim."""
+    found = document(notes=["All policies played."], claims=["line: a is above b."])
+    text = evaluation_text(found, width=80)
+    assert "Notes\n  All policies played.\n\nSupported claims\n  line: a is above b." in text
+
+
 def test_evaluation_text_shows_a_figure_without_interval_alone() -> None:
     """And why there is none, at the end."""
     mean = {**INTERVAL, "low": None, "high": None}

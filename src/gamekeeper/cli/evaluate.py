@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Callable
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import typer
@@ -20,7 +22,7 @@ from gamekeeper.cli._options import (
     workers_option,
 )
 from gamekeeper.cli._screen import CommandResult, Screen
-from gamekeeper.errors import SpecError
+from gamekeeper.errors import GamekeeperError, SpecError
 from gamekeeper.import_guard import unguarded
 
 if TYPE_CHECKING:
@@ -29,8 +31,10 @@ if TYPE_CHECKING:
 ORDER: Final = 95
 RUNS: Final = Path("runs")
 REFUSED: Final = 2
+MOST_PLAYERS: Final = 12
+"""Most agents and roles that an error lists."""
 NAMED: Final = ":="
-"""Text between the name of a line-up and its policies."""
+"""Text between the name under which policies are shown and the policies."""
 
 SpecArgument = Annotated[
     str,
@@ -57,7 +61,7 @@ EpisodesOption = Annotated[
         metavar="N",
         min=1,
         max=MOST,
-        help="Number of episodes of each line-up (default: as in SPEC, or 100).",
+        help="Number of episodes that each policy plays (default: as in SPEC, or 100).",
     ),
 ]
 SeedOption = Annotated[
@@ -86,7 +90,8 @@ CrossplayOption = Annotated[
 RecordOption = Annotated[
     Literal["digest", "full"] | None,
     typer.Option(
-        "--record", help="Record a run of every line-up at this level (default: no runs)."
+        "--record",
+        help="Record the episodes of each policy as a run, at this level (default: no runs).",
     ),
 ]
 WorkersOption = Annotated[
@@ -97,8 +102,8 @@ StorageOption = Annotated[
     typer.Option(
         "--storage",
         metavar="PLACE",
-        help="Place of the workers' parts: a folder or URL (s3://...) that all workers reach "
-        "(default: --out).",
+        help="Place of the episodes that workers play: a folder or URL (s3://...) that all of them "
+        "reach (default: --out).",
     ),
 ]
 ExportOption = Annotated[
@@ -146,8 +151,9 @@ def command(
 ) -> CommandResult:
     """Compares policies on the same seeds, with confidence intervals for team, role and agent.
 
-    The statistical unit is the episode for one checkpoint, and the training run for a method with
-    several checkpoints. Refused claims are listed at the end, each with its reason.
+    The statistical unit is the episode for one policy, and the training run for a method with
+    several training runs. Refused claims are listed at the end, each with its reason. A second
+    call with the same --out continues there.
 
     Exit code 0: done. 1: episodes ended with an exception. 2: no answer, or wrong use.
 
@@ -160,7 +166,9 @@ def command(
     if pin:
         return _pinned(screen, spec, timeout)
     changes: dict[str, Any] = {
-        "policies": _policies(policy),
+        "policies": _policies(
+            policy, lambda: _players(spec, kwargs, timeout), spec=spec, kwargs=kwargs
+        ),
         "episodes": episodes,
         "seed": seed,
         "crossplay": crossplay or None,
@@ -185,7 +193,10 @@ def command(
                 on_note=screen.note,
             )
     except KeyboardInterrupt:
-        screen.error(f"complete parts stay in {storage or folder}; the same command continues")
+        screen.error(
+            f"interrupted: the episodes played until now stay in {storage or folder}; the same "
+            "command continues from them"
+        )
         raise
     document = found.to_json()
     screen.show(evaluation_text(document, width=screen.width))
@@ -202,12 +213,19 @@ def evaluation_code(found: Evaluation, *, strict: bool) -> int:
     return REFUSED if strict and found.refused else 0
 
 
-def _policies(texts: list[str] | None) -> dict[str, dict[str, str]] | None:
-    """Reads the line-ups that are compared, by name; a bare policy's own name is its name.
+def _policies(
+    texts: list[str] | None, players: Callable[[], Players], *, spec: str, kwargs: str | None
+) -> dict[str, dict[str, str]] | None:
+    """Reads the policies that are compared, by name; a bare policy's own name is its name.
+
+    Args:
+        texts: as the user wrote them.
+        players: returns the agents and roles of the environment; called only for an error.
+        spec, kwargs: as the user wrote them.
 
     Raises:
-        SpecError: a line could name a line-up or an agent, or two of them have one name.
-        PolicyError: a policy is incomplete, or two are for the same players.
+        SpecError: a text could name a policy or an agent, or two of them have one name.
+        PolicyError: a policy is incomplete, or two are for the same agents.
     """
     from gamekeeper.interface.policy import EVERYONE, parse_choices
 
@@ -216,7 +234,7 @@ def _policies(texts: list[str] | None) -> dict[str, dict[str, str]] | None:
         name, is_named, choice = text.partition(NAMED)
         (place, policy), *_ = parse_choices([choice if is_named else text]).items()
         if not is_named and place != EVERYONE:
-            raise _ambiguous(text, place, policy)
+            raise _ambiguous(text, place, policy, players(), spec=spec, kwargs=kwargs)
         name = name.strip() if is_named else re.sub(r"[/\\]", "_", text)
         if name in found and not is_named:
             raise SpecError(
@@ -230,18 +248,49 @@ def _policies(texts: list[str] | None) -> dict[str, dict[str, str]] | None:
     return {name: parse_choices(choices) for name, choices in found.items()} or None
 
 
-def _ambiguous(text: str, place: str, policy: str) -> SpecError:
-    """Names both readings of `wolf=pol:chase`, and the line that says each."""
+Players = tuple[str, ...]
+"""Names of the agents and the roles of an environment; empty where they aren't known."""
+
+
+def _players(spec: str, kwargs: str | None, timeout: float) -> Players:
+    """The agents and roles of the first environment; none where it can't be opened."""
+    from gamekeeper.cli._form import look_at
+    from gamekeeper.evaluation.inspection import opening_of
+    from gamekeeper.evaluation.suites import spec_of
+
+    settings: dict[str, Any] = {"env_kwargs": json_object(kwargs, option="--kwargs")}
+    try:
+        whole = spec_of(spec, policies={"random": "random"}, **settings)
+        first = opening_of(next(iter(whole.environments.values())), whole)
+        form = look_at(
+            str(first["spec"]), env_kwargs=first["kwargs"], contract=None, silence_s=timeout
+        )
+    except GamekeeperError:  # the mistake in --policy is said all the same
+        return ()
+    roles = (each.role for each in form.agents if each.role is not None)
+    return tuple(dict.fromkeys([*(each.name for each in form.agents), *roles]))
+
+
+def _ambiguous(
+    text: str, place: str, policy: str, players: Players, *, spec: str, kwargs: str | None
+) -> SpecError:
+    """Names both readings of `wolf=pol:chase`, with a line that works for each."""
     name = re.sub(r"\W+", "_", policy.rpartition(":")[2]) or "mine"
-    return SpecError(
-        f"{text!r} can be read in two ways",
-        where="--policy",
-        expected=f"[NAME{NAMED}][AGENT|ROLE=]POLICY",
-        actual=text,
-        fix=f"for the agent or role {place!r}, with random play for all others: "
-        f"--policy {name}{NAMED}{text}; for everyone, under the name {place!r}: "
-        f"--policy {place}{NAMED}{policy}",
+    command = f"gamekeeper evaluate {quote(spec)}"
+    command += f" --kwargs {quote(kwargs)} --policy" if kwargs else " --policy"
+    is_known = not players or place in players
+    one = place if is_known else players[0]
+    what, expected = f"{text!r} can be read in two ways", f"[NAME{NAMED}][AGENT|ROLE=]POLICY"
+    if not is_known:
+        what = f"{text!r} is for {place!r}, which is no agent and no role of {spec}"
+        more = f" and {len(players) - MOST_PLAYERS} more" if len(players) > MOST_PLAYERS else ""
+        expected = f"an agent or a role: {', '.join(players[:MOST_PLAYERS])}{more}"
+    fix = (
+        f"for all agents, shown as {place!r}: {command} {quote(f'{place}{NAMED}{policy}')}; "
+        f"for {one} alone, with random actions for all others: "
+        f"{command} {quote(f'{name}{NAMED}{one}={policy}')}"
     )
+    return SpecError(what, where="--policy", expected=expected, actual=text, fix=fix)
 
 
 def _pinned(screen: Screen, text: str, timeout: float) -> CommandResult:

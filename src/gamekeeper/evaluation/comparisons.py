@@ -127,24 +127,24 @@ def claim_of(spec: Spec, row: dict[str, Any]) -> str:
     if is_clear and (p is None or p <= ALPHA):
         verb = "is above" if difference["value"] > 0 else "is below"
     else:
-        verb = "can't be told from"
-    corrected = "" if p is None else f", p = {p:.3g} corrected"
+        verb = "isn't shown to differ from"
+    corrected = "" if p is None else f", p = {p:.3g} (Holm)"
     return f"{where}: {row['a']} {verb} {row['b']}, {figure}{corrected}; {scope}"
 
 
 def _scope(spec: Spec, row: dict[str, Any]) -> str:
     """Subject of the claim."""
     if row["unit"] == "episode":
-        return f"about these checkpoints, {row['n']} paired episodes"
+        return f"about these two policies as they are, {row['n']} paired episodes"
     single = [name for name in (row["a"], row["b"]) if not spec.policies[name].is_method]
     if single:
-        return f"about the method and this checkpoint of {single[0]}, {row['n']} training runs"
+        return f"about the method and the one policy of {single[0]}, {row['n']} training runs"
     return f"about the methods, {row['n']} training runs"
 
 
 def signed(found: dict[str, Any], *, is_share: bool = False) -> str:
-    """`+0.12 (+0.03 to +0.21)`; of shares in points."""
-    unit = " points" if is_share else ""
+    """`+0.12 (+0.03 to +0.21)`; of shares in percentage points."""
+    unit = " percentage points" if is_share else ""
     value = _number(found["value"], is_share) + unit
     if found["low"] is None:
         return value
@@ -156,38 +156,40 @@ def _number(value: float, is_share: bool) -> str:
 
 
 MOST_CLAIMS: Final = 24
-"""Comparisons that are told in words; teams and rivals always are."""
+"""Comparisons that are claims in words; those of teams and rivals always are."""
+MOST_FAILURES: Final = 5
+"""Most failures that notes name; the raw episodes have all."""
 
 
-def claims_of(
+def notes_of(
     spec: Spec,
     *,
     episodes: int,
     stopping: Mapping[str, Any] | None,
     comparisons: Sequence[Mapping[str, Any]],
     crossplay: Mapping[str, Mapping[str, Any]],
-    errors: Sequence[str],
+    failures: Sequence[str],
     unpinned: Sequence[str],
 ) -> list[str]:
-    """Sentences in the order of their weight.
+    """Sentences on how it was played and what the figures are about, the most important first.
 
     Args:
         spec: of the evaluation.
-        episodes: that each line-up played.
+        episodes: that each policy played.
         stopping: how it was decided that this is enough.
         comparisons: with their claims.
         crossplay: by environment.
-        errors: what exceptions broke episodes off with.
+        failures: the episodes that an exception ended.
         unpinned: what differs from what the suite pins.
     """
     return [
         *(f"Not the suite as it was pinned: {text}." for text in unpinned),
-        *(f"Episodes broke off: {text.splitlines()[0][:200]}." for text in errors[:5]),
+        *(f"Failed: {text}." for text in failures[:MOST_FAILURES]),
         *_about(spec),
-        f"Every line-up played episodes 0 to {episodes - 1} of seed {spec.seed}: the same resets, "
-        f"and the same random streams for its policies.",
+        f"All policies played the same episodes, 0 to {episodes - 1} of seed {spec.seed}: the same "
+        f"resets, and the same random numbers for policies that draw them.",
         *_stopped(stopping),
-        *_compared(comparisons),
+        *_unclaimed(comparisons),
         *_crossed(crossplay),
     ]
 
@@ -196,11 +198,12 @@ def _about(spec: Spec) -> Iterator[str]:
     """Subjects of the claims."""
     single = [name for name, each in spec.policies.items() if not each.is_method]
     if single:
-        are = "is one checkpoint" if len(single) == 1 else "are one checkpoint each"
-        which = "it" if len(single) == 1 else "them"
+        about = "is one policy: claims are about it as it is"
+        if len(single) > 1:
+            about = "are one policy each: claims are about them as they are"
         yield (
-            f"{', '.join(single)} {are}: what is said is about {which}, "
-            "not about a method or how it was trained; the unit is the episode."
+            f"{', '.join(single)} {about}, not about a training method; the statistical unit is "
+            "the episode."
         )
     for name, policy in spec.policies.items():
         if not policy.is_method:
@@ -216,20 +219,30 @@ def _about(spec: Spec) -> Iterator[str]:
             yield f"{name} has {runs} training runs: they are the unit of what is said about it."
 
 
-def _compared(comparisons: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Differences between policies: teams and rivals first, then roles."""
-    told = [row for row in comparisons if (row["difference"] or {}).get("low") is not None]
-    wide = [row for row in told if row["scope"] in ("team", "seats")]
-    rest = [row for row in told if row not in wide]
-    shown = [*wide, *rest[: max(MOST_CLAIMS - len(wide), 0)]]
-    yield from (f"{row['claim']}." for row in shown)
-    if len(shown) < len(told):
-        yield f"{len(told) - len(shown)} more comparisons of roles and agents stand in the tables."
-    if len(told) < len(comparisons):
-        yield (
-            f"{len(comparisons) - len(told)} comparisons have no interval: nothing is claimed of "
-            "them."
-        )
+def claims_of(comparisons: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Comparisons that have an interval, in words: teams and rivals first, then roles."""
+    return [f"{row['claim']}." for row in _claimed(comparisons)]
+
+
+def _claimed(comparisons: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    known = _with_interval(comparisons)
+    wide = [row for row in known if row["scope"] in ("team", "seats")]
+    rest = [row for row in known if row not in wide]
+    return [*wide, *rest[: max(MOST_CLAIMS - len(wide), 0)]]
+
+
+def _with_interval(comparisons: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    return [row for row in comparisons if (row["difference"] or {}).get("low") is not None]
+
+
+def _unclaimed(comparisons: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """Counts the comparisons that no claim words."""
+    known = len(_with_interval(comparisons))
+    more = known - len(_claimed(comparisons))
+    if more:
+        yield f"{more} more comparisons of roles and agents stand in the tables."
+    if known < len(comparisons):
+        yield f"{len(comparisons) - known} comparisons have no interval: no claim is made of them."
 
 
 def _stopped(stopping: Mapping[str, Any] | None) -> Iterator[str]:
@@ -238,7 +251,7 @@ def _stopped(stopping: Mapping[str, Any] | None) -> Iterator[str]:
     asked = f"{stopping['metric']} of {stopping['who']} known to {stopping['width']:g}"
     end = "reached" if stopping["reached"] else f"not reached by episode {stopping['most']}"
     yield (
-        f"Playing went on until {asked} for every checkpoint: {end} after {stopping['episodes']} "
+        f"Playing went on until {asked} for every policy: {end} after {stopping['episodes']} "
         f"episodes, looked at {stopping['rounds']} times. Its intervals allow for looking until "
         "they are narrow; those of other figures don't."
     )
@@ -249,7 +262,7 @@ def _crossed(crossplay: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
         kinds = [cell["kind"] for cell in found["cells"]]
         counts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
         roles = ", ".join(found["roles"])
-        yield f"{name}: cross-play of {len(kinds)} line-ups ({counts}) by {roles}."
+        yield f"{name}: cross-play of {len(kinds)} pairings ({counts}) by {roles}."
     if any(found["best_response"] for found in crossplay.values()):
         yield (
             "Best responses were chosen on the same episodes that they are shown by, so their "

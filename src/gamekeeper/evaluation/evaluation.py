@@ -36,10 +36,11 @@ class Evaluation:
         crossplay: by environment: cells, best responses, fairness.
         stopping: how it was decided that enough was played; None: by number.
         refused: what isn't claimed, and why.
-        claims: what may be said, in words.
-        episodes: how many each line-up played.
+        claims: what may be said of policies against one another, in words.
+        notes: how it was played and what the figures are about, in words.
+        episodes: how many each policy played.
         fingerprint: of the raw episodes.
-        evidence: runs of line-ups, where they were kept.
+        evidence: runs of pairings, where they were recorded.
         commands: how to have it again.
     """
 
@@ -56,6 +57,7 @@ class Evaluation:
     stopping: Mapping[str, Any] | None = None
     refused: tuple[Mapping[str, str], ...] = ()
     claims: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     episodes: int = 0
     fingerprint: str = ""
     evidence: tuple[Mapping[str, Any], ...] = ()
@@ -104,7 +106,7 @@ class Evaluation:
             "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
             for row in rows
         ]
-        return "\n".join([*table, "", *self.claims])
+        return "\n".join([*table, "", *self.notes, *self.claims])
 
     @legible
     def _repr_html_(self) -> str:
@@ -113,7 +115,7 @@ class Evaluation:
         body = "".join(
             "<tr>" + "".join(f"<td>{escape(text)}</td>" for text in row) + "</tr>" for row in rows
         )
-        said = "".join(f"<li>{escape(text)}</li>" for text in self.claims)
+        said = "".join(f"<li>{escape(text)}</li>" for text in (*self.notes, *self.claims))
         table = f"<table><thead><tr>{heading}</tr></thead><tbody>{body}</tbody></table>"
         return f"{table}<ul>{said}</ul>"
 

@@ -15,7 +15,7 @@ import pyarrow as pa
 
 from gamekeeper.episodes.plain_json import finite
 from gamekeeper.errors import EvidenceError, RunError
-from gamekeeper.evaluation.comparisons import claims_of, comparisons_of
+from gamekeeper.evaluation.comparisons import claims_of, comparisons_of, notes_of
 from gamekeeper.evaluation.crossplay import CrossplayTable, crossplay_of
 from gamekeeper.evaluation.episode_rows import SUCCESS, Sheet, sheets_of
 from gamekeeper.evaluation.estimates import Judge, Stopping
@@ -77,7 +77,7 @@ def evaluate(
         seed: of the run.
         crossplay: every policy in every seat with every partner; or its section as plain data.
         env_kwargs, contract: of an environment.
-        record: `digest` or `full` keeps evidence of every line-up.
+        record: `digest` or `full` records a run of every pairing.
         out: a folder for the raw episodes and the results; a second call goes on there.
         storage: a folder or URL for parts and raw episodes, in place of `out`.
         workers: processes that play; 0: this one.
@@ -91,7 +91,7 @@ def evaluate(
         SpecError: the specification, or an environment, can't be read or opened; or what is
             installed isn't what a suite pins.
         PolicyError: a policy can't be found.
-        EvidenceError: what is asked for is no evidence, or cross-play has too many line-ups.
+        EvidenceError: what is asked for is no evidence, or cross-play has too many pairings.
         RunError: something else lies in `out`, or a file can't be written.
         EnvError: a worker process died or hung; what was played until then is kept.
     """
@@ -205,8 +205,8 @@ def _evaluated(
     for text in settle_plan(spec, looks, course.storage):
         note(text)
     stopping = None if spec.stop is None else Stopping(spec, looks)
-    episodes, parts = _played(spec, course, matches, stopping)
-    note(f"{parts} parts were played" if parts else "nothing was to be played: all of it was there")
+    episodes, played = _played(spec, course, matches, stopping)
+    note(_said_of(played, episodes * len(matches)))
     table, told = course.merge(matches, episodes)
     evidence = course.keep(matches, episodes) if spec.record else []
     judge = Judge(spec.level, spec.seed)
@@ -219,13 +219,13 @@ def _evaluated(
     crossed = {name: crossplay_of(table) for name, table in tables.items()}
     overall = overall_of(spec, grounds, judge)
     _refuse_unrepeated(judge, evidence)
-    claims = claims_of(
+    notes = notes_of(
         spec,
         episodes=episodes,
         stopping=stopped,
         comparisons=comparisons,
         crossplay=crossed,
-        errors=told["errors"],
+        failures=failures_of(table),
         unpinned=strange,
     )
     found = Evaluation(
@@ -241,7 +241,8 @@ def _evaluated(
         crossplay=crossed,
         stopping=stopped,
         refused=tuple(judge.refused),
-        claims=tuple(claims),
+        claims=tuple(claims_of(comparisons)),
+        notes=tuple(notes),
         episodes=episodes,
         fingerprint=told["fingerprint"],
         evidence=tuple(evidence),
@@ -253,7 +254,7 @@ def _refuse_unrepeated(judge: Judge, evidence: Sequence[Mapping[str, Any]]) -> N
     for row in evidence:
         if row["differs"]:
             judge.refuse(
-                "evidence of line-ups",
+                "recorded runs",
                 f"{row['differs']} episodes came out otherwise when they "
                 "were recorded: the environment or a policy doesn't repeat itself",
                 f"{row['pairing']} in {row['environment']}",
@@ -263,10 +264,10 @@ def _refuse_unrepeated(judge: Judge, evidence: Sequence[Mapping[str, Any]]) -> N
 def _played(
     spec: Spec, course: EvaluationRun, matches: Sequence[Match], stopping: Stopping | None
 ) -> tuple[int, int]:
-    """Number of episodes that all policies played, and of missing parts."""
-    parts, last = course.play(matches, 0, spec.episodes), spec.episodes
+    """Number of episodes that each policy has played, and of those of all that were missing."""
+    played, last = course.play(matches, 0, spec.episodes), spec.episodes
     if stopping is None or spec.stop is None:
-        return last, parts
+        return last, played
     first = 0
     alone = [match for match in matches if match.pairing.kind == SELF]
     while True:
@@ -277,13 +278,40 @@ def _played(
             assert side is not None, "who plays by itself has one side"
             stopping.take(match.environment, side, sheet)
         if stopping.is_enough() or last >= spec.stop.most:
-            return last, parts
+            return last, played
         first, last = last, min(last + spec.stop.every, spec.stop.most)
-        parts += course.play(matches, first, last)
+        played += course.play(matches, first, last)
+
+
+def _said_of(played: int, whole: int) -> str:
+    """Says how many episodes were played, and how many an earlier call had left."""
+    if not played:
+        return f"no episode was missing: {whole:,} were there already"
+    already = f", {whole - played:,} were there already" if played < whole else ""
+    return f"{played:,} episode{'' if played == 1 else 's'} played{already}"
+
+
+def failures_of(table: pa.Table) -> list[str]:
+    """Sentences on the episodes that an exception ended, by environment, policies and exception."""
+    import pyarrow.compute as pc
+
+    failed = table.filter(pc.is_valid(table["error"]))
+    columns = ["environment", "pairing", "error", "episode", "turns"]
+    places: dict[tuple[str, str, str], dict[int, int]] = {}
+    for row in failed.select(columns).to_pylist():
+        key = (row["environment"], row["pairing"], (row["error"].splitlines() or [""])[0][:200])
+        places.setdefault(key, {})[row["episode"]] = row["turns"]
+    found = []
+    for (environment, pairing, error), turns in places.items():
+        first = min(turns)
+        count = "1 episode" if len(turns) == 1 else f"{len(turns)} episodes, the first"
+        where = f"{count}: episode {first}, turn {turns[first]}"
+        found.append(f"{pairing} in {environment}, {where}: {error}")
+    return found
 
 
 def _since(table: pa.Table, match: Match, first: int) -> pa.Table:
-    """A line-up's rows from an episode on."""
+    """The rows of one pairing from an episode on."""
     import pyarrow.compute as pc
 
     is_its = pc.and_(

@@ -118,7 +118,7 @@ class EvaluationRun:
         }
 
     def play(self, matches: Sequence[Match], first: int, last: int) -> int:
-        """Plays the parts of an episode range that have no receipt yet; says how many there were.
+        """Plays the episodes of a range that have no receipt yet; returns their number.
 
         Raises:
             GamekeeperError: a part can't be played; all others have been.
@@ -146,7 +146,7 @@ class EvaluationRun:
                 self._take(done.key, {"episode": receipt["episodes"], "turns": receipt["turns"]})
         if failed:
             raise failed[0]
-        return len(missing)
+        return sum(b - a for _, a, b in missing)
 
     def merge(self, matches: Sequence[Match], last: int) -> tuple[pa.Table, dict[str, Any]]:
         """The table of all episodes, and what the merge says of it."""
@@ -157,7 +157,7 @@ class EvaluationRun:
         return pq.read_table(pa.BufferReader(self.storage.get(EPISODES))), told
 
     def keep(self, matches: Sequence[Match], last: int) -> list[dict[str, Any]]:
-        """Runs of all line-ups, for replay.
+        """Runs of all pairings, for replay.
 
         Raises:
             GamekeeperError: one can't be recorded; all others have been.

@@ -123,7 +123,7 @@ def crossed(
             found.setdefault(sides)
             if len(found) > MOST_CELLS:
                 raise EvidenceError(
-                    "cross-play has too many line-ups",
+                    "cross-play has too many pairings",
                     where=f"crossplay, {environment}",
                     expected=f"at most {MOST_CELLS:,}",
                     actual="more",

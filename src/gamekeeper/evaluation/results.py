@@ -164,8 +164,8 @@ def _rows(
     broken = sum(sheet.broken for sheet in sheets)
     if broken:
         judge.refuse(
-            "figures of broken episodes",
-            "an exception broke them off: they count as failed and have no return",
+            "figures of failed episodes",
+            "an exception ended them: they count as failures and have no return",
             f"{of} in {ground.name} ({broken})",
         )
     for whom in ground.whom:
@@ -303,7 +303,7 @@ def _row(spec: Spec, policy: str, metric: str, scores: Scores, judge: Judge) -> 
     else:
         judge.refuse(
             "intervals over all environments",
-            "one checkpoint each: what would vary are training runs",
+            "one policy each: such an interval is over the training runs of a method",
             policy,
         )
         nothing = dict.fromkeys(("low", "high", "method"))

@@ -244,7 +244,7 @@ def _training_runs(table: dict[str, Any], at: SourcePath) -> tuple[tuple[Choices
     """Takes `policy` or `runs` out of what was read of a policy."""
     if "policy" in table and "runs" in table:
         raise at.error(
-            "a policy is one checkpoint or several runs",
+            "a policy is either one policy or several training runs",
             expected="policy or runs",
             actual="both",
             fix="leave one of them out",

@@ -1,7 +1,8 @@
-"""An evaluation as text: figures with their intervals, comparisons, cross-play, claims."""
+"""An evaluation as text: figures with their intervals, comparisons, columns, notes, claims."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
@@ -16,12 +17,36 @@ MOST_POLICIES: Final = 5
 """Policies that have a column in a table of agents."""
 MOST_CELLS: Final = 30
 MOST_RUNS: Final = 20
+RARE_ENDINGS: Final = ("cut", "failed", "mixed")
+"""Endings that have a column only where there are any."""
+COLUMNS: Final = {
+    "of": "the team (sum over its agents), a role (mean over its agents), or one agent",
+    "interval": "confidence interval; none where there are too few episodes for one",
+    "IQM": "interquartile mean: the mean of the middle half of the episodes",
+    "5 to 95 %": "range in which 90 % of the episodes lie",
+    "episodes": "how many the row is about; of a method its training runs",
+    "success": "share of episodes in which the task was solved, as the contract's [failure] or the "
+    "specification's `success` says",
+    "terminated": "number of episodes that the rules ended",
+    "truncated": "number of episodes that a limit from outside ended, such as the horizon",
+    "cut": "number of episodes that were stopped while agents were live, after most_turns steps",
+    "failed": "number of episodes that an exception ended",
+    "mixed": "number of episodes in which agents ended in different ways",
+    "reasons": "names of the endings, with their number of episodes",
+    "p": "p-value of `no difference`, by Holm's correction for the number of comparisons",
+    "P(A > B)": "probability that A is above B in an episode of the same seed",
+    "optimality gap": "mean amount by which scores are short of 1",
+    "-": "undefined, or not declared",
+}
+"""Meaning of columns and signs; those that a text has are explained in it."""
 Row = Mapping[str, Any]
 
 
 @legible
 def evaluation_text(document: Mapping[str, Any], *, width: int) -> str:
-    """Environment by environment: returns, success and endings, agents; then comparisons, claims.
+    """Environment by environment: returns, success and endings, agents; then comparisons.
+
+    Below stand the meaning of the columns, notes on how it was played, and claims.
 
     Args:
         document: an evaluation as plain data.
@@ -34,8 +59,8 @@ def evaluation_text(document: Mapping[str, Any], *, width: int) -> str:
             "\n".join(lines)
             for lines in (
                 [f"Returns in {name}", *_returns(rows, document["level"], width)],
-                [f"Endings in {name}", *_endings(rows, width)],
-                [f"Agents in {name}", *_agents(rows, width)],
+                [f"Endings in {name}, in episodes", *_endings(rows, width)],
+                [f"Mean return of each agent in {name}", *_agents(rows, width)],
             )
             if len(lines) > 1
         ]
@@ -46,13 +71,23 @@ def evaluation_text(document: Mapping[str, Any], *, width: int) -> str:
         blocks.append("\n".join(_overall(overall, width)))
     if document["comparisons"]:
         blocks.append("\n".join(_comparisons(document["comparisons"], width)))
+    heads = "\n".join(line for block in blocks[1:] for line in block.splitlines())
+    columns = [(word, text) for word, text in COLUMNS.items() if _has_word(heads, word)]
+    if columns:
+        blocks.append("\n".join(["Columns", *table_lines(columns, width=width)]))
     for title, texts in (
+        ("Notes", document.get("notes") or ()),
         ("Supported claims", document["claims"]),
         ("Refused claims", [f"{row['what']}: {row['why']}" for row in document["refused"]]),
     ):
         if texts:
             blocks.append("\n".join([title, *(line for t in texts for line in _item(t, width))]))
     return "\n\n".join(blocks)
+
+
+def _has_word(text: str, word: str) -> bool:
+    """Tells if a column or a sign stands in the text of tables."""
+    return re.search(rf"(?<![^\s(]){re.escape(word)}(?![^\s)])", text) is not None
 
 
 def _head(document: Mapping[str, Any], width: int) -> Iterator[str]:
@@ -88,7 +123,7 @@ def _returns(rows: Sequence[Row], level: float, width: int) -> Iterator[str]:
     shown = _shown([row for row in rows if row["metric"] == "return"])
     if not shown:
         return
-    head = ("policy", "of", f"mean ({100 * level:g} % interval)", "IQM", "5 to 95 %", "n")
+    head = ("policy", "of", f"mean ({100 * level:g} % interval)", "IQM", "5 to 95 %", "episodes")
     cells: list[tuple[str, ...]] = [head]
     for row in shown:
         quantiles = row["quantiles"]
@@ -130,8 +165,9 @@ def _endings(rows: Sequence[Row], width: int) -> Iterator[str]:
     shown = _shown([row for row in rows if row["endings"] is not None])
     if not shown:
         return
-    head = ("policy", "of", "success", "terminated", "truncated", "cut", "reasons")
-    cells: list[tuple[str, ...]] = [head]
+    rare = [kind for kind in RARE_ENDINGS if any(row["endings"].get(kind) for row in shown)]
+    kinds = ["terminated", "truncated", *rare]
+    cells: list[tuple[str, ...]] = [("policy", "of", "success", *kinds, "reasons")]
     for row in shown:
         ends = row["endings"]
         reasons = ", ".join(f"{name} {count}" for name, count in ends["reasons"].items())
@@ -140,14 +176,11 @@ def _endings(rows: Sequence[Row], width: int) -> Iterator[str]:
                 row["policy"] if row["run"] in (None, 0) else _name(row),
                 row["who"],
                 _share(row["success"]),
-                str(ends["terminated"]),
-                str(ends["truncated"]),
-                str(ends["cut"]),
+                *(str(ends.get(kind, 0)) for kind in kinds),
                 reasons,
             )
         )
-    is_cut = any(row["endings"]["cut"] for row in shown)
-    yield from _fitted(cells, width, right=(3, 4, 5), spare=(4,) if is_cut else (5, 4))
+    yield from _fitted(cells, width, right=range(3, 3 + len(kinds)), spare=(4,))
 
 
 def _agents(rows: Sequence[Row], width: int) -> Iterator[str]:
@@ -176,7 +209,7 @@ def _agents(rows: Sequence[Row], width: int) -> Iterator[str]:
 
 
 def _comparisons(rows: Sequence[Row], width: int) -> Iterator[str]:
-    yield "Compared on the same seeds (p with Holm correction)"
+    yield "Compared on the same seeds"
     cells: list[tuple[str, ...]] = [
         ("environment", f"A {MINUS} B", "of", "metric", "difference", "p", "P(A > B)")
     ]
@@ -220,7 +253,7 @@ def _overall(overall: Mapping[str, Any], width: int) -> Iterator[str]:
 def _crossplay(name: str, found: Mapping[str, Any], width: int) -> Iterator[str]:
     roles = found["roles"]
     yield f"Cross-play in {name}, return of {found['who']}"
-    cells = [(*roles, "kind", "n", "mean", "return of each role")]
+    cells = [(*roles, "kind", "episodes", "mean", "return of each role")]
     for cell in found["cells"][:MOST_CELLS]:
         own = ", ".join(_number(cell["by_role"][role]) for role in roles)
         policies = (cell["roles"][role] for role in roles)

@@ -46,6 +46,7 @@ def evaluation_section(document: Document | None) -> PageSection:
     results = [each for each in document.get("results") or () if isinstance(each, Mapping)]
     blocks = [
         _head(document),
+        _notes(document),
         _claims(document),
         *_crossplay(document.get("crossplay") or {}),
         PageBlock(
@@ -94,13 +95,18 @@ def _known(each: Document, keys: Sequence[str]) -> str:
     return ", ".join(f"{key} {each[key]}" for key in keys if each.get(key) is not None)
 
 
+def _notes(document: Document) -> PageBlock:
+    """Sentences on how it was played, and what the figures are about."""
+    stopping = document.get("stopping")
+    stopped = (f"Stopped: {_flat(stopping)}",) if stopping else ()
+    return PageBlock(title="Notes", notes=(*map(str, document.get("notes") or ()), *stopped))
+
+
 def _claims(document: Document) -> PageBlock:
     """Every supported claim, as the evaluation words it."""
     rows = tuple((Cell(str(claim)),) for claim in document.get("claims") or ())
-    stopping = document.get("stopping")
     return PageBlock(
         title="Supported claims",
-        notes=(f"Stopped: {_flat(stopping)}",) if stopping else (),
         tables=(PageTable("Supported claims", ("claim",), rows),),
         folded=len(rows) > MOST_CLAIMS,
     )
