@@ -54,5 +54,5 @@ def test_environment_of_a_run_is_not_opened(tmp_path: Path) -> None:
 def test_run_of_digests_is_refused_with_the_way_out(tmp_path: Path) -> None:
     """Observations that aren't kept can't be judged."""
     run = recorded("Rovers", tmp_path / "run", level="digest")
-    with pytest.raises(EvidenceError, match="gamekeeper expand"):
+    with pytest.raises(EvidenceError, match="--level full"):
         gk.audit(run)

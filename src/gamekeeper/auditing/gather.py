@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from gamekeeper.auditing.bulk import EVIDENCE_BYTES, held_bytes, most_turns, slimmed
+from gamekeeper.auditing.holds import still_entropy
 from gamekeeper.auditing.probe import Probe, probes
 from gamekeeper.auditing.probe_session import LEAST_TURNS, Meter, ProbeSession, TimeUpError
 from gamekeeper.checks.probe_evidence import (
@@ -29,6 +31,10 @@ INTERRUPTED: Final = "the audit was interrupted"
 TIME_UP: Final = "the audit's time was over"
 ROLLOUT: Final = "rollout"
 """The probe that plays whole episodes."""
+FIRST: Final = "same_seed"
+"""The probe that tells whether episodes differ by themselves; it looks before all others."""
+OF_ENTROPY: Final = frozenset({FIRST, "special_seeds", "unseeded", "other_process"})
+"""Probes that look for draws that no seed settles."""
 
 
 @dataclass(slots=True)
@@ -118,7 +124,8 @@ def gather(
     total = left = sum(probe.share for probe in found.values())
     if until_s is not None:
         lab.ration = min(lab.ration, _steps_until(lab, until_s))
-    for place, (name, probe) in enumerate(found.items()):
+    order = sorted(found.items(), key=lambda pair: pair[0] != FIRST)
+    for place, (name, probe) in enumerate(order):
         lab.meter.until_s = None
         if gathering.stopped:
             gathering.not_exercised[name] = gathering.stopped
@@ -152,10 +159,18 @@ def gather(
         gathering.seconds[name] = time.perf_counter() - begun_s
         if name == ROLLOUT:
             _check_measured(gathering)
+        if name == FIRST:
+            lab.holds_entropy = differs_by_itself(gathering.gathered())
     lab.meter.until_s = None
     if gathering.is_cut and not gathering.stopped:
         gathering.stopped = TIME_UP
     return gathering
+
+
+def differs_by_itself(evidence: ProbeEvidence) -> bool:
+    """Tells whether the same seed and actions gave another episode, with nothing changed."""
+    again = evidence.counterfactuals(FIRST)
+    return any(x.change["change"] == "nothing" and x.divergence is not None for x in again)
 
 
 def _steps_until(lab: ProbeSession, until_s: float) -> int:
@@ -187,7 +202,8 @@ def look_once(lab: ProbeSession, probe: Probe, play: EpisodePlan) -> ProbeRun:
     The global generators start from one seed, so that equal audits see the same.
     """
     lab.base = None
-    with held():
+    is_held = lab.holds_entropy and probe.name not in OF_ENTROPY
+    with held(), still_entropy() if is_held else nullcontext():
         try:
             saw = list(probe.look(lab, play))
         finally:

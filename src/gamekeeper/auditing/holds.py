@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import random
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -60,17 +61,37 @@ def globals_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return built
 
 
-def entropy_held(make: Callable[[], Any]) -> Callable[[], Any]:
-    """Gives the same bits whenever a generator asks the system for entropy."""
+def hold_entropy() -> Callable[[], None]:
+    """Gives the same bits whenever a generator asks the system for entropy.
+
+    Returns:
+        Puts things back.
+    """
+    places = (np.random.bit_generator, random.Random, random.SystemRandom)
     own_seed = random.Random.seed
 
     def seeded(self: Any, a: Any = None, version: int = 2) -> None:
         own_seed(self, 0 if a is None else a, version)
 
-    np.random.bit_generator.randbits = lambda count: 0  # type: ignore[attr-defined]
-    random.Random.seed = seeded  # type: ignore[method-assign]
-    random.SystemRandom.random = lambda self: 0.5  # type: ignore[method-assign]
-    random.SystemRandom.getrandbits = lambda self, k: 0  # type: ignore[method-assign]
+    values = [
+        (places[0], "randbits", lambda count: 0),
+        (places[1], "seed", seeded),
+        (places[2], "random", lambda self: 0.5),
+        (places[2], "getrandbits", lambda self, k: 0),
+    ]
+    before = [(place, name, getattr(place, name)) for place, name, _ in values]
+
+    def put(named: Any) -> None:
+        for place, name, value in named:
+            setattr(place, name, value)
+
+    put(values)
+    return lambda: put(before)
+
+
+def entropy_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Gives the same bits whenever a generator asks the system for entropy."""
+    hold_entropy()
     return make
 
 
@@ -89,6 +110,16 @@ def instances_held(make: Callable[[], Any]) -> Callable[[], Any]:
         return with_class(env, reset=reset)
 
     return built
+
+
+@contextmanager
+def still_entropy() -> Iterator[None]:
+    """Within it a generator that asks the system for entropy gets the same bits each time."""
+    put_back = hold_entropy()
+    try:
+        yield
+    finally:
+        put_back()
 
 
 @dataclass(frozen=True, slots=True)

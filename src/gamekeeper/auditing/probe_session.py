@@ -98,6 +98,8 @@ class ProbeSession:
         ration: environment steps that the probe may take in all.
         number: of the play in hand.
         base: the first play of the look, with its actions, once it was played.
+        holds_entropy: plays differ by themselves, by generators that nobody seeded: the system's
+            entropy is held still, so that other faults can be seen.
     """
 
     probe: str
@@ -112,6 +114,7 @@ class ProbeSession:
     meter: Meter = field(default_factory=Meter)
     number: int = 0
     base: EpisodePlan | None = None
+    holds_entropy: bool = False
     _made: list[Any] = field(default_factory=list)
 
     @property

@@ -63,7 +63,7 @@ def audit_run(
             f"a run of level {level} can't be judged: it keeps no observations",
             where=fspath(path),
             expected="a run of level full",
-            fix=f"gamekeeper expand {fspath(path)} FOLDER, then gamekeeper audit FOLDER",
+            fix="record it again with --level full (level=)",
         )
     declared = evidence.contract
     if contract is not None:

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from gamekeeper.auditing.confirm import Programs
-from gamekeeper.auditing.gather import Gathering, look_once
+from gamekeeper.auditing.gather import OF_ENTROPY, Gathering, look_once
+from gamekeeper.auditing.holds import ENTROPY, held_still
 from gamekeeper.auditing.judge import Judged
 from gamekeeper.auditing.snippet import Home, snippet
 from gamekeeper.checks.case import Case, Reproducer
@@ -61,10 +62,18 @@ def _programs(check: Check, case: Case, bench: Reproduction) -> Programs:
     play, case = _shortest(check, case, begun, bench)
     proof = Reproducer(case.proof) if isinstance(case.proof, str) else case.proof
     expected, actual = words(case.expected), words(case.actual)
+    lab = bench.gathering.lab
+    is_held = (
+        lab.holds_entropy
+        and case.where.probe not in OF_ENTROPY
+        and proof is not None
+        and proof.compares
+    )
     title, shows = f"{check.id}: {check.claim}", f"expected: {expected}\nactual: {actual}"
 
     def program(of: EpisodePlan, proof: Reproducer | None) -> str:
-        return snippet(bench.home, bench.gathering.lab.api, of, proof, title=title, shows=shows)
+        text = snippet(bench.home, lab.api, of, proof, title=title, shows=shows)
+        return held_still(text, ENTROPY) if is_held else text
 
     finding = Finding(str(case.where), expected, actual, check.fix, program(play, proof))
     whole = program(begun if begun.actions is not None else play, proof)
@@ -130,12 +139,17 @@ def _gathered(bench: Reproduction, probe: str, look: Any) -> ProbeEvidence:
 def _broken_alike(
     check: Check, case: Case, contract: Contract, evidence: ProbeEvidence
 ) -> Case | None:
-    """The first case at which the check is broken in the same field."""
+    """The first case at which the check is broken in the same field and the same way."""
     try:
         bad = [each for each in check.run(contract, evidence) if not each.ok]
     except Exception:  # a third party's check that can't read so little
         return None
-    alike = [each for each in bad if each.where.field == case.where.field]
+    alike = [
+        each
+        for each in bad
+        if each.where.field == case.where.field
+        and (not isinstance(case.expected, str) or each.expected == case.expected)
+    ]
     return min(alike, key=lambda each: each.where.turn or 0, default=None)
 
 

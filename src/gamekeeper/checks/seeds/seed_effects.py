@@ -151,24 +151,19 @@ def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Iterat
     """
     if any(fact.value.is_settled for fact in evidence.facts(SettledElsewhere)):
         return  # instances share something, and that is another promise
-    for counterfactual in evidence.counterfactuals("same_seed"):
-        if counterfactual.change["change"] in ("nothing", "the global generators"):
-            yield from parted(
-                counterfactual, _again(evidence.api, told_of(contract, counterfactual))
-            )
-        elif counterfactual.change["change"] == "the time of day":
-            proof = _later(
-                evidence.api, counterfactual.change["later_s"], told_of(contract, counterfactual)
-            )
-            yield from parted(
-                counterfactual, proof, expected="the same play, whatever the clock says"
-            )
-        elif not any(
-            each.divergence
-            for each in evidence.counterfactuals("same_seed")
-            if each is not counterfactual
-        ):
-            yield from parted(counterfactual, _empty(evidence.api), expected="as without options")
+    plays = list(evidence.counterfactuals("same_seed"))
+    differs = any(x.change["change"] == "nothing" and x.divergence is not None for x in plays)
+    for each in plays:
+        change, tells = each.change["change"], told_of(contract, each)
+        if change in ("nothing", "the global generators"):
+            yield from parted(each, _again(evidence.api, tells))
+        elif differs:
+            continue  # by itself, whatever the clock says
+        elif change == "the time of day":
+            proof = _later(evidence.api, each.change["later_s"], tells)
+            yield from parted(each, proof, expected="the same play, whatever the clock says")
+        elif not any(x.divergence for x in plays if x is not each):
+            yield from parted(each, _empty(evidence.api), expected="as without options")
 
 
 def _again(api: str, tells: frozenset[str]) -> Reproducer:
