@@ -194,22 +194,27 @@ def test_only_those_who_are_asked_for_are_exported(tmp_path: Path) -> None:
     assert not (tmp_path / "other.npz").exists()
 
 
-def test_nothing_is_written_over_or_left_behind(
+def test_earlier_file_is_replaced_and_a_failure_leaves_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A file that is there stays; an export that fails leaves nothing."""
+    """A file is overwritten once all is written; an export that fails leaves the earlier one."""
     evidence = gk.rollout("two_robot_line", episodes=1)
     (tmp_path / "run.npz").write_text("mine")
-    with pytest.raises(RunError, match="something lies"):
-        export(evidence, tmp_path / "run")
-    assert (tmp_path / "run.npz").read_text() == "mine"
+    export(evidence, tmp_path / "run")
+    assert (tmp_path / "run.npz").read_bytes()[:2] == b"PK"
+    (tmp_path / "other.npz").mkdir()
+    with pytest.raises(RunError, match="a folder has this name"):
+        export(evidence, tmp_path / "other")
+    (tmp_path / "other.npz").rmdir()
 
     def fail(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(spool.Spool, "write", fail)
+    before = (tmp_path / "run.npz").read_bytes()
     with pytest.raises(RunError, match="No space left"):
-        export(evidence, tmp_path / "other")
+        export(evidence, tmp_path / "run")
+    assert (tmp_path / "run.npz").read_bytes() == before
     assert [path.name for path in tmp_path.iterdir()] == ["run.npz"]
 
 

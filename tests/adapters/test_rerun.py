@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import gamekeeper as gk
-from gamekeeper.errors import EvidenceError, RunError
+from gamekeeper.errors import EvidenceError
 from tests.adapters.data_games import DAY, NIGHT, SPARE, Shift
 from tests.cli.lines import document, said
 
@@ -147,14 +147,15 @@ def test_nonconforming_values_and_failures_are_logged(tmp_path: Path) -> None:
     assert (0, 1) not in series(found, f"/agents/{DAY}/obs")
 
 
-def test_recording_says_what_it_lacks_and_keeps_what_is_there(tmp_path: Path) -> None:
-    """Digests hold no observations; nothing is written over; nobody is passed over in silence."""
+def test_recording_says_what_it_lacks_and_replaces_an_earlier_one(tmp_path: Path) -> None:
+    """Digests hold no observations; an earlier file is replaced; no agent is left out silently."""
     gk.rollout("two_robot_line", episodes=1, level="digest", out=tmp_path / "run")
     found, written = exported(tmp_path / "run", tmp_path / "run", agents=["carrier"])
     assert "digest" in written.lost[0]
     assert not [path for path in found if "picker" in path or path.endswith("/obs")]
-    with pytest.raises(RunError, match="something lies"):
-        exported(tmp_path / "run", tmp_path / "run")
+    (tmp_path / "run.rrd").write_text("earlier")
+    exported(tmp_path / "run", tmp_path / "run")
+    assert (tmp_path / "run.rrd").read_bytes()[:4] == b"RRF2"
     with pytest.raises(EvidenceError, match="no agent called"):
         exported(tmp_path / "run", tmp_path / "other", agents=["wolf"])
     assert sorted(path.name for path in tmp_path.iterdir()) == ["run", "run.rrd"]

@@ -63,8 +63,8 @@ def test_export_says_on_stderr_what_is_lost(
     [
         (["RUN", "--to", "csv", "--out", "x"], "there is no form 'csv'"),
         (["RUN", "--to", "numpy"], "no file is named"),
-        (["RUN", "--to", "numpy", "--out", ""], "something lies where"),
-        (["RUN", "--to", "numpy", "--out", "/"], "something lies where"),
+        (["RUN", "--to", "numpy", "--out", ""], "a folder has this name"),
+        (["RUN", "--to", "numpy", "--out", "/"], "a folder has this name"),
         (
             ["RUN", "--to", "numpy", "--out", "x", "--agent", "wolf"],
             "the run has no agent called 'wolf'",
@@ -93,15 +93,18 @@ def test_export_refuses_what_makes_no_sense(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_export_keeps_what_is_there(
+def test_export_replaces_an_earlier_file_and_keeps_evidence(
     line_run: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """A file of that name isn't written over."""
-    (tmp_path / "line.npz").write_text("mine")
-    line = ["export", line_run, "--to", "numpy", "--out", tmp_path / "line.npz"]
-    code, found = document(capfd, *line)
+    """A file of that name is written over, unless it is part of a run."""
+    (tmp_path / "line.npz").write_text("earlier")
+    line = ["export", line_run, "--to", "numpy", "--out"]
+    assert document(capfd, *line, tmp_path / "line.npz")[0] == 0
+    assert (tmp_path / "line.npz").read_bytes()[:2] == b"PK"
+    (tmp_path / "manifest.json").write_text("{}")
+    code, found = document(capfd, *line, tmp_path / "line.npz")
     assert (code, found["error"]["kind"]) == (2, "RunError")
-    assert (tmp_path / "line.npz").read_text() == "mine"
+    assert found["error"]["fix"] == "--out line.npz in another folder"
 
 
 @pytest.mark.parametrize(("form", "package"), [("minari", "minari"), ("rerun", "rerun")])

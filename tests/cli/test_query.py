@@ -75,7 +75,7 @@ def test_query_writes_files(
     assert (code, text, err) == (0, f"Written  {tmp_path / 'rows.csv'}: 2 rows\n", "")
     with (tmp_path / "rows.csv").open() as file:
         assert [row[0] for row in csv.reader(file)] == ["agent", "carrier", "picker"]
-    assert said(capfd, "query", line_run, MEANS, "--out", tmp_path / "rows.csv")[0] == 2
+    assert said(capfd, "query", line_run, MEANS, "--out", tmp_path / "rows.csv")[0] == 0
 
 
 def test_query_lists_the_views(line_run: Path, capfd: pytest.CaptureFixture[str]) -> None:

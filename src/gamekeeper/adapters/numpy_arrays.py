@@ -62,7 +62,7 @@ from gamekeeper.episodes.encoder import EPISODES
 from gamekeeper.episodes.episode import Spaces
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.spaces import Codec
-from gamekeeper.runs.files.folder import free_path
+from gamekeeper.runs.files.folder import output_path
 
 LAYOUT: Final = 1
 OWN: Final = ("metadata", "episodes", "state")  # prefixes that no agent may have
@@ -113,12 +113,12 @@ def export(
         compress: deflate the arrays.
         say: takes a sentence for each loss.
     Raises:
-        RunError: there is no run, something lies at `out`, or the disk refuses.
+        RunError: there is no run, `out` is a folder or part of a run, or the disk refuses.
         EvidenceError: the run has no such agent, or no episode.
     """
     evidence = evidence_of(run)
     names = chosen(evidence, agents)
-    path = free_path(out, suffix=".npz")
+    path = output_path(out, suffix=".npz")
     with spooled(path, compress=compress) as spool:
         writer = _ArrayWriter(spool, {name: prefix_of(name) for name in names})
         for headers in evidence.episode_table.to_batches(max_chunksize=BATCH):

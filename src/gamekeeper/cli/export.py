@@ -67,8 +67,8 @@ def command(
 ) -> CommandResult:
     """Exports a run as NumPy arrays, Minari data sets or a Rerun recording, or imports Minari's.
 
-    Columns that the other form can't hold are listed on stderr and in the JSON document. Files
-    that exist are never overwritten. `gamekeeper list exporters` names the forms.
+    Columns that the other form can't hold are listed on stderr and in the JSON document. An
+    earlier file is overwritten. `gamekeeper list exporters` names the forms.
 
     Example: gamekeeper export runs/warehouse-1 --to numpy --out warehouse.npz
     """

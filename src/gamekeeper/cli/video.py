@@ -62,8 +62,8 @@ def command(
 ) -> CommandResult:
     """Writes an episode as mp4 and gif, from recorded frames or by rendering it again.
 
-    Actions and rewards of the turn stand below each frame. Files that exist are never
-    overwritten. Needs gamekeeper[video].
+    Actions and rewards of the turn stand below each frame. Earlier files are overwritten.
+    Needs gamekeeper[video].
 
     Exit code 0: done. 1: the rendered episode differs from the run.
 

@@ -24,7 +24,7 @@ from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import DependencyError, EvidenceError, GamekeeperError, RunError
 from gamekeeper.runs.consent import consented, evidence_of
-from gamekeeper.runs.files.folder import free_path, read_bounded
+from gamekeeper.runs.files.folder import output_path, read_bounded
 from gamekeeper.runs.replay_runner import check_named
 from gamekeeper.viewing.video_frames import recorded, rendered
 
@@ -349,7 +349,7 @@ def _episode(evidence: Evidence, asked: int | None, known: dict[int, Any], *, re
 
 
 def _paths(run: str | PathLike[str], out: str | PathLike[str] | None, episode: int) -> list[Path]:
-    """The files to write, none of which is there yet."""
+    """The files to write."""
     if out is not None and Path(fspath(out)).suffix:
         path = Path(fspath(out))
         if path.suffix not in FORMS:
@@ -360,11 +360,11 @@ def _paths(run: str | PathLike[str], out: str | PathLike[str] | None, episode: i
                 actual=path.suffix,
                 fix=f"--out {path.with_suffix('.mp4')}",
             )
-        return [free_path(path)]
+        return [output_path(path)]
     whole = Path(fspath(run))
     folder = whole.parent if out is None else Path(fspath(out))
     stem = f"{whole.resolve().name}-episode-{episode}"
-    return [free_path(folder / f"{stem}{form}") for form in FORMS]
+    return [output_path(folder / f"{stem}{form}") for form in FORMS]
 
 
 def _write(path: Path, make: Callable[[], Iterator[Any]], fps: float) -> tuple[int, int]:

@@ -325,7 +325,7 @@ def test_rows_are_handed_out_a_few_at_a_time(runs: Path) -> None:
 
 
 def test_rows_are_written_as_they_are(runs: Path, tmp_path: Path) -> None:
-    """Parquet keeps the types, CSV the values; nothing is written over."""
+    """Parquet keeps the types, CSV the values; an earlier file is replaced, a run's never."""
     with Session.of(runs) as session:
         asked = session.ask("select run, episode, agent, obs from agent_steps")
         count = asked.write(tmp_path / "new" / "rows.parquet")
@@ -334,7 +334,12 @@ def test_rows_are_written_as_they_are(runs: Path, tmp_path: Path) -> None:
         again = session.ask("select agent, length from returns order by 1 limit 1")
         assert again.write(tmp_path / "rows.csv") == 1
         assert (tmp_path / "rows.csv").read_text().splitlines() == ["agent,length", "agent_0,25"]
-        with pytest.raises(RunError, match="the file exists already"):
-            session.ask("select 1 as one").write(tmp_path / "rows.csv")
+        session.ask("select 1 as one").write(tmp_path / "rows.csv")
+        assert (tmp_path / "rows.csv").read_text().splitlines() == ["one", "1"]
+        evidence = next(runs.rglob("agent_steps.parquet"))
+        before = evidence.read_bytes()
+        with pytest.raises(RunError, match="a file of a run"):
+            session.ask("select 1 as one").write(evidence)
+        assert evidence.read_bytes() == before
         with pytest.raises(GamekeeperError, match="known format"):
             session.ask("select 1 as one").write(tmp_path / "rows.xlsx")

@@ -164,12 +164,14 @@ def test_film_follows_no_link(tmp_path: Path) -> None:
         film(tmp_path / "run", tmp_path / "x.gif")
 
 
-def test_film_writes_over_nothing(run: Path, tmp_path: Path) -> None:
-    """A file that is there stays; names of other forms are refused."""
-    (tmp_path / "x.gif").write_text("mine")
-    with pytest.raises(RunError, match="something lies"):
-        film(run, tmp_path / "x.gif")
-    assert (tmp_path / "x.gif").read_text() == "mine"
+def test_film_replaces_an_earlier_one(run: Path, tmp_path: Path) -> None:
+    """A file is overwritten, a folder isn't; names of other forms are refused."""
+    (tmp_path / "x.gif").write_text("earlier")
+    film(run, tmp_path / "x.gif")
+    assert (tmp_path / "x.gif").read_bytes()[:3] == b"GIF"
+    (tmp_path / "y.gif").mkdir()
+    with pytest.raises(RunError, match="a folder has this name"):
+        film(run, tmp_path / "y.gif")
     with pytest.raises(GamekeeperError, match="known video format"):
         film(run, tmp_path / "x.avi")
 

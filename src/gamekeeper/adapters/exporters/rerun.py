@@ -57,7 +57,7 @@ from gamekeeper.adapters.export_source import (
 from gamekeeper.episodes.episode import Episode, Spaces
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import RunError
-from gamekeeper.runs.files.folder import free_path
+from gamekeeper.runs.files.folder import output_path
 
 SERIES: Final = 32  # numbers of a value that are still read as series, one each
 SMALLEST: Final = 8  # sides of an array of bytes that counts as a picture
@@ -83,7 +83,7 @@ def export(
         say: takes a sentence for each loss.
     Raises:
         DependencyError: rerun-sdk isn't installed.
-        RunError: there is no run, something lies at `out`, or the disk refuses.
+        RunError: there is no run, `out` is a folder or part of a run, or the disk refuses.
         EvidenceError: the run has no such agent, or no episode.
     """
     try:
@@ -92,7 +92,7 @@ def export(
         raise needs("rerun-sdk", "rerun", error) from error
     evidence = evidence_of(run)
     names = chosen(evidence, agents)
-    path = free_path(out, suffix=".rrd")
+    path = output_path(out, suffix=".rrd")
     draft = path.with_name(path.name + ".part")
     stream = rerun.RecordingStream(
         f"gamekeeper {evidence.manifest['environment'].get('name')}",

@@ -374,7 +374,7 @@ def refuse_taken(folder: Path, *, but: tuple[str, ...] = ()) -> None:
             where=str(folder),
             expected="a folder that doesn't exist yet, or is empty",
             actual=", ".join(names[:5]) + (", ..." if len(names) > 5 else ""),
-            fix=f"name another one, such as {free_beside(folder)}, or move this one away first",
+            fix=f"name another folder, such as {free_beside(folder)}, or move this one away first",
         )
 
 
@@ -406,24 +406,30 @@ def _no_folder(folder: Path, error: OSError | ValueError) -> RunError:
     return system_error("making the folder", folder, error)
 
 
-def free_path(out: str | PathLike[str] | None, *, suffix: str = "") -> Path:
-    """The path of a file that isn't there yet, its folder made.
+def output_path(out: str | PathLike[str] | None, *, suffix: str = "") -> Path:
+    """The path of a file to write, over an earlier one; its folder is made.
 
     Raises:
         EvidenceError: none was named.
-        RunError: something lies there, or the folder can't be made.
+        RunError: a folder or a link has the name, the file is part of a run, or its folder can't be
+            made.
     """
     if out is None:
         raise EvidenceError("no file is named", where="--out", fix=f"--out demo{suffix}")
     path = Path(fspath(out))
-    if suffix and path.name and path.suffix != suffix:  # `.` has no name, and lies there
+    if suffix and path.name and path.suffix != suffix:  # `.` has no name, and is a folder
         path = path.with_name(path.name + suffix)
-    if path.exists() or path.is_symlink():
+    is_evidence = path.exists() and (path.parent / MANIFEST).exists()
+    if path.is_dir() or path.is_symlink() or is_evidence:
+        kind = "a file of a run" if is_evidence else "a folder" if path.is_dir() else "a link"
         raise RunError(
-            "something lies where the export should go",
+            f"{kind} has this name, and isn't overwritten",
             where=str(path),
-            expected="a path that doesn't exist yet",
-            fix="choose another, or move it away first",
+            expected="a new file, or an earlier one of the same kind",
+            actual=kind,
+            fix=f"--out {path.name or f'demo{suffix}'} in another folder"
+            if is_evidence
+            else "name a file",
         )
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -21,6 +21,7 @@ from typing import Any, Final
 
 from gamekeeper.errors import DependencyError, GamekeeperError, RunError
 from gamekeeper.reporting.results_text import few
+from gamekeeper.runs.files.folder import output_path
 from gamekeeper.viewing.sql.evidence_places import EvidencePlaces, places_of
 from gamekeeper.viewing.sql.sql_views import OWN, Maker, quoted
 from gamekeeper.viewing.sql.statement import reading
@@ -80,11 +81,13 @@ class Rows:
         return table.rename_columns(list(self.columns))
 
     def write(self, path: str | PathLike[str]) -> int:
-        """Writes the rows into a new file, `.parquet` or `.csv`, and returns their number.
+        """Writes the rows into a file, `.parquet` or `.csv`, and returns their number.
+
+        An earlier file is replaced when all rows are written.
 
         Raises:
             GamekeeperError: the name has another ending.
-            RunError: the file is there already, or the disk refuses.
+            RunError: a folder has the name, the file is part of a run, or the disk refuses.
         """
         file = Path(fspath(path))
         if file.suffix not in FORMS:
@@ -95,22 +98,22 @@ class Rows:
                 actual=file.suffix or "no ending",
                 fix=f"--out {file.with_suffix('.parquet')}",
             )
+        file = output_path(file)
+        draft = file.with_name(f".{file.name}.part")
         try:
-            file.parent.mkdir(parents=True, exist_ok=True)
-            file.touch(exist_ok=False)  # reserves the name: an existing file isn't overwritten
-            return self._parquet(file) if file.suffix == ".parquet" else self._csv(file)
-        except FileExistsError as error:
-            raise RunError(
-                "the file exists already",
-                where=str(file),
-                fix="choose another name, or move it away first",
-            ) from error
+            count = self._parquet(draft) if file.suffix == ".parquet" else self._csv(draft)
+            draft.replace(file)
+            return count
+        except RunError:
+            raise
         except OSError as error:
             raise RunError(
                 f"writing failed: {error.strerror}",
                 where=str(file),
                 fix="name a place with space that you may write to",
             ) from error
+        finally:
+            draft.unlink(missing_ok=True)
 
     def _parquet(self, file: Path) -> int:
         import pyarrow as pa
