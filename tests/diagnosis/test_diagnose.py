@@ -10,9 +10,11 @@ import pytest
 
 import gamekeeper as gk
 from gamekeeper.diagnosis.diagnosis_result import Diagnosis
+from gamekeeper.diagnosis.played_setup import OpenSetup
 from gamekeeper.diagnosis.shortest_failure import shrunk
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import ContractError, EvidenceError, RunError, TrustError
+from gamekeeper.runs.load_run import load
 
 
 def run(spec: str = "handover", policies: Any = "reference", **kwargs: Any) -> Evidence:
@@ -96,7 +98,7 @@ def test_equal_seeds_give_equal_answers_however_many_work(tmp_path: Path) -> Non
     apart = plainly(evidence, budget=300, workers=2)
     here = plainly(evidence, budget=300, out=tmp_path / "d")
     again = plainly(evidence, budget=300, out=tmp_path / "d")
-    assert again.episodes == 0
+    assert again.episodes == 9  # three counterfactuals, which no file keeps
     for one in (here, again):
         same = {**one.to_json(), "episodes": apart.episodes, "runs": {}}
         assert same == apart.to_json()
@@ -118,9 +120,61 @@ def test_a_stopped_diagnosis_goes_on(tmp_path: Path) -> None:
     with notes.open("a") as file:
         file.write('{"key": ["unchanged rerun"')
     found = plainly(evidence, out=tmp_path)
-    whole = plainly(evidence)
+    whole = plainly(evidence, out=tmp_path / "whole")
     assert found.episodes + lines - 1 == whole.episodes
     assert found.agents == whole.agents
+
+
+@pytest.mark.parametrize(
+    ("budget", "kwargs"),
+    [
+        (100, {"latency": 3}),
+        (200, {"latency": 3}),
+        (300, {"latency": 3}),
+        (300, {"observation_noise": 2.0, "actuator_slip": 0.5}),
+        (500, {"observation_noise": 2.0, "actuator_slip": 0.5}),
+        (700, {"latency": {"giver_0": 3}, "occlusion": 0.02}),
+    ],
+)
+def test_no_more_episodes_are_played_than_the_budget(
+    budget: int, kwargs: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Search, confirmation, counterfactuals, perturbations and recordings together."""
+    evidence = run(**kwargs)
+    played = []
+    plan = OpenSetup._play
+    monkeypatch.setattr(OpenSetup, "_play", lambda *a: played.append(a) or plan(*a))
+    found = gk.diagnose(evidence, budget=budget, out=tmp_path / "d", perturbations=budget > 500)
+    recorded = sum(load(folder).episode_table.num_rows for folder in found.runs.values())
+    assert len(played) + recorded == found.episodes <= budget
+    assert found.not_played or found.episodes < budget
+    assert found.to_json()["budget"] == budget
+
+
+def test_what_the_budget_did_not_reach_is_said() -> None:
+    """No cause by default of rivals that weren't played."""
+    few = plainly(run(latency=3), budget=100)
+    assert few.team is not None
+    assert few.not_played == ("ideal substitutes: latency = 0",)
+    assert "budget of 100 episodes was spent" in few.team.why
+    assert ("timing", "the budget of 100 episodes was spent") in few.team.not_tested
+    evidence = run(latency=3, occlusion=0.02, actuator_slip=0.05)
+    part = plainly(evidence, budget=250).team
+    assert part is not None
+    assert [each.n for each in part.tested] == [64, 64]
+    assert part.answer != "isolated"
+    more = plainly(evidence, budget=300)
+    assert more.team is not None
+    assert more.team.answer == "isolated"
+    assert more.not_played[0] == "several ideal substitutes at once"
+
+
+def test_a_budget_that_is_too_small_is_refused_at_once() -> None:
+    """The same from Python as on the command line, with the fix."""
+    with pytest.raises(EvidenceError, match="50 episodes are too few for a diagnosis") as caught:
+        plainly(run(latency=3), budget=50)
+    assert caught.value.expected == "100 or more"
+    assert "budget=" in (caught.value.fix or "")
 
 
 def test_counterfactuals_replay_and_another_experiment_is_refused(tmp_path: Path) -> None:

@@ -41,12 +41,17 @@ def test_labels_outside_the_vocabulary_are_refused(run: Path) -> None:
     assert "write 'control'" in str(caught.value)
     with pytest.raises(EvidenceError, match="no failure label 'battery'"):
         label(run, "battery")
-    with pytest.raises(EvidenceError, match="nobody in the run is called"):
+    with pytest.raises(EvidenceError, match="the run has no agent 'bob'") as caught:
         label(run, "control", agent="bob")
+    assert caught.value.expected == "one of giver_0, receiver_0"
     with pytest.raises(EvidenceError, match="no episode 9"):
         label(run, "control", episode=9)
-    with pytest.raises(EvidenceError, match="a turn is one of an episode"):
+    with pytest.raises(EvidenceError, match="a turn needs its episode") as caught:
         label(run, "control", turn=1)
+    assert caught.value.fix == "name the episode too"
+    with pytest.raises(EvidenceError, match="episode 1 has no turn 999") as caught:
+        label(run, "control", episode=1, turn=999)
+    assert (caught.value.fix or "").startswith("name a turn from 0 to ")
     assert labels(run) == ()
 
 

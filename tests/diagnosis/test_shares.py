@@ -120,6 +120,34 @@ def test_share_that_is_not_played_ends_the_experiment(status: Status) -> None:
         assert status in caught.value.what
 
 
+def test_one_executor_plays_all_arms_of_a_runner(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its processes stay from one `play` to the next, and end with the runner."""
+    log: list[str] = []
+
+    class Local(Here):
+        def __enter__(self) -> "Local":
+            log.append("enter")
+            return self
+
+        def close(self) -> None:
+            log.append("close")
+
+        def map(self, *args: Any, **options: Any) -> Iterator[Done]:
+            log.append("map")
+            return super().map(*args, **options)
+
+    monkeypatch.setattr(arms, "LocalExecutor", lambda workers: log.append("new") or Local(workers))
+    setup = Setup("two_robot_line", policies={"*": "random"})
+    with ArmRunner(Contract(), workers=2) as runner:
+        for name in ("a", "b"):
+            runner.play([ArmOrder(name, setup, 5, range(2))])
+    assert log == ["new", "enter", "map", "map", "close"]
+    theirs = Local(2)
+    with ArmRunner(Contract(), workers=theirs) as runner:
+        runner.play([ArmOrder("a", setup, 5, range(2))])
+    assert log[5:] == ["map"]
+
+
 def test_arms_come_out_the_same_whoever_plays(tmp_path: Path) -> None:
     """Outcomes are noted once each, and an arm that can't be opened is told by anybody."""
     arms = {

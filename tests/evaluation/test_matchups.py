@@ -37,6 +37,10 @@ def test_seats_that_leave_somebody_out_are_refused() -> None:
         seats_of(spec({"a": "x"}, roles=["p_0", "p_1"]), "e", TWO)
     with pytest.raises(EvidenceError, match="seats"):
         seats_of(spec({"a": "x"}, roles=["p", "q", "*"]), "e", TWO)
+    for roles, fix in ((["p", "q", "*"], "take q out"), (["*"], "name one seat more")):
+        with pytest.raises(EvidenceError) as caught:
+            seats_of(spec({"a": "x"}, roles=roles), "e", TWO)
+        assert (caught.value.fix or "").startswith(fix)
 
 
 def test_env_step_is_every_policy_in_every_seat_with_every_partner() -> None:

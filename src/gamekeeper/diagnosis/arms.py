@@ -13,7 +13,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from threading import Lock
-from typing import Any, Final, TypeVar
+from typing import Any, Final, Self, TypeVar
 
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.played_setup import OpenSetup, Setup
@@ -148,6 +148,10 @@ class ArmRunner:
         outcomes: what is known.
         broken: by arm, why it can't be played.
         spent: episodes played so far, those of an earlier call not among them.
+        used: episodes that were ordered so far and have an outcome, also those of an earlier call,
+            so that a call that goes on stops where one without a break does.
+
+    As a context it keeps its worker processes from one `play` to the next.
     """
 
     contract: Contract
@@ -159,11 +163,26 @@ class ArmRunner:
     outcomes: dict[Key, Outcome] = field(default_factory=dict)
     broken: dict[str, str] = field(default_factory=dict)
     spent: int = 0
+    used: set[Key] = field(default_factory=set)
+    _players: Executor | None = None
     _lock: Any = field(default_factory=Lock)
 
     def __post_init__(self) -> None:
+        if not isinstance(self.workers, int):
+            self._players = self.workers
+        elif self.workers:
+            self._players = LocalExecutor(self.workers)
         if self.notes is not None:
             self.outcomes.update(_noted(self.notes, self.head))
+
+    def __enter__(self) -> Self:
+        if isinstance(self.workers, int) and self._players is not None:
+            self._players.__enter__()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        if isinstance(self.workers, int) and self._players is not None:
+            self._players.close()
 
     def play(self, orders: Sequence[ArmOrder]) -> None:
         """Plays what isn't known yet.
@@ -183,13 +202,14 @@ class ArmRunner:
         ]
         wanted = [(order, episodes) for order, episodes in wanted if episodes]
         total = sum(len(episodes) for _, episodes in wanted)
-        if not total:
-            return
-        self._say(episode=0, episodes=total)
-        if self.workers == 0:
-            self._play_here(wanted, total)
-        else:
-            self._play_apart(wanted, total)
+        if total:
+            self._say(episode=0, episodes=total)
+            if self._players is None:
+                self._play_here(wanted, total)
+            else:
+                self._play_apart(self._players, wanted, total)
+        keys = ((o.arm, o.run_seed, k) for o in orders for k in o.episodes)
+        self.used.update(key for key in keys if key in self.outcomes)
 
     def of(self, arm: str, run_seed: int, episodes: range) -> list[Outcome]:
         """The outcomes of an arm, in the order of its episodes."""
@@ -210,7 +230,7 @@ class ArmRunner:
                     done += 1
                     self._say(episode=done, episodes=total)
 
-    def _play_apart(self, wanted: Any, total: int) -> None:
+    def _play_apart(self, players: Executor, wanted: Any, total: int) -> None:
         """Workers play a few episodes at a time; outcomes are kept as they come."""
         done = [0]
         given = [(order, order.setup.to_json(), episodes) for order, episodes in wanted]
@@ -230,19 +250,18 @@ class ArmRunner:
 
         play_shares(
             TASK,
-            self._shares(given),
+            self._shares(given, players.workers),
             take,
             on_report=hear,
-            workers=self.workers,
+            workers=players,
             silence_s=self.silence_s,
             where=", ".join(dict.fromkeys(order.arm for order, _ in wanted))[:300],
             fix="what was played is kept; run the same command again to go on",
         )
 
-    def _shares(self, given: Any) -> Iterator[dict[str, Any]]:
+    def _shares(self, given: Any, workers: int) -> Iterator[dict[str, Any]]:
         """A few episodes of an arm each, so that workers end at about the same time."""
         contract = self.contract.to_json()
-        workers = self.workers if isinstance(self.workers, int) else self.workers.workers
         for order, setup, episodes in given:
             most = min(max(-(-len(episodes) // (2 * workers)), 1), EPISODES_EACH)
             for at in range(0, len(episodes), most):

@@ -41,20 +41,25 @@ def counterfactuals(
     contract: Contract,
     conditions: Mapping[str, Failure],
     scope: str,
+    most: int = MOST,
 ) -> Iterator[Counterfactual]:
     """First divergences of failing episodes from their counterfactuals, by ideal substitute.
 
-    Both are played anew from the recorded seeds, with the policies' recorded streams.
+    Both are played anew from the recorded seeds, with the policies' recorded streams: an episode
+    as it was, and twice for each ideal substitute.
+
+    Args:
+        most: failing episodes that are compared.
     """
     run_seed = evidence.manifest.get("seed")
-    if run_seed is None or not substitutes:
+    if run_seed is None or not substitutes or most < 1:
         return
     failing = [
         trace.episode
         for trace in evidence.episodes
         if trace.seed == episode_seed(run_seed, trace.episode)
         and failed(outcome_of(trace), conditions, contract).get(scope)
-    ][:MOST]
+    ][:most]
     volatile = contract.volatile_infos()
     with OpenSetup(setup, contract) as base:
         bases = {k: base.played(run_seed, k) for k in failing}
@@ -90,7 +95,9 @@ def _others_as(played: EpisodeResult, substitute: IdealSubstitute) -> Reenacted:
     return Reenacted(free=substitute.agents, paper=paper)
 
 
-def keep(setup: Setup, folder: Path, *, contract: Contract, run_seed: int) -> str:
+def keep(
+    setup: Setup, folder: Path, *, contract: Contract, run_seed: int, episodes: int = KEPT
+) -> str:
     """Records the first episodes of an arm into a run; its fingerprint.
 
     A change is no part of a run: what policies were shown or had done otherwise stands in its
@@ -108,7 +115,7 @@ def keep(setup: Setup, folder: Path, *, contract: Contract, run_seed: int) -> st
         try:
             game = game_of(stage.env, sink=sink)
             game.policies = stage.described
-            for episode in range(KEPT):
+            for episode in range(episodes):
                 options = setup.options[episode % len(setup.options)]
                 play(
                     game,

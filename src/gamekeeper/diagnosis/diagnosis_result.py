@@ -129,9 +129,12 @@ class Diagnosis:
         recorded: by scope, how many of the recorded episodes failed, and of how many.
         counterfactuals: where failing episodes and their restored counterfactuals part.
         level, part: the declared share of successes, and what part of the gap restores.
-        episodes: how many were played.
+        episodes: how many were played, counterfactuals and recordings among them.
         seed: of the experiment.
         runs: folders with replayable counterfactuals, by arm.
+        conditions: when an episode counts as failed, by scope; `agent`: for each of them.
+        budget: episodes that could be played.
+        not_played: what the budget didn't reach, in words.
     """
 
     run: str
@@ -146,6 +149,9 @@ class Diagnosis:
     seed: int = 0
     runs: Mapping[str, str] = field(default_factory=dict)
     contradictions: Mapping[str, Contradiction] = field(default_factory=dict)
+    conditions: Mapping[str, str] = field(default_factory=dict)
+    budget: int = 2_000
+    not_played: tuple[str, ...] = ()
 
     @property
     def has_cause(self) -> bool:
@@ -173,6 +179,9 @@ class Diagnosis:
             "episodes": self.episodes,
             "seed": self.seed,
             "runs": dict(self.runs),
+            "conditions": dict(self.conditions),
+            "budget": self.budget,
+            "not_played": list(self.not_played),
         }
 
     def rows(self) -> list[list[str]]:

@@ -1,4 +1,8 @@
-"""The experiment behind a diagnosis: search on some fresh seeds, confirm on others."""
+"""The experiment behind a diagnosis: search on some fresh seeds, confirm on others.
+
+Every episode that it plays counts against its budget. An arm is played with all its episodes or not
+at all, as fewer would say less than the answer claims; what was left out is in `not_played`.
+"""
 
 from __future__ import annotations
 
@@ -28,6 +32,8 @@ CONFIRM: Final = 64
 """Fresh episodes of each arm that the answer is given on; as many again where they don't tell."""
 PROMISING: Final = 0.35
 """The part of the gap that all substitutes have to close in the search, for pairs to be tried."""
+LEAST: Final = 100
+"""Least budget: the unchanged set-up takes `SEARCH` and `CONFIRM` episodes."""
 NEAR: Final = 0.2
 """An ideal substitute so near the part of the gap that restores could be on either side of it."""
 MOST_PAIRS: Final = 24
@@ -46,8 +52,14 @@ class Experiment:
         conditions: when an episode failed, by scope.
         runner: plays.
         level, part: as `judged` has them.
-        budget: episodes that may be played.
+        budget: episodes that may be played, `LEAST` or more.
         seed: all seeds come from it and from the run's fingerprint.
+        pairs: those that are confirmed.
+        confirmed: names of the arms that the answers are given on.
+        skipped: the ideal substitutes that the budget didn't reach.
+        not_played: what the budget didn't reach, in words.
+        extra: episodes that were played, or are to be, outside of arms.
+        recordings: episodes of each arm that are recorded into a run.
     """
 
     setup: Setup
@@ -62,6 +74,11 @@ class Experiment:
     fingerprint: str
     confirm: int = CONFIRM
     pairs: list[IdealSubstitute] = field(default_factory=list)
+    confirmed: list[str] = field(default_factory=list)
+    skipped: list[IdealSubstitute] = field(default_factory=list)
+    not_played: list[str] = field(default_factory=list)
+    extra: int = 0
+    recordings: int = 0
 
     # -- seeds
 
@@ -79,25 +96,63 @@ class Experiment:
 
     def run(self) -> None:
         """Plays what the answers need, as far as the budget goes."""
-        first = min(CONFIRM, max(self.budget - SEARCH, 0))
         self._play([UNCHANGED], self.search_seed, SEARCH)
-        self._play([UNCHANGED], self.confirm_seed, first)
-        self.confirm = first
+        self._play([UNCHANGED], self.confirm_seed, CONFIRM)
         if not self.substitutes or not self.fails:
             return
-        self._play([*self._names(self.substitutes), EVERYTHING], self.search_seed, SEARCH)
-        if self._wants_pairs():
-            pairs = self._possible_pairs()
-            self._play(self._names(pairs), self.search_seed, SEARCH)
-            self.pairs = self._best(pairs)
-        self._confirm()
-        while self._is_near() and self._affords(2 * self.confirm):
+        singles = self._names(self.substitutes)
+        if len(singles) > 1:
+            singles.append(EVERYTHING)
+        if (SEARCH + CONFIRM) * len(singles) <= self.left:
+            self._search(singles)
+        elif CONFIRM * len(singles) <= self.left:
+            self.not_played.append("the search for pairs, and for settings that still restore")
+        else:
+            singles = self._first_singles(self.left // CONFIRM)
+        self.confirmed = [*singles, *self._names(self.pairs)]
+        self._play(self.confirmed, self.confirm_seed, CONFIRM)
+        while self._is_near():
+            if self.confirm * (1 + len(self.confirmed)) > self.left:
+                self.not_played.append("more episodes of arms whose effect is near --part")
+                break
             self.confirm *= 2
-            self._confirm()
+            self._play([UNCHANGED, *self.confirmed], self.confirm_seed, self.confirm)
 
-    def _confirm(self) -> None:
-        arms = [UNCHANGED, *self._names([*self.substitutes, *self.pairs]), EVERYTHING]
-        self._play(arms, self.confirm_seed, self.confirm)
+    def _search(self, singles: Sequence[str]) -> None:
+        """Searches single ideal substitutes; pairs as far as they can be confirmed too."""
+        self._play(singles, self.search_seed, SEARCH)
+        if len(singles) < 2 or not self._wants_pairs():
+            return
+        pairs = self._possible_pairs()
+        left = self.left - CONFIRM * len(singles)
+        most = (left - CONFIRM * PAIRS) // SEARCH
+        most = most if most >= PAIRS else left // (SEARCH + CONFIRM)
+        few = pairs[:most]
+        if len(few) < len(pairs):
+            self.not_played.append(
+                f"{len(pairs) - len(few)} of {len(pairs)} pairs of ideal substitutes"
+            )
+        self._play(self._names(few), self.search_seed, SEARCH)
+        self.pairs = self._best(few)
+
+    def _first_singles(self, most: int) -> list[str]:
+        """So many ideal substitutes: first the widest one of each label, then the next."""
+        places: dict[str, int] = {}
+        place = {}
+        for one in sorted(self.substitutes, key=lambda one: -len(one.steps)):
+            place[one.name] = places[one.label] = places.get(one.label, -1) + 1
+        ranked = sorted(self.substitutes, key=lambda one: place[one.name])
+        self.skipped = ranked[most:]
+        if self.skipped:
+            self.not_played.append(f"ideal substitutes: {', '.join(self._names(self.skipped))}")
+        if len(self.substitutes) > 1:
+            self.not_played.append("several ideal substitutes at once")
+        return self._names(ranked[:most])
+
+    @property
+    def left(self) -> int:
+        """Episodes that may still be played."""
+        return max(self.budget - len(self.runner.used) - self.extra, 0)
 
     def _play(self, arms: Sequence[str], run_seed: int, episodes: int) -> None:
         self.runner.play([ArmOrder(a, self.arm(a), run_seed, range(episodes)) for a in arms])
@@ -168,15 +223,18 @@ class Experiment:
         seed, n = self.confirm_seed, self.confirm
         unchanged = self.successes(UNCHANGED, seed, n, scope)
         played = [one for one in (*self.substitutes, *self.pairs) if self._is_played(one.name)]
+        one_is_all = len(self.substitutes) == 1 and bool(played)
         whole = None
-        if self._is_played(EVERYTHING):
-            whole = self.successes(EVERYTHING, seed, n, scope)
+        if one_is_all or self._is_played(EVERYTHING):
+            whole = self.successes(played[0].name if one_is_all else EVERYTHING, seed, n, scope)
         return judged(
             unchanged,
             {one: self.successes(one.name, seed, n, scope) for one in played},
             level=self.level,
             part=self.part,
             everything=whole,
+            skipped=self.skipped,
+            budget=self.budget,
             rng=np.random.default_rng([11, self.seed]),
         )
 
@@ -197,6 +255,8 @@ class Experiment:
             or not isinstance(ideal, int | float)
         ):
             return None
+        if (substitute.name, self.search_seed, SEARCH - 1) not in self.runner.used:
+            return None
         unchanged = self.successes(UNCHANGED, self.search_seed, SEARCH, scope)
         cured = self.successes(substitute.name, self.search_seed, SEARCH, scope)
         rescued = (cured > unchanged).nonzero()[0].tolist()
@@ -204,11 +264,14 @@ class Experiment:
             return None
         good, bad = float(ideal), substitute.value
         is_whole = isinstance(ideal, int) and float(bad).is_integer()
-        for _ in range(steps):
+        for step in range(steps):
             middle = (good + bad) / 2
             middle = float(round(middle)) if is_whole else middle
             if middle in (good, bad):
                 break
+            if self.left < SEARCH:
+                self.not_played.append(f"settings between {substitute.value:g} and {ideal:g}")
+                return good if step else None
             one = weakened(substitute, int(middle) if is_whole else middle)
             self.runner.play(
                 [ArmOrder(one.name, one.applied(self.setup), self.search_seed, range(SEARCH))]
@@ -231,7 +294,8 @@ class Experiment:
         sound = self.successes(UNCHANGED, self.search_seed, SEARCH, scope).nonzero()[0]
         if not isinstance(change, Strong) or len(sound) <= SEARCH // 2:
             return None
-        if self.runner.spent + cost > self.budget:
+        if cost > self.left:
+            self.not_played.append(f"strengths of {perturbation.name}")
             return None
 
         def breaks(strength: float) -> bool:
@@ -279,12 +343,7 @@ class Experiment:
         return False
 
     def _is_played(self, arm: str) -> bool:
-        key = (arm, self.confirm_seed, self.confirm - 1)
-        return self.confirm > 0 and key in self.runner.outcomes
-
-    def _affords(self, episodes: int) -> bool:
-        arms = 2 + len(self.substitutes) + len(self.pairs)
-        return self.runner.spent + arms * (episodes - self.confirm) <= self.budget
+        return arm in self.confirmed and arm not in self.runner.broken
 
     @staticmethod
     def _names(substitutes: Sequence[IdealSubstitute]) -> list[str]:

@@ -14,9 +14,9 @@ import numpy as np
 from gamekeeper.contract import Contract
 from gamekeeper.contract.failure import Failure
 from gamekeeper.diagnosis.arms import SILENCE_S, ArmOrder, ArmRunner
-from gamekeeper.diagnosis.counterfactuals import counterfactuals, keep
+from gamekeeper.diagnosis.counterfactuals import KEPT, MOST, counterfactuals, keep
 from gamekeeper.diagnosis.diagnosis_result import AgentDiagnosis, Counterfactual, Diagnosis, Tested
-from gamekeeper.diagnosis.experiment import UNCHANGED, Experiment
+from gamekeeper.diagnosis.experiment import LEAST, UNCHANGED, Experiment
 from gamekeeper.diagnosis.judgement import (
     LEVEL,
     PART,
@@ -43,6 +43,7 @@ from gamekeeper.diagnosis.trials import (
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.outcome import LABELS, TEAM, Outcome, failed, failures, outcome_of
+from gamekeeper.errors import EvidenceError
 from gamekeeper.rollouts.executors.task import Executor
 from gamekeeper.rollouts.intervention import interventions
 from gamekeeper.runs.consent import evidence_of
@@ -92,7 +93,8 @@ def diagnose(
         level: the share of episodes that succeed where nothing is wrong.
         part: of the gap to the level that an ideal substitute has to close.
         seed: of the experiment; equal seeds give equal answers.
-        budget: episodes that may be played.
+        budget: most episodes that are played, 100 or more; `not_played` of the diagnosis names what
+            it didn't reach.
         perturbations: also play perturbations with what is left of the budget; None: where it fails
             beyond chance.
         workers: processes that play; 0: this one; or an executor that plays.
@@ -103,10 +105,18 @@ def diagnose(
         on_message: called with `{"episode", "episodes"}` as they are played.
     Raises:
         TrustError: the evidence names code that nobody allowed to run.
-        EvidenceError: it names no policies.
+        EvidenceError: it names no policies, or the budget is too small.
         ContractError: nothing says when an episode failed.
         RunError: there is no run, or another experiment lies in `out`.
     """
+    if budget < LEAST:
+        raise EvidenceError(
+            f"{budget} episodes are too few for a diagnosis",
+            where="budget",
+            expected=f"{LEAST} or more",
+            actual=str(budget),
+            fix=f"raise it (budget=, --budget); {BUDGET:,} is the default",
+        )
     evidence = evidence_of(run)
     declared = contract_of(evidence, contract)
     conditions = failures(declared, failed)
@@ -126,10 +136,11 @@ def diagnose(
             head={"run": evidence.fingerprint, "seed": seed, **played},
         )
         known = (setup, substitutes_of(setup, declared, seen), declared, conditions)
-        experiment = Experiment(*known, runner, level, part, budget, seed, evidence.fingerprint)
-        experiment.run()
-        wanted = experiment.fails if perturbations is None else perturbations
-        diagnosis = _diagnosis(evidence, experiment, seen, kinds if wanted else {}, recorded)
+        with runner:
+            experiment = Experiment(*known, runner, level, part, budget, seed, evidence.fingerprint)
+            experiment.run()
+            wanted = experiment.fails if perturbations is None else perturbations
+            diagnosis = _diagnosis(evidence, experiment, seen, kinds if wanted else {}, recorded)
         return diagnosis if folder is None else _kept(diagnosis, experiment, folder)
 
 
@@ -154,8 +165,11 @@ def _diagnosis(
     agents = _present(evidence, experiment, seen)
     doubts = contradictions(recorded, {s: experiment.fresh(s) for s in experiment.scopes})
     findings = {s: _doubted(experiment.finding(s), doubts.get(s)) for s in experiment.scopes}
+    found = _counterfactuals(evidence, experiment, findings, recorded)
+    repeated = experiment.extra
+    _reserve(experiment, findings)
     flips = _flips(experiment, findings)
-    perturbed, unperturbed = _perturbed(experiment, seen, kinds, agents)
+    perturbed = _perturbed(experiment, seen, kinds, agents)
     by_agent = {
         agent: _answer(
             agent,
@@ -165,24 +179,12 @@ def _diagnosis(
             seen,
             flips,
             perturbed,
-            unperturbed,
         )
         for agent in agents
     }
     team = None
     if TEAM in findings:
-        team = _answer(None, TEAM, findings, experiment, seen, flips, perturbed, unperturbed)
-    found: list[Counterfactual] = []
-    for scope, finding in findings.items():
-        if finding.substitutes:
-            found += counterfactuals(
-                evidence,
-                experiment.setup,
-                finding.substitutes,
-                contract=contract,
-                conditions=conditions,
-                scope=scope,
-            )
+        team = _answer(None, TEAM, findings, experiment, seen, flips, perturbed)
     return Diagnosis(
         run=str(evidence.path or "memory"),
         fingerprint=evidence.fingerprint,
@@ -192,10 +194,56 @@ def _diagnosis(
         counterfactuals=tuple(found),
         level=experiment.level,
         part=experiment.part,
-        episodes=experiment.runner.spent,
+        episodes=experiment.runner.spent + repeated,
         seed=experiment.seed,
         contradictions=doubts,
+        conditions={name: each.text for name, each in conditions.items()},
+        budget=experiment.budget,
+        not_played=tuple(experiment.not_played),
     )
+
+
+def _counterfactuals(
+    evidence: Evidence,
+    experiment: Experiment,
+    findings: Mapping[str, ScopeFinding],
+    recorded: Mapping[str, tuple[int, int]],
+) -> list[Counterfactual]:
+    """Counterfactuals of recorded episodes that failed, as many as the budget leaves room for."""
+    found: list[Counterfactual] = []
+    for scope, finding in findings.items():
+        if not finding.substitutes:
+            continue
+        wanted = min(MOST, recorded.get(scope, (0, 0))[0])
+        most = min(wanted, experiment.left // (1 + 2 * len(finding.substitutes)))
+        if most < wanted:
+            experiment.not_played.append(f"{wanted - most} of {wanted} counterfactuals of {scope}")
+        rows = counterfactuals(
+            evidence,
+            experiment.setup,
+            finding.substitutes,
+            contract=experiment.contract,
+            conditions=experiment.conditions,
+            scope=scope,
+            most=most,
+        )
+        mine = list(rows)
+        experiment.extra += 2 * len(mine) + len({row.episode for row in mine})
+        found += mine
+    return found
+
+
+def _reserve(experiment: Experiment, findings: Mapping[str, ScopeFinding]) -> None:
+    """Sets episodes aside that `_kept` plays again to record them, with a folder or without."""
+    restoring = {one.name for finding in findings.values() for one in finding.substitutes}
+    if not restoring:
+        return
+    arms = 1 + len(restoring)
+    experiment.recordings = min(KEPT, experiment.left // arms)
+    experiment.extra += experiment.recordings * arms
+    if experiment.recordings < KEPT:
+        left_out = f"{KEPT - experiment.recordings} of {KEPT} recordings of each arm that restores"
+        experiment.not_played.append(left_out)
 
 
 def _doubted(finding: ScopeFinding, doubt: Contradiction | None) -> ScopeFinding:
@@ -250,18 +298,17 @@ def _flips(experiment: Experiment, findings: Mapping[str, ScopeFinding]) -> dict
 
 def _perturbed(
     experiment: Experiment, seen: SetupTraits, kinds: Mapping[str, Any], agents: Sequence[str]
-) -> tuple[dict[PerturbationArm, Tested], int]:
-    """Effects of perturbations, as far as the budget goes, and the number left out."""
-    if not kinds or experiment.confirm < 1:
-        return {}, 0
+) -> dict[PerturbationArm, Tested]:
+    """Effects of perturbations, as far as the budget goes."""
+    if not kinds:
+        return {}
     runner, seed, n = experiment.runner, experiment.confirm_seed, min(experiment.confirm, FEWEST)
     wanted = list(perturbations_of(experiment.setup, experiment.contract, seen, kinds, agents))
-    known = [one for one in wanted if (one.name, seed, n - 1) in runner.outcomes]
-    rest = [one for one in wanted if one not in known]
-    left = max(experiment.budget - runner.spent, 0)
-    few = rest[: int(PERTURBED * left) // n]
+    few = wanted[: int(PERTURBED * experiment.left) // n]
+    if len(few) < len(wanted):
+        experiment.not_played.append(f"{len(wanted) - len(few)} of {len(wanted)} perturbations")
     runner.play([ArmOrder(one.name, one.setup, seed, range(n)) for one in few])
-    played = [one for one in (*known, *few) if one.name not in runner.broken]
+    played = [one for one in few if one.name not in runner.broken]
     arms = {one: runner.of(one.name, seed, range(n)) for one in played}
     rng = np.random.default_rng([12, experiment.seed])
     tested = _effects(runner.of(UNCHANGED, seed, range(n)), arms, rng=rng) if arms else {}
@@ -269,7 +316,7 @@ def _perturbed(
     for one, each in tested.items():
         if each.depends and each.effect < 0:
             tested[one] = replace(each, flips_at=experiment.breaks_at(one, scope))
-    return tested, len(rest) - len(few)
+    return tested
 
 
 def _effects(
@@ -310,7 +357,6 @@ def _answer(
     seen: SetupTraits,
     flips: Mapping[str, float],
     perturbed: Mapping[PerturbationArm, Tested],
-    unperturbed: int,
 ) -> AgentDiagnosis:
     """Answer for an agent, or for the team where there is none."""
     finding = findings[scope]
@@ -334,7 +380,7 @@ def _answer(
     if agent is None or finding.answer == "untested" or not concerned or agent in concerned:
         return found
     names = ", ".join(substitute.name for substitute in finding.substitutes)
-    why = f"what restores is {names}, which is not this agent's"
+    why = f"what restores success is {names}, which isn't this agent's"
     return replace(found, answer="untested", labels=(), why=why, substitutes=())
 
 
@@ -377,16 +423,26 @@ def _why_not(
 ) -> str:
     if handle is not None:
         broken = experiment.runner.broken.get(handle)
-        return broken or "the set-up doesn't fail beyond chance, or the budget was spent: --budget"
-    whom = "no agent has it" if agent is None else "this agent doesn't have it"
+        spent = f"the budget of {experiment.budget} episodes was spent"
+        sound = "the set-up doesn't fail more often than chance allows"
+        return broken or (spent if experiment.fails else sound)
     knobs = [name for name, knob in experiment.contract.knobs.items() if knob.label == label]
+    is_anothers = any(one.label == label for one in experiment.substitutes)
+    if is_anothers:
+        return "what could be made ideal isn't this agent's"
     if knobs:
-        return f"{', '.join(knobs)} is at its ideal already, or {whom}"
+        are = "is at its ideal" if len(knobs) == 1 else "are at their ideal"
+        return f"{_joined(knobs)} {are}"
     if label == "planning" and seen.has_reference:
         return "the reference policy plays already"
     if label == "planning":
-        return "the environment brings no reference policy"
+        return "the environment has no reference policy"
     return "the contract declares no knob with this label"
+
+
+def _joined(names: Sequence[str]) -> str:
+    *most, last = names
+    return f"{', '.join(most)} and {last}" if most else last
 
 
 def _is_of(substitute: IdealSubstitute, agent: str | None) -> bool:
@@ -397,8 +453,9 @@ def _kept(diagnosis: Diagnosis, experiment: Experiment, folder: Path) -> Diagnos
     """The diagnosis with runs of the unchanged rerun and of what restores, and its own file."""
     names = [*([diagnosis.team] if diagnosis.team else []), *diagnosis.agents.values()]
     wanted = list(dict.fromkeys(name for each in names for name in each.substitutes))
-    arms = [UNCHANGED, *wanted] if wanted else []
+    arms = [UNCHANGED, *wanted] if wanted and experiment.recordings else []
     runs: dict[str, str] = {}
+    played = 0
     for number, arm in enumerate(arms):
         place = folder / "runs" / f"{number}-{_file_name(arm)}"
         if not place.exists():
@@ -407,9 +464,11 @@ def _kept(diagnosis: Diagnosis, experiment: Experiment, folder: Path) -> Diagnos
                 place,
                 contract=experiment.contract,
                 run_seed=experiment.confirm_seed,
+                episodes=experiment.recordings,
             )
+            played += experiment.recordings
         runs[arm] = str(place)
-    diagnosis = replace(diagnosis, runs=runs)
+    diagnosis = replace(diagnosis, runs=runs, episodes=diagnosis.episodes + played)
     text = json.dumps(diagnosis.to_json(), indent=2, ensure_ascii=False)
     (folder / RESULT).write_text(text + "\n", encoding="utf-8")
     return diagnosis

@@ -84,6 +84,8 @@ def judged(
     level: float = LEVEL,
     part: float = PART,
     everything: Successes | None = None,
+    skipped: Sequence[IdealSubstitute] = (),
+    budget: int | None = None,
     rng: Generator,
 ) -> ScopeFinding:
     """The answer that fresh seeds give.
@@ -94,6 +96,8 @@ def judged(
         level: the declared share of successes.
         part: of the gap to it that an ideal substitute has to close.
         everything: all ideal substitutes at once, on the same seeds.
+        skipped: ideal substitutes that weren't played, as the budget was spent.
+        budget: episodes that could be played.
         rng: for intervals that are drawn.
     """
     share = wilson(int(unchanged.sum()), len(unchanged))
@@ -101,33 +105,64 @@ def judged(
     tried = _tried(unchanged, arms, level, part, rng)
     if not is_failing(unchanged, level):
         why = (
-            f"it succeeds in {share.p:.0%} of fresh episodes (95 %: {share.low:.0%} to "
-            f"{share.high:.0%}), which doesn't fall short of the declared {level:.0%}"
+            f"{share.p:.0%} of new episodes succeed (95 % interval {share.low:.0%} to "
+            f"{share.high:.0%}), which isn't surely less than the expected {level:.0%}"
         )
         return ScopeFinding("untested", (), (), tried, success, why)
     least = _least(tried)
     singles = [one for one in least if "+" not in one.substitute.label]
     if singles:
-        return _of_singles(singles, tried, success)
+        return _of_singles(singles, tried, success, skipped)
     better = [one for one in least if _beats_its_parts(one, arms, rng)]
     if better:
         return _of_pairs(better, tried, success)
     if least:
-        why = "a pair restores, and one of its parts may do as well: more episodes would tell"
+        why = (
+            "a pair restores success, and one of its parts may do as well: more episodes would tell"
+        )
         labels = _labels([one.substitute for one in least])
         return ScopeFinding(
             "compatible", labels, tuple(o.substitute for o in least), tried, success, why
         )
     if everything is not None and recovered(unchanged, everything, level) >= part:
         labels = _labels(arms)
-        why = "all ideal substitutes at once restore, and no single one or pair does"
-        return ScopeFinding("compatible", labels, (), tried, success, why)
-    why = "no ideal substitute restores, nor do all at once: the cause has no handle that was tried"
-    if not arms:
         why = (
-            "there is no handle to try: no knob is away from its ideal, no reference policy is left"
+            "all ideal substitutes at once restore success, and no single one or pair that was "
+            "played does"
         )
-    return ScopeFinding("untested", (), (), tried, success, why)
+        return ScopeFinding("compatible", labels, (), tried, success, why)
+    return ScopeFinding(
+        "untested", (), (), tried, success, _why_none(arms, everything, skipped, budget)
+    )
+
+
+def _why_none(
+    arms: Mapping[IdealSubstitute, Successes],
+    everything: Successes | None,
+    skipped: Sequence[IdealSubstitute],
+    budget: int | None,
+) -> str:
+    """Reason why no cause is named although the set-up fails."""
+    if skipped:
+        played = f"none of {len(arms)} that were played restores success" if arms else "none was"
+        return (
+            f"the budget of {budget} episodes was spent before every ideal substitute was played, "
+            f"and {played}"
+        )
+    if not arms:
+        return (
+            "there is no ideal substitute to play: every knob is at its ideal, and no reference "
+            "policy is left"
+        )
+    if everything is None:
+        return (
+            "no single ideal substitute restores success, and the budget was spent before several "
+            "at once were played"
+        )
+    return (
+        "no ideal substitute restores success, nor do all at once: the cause is nothing that could "
+        "be made ideal"
+    )
 
 
 def _tried(
@@ -182,15 +217,25 @@ def _beats_its_parts(
 
 
 def _of_singles(
-    least: Sequence[Tried], tried: tuple[Tried, ...], success: tuple[float, float, float]
+    least: Sequence[Tried],
+    tried: tuple[Tried, ...],
+    success: tuple[float, float, float],
+    skipped: Sequence[IdealSubstitute],
 ) -> ScopeFinding:
     substitutes = tuple(one.substitute for one in least)
     labels = _labels(substitutes)
     names = ", ".join(substitute.name for substitute in substitutes)
+    rivals = [one for one in skipped if not any(_is_within(each, one) for each in substitutes)]
+    if rivals:
+        why = (
+            f"{names} restores success, and {len(rivals)} other ideal substitutes weren't played, "
+            "as the budget was spent: they may restore it too"
+        )
+        return ScopeFinding("compatible", labels, substitutes, tried, success, why)
     if len(labels) == 1:
-        why = f"with {names} episodes succeed, and with nothing else that was tried"
+        why = f"{names} restores success, and no other ideal substitute that was played does"
         return ScopeFinding("isolated", labels, substitutes, tried, success, why)
-    why = f"with each of {names} episodes succeed, so they can't be told apart"
+    why = f"each of {names} restores success, so these causes can't be told apart"
     return ScopeFinding("compatible", labels, substitutes, tried, success, why)
 
 
@@ -202,9 +247,9 @@ def _of_pairs(
     labels = _labels(substitutes)
     names = "; ".join(substitute.name for substitute in substitutes)
     if len(substitutes) == 1:
-        why = f"{names}: both together restore, neither does alone"
+        why = f"{names}: both together restore success, neither does alone"
         return ScopeFinding("joint", labels, substitutes, tried, success, why)
-    why = f"several pairs restore ({names}), so they can't be told apart"
+    why = f"several pairs restore success ({names}), so these causes can't be told apart"
     return ScopeFinding("compatible", labels, substitutes, tried, success, why)
 
 

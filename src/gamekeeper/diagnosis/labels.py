@@ -154,11 +154,11 @@ def _check(evidence: Evidence, found: Labelled) -> None:
     agents: Sequence[Any] = evidence.manifest.get("agents") or ()
     if found.agent is not None and found.agent not in map(str, agents):
         raise EvidenceError(
-            f"nobody in the run is called {found.agent!r}",
+            f"the run has no agent {found.agent!r}",
             where="agent",
-            expected=", ".join(map(str, agents)),
+            expected=f"one of {', '.join(map(str, agents))}",
             actual=found.agent,
-            fix="name one of these agents",
+            fix="name an agent of the run",
         )
     turns = {row["episode"]: row["turns"] for row in evidence.episode_table.to_pylist()}
     if found.episode is not None and found.episode not in turns:
@@ -169,15 +169,24 @@ def _check(evidence: Evidence, found: Labelled) -> None:
             actual=str(found.episode),
             fix="name an episode of the run",
         )
-    if found.turn is not None and (
-        found.episode is None or not 0 <= found.turn <= (turns[found.episode] or 0)
-    ):
+    if found.turn is None:
+        return
+    if found.episode is None:
         raise EvidenceError(
-            "a turn is one of an episode",
+            "a turn needs its episode",
             where="turn",
-            expected="a turn of the episode that is named",
+            expected="an episode beside it",
+            actual=f"turn {found.turn} alone",
+            fix="name the episode too",
+        )
+    last = turns[found.episode] or 0
+    if not 0 <= found.turn <= last:
+        raise EvidenceError(
+            f"episode {found.episode} has no turn {found.turn}",
+            where="turn",
+            expected=f"0 to {last}",
             actual=str(found.turn),
-            fix="name the episode too" if found.episode is None else "",
+            fix=f"name a turn from 0 to {last}, or another episode",
         )
 
 

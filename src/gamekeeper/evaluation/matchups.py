@@ -102,9 +102,17 @@ def seats_of(spec: Spec, environment: str, look: Inspection) -> tuple[str, ...]:
             where=f"crossplay.roles, {environment}",
             expected=f"at least two of {', '.join([*roles, *agents, EVERYONE])}, for everybody",
             actual=", ".join(asked) or "none",
-            fix=f"name a seat for {', '.join(seatless)}, or '*'" if seatless else "",
+            fix=_seats_fix(seatless, strange),
         )
     return asked
+
+
+def _seats_fix(seatless: Sequence[str], strange: Sequence[str]) -> str:
+    if strange:
+        return f"take {', '.join(strange)} out, or name a role or an agent of the environment"
+    if seatless:
+        return f"name a seat for {', '.join(seatless)}, or '*'"
+    return "name one seat more; '*' stands for all other agents"
 
 
 def crossed(
