@@ -1,0 +1,85 @@
+"""Two faults at once: each faulty environment, with actions that slip by a generator nobody seeded.
+
+    python -m benchmarks.two_faults [--every 3] [--json FILE]
+
+An audit is right where it gives the planted fault and the slip (GK601) as two causes. Environments
+whose own fault is one of seeds are left out, as the slip is another of the same kind.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gamekeeper.auditing.audit_process import audit
+from tests.faults import environments
+from tests.faults.rovers import Rovers
+
+SLIP = 0.1
+WORKERS = 2
+
+
+class Slips:
+    """One action in ten is replaced by standing still, in no seed's hand."""
+
+    def drive(self, agent: str, action: int) -> None:
+        """Slips now and then."""
+        slips = np.random.default_rng().random() < SLIP
+        super().drive(agent, 0 if slips else action)  # type: ignore[misc]  # a mixin
+
+
+def _both() -> dict[str, tuple[str, ...]]:
+    """Names of environments in this module, each with the checks of its planted fault."""
+    found = {}
+    for name, each in environments().items():
+        if not issubclass(each.env, Rovers) or any(id.startswith("GK60") for id in each.checks):
+            continue
+        if each.checks and each.declared is None:
+            globals()[f"{name}Slips"] = type(f"{name}Slips", (Slips, each.env), {})
+            found[f"{name}Slips"] = each.checks
+    return found
+
+
+BOTH = _both()
+
+
+def judged(name: str, budget: int) -> dict[str, Any]:
+    """The causes and the consequences that the audit of one of them gives."""
+    failed = audit(f"{__spec__.name}:{name}", budget=budget).failed
+    causes = [each.id for each in failed if each.follows_from is None]
+    return {
+        "name": name,
+        "planted": [*BOTH[name], "GK601"],
+        "causes": causes,
+        "consequences": [each.id for each in failed if each.follows_from is not None],
+        "both": set(causes) >= {*BOTH[name], "GK601"},
+        "only_both": set(causes) == {*BOTH[name], "GK601"},
+    }
+
+
+def main() -> None:
+    """Audits them, and prints what wasn't found and how many were."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--every", type=int, default=1, help="audit every n-th (default: 1)")
+    parser.add_argument("--budget", type=int, default=3_000, help="env steps (default: 3000)")
+    parser.add_argument("--json", type=Path, help="file for the results (default: none)")
+    asked = parser.parse_args()
+    names = list(BOTH)[:: asked.every]
+    with ThreadPoolExecutor(WORKERS) as pool:
+        rows = list(pool.map(lambda name: judged(name, asked.budget), names))
+    for row in rows:
+        if not row["only_both"]:
+            print(f"{row['name']}: planted {row['planted']}, causes {row['causes']}")
+    both, only = (sum(row[key] for row in rows) for key in ("both", "only_both"))
+    print(f"{len(rows)} environments: both causes in {both}, nothing else in {only}")
+    if asked.json:
+        asked.json.write_text(json.dumps(rows, indent=1))
+
+
+if __name__ == "__main__":
+    main()
