@@ -49,7 +49,7 @@ def test_measured_of_nothing_has_every_field() -> None:
 
 def test_measured_names_its_probes() -> None:
     """The audit gathers what the measurement reads."""
-    assert set(PROBES) == {"rollout", "order", "influence"}
+    assert set(PROBES) == {"rollout", "order", "influence", "same_seed"}
 
 
 def test_measured_parallel_game(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -20,7 +20,7 @@ LIMIT_S: Final = 300.0
 AT_ONCE: Final = 2
 """Programs that run beside each other."""
 NOT_SHOWN: Final = ("SyntaxError", "NameError", "ImportError", "ModuleNotFoundError")
-"""What a program raises where it can't run at all; this shows nothing of the environment."""
+"""Exceptions of a program that can't run at all; they show nothing of the environment."""
 FLAKY: Final = "its reproducer doesn't fail in every fresh process"
 NOT_RUN: Final = "the audit ended before its reproducer was run"
 UNSTABLE: Final = "its reproducer fails without the trigger too: the same play differs by itself"
@@ -62,7 +62,7 @@ class Confirmation:
         return self.until_s is not None and time.monotonic() > self.until_s
 
     def failures(self, program: str) -> tuple[int, int]:
-        """How many fresh processes failed, and how many were tried, up to the first that passed."""
+        """Numbers of processes that failed and that were tried, up to the first that passed."""
         failed = 0
         with ThreadPoolExecutor(AT_ONCE) as pool:
             for start in range(0, TRIES, AT_ONCE):

@@ -1,4 +1,4 @@
-"""What holds a cause still, as Python that a reproducer begins with.
+"""Causes held still, by Python that stands at the head of a reproducer.
 
 Each function takes the `make` of a reproducer and returns one that builds the same environment with
 one cause held still. Its source stands at the head of the program, so it names nothing of ours.

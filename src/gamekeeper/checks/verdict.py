@@ -45,7 +45,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Reproduced:
-    """How a reproducer fared in fresh processes.
+    """Outcome of a reproducer in fresh processes.
 
     Attributes:
         failed: number of processes in which it failed.
@@ -91,7 +91,7 @@ class Verdict:
         failed: how many of these cases failed.
         findings: the first places, the shortest ways to see them first.
         reason: why it is suspected, not exercised, not applicable, waived or an error.
-        reproduced: how the reproducers fared in fresh processes; None: they weren't run.
+        reproduced: outcome of the first reproducer in fresh processes; None: they weren't run.
         follows_from: the cause of which this is a consequence; None: it is a cause.
     """
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -79,7 +79,8 @@ SecondsOption = Annotated[
         "--seconds",
         metavar="S",
         min=1.0,
-        help="Seconds after which the audit ends with what it knows by then (default: no limit).",
+        help="Time after which the audit ends with what it knows by then, in seconds "
+        "(default: no limit).",
     ),
 ]
 SelectOption = Annotated[
@@ -164,8 +165,8 @@ def command(
     Probes play the environment in many ways in a process of its own; checks judge what was
     recorded. Each failed check names a place, a fix and a program that shows it, and that failed in
     five fresh processes; otherwise the check is suspected. Waive a finding with a reason in the
-    contract: [waivers] GK503 = "...". Several environments or seeds are
-    audited in parallel, and the worst exit code counts.
+    contract: [waivers] GK503 = "...". Several environments or seeds are audited in parallel, and
+    the worst exit code counts.
 
     Exit code 0: no check failed. 1: a check failed. 2: the audit has no answer.
 
@@ -183,27 +184,20 @@ def command(
         "memory_mb": memory,
     }
     files: dict[str, Any] = {"out": out, "junit": junit, "sarif": sarif}
+    exits: dict[str, Any] = {"fail_on": fail_on, "strict": strict}
     if len(env) > 1 or seeds > 1:
         documents = audit_many(
             screen, env, range(seed, seed + seeds), workers=workers, executor=executor, **asked
         )
-        show_audits(screen, documents)
         if timings:
             screen.note("note: --timings has no effect on several audits; --json has the timings")
-        write_audits(screen, documents, **files)
-        if len(documents) < len(set(env)) * seeds:
-            screen.error(
-                f"interrupted: {len(documents)} of {len(set(env)) * seeds} audits were done"
-            )
-            return CommandResult({"audits": documents}, INTERRUPTED)
-        codes = [audit_code_of(each, fail_on=fail_on, strict=strict) for each in documents]
-        return CommandResult({"audits": documents}, worst_code(codes))
-    from gamekeeper.auditing.audit_process import AuditInterruptedError
-
+        return _several(screen, documents, files, exits, count=len(set(env)) * seeds)
     code = None
     try:
         document = audit_with_progress(screen, env[0], seed=seed, **asked).to_json()
-    except AuditInterruptedError as interrupted:
+    except KeyboardInterrupt as interrupted:
+        if not hasattr(interrupted, "result"):  # before anything was known
+            raise
         document, code = interrupted.result.to_json(), INTERRUPTED
     show_audit(screen, document)
     if timings:
@@ -212,9 +206,26 @@ def command(
         screen.show(f"\n{timings_text(document, width=screen.width)}")
     say_not_exercised(screen, document)
     _write(screen, document, **files)
-    if code is None:
-        code = audit_code(document, fail_on=fail_on, strict=strict)
-    return CommandResult(document, code)
+    return CommandResult(document, audit_code(document, **exits) if code is None else code)
+
+
+def _several(
+    screen: Screen,
+    documents: Sequence[Mapping[str, Any]],
+    files: Mapping[str, Any],
+    exits: Mapping[str, Any],
+    *,
+    count: int,
+) -> CommandResult:
+    """Shows and writes the audits that were done, of `count` that were asked for."""
+    show_audits(screen, documents)
+    write_audits(screen, documents, **files)
+    if len(documents) < count:
+        screen.error(f"interrupted: {len(documents)} of {count} audits were done")
+        return CommandResult({"audits": documents}, INTERRUPTED)
+    return CommandResult(
+        {"audits": documents}, worst_code([audit_code_of(each, **exits) for each in documents])
+    )
 
 
 def _write(
