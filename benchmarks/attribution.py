@@ -101,7 +101,7 @@ def case(kind: str, number: int) -> dict[str, Any]:
         env=spec,
         policies=policies,
         seed=number,
-        papers=BUMPS if kind == "wrong" else PAPERS,
+        action_episodes=BUMPS if kind == "wrong" else PAPERS,
         episodes=0 if kind == "wrong" else None,
     )
     wrong = [[each.agent, each.term, dict(each.by)] for each in found.wrong_penalties]

@@ -55,7 +55,7 @@ COMMANDS: Final[dict[str, tuple[str, ...]]] = {
     "replay": ("replay", "line"),
     "audit": ("audit", TASK, "--quick"),
     "diagnose": ("diagnose", "line", "--budget", "200"),
-    "attribute": ("attribute", "line", "--episodes", "2", "--papers", "1"),
+    "attribute": ("attribute", "line", "--episodes", "2", "--action-episodes", "1"),
     "evaluate": (
         "evaluate",
         TASK,

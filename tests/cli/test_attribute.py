@@ -7,7 +7,7 @@ import pytest
 import gamekeeper as gk
 from tests.cli.lines import LINE, document, said
 
-FEW = ("--episodes", "2", "--papers", "2")
+FEW = ("--episodes", "2", "--action-episodes", "2")
 
 
 @pytest.fixture

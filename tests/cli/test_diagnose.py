@@ -34,8 +34,11 @@ def test_diagnose_tells_every_agent_and_keeps_what_it_did(
     """Exit code 0; a folder beside the run, labels in its annotations, lines of 80 columns."""
     code, out, _ = said(capfd, "diagnose", str(run), *QUICK)
     assert code == 0
-    assert "giver_0  isolated: timing" in out
-    assert "receiver_0  untested: no cause named" in out
+    assert "The cause is timing (isolated): latency[giver_0] = 0 restores success" in out
+    assert "giver_0: as for the team" in out
+    assert "receiver_0: no cause is named" in out
+    assert "An episode counts as failed if undelivered > 0" in out
+    assert "Failed: 3 of 3 recorded episodes, and 64 of 64 new ones" in out
     assert max(map(len, out.replace(str(run), "r").splitlines())) <= 80
     assert (run.with_name("r-diagnosis") / "diagnosis.json").is_file()
     code, found = document(capfd, "label", str(run))

@@ -99,7 +99,7 @@ def test_report_finds_the_attribution(tmp_path: Path, capsys: Capture) -> None:
     run, out = tmp_path / "run", tmp_path / "page.html"
     line = ("rollout", "two_robot_line", "--policy", "reference", "--episodes", 3, "--out", run)
     said(capsys, *line)
-    _, told = document(capsys, "attribute", run, "--episodes", 0, "--papers", 1)
+    _, told = document(capsys, "attribute", run, "--episodes", 0, "--action-episodes", 1)
     assert [note["document"] for note in read_notes(run)] == [told]
     said(capsys, "report", run, "--out", out)
     page = out.read_text(encoding="utf-8")

@@ -124,7 +124,7 @@ def test_a_shared_policy_that_failed_fails_again(folder: Path) -> None:
 def test_attribution_plays_one_object_for_both(folder: Path) -> None:
     """Fresh episodes of an attribution pay what the recorded ones did."""
     evidence = recorded("alternating.py:Alternating")
-    assert gk.attribute(evidence, episodes=5, papers=0).everyone == 0.0
+    assert gk.attribute(evidence, episodes=5, action_episodes=0).everyone == 0.0
 
 
 def test_a_contradiction_is_said_first_and_is_no_all_clear(
@@ -147,7 +147,7 @@ def test_a_contradiction_is_said_first_and_is_no_all_clear(
         assert "no all-clear" in text
     shown = diagnosis_text(json.loads(json.dumps(fair.to_json())), width=80)
     assert shown.startswith("Contradiction  team: 20 of 20 recorded episodes failed and 0 of 64")
-    assert "doesn't fall short" not in shown
+    assert "isn't surely less than" not in shown
     line = ["diagnose", "run", "--failed", FAILED, "--policy", "first-legal", "--budget", "100"]
     code = run_line([*line, "--no-perturbations", "--workers", "0", "--allow-import"])
     assert code == 2

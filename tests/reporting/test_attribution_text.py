@@ -1,6 +1,6 @@
 """An attribution as text: what is found is said, what isn't leaves no heading."""
 
-from gamekeeper.reporting.diagnosis_text import attribution_text
+from gamekeeper.reporting.attribution_text import attribution_text
 
 
 def _measured(value, half=1.0):
@@ -29,6 +29,8 @@ def _document(**given):
         "run": "runs/x",
         "episodes": 2,
         "fresh": 50,
+        "recorded": 20,
+        "replayed": 5,
         "loop": "closed",
         "baseline": "noop",
         "team": {"all": 9.0, "none": 1.0, "shapley": "exact"},
@@ -43,10 +45,32 @@ def _document(**given):
 
 def test_attribution_text_has_intervals_and_counts() -> None:
     """An interval where there is one, else how many episodes; a dash for what isn't known."""
-    text = attribution_text(_document(), width=80)
-    assert "a_0    2           50%    -     3 (2 to 4)  4 (n = 50)  -" in text
+    turn = {"one": _measured(1.0), "all": None}
+    text = attribution_text(_document(agents={"a_0": _agent(turn=turn)}), width=80)
+    assert "a_0    2           50%    -" in text
+    assert "a_0    3 (2 to 4)  4 (n = 50)" in text
+    assert "a_0    1 (0 to 2)  -" in text
     assert "return is 9" in text
     assert not any(word in text for word in ("Lazy", "Influence", "Penalties", "Not tested"))
+
+
+def test_attribution_text_has_a_group_for_each_way_of_measuring() -> None:
+    """Recorded, with agents replaced, with actions replaced; each with its episodes and words."""
+    turn = {"one": _measured(1.0), "all": _measured(2.0)}
+    text = attribution_text(_document(agents={"a_0": _agent(turn=turn)}), width=80)
+    recorded, agents, actions = text.split("\n\n")
+    assert recorded.startswith("Recorded run: 20 episodes, nothing replaced")
+    assert "own return:" in recorded
+    assert "idle -: the contract declares no noop" in recorded
+    assert "share -" not in recorded
+    assert agents.startswith("Agents replaced: 50 new episodes")
+    assert "difference: mean team return that is lost if the baseline plays" in agents
+    assert "Shapley value: what the agent adds" in agents
+    assert "n: number of episodes, too few for a confidence interval" in agents
+    assert "2 recorded and 3 new episodes" in " ".join(actions.split())
+    assert "one action  all actions" in actions
+    assert "1 (0 to 2)  2 (1 to 3)" in actions
+    assert "own return" not in agents + actions
 
 
 def test_attribution_text_tells_what_was_found() -> None:
@@ -89,7 +113,7 @@ def test_attribution_text_tells_what_was_found() -> None:
         width=100,
     )
     assert "a_0: it waits" in text
-    assert "a_0   b_0  reward  1            50% (40% to 60% of 90)" in text
+    assert "a_0   b_0  reward  1            50% (40% to 60%)  90" in text
     assert text.count("a_0 gets bump for actions of b_0") == 1
     assert "first in episode 3 (seed 7), turn 5: -0.25" in " ".join(text.split())
     assert "b_0 acts differently in 90% of 40 tests" in text

@@ -15,8 +15,8 @@ from gamekeeper.cli._screen import CommandResult, Screen, document_text
 from gamekeeper.errors import RunError
 
 ORDER: Final = 56
-PAPERS: Final = 50
-"""As `contributions.PAPERS` has it; importing that loads numpy, help doesn't."""
+ACTION_EPISODES: Final = 50
+"""As `contributions.ACTION_EPISODES` has it; importing that loads numpy, help doesn't."""
 KIND: Final = "attribution"
 MOST_BYTES: Final = 16 << 20
 """Largest document that is stored among a run's annotations."""
@@ -36,17 +36,19 @@ FreshOption = Annotated[
         metavar="N",
         min=0,
         max=_options.MOST,
-        help="Episodes with an agent replaced (default: 50; with fewer, no confidence intervals).",
+        help="New episodes with agents replaced (default: 50; with fewer, no confidence "
+        "intervals).",
     ),
 ]
-PapersOption = Annotated[
+ActionEpisodesOption = Annotated[
     int,
     typer.Option(
-        "--papers",
+        "--action-episodes",
         metavar="N",
         min=0,
         max=_options.MOST,
-        help="Episodes in which single actions are replaced.",
+        help="Episodes that are played again with actions of one agent replaced, while the others "
+        "repeat theirs: recorded ones first, then new ones.",
     ),
 ]
 
@@ -56,7 +58,7 @@ def command(
     run: _options.RunArgument,
     baseline: BaselineOption = "noop",
     episodes: FreshOption = None,
-    papers: PapersOption = PAPERS,
+    action_episodes: ActionEpisodesOption = ACTION_EPISODES,
     contract: _options.ContractOption = None,
     policy: _options.PolicyOption = None,
     env: _options.ReopenOption = None,
@@ -68,15 +70,16 @@ def command(
 ) -> CommandResult:
     """Measures each agent's contribution: difference rewards, Shapley values, influence.
 
-    Plays new episodes with an agent replaced by a baseline policy, and replaces single actions
-    in episodes in which the others act as recorded. Shows reward by term, lazy and harmful
-    agents, the effect of messages, and penalties that another agent caused.
+    Plays new episodes in which a baseline policy replaces agents and the others react, and
+    episodes in which the actions of one agent are replaced and the others repeat theirs. Shows
+    the return of each agent, what the team loses without it, lazy agents, the effect of actions
+    and messages on other agents, and penalties that another agent caused.
 
     Example: gamekeeper attribute runs/warehouse-1 --policy reference
     """
     from gamekeeper.diagnosis.attribution.contributions import attribute
     from gamekeeper.interface.policy import parse_choices
-    from gamekeeper.reporting.diagnosis_text import attribution_text
+    from gamekeeper.reporting.attribution_text import attribution_text
 
     with (
         players_of(executor, workers or 1, asked=workers) as players,
@@ -87,7 +90,7 @@ def command(
             contract=contract,
             baseline=baseline,
             episodes=episodes,
-            papers=papers,
+            action_episodes=action_episodes,
             policies=parse_choices(policy) if policy else None,
             env=env,
             seed=seed,

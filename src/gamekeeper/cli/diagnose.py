@@ -188,7 +188,7 @@ def command(
     propose(run, found, by=f"gamekeeper diagnose {__version__}")
     screen.show(diagnosis_text(document, width=screen.width))
     if found.runs:
-        screen.show(f"\nCounterfactuals  {folder / 'runs'}")
+        screen.show(f"\nRecordings  {folder / 'runs'}")
     if save_case is not None:
         _save(screen, found, run, save_case, failed)
     return CommandResult(document, diagnosis_code(found))

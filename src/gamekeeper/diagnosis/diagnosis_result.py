@@ -127,6 +127,7 @@ class Diagnosis:
         agents: an answer for each agent.
         team: the answer for the team as a whole; None where no condition is the team's.
         recorded: by scope, how many of the recorded episodes failed, and of how many.
+        fresh: the same of the new episodes with nothing changed.
         counterfactuals: where failing episodes and their restored counterfactuals part.
         level, part: the declared share of successes, and what part of the gap restores.
         episodes: how many were played, counterfactuals and recordings among them.
@@ -142,6 +143,7 @@ class Diagnosis:
     agents: Mapping[str, AgentDiagnosis]
     team: AgentDiagnosis | None
     recorded: Mapping[str, tuple[int, int]]
+    fresh: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     counterfactuals: tuple[Counterfactual, ...] = ()
     level: float = 0.9
     part: float = 0.7
@@ -169,10 +171,8 @@ class Diagnosis:
             },
             "agents": {name: each.to_json() for name, each in self.agents.items()},
             "team": None if self.team is None else self.team.to_json(),
-            "recorded": {
-                scope: {"failed": failed, "episodes": of}
-                for scope, (failed, of) in self.recorded.items()
-            },
+            "recorded": _counts(self.recorded),
+            "fresh": _counts(self.fresh),
             "counterfactuals": [each.to_json() for each in self.counterfactuals],
             "level": self.level,
             "part": self.part,
@@ -226,3 +226,7 @@ class Diagnosis:
             for scope, each in self.contradictions.items()
         )
         return f"{told}<table><thead><tr>{heading}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _counts(by_scope: Mapping[str, tuple[int, int]]) -> dict[str, dict[str, int]]:
+    return {scope: {"failed": bad, "episodes": of} for scope, (bad, of) in by_scope.items()}

@@ -270,7 +270,9 @@ class Experiment:
             if middle in (good, bad):
                 break
             if self.left < SEARCH:
-                self.not_played.append(f"settings between {substitute.value:g} and {ideal:g}")
+                self.not_played.append(
+                    f"settings between {substitute.name} and {substitute.value:g}"
+                )
                 return good if step else None
             one = weakened(substitute, int(middle) if is_whole else middle)
             self.runner.play(

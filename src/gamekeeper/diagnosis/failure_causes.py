@@ -163,7 +163,8 @@ def _diagnosis(
 ) -> Diagnosis:
     contract, conditions = experiment.contract, experiment.conditions
     agents = _present(evidence, experiment, seen)
-    doubts = contradictions(recorded, {s: experiment.fresh(s) for s in experiment.scopes})
+    fresh = {scope: experiment.fresh(scope) for scope in experiment.scopes}
+    doubts = contradictions(recorded, fresh)
     findings = {s: _doubted(experiment.finding(s), doubts.get(s)) for s in experiment.scopes}
     found = _counterfactuals(evidence, experiment, findings, recorded)
     repeated = experiment.extra
@@ -191,6 +192,7 @@ def _diagnosis(
         agents=by_agent,
         team=team,
         recorded=recorded,
+        fresh=fresh,
         counterfactuals=tuple(found),
         level=experiment.level,
         part=experiment.part,

@@ -1,41 +1,41 @@
-"""A diagnosis or an attribution as text: answers by agent, tests that were made, and the others."""
+"""A diagnosis as text: the judged condition, the answer, the agents, and what was played for it."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from gamekeeper.reporting.results_text import table_lines
-from gamekeeper.reporting.text_columns import columns_of, filled, wrapped
+from gamekeeper.reporting.results_text import few, table_lines
+from gamekeeper.reporting.text_columns import wrapped
 
 INDENT: Final = "  "
+TEAM: Final = "team"
+EACH: Final = "agent"
+"""Scope of a condition that stands for each agent by itself."""
 MOST: Final = 12
-"""Interventions that are shown for an agent; the document has all of them."""
+"""Interventions that are shown of a kind; the document has all of them."""
+FIELDS: Final = {"obs": "observation"}
+"""Names of fields in words, where they are others."""
 
 
 def diagnosis_text(document: Mapping[str, Any], *, width: int) -> str:
-    """The team first, then every agent; agents with the same answer are shown together.
+    """The answer for the team first; what holds for all agents is said once.
 
     Args:
         document: a diagnosis as plain data.
         width: columns that no line exceeds.
     """
-    blocks = [*_contradictions(document, width), _head(document, width)]
-    if document["team"] is not None:
-        blocks.append(_one("team", document["team"], width))
-    groups: dict[str, list[str]] = {}
-    for name, found in document["agents"].items():
-        groups.setdefault(_key(found), []).append(name)
-    for names in groups.values():
-        found = document["agents"][names[0]]
-        if document["team"] is not None and _key(found) == _key(document["team"]):
-            title = f"{', '.join(names)}  {_verdict(found)}, like the team"
-            blocks.append("\n".join(wrapped(title, width, rest=INDENT)))
-        else:
-            blocks.append(_one(", ".join(names), found, width))
-    if document["counterfactuals"]:
-        blocks.append(_counterfactuals(document["counterfactuals"], width))
-    return "\n\n".join(blocks)
+    blocks = [
+        *_contradictions(document, width),
+        _head(document, width),
+        *_scopes(document, width),
+        _agents(document, width),
+        _perturbations(document, width),
+        _not_tested(document, width),
+        _not_played(document, width),
+        _counterfactuals(document["counterfactuals"], width),
+    ]
+    return "\n\n".join(block for block in blocks if block)
 
 
 def _contradictions(document: Mapping[str, Any], width: int) -> Iterator[str]:
@@ -46,60 +46,149 @@ def _contradictions(document: Mapping[str, Any], width: int) -> Iterator[str]:
 
 
 def _head(document: Mapping[str, Any], width: int) -> str:
-    counts = [
-        f"{each['failed']} of {each['episodes']} episodes failed for {scope}"
-        for scope, each in document["recorded"].items()
-    ]
     text = (
-        f"Diagnosed  {document['run']}: {'; '.join(counts)}. {document['episodes']} new episodes "
-        f"played, seed {document['seed']}."
+        f"Diagnosed  {document['run']}: {document['episodes']:,} episodes played "
+        f"(at most {document['budget']:,}), seed {document['seed']}."
     )
     return "\n".join(wrapped(text, width, rest=INDENT))
 
 
-def _key(found: Mapping[str, Any]) -> str:
-    """Equal for agents that are shown together, as their results are the same."""
-    own = [each for each in found["tested"] if each["kind"] == "perturbation"]
-    return repr((found["answer"], found["labels"], found["why"], found["scope"], own and id(found)))
+def _answers(document: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """The answers by name, the team's first."""
+    team = {TEAM: document["team"]} if document["team"] is not None else {}
+    return {**team, **document["agents"]}
 
 
-def _one(name: str, found: Mapping[str, Any], width: int) -> str:
-    lines = wrapped(f"{name}  {_verdict(found)}", width, rest=INDENT)
-    share = found["success"]
-    lines += wrapped(
-        f"{found['why']}. Successful unchanged episodes: {share['share']:.0%} "
-        f"(95 % interval {share['low']:.0%} to {share['high']:.0%}).",
-        width,
-        first=INDENT,
-        rest=INDENT,
+def _scopes(document: Mapping[str, Any], width: int) -> Iterator[str]:
+    """A block for each condition that was judged; scopes with the same block share it."""
+    groups: dict[str, list[str]] = {}
+    for scope in dict.fromkeys(each["scope"] for each in _answers(document).values()):
+        groups.setdefault("\n".join(_scope(document, scope, width)), []).append(scope)
+    for body, scopes in groups.items():
+        yield f"{_name(few(scopes))}\n{body}"
+
+
+def _name(scope: str) -> str:
+    return "Team" if scope == TEAM else scope
+
+
+def _of_scope(document: Mapping[str, Any], scope: str) -> Mapping[str, Any]:
+    """The answer for a scope: one that names a cause, if any does."""
+    mine = [each for each in _answers(document).values() if each["scope"] == scope]
+    return next((each for each in mine if each["labels"]), mine[0])
+
+
+def _scope(document: Mapping[str, Any], scope: str, width: int) -> Iterator[str]:
+    """Condition, number of failed episodes, answer, and effects of ideal substitutes."""
+    found = _of_scope(document, scope)
+    condition = document["conditions"].get(scope, document["conditions"].get(EACH, "?"))
+    yield from _lines(
+        f"An episode counts as failed if {condition}, or if an exception ends it.", width
     )
-    lines += _tested(found["tested"], width)
-    why: dict[str, list[str]] = {}
-    for each in found["not_tested"]:
-        why.setdefault(each["why"], []).append(each["label"])
-    for reason, labels in why.items():
-        text = f"not tested: {', '.join(labels)}: {reason}"
-        lines += wrapped(text, width, first=INDENT, rest=INDENT * 2)
+    share, fresh = found["success"], document["fresh"].get(scope, {"failed": 0, "episodes": 0})
+    recorded = document["recorded"].get(scope, {"failed": 0, "episodes": 0})
+    text = (
+        f"Failed: {recorded['failed']} of {recorded['episodes']} recorded episodes, and "
+        f"{fresh['failed']} of {fresh['episodes']} new ones with nothing changed. Success rate of "
+        f"the new ones: {share['share']:.0%} (95 % interval {share['low']:.0%} to "
+        f"{share['high']:.0%}), expected if nothing is wrong: {document['level']:.0%} (--level)."
+    )
+    yield from _lines(text, width)
+    yield from _lines(f"{answer_sentence(found)}.", width)
+    yield from _ideals(document, scope, width)
+
+
+def answer_sentence(found: Mapping[str, Any]) -> str:
+    """The answer with its reason, without a full stop: the cause, the causes, or none."""
+    labels = " and ".join(found["labels"])
+    begin = {
+        "isolated": f"The cause is {labels} (isolated)",
+        "joint": f"The causes are {labels} together (joint)",
+        "compatible": f"Possible causes: {labels} (compatible)",
+    }.get(found["answer"], "No cause is named")
+    return f"{begin}: {found['why']}"
+
+
+def _tested(document: Mapping[str, Any], kind: str, scope: str | None = None) -> list[Any]:
+    """The interventions of a kind that were played, each once."""
+    return list(
+        {
+            each["intervention"]: each
+            for found in _answers(document).values()
+            if scope in (None, found["scope"])
+            for each in found["tested"]
+            if each["kind"] == kind
+        }.values()
+    )
+
+
+def _ideals(document: Mapping[str, Any], scope: str, width: int) -> Iterator[str]:
+    ideals = _tested(document, "ideal", scope)
+    if not ideals:
+        return
+    ideals.sort(key=lambda each: not each.get("restores"))
+    restores = any(each.get("restores") for each in ideals)
+    text = (
+        "Ideal substitutes (one thing made ideal), and the change of the success rate with its "
+        "95 % interval; +1.00: from 0% to 100%."
+    )
+    if restores:
+        text += (
+            f" Restores: closes at least {document['part']:.0%} of the gap to "
+            f"{document['level']:.0%} success, beyond chance."
+        )
+    yield from _lines(text, width)
+    rows = [[each["intervention"], _effect(each), _ideal_word(each)] for each in ideals]
+    yield from _rows(rows, width)
+
+
+def _ideal_word(tested: Mapping[str, Any]) -> str:
+    if not tested.get("restores"):
+        return ""
+    at = tested.get("flips_at")
+    is_ideal = at is None or tested["intervention"].endswith((f"= {at:g}", f"= {float(at)}"))
+    return "restores" if is_ideal else f"restores; a setting of {at:g} does too"
+
+
+def _perturbations(document: Mapping[str, Any], width: int) -> str:
+    played = _tested(document, "perturbation")
+    if not played:
+        return ""
+    text = (
+        "Perturbations (one thing made worse), and the change of the team's mean return with its "
+        "95 % interval. They show what the return depends on, never a cause."
+    )
+    lines = wrapped(text, width, rest=INDENT)
+    shown = [each for each in played if each.get("depends")]
+    lines += _rows([[e["intervention"], _effect(e), _perturbation_word(e)] for e in shown], width)
+    if len(played) > len(shown):
+        rest = (
+            f"{len(played) - len(shown)} {'others' if shown else 'played'}: no change beyond chance"
+        )
+        lines += _lines(rest, width)
     return "\n".join(lines)
 
 
-def _verdict(found: Mapping[str, Any]) -> str:
-    return f"{found['answer']}: {' and '.join(found['labels']) or 'no cause named'}"
+def _perturbation_word(tested: Mapping[str, Any]) -> str:
+    word = "higher" if tested["effect"] > 0 else "lower"
+    at = tested.get("flips_at")
+    return word if at is None else f"{word}; most episodes fail from strength {at:g}"
 
 
-def _tested(tested: list[Mapping[str, Any]], width: int) -> Iterator[str]:
-    shown = [each for each in tested if each["kind"] == "ideal"]
-    shown += [each for each in tested if each["kind"] == "perturbation" and each.get("depends")]
-    for each in shown[:MOST]:
-        figures = f"{each['effect']:+.2f} ({each['low']:+.2f} to {each['high']:+.2f})"
-        tail = f" {figures}  {each['measure']}  {effect_word(each)}".rstrip()
-        room = max(width - len(INDENT) - len(tail), 20)
-        name = f"{each['kind']} {each['intervention']}"
-        name = name if len(name) <= room else name[: room - 3] + "..."
-        yield f"{INDENT}{filled(name, room)}{tail}"
-    rest = len(tested) - len(shown[:MOST])
-    if rest > 0:
-        yield f"{INDENT}{rest} more interventions were played (--json shows them)"
+def _effect(tested: Mapping[str, Any]) -> str:
+    return f"{tested['effect']:+.2f} ({tested['low']:+.2f} to {tested['high']:+.2f})"
+
+
+def _rows(rows: list[list[str]], width: int) -> Iterator[str]:
+    """A table, indented below its sentence, of the first rows."""
+    if rows:
+        yield from (INDENT + line for line in table_lines(rows[:MOST], width=width - len(INDENT)))
+    if len(rows) > MOST:
+        yield f"{INDENT * 2}and {len(rows) - MOST} more (--json shows them)"
+
+
+def _lines(text: str, width: int) -> list[str]:
+    return wrapped(text, width, first=INDENT, rest=INDENT * 2)
 
 
 def effect_word(tested: Mapping[str, Any]) -> str:
@@ -111,15 +200,80 @@ def effect_word(tested: Mapping[str, Any]) -> str:
     return ""
 
 
-def _counterfactuals(rows: list[Mapping[str, Any]], width: int) -> str:
-    lines = ["First difference of each counterfactual from its episode"]
+def _agents(document: Mapping[str, Any], width: int) -> str:
+    """The answer of each agent, beside that of the condition it is judged by."""
+    groups: dict[str, list[str]] = {}
+    for name, found in document["agents"].items():
+        if found["scope"] == name:
+            continue
+        whole = _of_scope(document, found["scope"])
+        is_same = all(found[key] == whole[key] for key in ("answer", "labels", "why"))
+        scope = "the team" if found["scope"] == TEAM else found["scope"]
+        text = f"as for {scope}" if is_same else answer_sentence(found)
+        text = text[:1].lower() + text[1:]
+        groups.setdefault(text, []).append(name)
+    lines = [
+        line
+        for text, names in groups.items()
+        for line in _lines(f"{', '.join(names)}: {text}.", width)
+    ]
+    return "\n".join(["Agents", *lines]) if lines else ""
+
+
+def _not_tested(document: Mapping[str, Any], width: int) -> str:
+    """Labels that weren't tested: what holds for all once, then what holds for some agents."""
+    holders: dict[tuple[str, str], list[str]] = {}
+    for name, found in _answers(document).items():
+        for each in found["not_tested"]:
+            holders.setdefault((each["label"], each["why"]), []).append(name)
+    count = len(document["agents"])
+    groups: dict[tuple[str, str], list[str]] = {}
+    for (label, why), names in holders.items():
+        is_all = TEAM in names or len(names) == count
+        whom = "" if is_all else f" for {few(names)}"
+        groups.setdefault((why, whom), []).append(label)
+    lines = [
+        line
+        for (why, whom), labels in groups.items()
+        for line in _lines(f"{', '.join(labels)}{whom}: {why}", width)
+    ]
+    return "\n".join(["Causes that weren't tested", *lines]) if lines else ""
+
+
+def _not_played(document: Mapping[str, Any], width: int) -> str:
+    rows = document["not_played"]
+    if not rows:
+        return ""
+    title = f"Not played, as the budget of {document['budget']:,} episodes was spent (--budget)"
+    lines = [line for each in rows for line in _lines(each, width)]
+    return "\n".join([*wrapped(title, width, rest=INDENT), *lines])
+
+
+def _counterfactuals(rows: Sequence[Mapping[str, Any]], width: int) -> str:
+    """Failed recorded episodes with one thing ideal: how they end, and their first difference."""
+    if not rows:
+        return ""
+    title = "Counterfactuals: failed recorded episodes, played again with one thing made ideal"
+    groups: dict[tuple[Any, ...], list[Mapping[str, Any]]] = {}
     for each in rows:
-        ends = "restored" if each["restored"] else "still fails"
-        ends += ", restored" if each["restored_open"] else ", still fails"
-        ends += " if the others repeat their actions"
-        where = difference_place(each) or "no difference"
-        text = f"episode {each['episode']}  {each['intervention']}: {where}; {ends}"
-        lines += wrapped(text, width, first=INDENT, rest=INDENT * 2)
+        key = (each["intervention"], each["restored"], each["restored_open"])
+        groups.setdefault(key, []).append(each)
+    lines = wrapped(title, width, rest=INDENT)
+    for (intervention, restored, restored_open), mine in groups.items():
+        ends = "succeed" if restored else "still fail"
+        also = "also " if restored == restored_open else ""
+        other = "succeed" if restored_open else "still fail"
+        text = (
+            f"with {intervention}: recorded episodes {few(each['episode'] for each in mine)} "
+            f"{ends}; they {also}{other} if all other agents repeat their recorded actions"
+        )
+        lines += _lines(text, width)
+        for each in mine:
+            where = difference_place(each)
+            where = f"first difference at {where}" if where else "no difference"
+            lines += wrapped(
+                f"episode {each['episode']}: {where}", width, first=INDENT * 2, rest=INDENT * 3
+            )
     return "\n".join(lines)
 
 
@@ -127,201 +281,6 @@ def difference_place(counterfactual: Mapping[str, Any]) -> str:
     """Turn, field and agent of the first difference; empty where there is none."""
     if counterfactual["turn"] is None:
         return ""
-    agent = counterfactual["agent"]
+    agent, field = counterfactual["agent"], counterfactual["field"]
     of_agent = "" if agent is None else f" of {agent}"
-    return f"turn {counterfactual['turn']}, {counterfactual['field']}{of_agent}"
-
-
-MOST_ROWS: Final = 8
-"""Pairs that are shown; the JSON document has all of them."""
-RECORDED: Final = 4
-"""Columns of agents' rows that come from the recorded run; the others come from replacements."""
-SHOWN_FROM: Final = 0.05
-"""Share of actions from which an influence is shown."""
-CONTRIBUTIONS: Final = (
-    "share: of the team's return; idle: noops among its actions; difference: team return that is "
-    "lost if a baseline replaces the agent; one action: return that is lost if a noop replaces a "
-    "single action and the others act as recorded"
-)
-WIDE: Final = 100_000
-"""Columns of a table that is never broken; names of agents decide its width."""
-
-
-def attribution_text(document: Mapping[str, Any], *, width: int) -> str:
-    """The text that `gamekeeper attribute` shows.
-
-    Args:
-        document: as `Attribution.to_json` gives it.
-        width: columns that no line exceeds, as far as names allow.
-    """
-    blocks = [
-        "\n".join(wrapped(team_sentence(document), width)),
-        _agents(document, width),
-        _lazy(document, width),
-        _influence(document),
-        _messages(document, width),
-        _penalties(document, width),
-        _not_tested(document, width),
-    ]
-    return "\n\n".join(block for block in blocks if block)
-
-
-def team_sentence(document: Mapping[str, Any]) -> str:
-    """The team's mean return with and without its agents, or the reason why it is missing."""
-    team = document["team"]
-    if team["all"] is None:
-        is_closed = document["loop"] == "closed"
-        why = "--episodes is 0" if is_closed else "the run names no policies that could react"
-        return f"Only single actions were replaced: {why}."
-    return (
-        f"In {document['fresh']} new episodes the team's mean return is {_number(team['all'])}; "
-        f"with all agents replaced by the baseline ({_baseline(document)}) it is "
-        f"{_number(team['none'])}."
-    )
-
-
-def _baseline(document: Mapping[str, Any]) -> str:
-    """The baseline that was played; not the requested one where an agent has no declared noop."""
-    parts = [part["difference"] for part in document["agents"].values() if part["difference"]]
-    played = sorted({part["baseline"] for part in parts})
-    asked = str(document["baseline"])
-    if not played or played == [asked]:
-        return asked
-    lacking = "no" if asked not in played else "not for every agent a"
-    return f"{' or '.join(played)}, as {lacking} {asked} is declared"
-
-
-def _agents(document: Mapping[str, Any], width: int) -> str:
-    rows = [["agent", "own return", "share", "idle", "difference", "Shapley", "one action"]]
-    for name, part in document["agents"].items():
-        rows.append(
-            [
-                name,
-                _number(part["own"]),
-                _percent(part["share"]),
-                _percent(part["idle"]),
-                _measured(part["difference"]),
-                _measured(part["shapley"]),
-                _measured(part["turn"]["all"]),
-            ]
-        )
-    table = _table(rows)
-    if max(map(columns_of, table.splitlines())) > width:
-        first = _table([row[:RECORDED] for row in rows])
-        table = f"{first}\n\n{_table([[row[0], *row[RECORDED:]] for row in rows])}"
-    legend = wrapped(CONTRIBUTIONS, width, first=INDENT, rest=INDENT)
-    return "\n".join(["Agents", table, *legend, *_stand_ins(document, width)])
-
-
-def _stand_ins(document: Mapping[str, Any], width: int) -> list[str]:
-    """Names agents without a declared noop, whose first legal action is played in its place."""
-    names = [
-        name
-        for name, part in document["agents"].items()
-        if (part["turn"]["all"] or {}).get("baseline") == "first-legal"
-    ]
-    if not names:
-        return []
-    text = f"one action: for {', '.join(names)}, which declare no noop, the first legal action"
-    return wrapped(text, width, first=INDENT, rest=INDENT * 2)
-
-
-def _lazy(document: Mapping[str, Any], width: int) -> str:
-    lazy = {name: part for name, part in document["agents"].items() if part["lazy"]}
-    lines = [
-        line
-        for name, part in lazy.items()
-        for line in wrapped(f"{name}: {part['lazy_why']}", width, first=INDENT, rest=INDENT * 2)
-    ]
-    return "\n".join(["Lazy", *lines]) if lines else ""
-
-
-def _influence(document: Mapping[str, Any]) -> str:
-    best: dict[tuple[str, str, str], Mapping[str, Any]] = {}
-    for row in document["influence"]:
-        key = (row["from"], row["to"], row["on"])
-        is_other = row["from"] != row["to"] and row["low"] > SHOWN_FROM
-        if is_other and (key not in best or row["p"] > best[key]["p"]):
-            best[key] = row
-    shown = sorted(best.values(), key=lambda row: -float(row["p"]))
-    rows = [["from", "to", "on", "turns later", "changed"]]
-    for row in shown[:MOST_ROWS]:
-        interval = f"{row['p']:.0%} ({row['low']:.0%} to {row['high']:.0%} of {row['n']})"
-        rows.append([row["from"], row["to"], row["on"], str(row["lag"]), interval])
-    if not shown:
-        return ""
-    more = len(shown) - MOST_ROWS
-    title = "Influence: share of an agent's replaced actions that changed something of another"
-    return f"{title}\n{_table(rows)}" + (f"\n  and {more} more" * (more > 0))
-
-
-def _messages(document: Mapping[str, Any], width: int) -> str:
-    lines = []
-    for row in document["messages"]:
-        if row["kind"] == "listening":
-            text = f"{row['to']} {listening_text(row)}"
-        elif row["kind"] == "signalling":
-            text = (
-                f"{row['from']}'s messages have {row['bits']:.2f} bits of information about its "
-                f"observations (p = {row['p']:.3f}, {row['n']} episodes)"
-            )
-        else:
-            text = (
-                f"the next action of {row['to']} has {row['bits']:.2f} bits of information about "
-                f"{row['from']}'s messages (p = {row['p']:.3f}, {row['n']} episodes)"
-            )
-        lines += wrapped(text, width, first=INDENT, rest=INDENT * 2)
-    return "\n".join(["Messages", *lines]) if lines else ""
-
-
-def listening_text(row: Mapping[str, Any]) -> str:
-    """The share of decisions that another message changes, with its interval."""
-    return (
-        f"acts differently in {row['p']:.0%} of {row['n']} tests with another message "
-        f"({row['low']:.0%} to {row['high']:.0%}; {row['unchanged']:.0%} with the same message)"
-    )
-
-
-def _penalties(document: Mapping[str, Any], width: int) -> str:
-    lines = []
-    for row in document["penalties"]:
-        first = row["first"]
-        if first is None:
-            continue
-        text = (
-            f"{row['agent']} gets {row['term']} for actions of {', '.join(row['by'])}: "
-            f"{row['p']:.0%} of {row['n']} penalties ({row['low']:.0%} to {row['high']:.0%}), "
-            f"first in episode {first['episode']} (seed {first['seed']}), turn {first['turn']}: "
-            f"{first['paid']:g}"
-        )
-        lines += wrapped(text, width, first=INDENT, rest=INDENT * 2)
-    return "\n".join(["Penalties caused by another agent", *lines]) if lines else ""
-
-
-def _not_tested(document: Mapping[str, Any], width: int) -> str:
-    lines = [
-        line
-        for each in document["not_tested"]
-        for line in wrapped(f"{each['what']}: {each['why']}", width, first=INDENT, rest=INDENT * 2)
-    ]
-    return "\n".join(["Not tested", *lines]) if lines else ""
-
-
-def _table(rows: Sequence[Sequence[str]]) -> str:
-    return "\n".join(table_lines(rows, width=WIDE))
-
-
-def _measured(part: Mapping[str, Any] | None) -> str:
-    if part is None:
-        return "-"
-    if part["low"] is None:
-        return f"{_number(part['value'])} (n = {part['n']})"
-    return f"{_number(part['value'])} ({_number(part['low'])} to {_number(part['high'])})"
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
-
-
-def _percent(value: float | None) -> str:
-    return "-" if value is None else f"{value:.0%}"
+    return f"turn {counterfactual['turn']}, {FIELDS.get(field, field)}{of_agent}"

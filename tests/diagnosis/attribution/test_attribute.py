@@ -10,7 +10,7 @@ import pytest
 import gamekeeper as gk
 from gamekeeper.diagnosis.attribution.contributions import attribute
 from gamekeeper.errors import PolicyError, TrustError
-from gamekeeper.reporting.diagnosis_text import attribution_text
+from gamekeeper.reporting.attribution_text import attribution_text
 from tests.diagnosis.attribution import games
 from tests.runs.parts.here import Here
 
@@ -166,7 +166,7 @@ def test_agent_without_a_noop_is_measured_against_random() -> None:
 def test_attribution_takes_actions_that_are_arrays() -> None:
     """Boxes of several numbers, within dictionaries too, are replaced and compared as any."""
     evidence = gk.rollout(games.Thrust, episodes=2, seed=3)
-    found = attribute(evidence, env=games.Thrust, episodes=2, papers=2)
+    found = attribute(evidence, env=games.Thrust, episodes=2, action_episodes=2)
     assert {"drone_0", "drone_1"} == set(found.agents)
     reached = {(r["from"], r["to"]) for r in found.influence if r["p"] > 0}
     assert reached == {("drone_0", "drone_0"), ("drone_1", "drone_1")}
@@ -175,7 +175,7 @@ def test_attribution_takes_actions_that_are_arrays() -> None:
 def test_text_tells_which_baseline_played_and_keeps_to_the_terminal() -> None:
     """Without a noop chance plays, and the first legal action stands still; nothing is wider."""
     evidence = gk.rollout(games.Thrust, episodes=2, seed=3)
-    found = attribute(evidence, env=games.Thrust, episodes=2, papers=2)
+    found = attribute(evidence, env=games.Thrust, episodes=2, action_episodes=2)
     text = attribution_text(found.to_json(), width=80)
     assert "(random, as no noop is declared)" in " ".join(text.split())
     assert "for drone_0, drone_1, which declare no noop" in " ".join(text.split())

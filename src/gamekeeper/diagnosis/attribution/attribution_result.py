@@ -54,6 +54,8 @@ class Attribution:
         run: the folder, or None.
         episodes: recorded ones that were looked into.
         fresh: fresh ones that were played.
+        recorded: all of the run, of which the agents' own figures are.
+        replayed: recorded and fresh ones that were looked into.
         loop: `closed`: policies react. `open`: only recorded actions could be played.
         baseline: what was asked to take agents' places; what did is named with each figure.
         method: of the Shapley values: `exact` or `sampled`.
@@ -69,6 +71,8 @@ class Attribution:
     run: str | None
     episodes: int
     fresh: int
+    recorded: int
+    replayed: int
     loop: Literal["closed", "open"]
     baseline: str
     method: Literal["exact", "sampled"] | None
@@ -96,6 +100,8 @@ class Attribution:
             "run": self.run,
             "episodes": self.episodes,
             "fresh": self.fresh,
+            "recorded": self.recorded,
+            "replayed": self.replayed,
             "loop": self.loop,
             "baseline": self.baseline,
             "team": {"all": self.everyone, "none": self.nobody, "shapley": self.method},

@@ -45,7 +45,7 @@ from gamekeeper.runs.consent import evidence_of
 
 FRESH: Final = 50
 """Fresh episodes that are played unless told otherwise; of fewer no interval is claimed."""
-PAPERS: Final = 50
+ACTION_EPISODES: Final = 50
 """Episodes that are looked into action by action unless told otherwise."""
 MOST_PLAYERS: Final = 24
 """Agents whose part in whole episodes is asked for; of larger teams they are drawn."""
@@ -58,7 +58,7 @@ def attribute(
     contract: Contract | str | PathLike[str] | None = None,
     baseline: Baseline = "noop",
     episodes: int | None = None,
-    papers: int = PAPERS,
+    action_episodes: int = ACTION_EPISODES,
     env: object | None = None,
     policies: Mapping[str, Any] | None = None,
     seed: int = 0,
@@ -79,8 +79,8 @@ def attribute(
         baseline: what takes an agent's place: `noop` (`random` where none is declared), `random`,
             or `reference` (the environment's own policy of that name).
         episodes: fresh ones in which agents are replaced; None: 50. Of fewer no interval is given.
-        papers: episodes that are looked into action by action: recorded ones first, then fresh
-            ones.
+        action_episodes: episodes that are played again with actions of one agent replaced:
+            recorded ones first, then fresh ones.
         env: opened in place of what the evidence names, with the recorded arguments.
         policies: in place of the recorded ones, by agent, role or under `*`.
         seed: of all draws; equal seeds give equal answers.
@@ -113,9 +113,9 @@ def attribute(
     )
     with consent_to(evidence, setup, env=env, policies=policies, allow_import=allow_import):
         with ReplacementRunner(task) as bench:
-            recorded: list[Paper] = [bench.paper_of(trace) for trace in traces[:papers]]
+            recorded: list[Paper] = [bench.paper_of(trace) for trace in traces[:action_episodes]]
             roles = {name: bench.role_of(name) for name in players}
-        fresh = min(max(papers - len(recorded), 0), closed)
+        fresh = min(max(action_episodes - len(recorded), 0), closed)
         found = gather(
             task,
             recorded,
@@ -187,6 +187,8 @@ def _attributed(
         run=None if evidence.path is None else str(evidence.path),
         episodes=sum(each["run"] == "recorded" for each in found.scans),
         fresh=len(found.closed),
+        recorded=evidence.episode_table.num_rows,
+        replayed=len(found.scans),
         loop="closed" if task.is_closed else "open",
         baseline=baseline,
         method=None if not shapley else _method(task),
@@ -282,16 +284,16 @@ def _not_tested(
     if skipped:
         notes.append(
             {
-                "what": f"{skipped} recorded episodes action by action",
-                "why": "they broke off, or are more than were asked for",
+                "what": f"replaced actions in {skipped} recorded episodes",
+                "why": "they broke off, or are beyond --action-episodes",
             }
         )
     if not any(term.payee == ("earner",) for term in task.contract.rewards.values()):
-        why = "the contract declares no reward term that its earner alone is paid"
-        notes.append({"what": "penalties on the wrong participant", "why": why})
+        why = 'no reward term of the contract has payee = "earner"'
+        notes.append({"what": "penalties caused by another agent", "why": why})
     if not (found.said or found.listened or deaf):
         why = "the contract names no message field that is a part of an observation or an action"
-        notes.append({"what": "signalling and listening", "why": why})
+        notes.append({"what": "effects of messages", "why": why})
     return notes
 
 

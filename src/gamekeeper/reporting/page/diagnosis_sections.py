@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from gamekeeper.reporting.diagnosis_text import (
-    CONTRIBUTIONS,
-    difference_place,
-    effect_word,
+from gamekeeper.reporting.attribution_text import (
+    RECORDED,
+    REPEATED,
+    REPLACED,
     listening_text,
     team_sentence,
 )
+from gamekeeper.reporting.diagnosis_text import difference_place, effect_word
 from gamekeeper.reporting.page.agent_section import lazy_cell
 from gamekeeper.reporting.page.page_data import (
     Cell,
@@ -243,11 +244,15 @@ def _contributions(agents: Mapping[str, Document]) -> PageTable:
         "95 % interval",
         "Shapley",
         "95 % interval",
-        "one action",
+        "all actions",
         "95 % interval",
         "lazy",
     )
-    note = f"{CONTRIBUTIONS[:1].upper()}{CONTRIBUTIONS[1:]}."
+    note = (
+        f"Of the recorded run, {'; '.join(RECORDED)}. With agents replaced in new episodes, "
+        f"{'; '.join(REPLACED)}. With actions replaced while the others repeat theirs, "
+        f"{REPEATED[1].replace('the same', 'mean team return that is lost')}."
+    )
     return PageTable("Contributions of agents", columns, rows, note)
 
 

@@ -1,0 +1,279 @@
+"""An attribution as text: what the recorded run shows, and what replaced agents and actions do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from gamekeeper.reporting.results_text import table_lines
+from gamekeeper.reporting.text_columns import wrapped
+
+INDENT: Final = "  "
+MOST_ROWS: Final = 8
+"""Pairs that are shown; the JSON document has all of them."""
+SHOWN_FROM: Final = 0.05
+"""Share of actions from which an influence is shown."""
+RECORDED: Final = (
+    "own return: mean over the episodes of the sum of its rewards",
+    "share: its part of the team's return",
+    "idle: part of its actions that are the declared noop",
+)
+REPLACED: Final = (
+    "difference: mean team return that is lost if the baseline plays for this agent alone, and "
+    "the others react",
+    "Shapley value: what the agent adds to the team's mean return, on average over all orders in "
+    "which the agents could join; the values sum to what all agents together add",
+)
+REPEATED: Final = (
+    "one action: mean team return that is lost if a noop replaces one of the agent's actions",
+    "all actions: the same if noops replace all of them",
+)
+WIDE: Final = 100_000
+"""Columns of a table that is never broken; names of agents decide its width."""
+
+
+def attribution_text(document: Mapping[str, Any], *, width: int) -> str:
+    """The text that `gamekeeper attribute` shows: three groups of figures, then what they say.
+
+    Args:
+        document: as `Attribution.to_json` gives it.
+        width: columns that no line exceeds, as far as names allow.
+    """
+    blocks = [
+        _recorded(document, width),
+        _replaced(document, width),
+        _repeated(document, width),
+        _lazy(document, width),
+        _influence(document, width),
+        _messages(document, width),
+        _penalties(document, width),
+        _not_tested(document, width),
+    ]
+    return "\n\n".join(block for block in blocks if block)
+
+
+def _recorded(document: Mapping[str, Any], width: int) -> str:
+    """Figures of the recorded run itself, in which nothing was replaced."""
+    agents = document["agents"]
+    rows = [["agent", "own return", "share", "idle"]]
+    rows += [
+        [name, _number(part["own"]), _percent(part["share"]), _percent(part["idle"])]
+        for name, part in agents.items()
+    ]
+    legend = [*RECORDED]
+    if any(part["share"] is None for part in agents.values()):
+        legend.append("share -: undefined, as a return is negative or their sum is 0")
+    if any(part["idle"] is None for part in agents.values()):
+        legend.append("idle -: the contract declares no noop")
+    title = f"Recorded run: {_episodes(document['recorded'])}, nothing replaced"
+    return _group(title, rows, legend, width)
+
+
+def _replaced(document: Mapping[str, Any], width: int) -> str:
+    """Figures of new episodes in which a baseline plays for agents."""
+    if document["team"]["all"] is None:
+        return "\n".join(wrapped(team_sentence(document), width))
+    agents = document["agents"]
+    rows = [["agent", "difference", "Shapley value"]]
+    rows += [
+        [name, _measured(part["difference"]), _measured(part["shapley"])]
+        for name, part in agents.items()
+    ]
+    parts = [part[key] for part in agents.values() for key in ("difference", "shapley")]
+    absent = "-: not measured, as the agent joins late or others were drawn"
+    title = f"Agents replaced: {_episodes(document['fresh'], 'new')}"
+    legend = [*REPLACED, *_signs(parts, absent)]
+    return _group(title, rows, legend, width, above=team_sentence(document))
+
+
+def _repeated(document: Mapping[str, Any], width: int) -> str:
+    """Figures of episodes that are played again with other actions."""
+    turns = {name: part["turn"] for name, part in document["agents"].items()}
+    parts = [turn[key] for turn in turns.values() for key in ("one", "all")]
+    if not any(parts):
+        return ""
+    rows = [["agent", "one action", "all actions"]]
+    rows += [[name, _measured(t["one"]), _measured(t["all"])] for name, t in turns.items()]
+    recorded, every = document["episodes"], document["replayed"]
+    which = _episodes(recorded, "recorded")
+    if every > recorded:
+        which = f"{recorded:,} recorded and {_episodes(every - recorded, 'new')}"
+    title = f"Actions of one agent replaced, while the others repeat theirs: {which}"
+    absent = "-: the agent had no action to replace"
+    legend = [*REPEATED, *_signs(parts, absent), *_stand_ins(document)]
+    return _group(title, rows, legend, width)
+
+
+def _group(
+    title: str, rows: Sequence[Sequence[str]], legend: Sequence[str], width: int, *, above: str = ""
+) -> str:
+    """A table with its title and a legend of one entry a line."""
+    lines = wrapped(title, width, rest=INDENT)
+    lines += wrapped(above, width, first=INDENT, rest=INDENT)
+    below = [line for each in legend for line in _lines(each, width)]
+    return "\n".join([*lines, _table(rows), *below])
+
+
+def _lines(text: str, width: int) -> list[str]:
+    return wrapped(text, width, first=INDENT, rest=INDENT * 2)
+
+
+def _signs(parts: Sequence[Mapping[str, Any] | None], absent: str) -> list[str]:
+    """Meaning of an interval, of n and of a dash, each where it occurs."""
+    known = [part for part in parts if part is not None]
+    found = []
+    if any(part["low"] is not None for part in known):
+        found.append("(low to high): 95 % confidence interval")
+    if any(part["low"] is None for part in known):
+        found.append("n: number of episodes, too few for a confidence interval (50)")
+    if len(known) < len(parts):
+        found.append(absent)
+    return found
+
+
+def _episodes(count: int, kind: str = "") -> str:
+    return f"{count:,} {kind} episode{'' if count == 1 else 's'}".replace("  ", " ")
+
+
+def team_sentence(document: Mapping[str, Any]) -> str:
+    """The team's mean return with and without its agents, or the reason why it is missing."""
+    team = document["team"]
+    if team["all"] is None:
+        is_closed = document["loop"] == "closed"
+        why = "--episodes is 0" if is_closed else "the run names no policies that could react"
+        return f"No agents were replaced: {why}."
+    return (
+        f"In {document['fresh']} new episodes the team's mean return is {_number(team['all'])}; "
+        f"with all agents replaced by the baseline ({_baseline(document)}) it is "
+        f"{_number(team['none'])}."
+    )
+
+
+def _baseline(document: Mapping[str, Any]) -> str:
+    """The baseline that was played; not the requested one where an agent has no declared noop."""
+    parts = [part["difference"] for part in document["agents"].values() if part["difference"]]
+    played = sorted({part["baseline"] for part in parts})
+    asked = str(document["baseline"])
+    if not played or played == [asked]:
+        return asked
+    lacking = "no" if asked not in played else "not for every agent a"
+    return f"{' or '.join(played)}, as {lacking} {asked} is declared"
+
+
+def _stand_ins(document: Mapping[str, Any]) -> list[str]:
+    """Names agents without a declared noop, whose first legal action is played in its place."""
+    names = [
+        name
+        for name, part in document["agents"].items()
+        if (part["turn"]["all"] or {}).get("baseline") == "first-legal"
+    ]
+    if not names:
+        return []
+    return [f"for {', '.join(names)}, which declare no noop, the first legal action stands for it"]
+
+
+def _lazy(document: Mapping[str, Any], width: int) -> str:
+    lazy = {name: part for name, part in document["agents"].items() if part["lazy"]}
+    lines = [
+        line
+        for name, part in lazy.items()
+        for line in wrapped(f"{name}: {part['lazy_why']}", width, first=INDENT, rest=INDENT * 2)
+    ]
+    return "\n".join(["Lazy", *lines]) if lines else ""
+
+
+def _influence(document: Mapping[str, Any], width: int) -> str:
+    best: dict[tuple[str, str, str], Mapping[str, Any]] = {}
+    for row in document["influence"]:
+        key = (row["from"], row["to"], row["on"])
+        is_other = row["from"] != row["to"] and row["low"] > SHOWN_FROM
+        if is_other and (key not in best or row["p"] > best[key]["p"]):
+            best[key] = row
+    shown = sorted(best.values(), key=lambda row: -float(row["p"]))
+    if not shown:
+        return ""
+    rows = [["from", "to", "on", "turns later", "changed", "n"]]
+    for row in shown[:MOST_ROWS]:
+        interval = f"{row['p']:.0%} ({row['low']:.0%} to {row['high']:.0%})"
+        rows.append([row["from"], row["to"], row["on"], str(row["lag"]), interval, str(row["n"])])
+    title = (
+        "Influence: how often another legal action of one agent, in the same episodes, changed the "
+        "observation, reward or ending of another agent"
+    )
+    lines = [*wrapped(title, width, rest=INDENT), _table(rows)]
+    if len(shown) > MOST_ROWS:
+        lines.append(f"{INDENT}and {len(shown) - MOST_ROWS} more (--json shows them)")
+    lines += _lines("n: replaced actions; (low to high): 95 % confidence interval", width)
+    return "\n".join(lines)
+
+
+def _messages(document: Mapping[str, Any], width: int) -> str:
+    lines = []
+    for row in document["messages"]:
+        if row["kind"] == "listening":
+            text = f"{row['to']} {listening_text(row)}"
+        elif row["kind"] == "signalling":
+            text = (
+                f"{row['from']}'s messages have {row['bits']:.2f} bits of information about its "
+                f"observations (p = {row['p']:.3f}, {row['n']} episodes)"
+            )
+        else:
+            text = (
+                f"the next action of {row['to']} has {row['bits']:.2f} bits of information about "
+                f"{row['from']}'s messages (p = {row['p']:.3f}, {row['n']} episodes)"
+            )
+        lines += wrapped(text, width, first=INDENT, rest=INDENT * 2)
+    return "\n".join(["Messages", *lines]) if lines else ""
+
+
+def listening_text(row: Mapping[str, Any]) -> str:
+    """The share of decisions that another message changes, with its interval."""
+    return (
+        f"acts differently in {row['p']:.0%} of {row['n']} tests with another message "
+        f"({row['low']:.0%} to {row['high']:.0%}; {row['unchanged']:.0%} with the same message)"
+    )
+
+
+def _penalties(document: Mapping[str, Any], width: int) -> str:
+    lines = []
+    for row in document["penalties"]:
+        first = row["first"]
+        if first is None:
+            continue
+        text = (
+            f"{row['agent']} gets {row['term']} for actions of {', '.join(row['by'])}: "
+            f"{row['p']:.0%} of {row['n']} penalties ({row['low']:.0%} to {row['high']:.0%}), "
+            f"first in episode {first['episode']} (seed {first['seed']}), turn {first['turn']}: "
+            f"{first['paid']:g}"
+        )
+        lines += wrapped(text, width, first=INDENT, rest=INDENT * 2)
+    return "\n".join(["Penalties caused by another agent", *lines]) if lines else ""
+
+
+def _not_tested(document: Mapping[str, Any], width: int) -> str:
+    lines = [
+        line
+        for each in document["not_tested"]
+        for line in wrapped(f"{each['what']}: {each['why']}", width, first=INDENT, rest=INDENT * 2)
+    ]
+    return "\n".join(["Not tested", *lines]) if lines else ""
+
+
+def _table(rows: Sequence[Sequence[str]]) -> str:
+    return "\n".join(table_lines(rows, width=WIDE))
+
+
+def _measured(part: Mapping[str, Any] | None) -> str:
+    if part is None:
+        return "-"
+    if part["low"] is None:
+        return f"{_number(part['value'])} (n = {part['n']})"
+    return f"{_number(part['value'])} ({_number(part['low'])} to {_number(part['high'])})"
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}" if abs(value) < 1000 else f"{value:.0f}"
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{value:.0%}"
