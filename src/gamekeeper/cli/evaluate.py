@@ -161,7 +161,6 @@ def command(
     """
     from gamekeeper.evaluation.evaluator import evaluate
     from gamekeeper.evaluation.suites import spec_of
-    from gamekeeper.reporting.evaluation_text import evaluation_text
 
     if pin:
         return _pinned(screen, spec, timeout)
@@ -198,9 +197,18 @@ def command(
             "command continues from them"
         )
         raise
+    return _shown(screen, found, storage or folder, marl_eval=marl_eval, strict=strict)
+
+
+def _shown(
+    screen: Screen, found: Evaluation, place: object, *, marl_eval: Path | None, strict: bool
+) -> CommandResult:
+    """Shows the result, and the place of the raw episodes and of the raw scores."""
+    from gamekeeper.reporting.evaluation_text import evaluation_text
+
     document = found.to_json()
     screen.show(evaluation_text(document, width=screen.width))
-    screen.show(f"\nRaw episodes  {storage or folder}/episodes.parquet")
+    screen.show(f"\nRaw episodes  {place}/episodes.parquet")
     if marl_eval is not None:
         screen.note(f"raw scores written to {marl_eval}")
     return CommandResult(document, evaluation_code(found, strict=strict))

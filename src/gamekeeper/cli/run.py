@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -115,19 +116,8 @@ def command(
         options=options,
         most_turns=most_turns,
     )
-    with said_if_interrupted(screen, f"interrupted before the recording: {NO_RUN}"):
-        with screen.progress("opening"):
-            form = look_at(
-                env,
-                env_kwargs=plan.env_kwargs,
-                contract=contract,
-                silence_s=timeout,
-                policies=plan.portable().policies,
-            )
-        audit_line = audit_command(env, kwargs=kwargs, contract=contract)
-        show_form(screen, form)
-        if form.questions:
-            show_undeclared(screen, form, env, kwargs=kwargs)
+    form = open_here(screen, plan, env, timeout=timeout, kwargs=kwargs)
+    audit_line = audit_command(env, kwargs=kwargs, contract=contract)
     audited = None
     if not no_audit:
         with said_if_interrupted(screen, f"interrupted in the audit: {NO_RUN}"):
@@ -146,12 +136,8 @@ def command(
     is_whole = recorded.error is None and not recorded.is_interrupted
     with said_if_interrupted(screen, f"interrupted in the replay: the run in {path} is complete"):
         replayed = replay_here(screen, recorded, timeout=timeout) if is_whole else None
-    failed = (
-        audited is not None and "error" not in audited and bool(audit_code(audited, strict=False))
-    )
-    show_end(
-        screen, recorded, next_command(env, audit_line if failed else None, recorded, replayed)
-    )
+    line = audit_line if _has_failed(audited) else None
+    show_end(screen, recorded, next_command(env, line, recorded, replayed))
     document = _document(form, audited, recorded, replayed)
     return CommandResult(document, _code(audited, recorded, replayed))
 
@@ -164,6 +150,25 @@ def said_if_interrupted(screen: Screen, text: str) -> Iterator[None]:
     except KeyboardInterrupt:
         screen.error(text)
         raise
+
+
+def open_here(
+    screen: Screen, plan: RolloutPlan, env: str, *, timeout: float, kwargs: str | None
+) -> GameForm:
+    """Opens the environment, and shows its game form and what it doesn't declare."""
+    with said_if_interrupted(screen, f"interrupted before the recording: {NO_RUN}"):
+        with screen.progress("opening"):
+            form = look_at(
+                env,
+                env_kwargs=plan.env_kwargs,
+                contract=None if plan.contract is None else Path(str(plan.contract)),
+                silence_s=timeout,
+                policies=plan.portable().policies,
+            )
+        show_form(screen, form)
+        if form.questions:
+            show_undeclared(screen, form, env, kwargs=kwargs)
+    return form
 
 
 def audit_command(env: str, *, kwargs: str | None, contract: object) -> str:
@@ -337,6 +342,9 @@ def _document(
 def _code(audited: dict[str, Any] | None, recorded: Recorded, replayed: Replay | None) -> int:
     """The exit code of the recording, the replay or the audit, whichever is worst."""
     code = exit_code(recorded) or (0 if replayed is None else replay_code(replayed))
-    if code or audited is None or "error" in audited:
-        return code
-    return audit_code(audited, strict=False)
+    return code or (audit_code(audited, strict=False) if audited and "error" not in audited else 0)
+
+
+def _has_failed(audited: dict[str, Any] | None) -> bool:
+    """Tells if a check failed; an audit that was given up has no checks."""
+    return bool(audited and "error" not in audited and audit_code(audited, strict=False) == 1)
