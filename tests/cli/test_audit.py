@@ -1,4 +1,5 @@
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -30,7 +31,7 @@ def _audits_run_here(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyP
         return
 
     def here(task: str, arguments: dict[str, Any], **options: Any) -> TaskOutcome:
-        value = audit_task(lambda **fields: None, **arguments)
+        value = audit_task(lambda **fields: None, **{**arguments, "prints": None})
         return TaskOutcome("done", value, None, None, 0.0)
 
     monkeypatch.setattr(audit_process, "run_task", here)
@@ -249,3 +250,25 @@ def test_list_of_everything_counts_the_checks(capfd: pytest.CaptureFixture[str])
         "checks",
         "suites",
     }
+
+
+@REAL
+def test_prints_of_the_environment_are_kept_in_a_file(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """They don't flood the screen: they are counted, and it is said where they are."""
+    file = tmp_path / "loud.py"
+    file.write_text(
+        "from tests.faults.rovers import Rovers\n"
+        "class Loud(Rovers):\n"
+        "    def step(self, actions):\n"
+        "        print('a step')\n"
+        "        return super().step(actions)\n"
+    )
+    _, out, err = said(capfd, "audit", f"{file}:Loud", "--select", "GK401", "--budget", "100")
+    assert "a step" not in out + err
+    found = re.search(r"printed [\d,]+ bytes, which are in (\S+)", err)
+    assert found is not None
+    kept = Path(found.group(1))
+    assert "a step\n" in kept.read_text()
+    kept.unlink()

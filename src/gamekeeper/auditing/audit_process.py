@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike, fspath
 from typing import Any, Final
@@ -47,6 +48,7 @@ def audit(
     silence_s: float = SILENCE_S,
     memory_bytes: int | None = None,
     on_probe: OnProbe | None = None,
+    prints: str | PathLike[str] | None = None,
 ) -> AuditResult:
     """Audits an environment against PettingZoo's contract, and its own where it has one.
 
@@ -71,6 +73,7 @@ def audit(
         silence_s: a probe that gives no sign of life for so long is given up.
         memory_bytes: bound of the process's memory.
         on_probe: called with a probe's name, its place and their number.
+        prints: file for what the environment's process prints; None: standard error.
     Raises:
         SpecError: nothing can be opened under that name.
         ContractError: the contract doesn't fit the environment.
@@ -92,6 +95,7 @@ def audit(
     if not isinstance(spec, str):
         return audit_here(spec, contract=contract, attempt=AuditAttempt(on_probe=on_probe), **asked)
     asked["contract"] = _env_step(contract)
+    asked["prints"] = None if prints is None else fspath(prints)
     died: dict[str, str] = {}
     while len(died) <= MOST_DEATHS:
         value = _tried(spec, asked, died, silence_s, memory_bytes, on_probe)
@@ -162,9 +166,14 @@ def audit_task(
     spec: str,
     contract: Any,
     died: Mapping[str, str],
+    prints: str | None,
     **options: Any,
 ) -> dict[str, Any]:
     """Audits in this process, which was started for it."""
+    if prints is not None:
+        file = os.open(prints, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+        for stream in (1, 2):
+            os.dup2(file, stream)
 
     def on_probe(name: str, place: int, count: int) -> None:
         report(probe=name, place=place, count=count)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from typing import Any, Final
@@ -16,6 +17,9 @@ def run_program(report: Callable[..., None], *, program: str) -> dict[str, Any]:
         `raised`: name of the exception's class, None where the program came to its end; `text`: its
         message.
     """
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in (1, 2):  # what it prints, five times over, is of no use to anybody
+        os.dup2(nowhere, stream)
     sys.argv, sys.orig_argv = ["-c"], [sys.executable, "-c", program]  # it may start itself again
     sys.path.insert(0, "")  # as `python -c` has it
     names = sys.modules["__main__"].__dict__

@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from tempfile import mkstemp
 from typing import TYPE_CHECKING, Any, Final, Literal
 from urllib.parse import quote
 
@@ -43,18 +45,34 @@ def audit_with_progress(
     from gamekeeper.auditing.audit_process import audit
     from gamekeeper.cli._audit_progress import probing
 
+    kept, prints = mkstemp(prefix="gamekeeper-", suffix=".txt")
+    os.close(kept)
     is_dumb = os.environ.get("TERM") == "dumb"
     is_shown = not screen.is_quiet and sys.stderr.isatty() and not is_dumb
     shares = shares_of(select, ignore) if is_shown else {}
-    with probing(shares, is_shown=is_shown) as take:
+    with _told_prints(screen, Path(prints)), probing(shares, is_shown=is_shown) as take:
         return audit(
             spec,
             select=select,
             ignore=ignore,
             on_probe=take,
+            prints=prints,
             memory_bytes=None if memory_mb is None else memory_mb * MEGABYTE,
             **options,
         )
+
+
+@contextmanager
+def _told_prints(screen: Screen, path: Path) -> Iterator[None]:
+    """Says afterwards how much the environment printed and where it is; removes an empty file."""
+    try:
+        yield
+    finally:
+        size = path.stat().st_size
+        if size:
+            screen.note(f"note: the environment printed {size:,} bytes, which are in {path}")
+        else:
+            path.unlink()
 
 
 def shares_of(select: Sequence[str], ignore: Sequence[str]) -> dict[str, float]:
