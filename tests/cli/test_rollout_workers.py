@@ -68,6 +68,7 @@ def test_interrupted_recording_goes_on_with_the_same_command(tmp_path: Path) -> 
     began.send_signal(signal.SIGINT)
     _, err = began.communicate(timeout=30)
     assert began.returncode == 130, err
+    assert "no run was written; the episodes played until now stay in" in err
     assert "the same command continues" in err
     assert "crowd-1-parts" in err
     other = run_apart(*line, "--seed", 5, "--out", "runs/crowd-1", cwd=tmp_path)
@@ -76,7 +77,7 @@ def test_interrupted_recording_goes_on_with_the_same_command(tmp_path: Path) -> 
     (tmp_path / "waits").write_text("")
     ended = run_apart(*line, "--json", cwd=tmp_path)
     assert ended.returncode == 0, ended.stderr
-    assert "3 of 4 parts were there already" in ended.stderr
+    assert "3 of 4 ranges of episodes were there already" in ended.stderr
     assert not parts.exists()
     found = json.loads(ended.stdout)
     assert found["run"] == "runs/crowd-1"

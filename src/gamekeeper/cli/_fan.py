@@ -113,7 +113,10 @@ def record_by_workers(
                 plan, out, executor=players, storage=place, limits=limits, on_message=take
             )
     except KeyboardInterrupt:
-        screen.note(f"complete parts stay in {place}; the same command continues from them")
+        screen.error(
+            f"interrupted: no run was written; the episodes played until now stay in {place}, and "
+            "the same command continues from them"
+        )
         raise
     _say(screen, played)
     return Recorded(load(out), played.error)
@@ -122,9 +125,9 @@ def record_by_workers(
 def _say(screen: Screen, played: FanOut) -> None:
     """Notes parts that an earlier call wrote, damaged parts, and worker processes that died."""
     if played.found:
-        screen.note(f"{played.found} of {played.parts} parts were there already")
+        screen.note(f"{played.found} of {played.parts} ranges of episodes were there already")
     if played.torn:
-        many = "a part was" if played.torn == 1 else f"{played.torn} parts were"
+        many = "a range was" if played.torn == 1 else f"{played.torn} ranges were"
         screen.note(f"{many} damaged, as a power cut leaves them, and played again")
     if played.deaths:
         times = "once" if played.deaths == 1 else f"{played.deaths} times"
