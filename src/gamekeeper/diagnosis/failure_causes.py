@@ -56,6 +56,7 @@ PERTURBED: Final = 0.75
 """The part of the budget left by substitutes that perturbations get; the rest finds strengths."""
 NOTES: Final = "outcomes.jsonl"
 RESULT: Final = "diagnosis.json"
+SOUND: Final = "the set-up doesn't fail more often than chance allows"
 
 
 def diagnose(
@@ -426,12 +427,11 @@ def _why_not(
     if handle is not None:
         broken = experiment.runner.broken.get(handle)
         spent = f"the budget of {experiment.budget} episodes was spent"
-        sound = "the set-up doesn't fail more often than chance allows"
-        return broken or (spent if experiment.fails else sound)
+        return broken or (spent if experiment.fails else SOUND)
     knobs = [name for name, knob in experiment.contract.knobs.items() if knob.label == label]
     is_anothers = any(one.label == label for one in experiment.substitutes)
     if is_anothers:
-        return "what could be made ideal isn't this agent's"
+        return "what could be made ideal isn't this agent's" if experiment.fails else SOUND
     if knobs:
         are = "is at its ideal" if len(knobs) == 1 else "are at their ideal"
         return f"{_joined(knobs)} {are}"

@@ -179,7 +179,8 @@ def _lazy(document: Mapping[str, Any], width: int) -> str:
         for name, part in lazy.items()
         for line in wrapped(f"{name}: {part['lazy_why']}", width, first=INDENT, rest=INDENT * 2)
     ]
-    return "\n".join(["Lazy", *lines]) if lines else ""
+    title = "Lazy: surely less than half of a fair share, the mean of the others of its role"
+    return "\n".join([*wrapped(title, width, rest=INDENT), *lines]) if lines else ""
 
 
 def _influence(document: Mapping[str, Any], width: int) -> str:

@@ -174,8 +174,8 @@ def laziness(
     usual = sum(differences[name].value for name in peers if name != agent) / len(others)
     usual = max(usual, fair)
     said = (
-        f"its share is at most {own.high:.3g} (a fair one {fair:.3g}), the loss without it at most "
-        f"{lost.high:.3g} (usually {usual:.3g})"
+        f"its Shapley value is at most {own.high:.3g} (a fair share: {fair:.3g}), and the team "
+        f"loses at most {lost.high:.3g} without it (usually {usual:.3g})"
     )
     return Laziness(own.high < PART * fair and lost.high < PART * usual, said, fair)
 
