@@ -60,6 +60,20 @@ class Unseeded(Sound):
         return np.random.rand(2)
 
 
+class Written(Unseeded):
+    """Hands out the array that it goes on adding to, beside the luck of the process."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Begins at zero."""
+        self.at = np.zeros(2)
+        return super().reset(seed, options)
+
+    def seen(self) -> Any:
+        """Goes on from where it stands."""
+        self.at += 0.02 * np.random.rand(2)
+        return self.at
+
+
 class Slips(Sound):
     """One observation in ten hangs on a generator that nobody seeded."""
 

@@ -47,6 +47,15 @@ def test_consequence_names_the_cause_that_was_held_still() -> None:
     assert not found.ok
 
 
+@pytest.mark.parametrize("select", [("GK6",), ("GK620",)], ids=str)
+def test_second_fault_is_shown_with_the_first_held_still(select: tuple[str, ...]) -> None:
+    """Writing into an observation moves the game, whatever the process draws."""
+    verdict = audited("Written", *select).of("GK620")
+    assert (verdict.outcome, verdict.follows_from) == ("failed", None)
+    assert verdict.reproduced == Reproduced(TRIES, TRIES, True)
+    assert "make = globals_held(make)" in verdict.findings[0].reproducer
+
+
 def test_game_that_a_seed_does_not_settle_is_not_measured_as_deterministic() -> None:
     """The generators of the process are another's elsewhere."""
     assert audited("Unseeded").measured["deterministic"] is False

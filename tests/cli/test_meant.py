@@ -85,7 +85,7 @@ def test_a_misspelt_policy_is_refused_where_it_changes_nothing(
     assert "the nearest is 'reference'" in told["error"]["what"]
 
 
-@pytest.mark.parametrize("command", ["contract", "audit", "run", "rollout"])
+@pytest.mark.parametrize("command", ["contract", "run", "rollout"])
 def test_run_in_place_of_an_environment_is_told(
     command: str, runs: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

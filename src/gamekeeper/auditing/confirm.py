@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from gamekeeper.auditing.holds import HOLDS, Hold, held_still
+from gamekeeper.auditing.holds import HOLDS, OF_DRAWS, Hold, held_still
 from gamekeeper.checks.verdict import SEVERITIES, Finding, FollowsFrom, Reproduced, Verdict
 from gamekeeper.rollouts.workers import run_task
 
@@ -138,11 +138,12 @@ def confirmed(
         if work.is_over:
             found[verdict.id] = replace(verdict, outcome="suspected", reason=NOT_RUN)
             continue
-        follows = _cause_of(programs, _others(causes, verdict.id), work)
+        others = tuple(_others(causes, verdict.id))
+        follows = _cause_of(programs, others, work)
         if follows is not None:
             found[verdict.id] = replace(verdict, follows_from=follows)
             continue
-        found[verdict.id] = _judged(verdict, programs, work)
+        found[verdict.id] = _judged(verdict, programs, [hold for _, hold in others], work)
         if verdict.id in HOLDS and found[verdict.id].outcome == "failed":
             causes.append(verdict.id)
     return tuple(found.values())
@@ -176,9 +177,30 @@ def _cause_of(
     return None
 
 
-def _judged(verdict: Verdict, programs: Sequence[Programs], work: Confirmation) -> Verdict:
+def _finding(
+    each: Programs, holds: Sequence[Hold], work: Confirmation
+) -> tuple[Finding, Reproduced, bool]:
+    """The finding as it is; where plays differ by themselves, with draws or a cause held still."""
+    result = work.finding(each)
+    is_unstable = each.compares and not result[2]
+    for hold in dict.fromkeys((*holds, *OF_DRAWS)) if is_unstable else ():
+        held = Programs(
+            replace(each.finding, reproducer=held_still(each.finding.reproducer, hold)),
+            held_still(each.whole, hold),
+            compares=True,
+            unchanged=held_still(each.unchanged, hold),
+        )
+        again = work.finding(held)
+        if again[2]:
+            return again
+    return result
+
+
+def _judged(
+    verdict: Verdict, programs: Sequence[Programs], holds: Sequence[Hold], work: Confirmation
+) -> Verdict:
     """The verdict with the findings that are shown; suspected where none is."""
-    results = [work.finding(each) for each in programs]
+    results = [_finding(each, holds, work) for each in programs]
     shown = [(finding, how) for finding, how, is_shown in results if is_shown]
     if shown:
         findings = tuple(finding for finding, _ in shown)

@@ -139,6 +139,8 @@ GLOBALS: Final = Hold("global generators seeded before each call", globals_held)
 ENTROPY: Final = Hold("the system's entropy replaced by a constant", entropy_held)
 INSTANCES: Final = Hold("a fresh instance for each reset", instances_held)
 
+OF_DRAWS: Final = (GLOBALS, ENTROPY)
+"""Held where the same play differs by itself, so that another fault in it can be shown."""
 HOLDS: Final = {
     "GK602": GLOBALS,
     "GK601": ENTROPY,

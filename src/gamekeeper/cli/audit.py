@@ -79,6 +79,7 @@ SecondsOption = Annotated[
         "--seconds",
         metavar="S",
         min=1.0,
+        max=MOST,
         help="Time after which the audit ends with what it knows by then, in seconds "
         "(default: no limit).",
     ),

@@ -107,10 +107,16 @@ def suspected_text(audit: Document, *, width: int) -> str:
 
 
 def brief_rows(audit: Document, *, most: int) -> list[tuple[str, str, str]]:
-    """Id, severity and claim of the worst failed checks, and the number of others."""
-    found = verdicts_of(audit, "failed")
-    rows = [(each["id"], each["severity"], _short(each["claim"])) for each in found[:most]]
+    """Id, severity and claim of the worst failed checks, causes first, and the number of others."""
+    found = sorted(verdicts_of(audit, "failed"), key=lambda each: each["follows_from"] is not None)
+    rows = [(each["id"], each["severity"], _short(_brief(each))) for each in found[:most]]
     return rows if len(found) <= most else [*rows, ("", "", f"and {len(found) - most} more")]
+
+
+def _brief(verdict: Document) -> str:
+    """The claim, and of a consequence its cause."""
+    cause = verdict["follows_from"]
+    return str(verdict["claim"]) + (f" Follows from {cause['id']}." if cause else "")
 
 
 def _finding(verdict: Document, width: int) -> str:
