@@ -35,6 +35,7 @@ def _audits_run_here(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyP
         return TaskOutcome("done", value, None, None, 0.0)
 
     monkeypatch.setattr(audit_process, "run_task", here)
+    monkeypatch.setattr("gamekeeper.auditing.confirm.TRIES", 1)
 
 
 @REAL

@@ -25,6 +25,7 @@ def _audits_run_here(monkeypatch: pytest.MonkeyPatch) -> None:
         return called(task, arguments)
 
     monkeypatch.setattr(audit_process, "run_task", here)
+    monkeypatch.setattr("gamekeeper.auditing.confirm.TRIES", 1)
     monkeypatch.setattr(_audit, "executor_of", lambda name, workers: Here(1))
 
 

@@ -10,7 +10,7 @@ import threading
 from functools import cache
 from typing import Any
 
-from gamekeeper.auditing import elsewhere
+from gamekeeper.auditing import confirm, elsewhere
 from gamekeeper.auditing.audit import AuditAttempt, audit_here
 from gamekeeper.auditing.result import AuditResult
 from gamekeeper.rollouts.workers import run_task
@@ -18,6 +18,8 @@ from tests.faults import environments
 from tests.matrix.forks import Forks
 
 PROCESSES = 2
+TRIES = 2
+"""Fresh processes for each reproducer; an audit that isn't one of some hundred takes five."""
 TASK = f"{__name__}:audit_task"
 NAMES = list(environments())
 CLEAN = [name for name, each in environments().items() if not each.checks]
@@ -70,6 +72,7 @@ class _Pool:
 def audit_task(report: Any, *, names: list[str]) -> None:
     """Audits environments in this process; reproducers run in fresh ones."""
     elsewhere.run_task = Forks().run_task  # type: ignore[assignment]  # this process is for this alone
+    confirm.TRIES = TRIES  # type: ignore[misc]  # this process is for this alone
     for name in names:
         each = environments()[name]
         audit = audit_here(

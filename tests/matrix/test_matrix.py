@@ -2,11 +2,10 @@
 
 import pytest
 
-from gamekeeper.auditing.confirm import TRIES
 from gamekeeper.checks.check import checks
 from gamekeeper.checks.verdict import Reproduced, Verdict
 from tests.faults import environments
-from tests.matrix.audits import CLEAN, NAMES, seen
+from tests.matrix.audits import CLEAN, NAMES, TRIES, seen
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -28,12 +27,11 @@ def test_check_fails_on_a_faulty_environment_and_passes_on_a_clean_one(id: str) 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name not in CLEAN])
 def test_reproducer_of_every_failed_check_fails_in_every_fresh_process(name: str) -> None:
-    """A failed check was shown in five fresh processes, and without its trigger in none."""
+    """A failed check was shown in every fresh process, and without its trigger in none."""
     failed = [each for each in seen(name).failed if each.follows_from is None]
     assert failed != []
-    shown = [(each.id, each.reproduced) for each in failed]
-    five = [(each.id, Reproduced(TRIES, TRIES, _passed(each))) for each in failed]
-    assert five == shown
+    expected = [(each.id, Reproduced(TRIES, TRIES, _passed(each))) for each in failed]
+    assert expected == [(each.id, each.reproduced) for each in failed]
 
 
 def _passed(verdict: Verdict) -> bool | None:

@@ -103,9 +103,14 @@ def audit_here(
         until_s = None if seconds is None else begun_s + seconds
         if gathering.stopped == INTERRUPTED:
             until_s = 0.0
-        return _judged(
-            wanted, opened, bench, begun_s=begun_s, seed=seed, is_all=not select, until_s=until_s
-        )
+        asked: dict[str, Any] = {"begun_s": begun_s, "seed": seed, "is_all": not select}
+        try:
+            return _judged(wanted, opened, bench, **asked, until_s=until_s)
+        except KeyboardInterrupt:
+            if not attempt.keeps_partial:
+                raise
+        gathering.stopped, bench.steps_left = INTERRUPTED, 0
+        return _judged(wanted, opened, bench, **asked, until_s=0.0)
     finally:
         if opened.make is not None:
             with suppress(Exception):  # one that raises is a finding of a check's

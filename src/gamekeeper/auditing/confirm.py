@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import Final, Literal
 
 from gamekeeper.auditing.holds import HOLDS, OF_DRAWS, Hold, held_still
 from gamekeeper.checks.verdict import SEVERITIES, Finding, FollowsFrom, Reproduced, Verdict
@@ -67,10 +67,10 @@ class Confirmation:
         with ThreadPoolExecutor(AT_ONCE) as pool:
             for start in range(0, TRIES, AT_ONCE):
                 count = min(AT_ONCE, TRIES - start)
-                results = list(pool.map(_fails, [program] * count))
+                ends = list(pool.map(_end_of, [program] * count))
                 self.beat()
-                failed += sum(results)
-                if not all(results):
+                failed += ends.count("failed")
+                if set(ends) != {"failed"}:
                     return failed, start + count
         return failed, TRIES
 
@@ -78,13 +78,13 @@ class Confirmation:
         """Tells whether a program passes in as many fresh processes."""
         if program not in self._seen:
             with ThreadPoolExecutor(AT_ONCE) as pool:
-                results = [False]
+                ends = ["passed"]
                 for _ in range(0, TRIES, AT_ONCE):
-                    results = list(pool.map(_fails, [program] * AT_ONCE))
+                    ends = list(pool.map(_end_of, [program] * AT_ONCE))
                     self.beat()
-                    if any(results):
+                    if set(ends) != {"passed"}:
                         break
-            self._seen[program] = not any(results)
+            self._seen[program] = set(ends) == {"passed"}
         return self._seen[program]
 
     def finding(self, each: Programs) -> tuple[Finding, Reproduced, bool]:
@@ -104,12 +104,14 @@ class Confirmation:
         return finding, Reproduced(failed, tried, unchanged), is_shown
 
 
-def _fails(program: str) -> bool:
-    """Tells whether a program fails through its environment, in a process of its own."""
+def _end_of(program: str) -> Literal["passed", "failed", "not run"]:
+    """End of a program in a process of its own; failed: by what its environment does."""
     outcome = run_task(TASK, {"program": program}, silence_s=None, limit_s=LIMIT_S)
-    if isinstance(outcome.value, dict):
-        return outcome.value["raised"] is not None and outcome.value["raised"] not in NOT_SHOWN
-    return outcome.status in ("died", "hung")
+    if not isinstance(outcome.value, dict):
+        return "failed" if outcome.status in ("died", "hung") else "not run"
+    if outcome.value["raised"] is None:
+        return "passed"
+    return "not run" if outcome.value["raised"] in NOT_SHOWN else "failed"
 
 
 def confirmed(
