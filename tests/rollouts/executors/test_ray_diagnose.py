@@ -53,7 +53,8 @@ def test_functions_give_the_same_answers_on_ray(executor: RayExecutor, run: Path
     assert far.agents["giver_0"].labels == ("timing",)
     assert {each.kind for each in far.agents["giver_0"].tested} == {"ideal", "perturbation"}
     here, far = (
-        gk.attribute(run, episodes=3, action_episodes=4, workers=players) for players in (0, executor)
+        gk.attribute(run, episodes=3, action_episodes=4, workers=players)
+        for players in (0, executor)
     )
     assert far.to_json() == here.to_json()
     assert far.fresh == 3
