@@ -93,6 +93,8 @@ class Encoder:
             )
         block, states, steps = columns.rows, columns.states, None
         if block is not None:
+            # Rows are hashed all at once, then handed to their episodes: a chunk may hold the end
+            # of one and the start of others; an episode's digest goes on over chunks (`_open`).
             digests = row_digests(block, hasher=self.hasher)
             for number, rows in _by_episode(block.episode):
                 self._open[number].add_rows(digests[rows])
@@ -150,6 +152,8 @@ def _add_lines(episodes: dict[int, EpisodeDigest], block: Block, infos: pa.Array
     turn, agent = pc.cast(pa.array(block.turn), pa.string()), names_array(block.agent)
     # a row without an info gives a null, which takes no bytes: the lines of an episode adjoin
     lines = pc.binary_join_element_wise(turn, "\0", agent, "\0", infos, "\n", "")
+    # Arrow's own buffers are read: the lines of rows i to j are the bytes offsets[i] to offsets[j],
+    # so that an episode takes one slice, and no text becomes a Python object.
     offsets = np.frombuffer(lines.buffers()[1], np.int32)
     data = memoryview(lines.buffers()[2] or b"")
     for number, rows in _by_episode(block.episode):
@@ -158,7 +162,7 @@ def _add_lines(episodes: dict[int, EpisodeDigest], block: Block, infos: pa.Array
 
 def _by_episode(episode: Any) -> Iterator[tuple[int, slice]]:
     """Each episode in a sorted column, and its rows there."""
-    firsts = np.flatnonzero(np.diff(episode, prepend=-1)).tolist()
+    firsts = np.flatnonzero(np.diff(episode, prepend=-1)).tolist()  # no episode is numbered -1
     numbers = episode[firsts].tolist()
     bounds = zip(firsts, [*firsts[1:], len(episode)], strict=True)
     return zip(numbers, starmap(slice, bounds), strict=True)

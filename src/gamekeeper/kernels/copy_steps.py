@@ -15,13 +15,15 @@ def begin_one(parts: Parts) -> Any:
     count, is_aec = len(parts.kernel.agents), parts.kernel.api == "aec"
 
     def begin(s: Any, t: Any, a: Any, pool: Any, constant: Any) -> None:
+        # `raw` is the whole record as words: one loop clears every field of the state, those of the
+        # rules too, whatever they are called. Number and limit outlive the episode.
         number, limit = s.number, s.limit
         for i in range(len(a.raw)):
             a.raw[i] = 0
         s.number = number
         s.limit = limit
         s.seed = seed_of(pool, constant, number)
-        s.block = -1
+        s.block = -1  # the words that stand beside are of no block yet: the first draw makes one
         for i in range(count):
             s.live[i] = 1
         reset(s, t)
@@ -69,6 +71,8 @@ def close_books(parts: Parts) -> Any:
         left = 0
         for i in range(count):
             if s.live[i] != 0:
+                # `live` is still that of before the step, so an agent is judged once, in the step
+                # that ended it; an ending by the rules goes before one by the horizon.
                 if a.terminated[i] or a.truncated[i]:
                     if s.ending[i] == 0:
                         s.ending[i] = UNNAMED
@@ -107,6 +111,9 @@ def driver_of_one(parts: Parts) -> tuple[Any, Any]:
         tells: Any,
     ) -> Any:
         """Returns 0 where it goes on, 1 where an episode ended, and 2 more where it is over."""
+        # The order matters. `note` keeps what ended agents saw last before `begin` overwrites the
+        # state; `show` comes last, over the state of whichever episode is current by then, so that
+        # an autoreset in the same step hands out the first observation of the next episode.
         clear(a)
         end = 0
         begins = over  # next_step: this step resets, and no action is taken
@@ -121,7 +128,7 @@ def driver_of_one(parts: Parts) -> tuple[Any, Any]:
             begin(s, t, a, pool, constant)
         for i in range(count):
             a.live[i] = s.live[i] != 0
-        # at one place, since rules are compiled into it
+        # called at one place only: the rules are inlined here, and each place compiles them anew
         show(s, t, a, tells, end == 3 if is_aec else not begins)
         return end
 
@@ -133,6 +140,7 @@ def _tick_note(parts: Parts) -> Any:
     keep, count = _tick_keeper(parts), len(parts.kernel.agents)
 
     def note(s: Any, t: Any, a: Any, left: Any) -> None:
+        # Most ticks end no agent; only one that does pays for a second look at the observations.
         has_ended = left == 0
         for i in range(count):
             has_ended = has_ended or a.terminated[i] or a.truncated[i]
@@ -256,6 +264,8 @@ def _clock(parts: Parts) -> Any:
     count = len(parts.kernel.agents)
 
     def ended(s: Any, a: Any, agent: Any) -> Any:
+        # `acted`: agents that had a turn in this tick. `due`: agents of its beginning that still
+        # wait for one; those that ended in the meantime wait for nothing.
         s.acted[agent] = 1
         s.due[agent] = 0
         is_over = s.acted[s.turn] != 0
@@ -315,6 +325,9 @@ def turn_keeper(parts: Parts) -> Any:
 @rule
 def episode_seed(pool, constant, episode):  # type: ignore[no-untyped-def]  # a rule's types are found when it compiles
     """The seed of episode `episode`, below 2**32, of the run whose `EpisodeSeeds` these are of."""
+    # The last round of SeedSequence's hash, by hand: `constant` is its multiplier after all rounds
+    # that the run's episodes share, `pool` the word that they left (see `EpisodeSeeds`). WORD cuts
+    # to 32 bits, as C does by itself; the last shift keeps the seed below 2**31.
     value = (episode ^ constant) * (constant * MULT_A & WORD) & WORD
     value = (pool - (MIX_R * (value ^ (value >> 16)) & WORD)) & WORD
     value = ((value ^ (value >> 16)) ^ INIT_B) * (INIT_B * MULT_B & WORD) & WORD

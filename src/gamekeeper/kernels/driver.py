@@ -93,6 +93,8 @@ def _loops(copy: Any, begin_one: Any, step_one: Any, judge: Any) -> tuple[Any, A
         is_next: Any,
         tells: Any,
     ) -> None:
+        # `copy` makes views from addresses, which own nothing: a slice of an array would count its
+        # references up and down, atomically, for every copy and field, and halve the speed.
         for e in range(first, last):
             s, t, a = copy(places, e)
             end = step_one(s, t, a, a.over[()], pool, constant, slots, is_next, tells)
@@ -275,7 +277,7 @@ def _on_one(parts: Parts) -> tuple[Any, Any, Any, Any]:
 
     def start(s: Any, t: Any, a: Any, seed: Any, episode: Any) -> None:
         clear(a)
-        limit = s.limit
+        limit = s.limit  # all else is cleared, as `copy_steps.begin_one` does
         for i in range(len(a.raw)):
             a.raw[i] = 0
         s.limit = limit
@@ -294,6 +296,8 @@ def _on_one(parts: Parts) -> tuple[Any, Any, Any, Any]:
     def play(s: Any, t: Any, a: Any) -> Any:
         clear(a)
         play_one(s, t, a)
+        # One number comes back to Python, as every other array or tuple would be an object a step:
+        # three bits of what happened, above them the draws, by which the caller moves its stream.
         found = s.draws << SIGN_BITS
         for i in range(count):
             if a.terminated[i] or a.truncated[i]:
