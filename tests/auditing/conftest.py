@@ -1,9 +1,23 @@
-"""Reproducers run once in tests that aren't about them: each run is a process."""
+"""Findings are given out without being confirmed in tests that aren't about that."""
+
+from collections.abc import Sequence
+from typing import Any
 
 import pytest
 
+from gamekeeper.checks.verdict import Verdict
+
+CONFIRMED = {"tests.auditing.test_confirmation": 5, "tests.auditing.test_seeds": 1}
+"""Modules whose reproducers are run, each in so many processes."""
+
 
 @pytest.fixture(autouse=True)
-def _reproducers_run_once(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    if request.module.__name__ != "tests.auditing.test_confirmation":
-        monkeypatch.setattr("gamekeeper.auditing.confirm.TRIES", 1)
+def _few_reproducers_run(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    def unconfirmed(drafts: Sequence[Any], **options: Any) -> tuple[Verdict, ...]:
+        return tuple(verdict for verdict, _ in drafts)
+
+    tries = CONFIRMED.get(request.module.__name__)
+    if tries is None:
+        monkeypatch.setattr("gamekeeper.auditing.audit.confirmed", unconfirmed)
+    else:
+        monkeypatch.setattr("gamekeeper.auditing.confirm.TRIES", tries)

@@ -248,16 +248,16 @@ def test_recorder_names_spaces_while_it_records(tmp_path: Path) -> None:
     env.step({"a": np.int64(1), "b": 2})
     (one,) = recorders._OPEN
     one._wake.set()
-    deadline = time.monotonic() + 10
-    while not load(tmp_path / "run").agent_steps.num_rows and time.monotonic() < deadline:
+    deadline = time.monotonic() + 60
+    actions: Any = {}
+    while not actions and time.monotonic() < deadline:
         time.sleep(0.001)
-
-    evidence = load(tmp_path / "run")
-    turn = next(next(evidence.episodes).turns)
+        evidence = load(tmp_path / "run")  # the rows of a turn are written before it is whole
+        actions = next((dict(turn.actions) for e in evidence.episodes for turn in e.turns), {})
 
     assert (evidence.manifest["status"], list(evidence.spaces)) == ("open", ["a", "b"])
     assert evidence.manifest["action_types"] == {"a": "numpy.int64", "b": "int"}
-    assert dict(turn.actions) == {"a": 1, "b": 2}
+    assert actions == {"a": 1, "b": 2}
     env.close()
     assert "action_types" not in load(tmp_path / "run").manifest
 
