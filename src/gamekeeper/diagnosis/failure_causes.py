@@ -110,14 +110,7 @@ def diagnose(
         ContractError: nothing says when an episode failed.
         RunError: there is no run, or another experiment lies in `out`.
     """
-    if budget < LEAST:
-        raise EvidenceError(
-            f"{budget} episodes are too few for a diagnosis",
-            where="budget",
-            expected=f"{LEAST} or more",
-            actual=str(budget),
-            fix=f"raise it (budget=, --budget); {BUDGET:,} is the default",
-        )
+    _check_budget(budget)
     evidence = evidence_of(run)
     declared = contract_of(evidence, contract)
     conditions = failures(declared, failed)
@@ -143,6 +136,22 @@ def diagnose(
             wanted = experiment.fails if perturbations is None else perturbations
             diagnosis = _diagnosis(evidence, experiment, seen, kinds if wanted else {}, recorded)
         return diagnosis if folder is None else _kept(diagnosis, experiment, folder)
+
+
+def _check_budget(budget: int) -> None:
+    """Refuses a budget with which nothing can be shown.
+
+    Raises:
+        EvidenceError: it is too small.
+    """
+    if budget < LEAST:
+        raise EvidenceError(
+            f"{budget} episodes are too few for a diagnosis",
+            where="budget",
+            expected=f"{LEAST} or more",
+            actual=str(budget),
+            fix=f"raise it (budget=, --budget); {BUDGET:,} is the default",
+        )
 
 
 def _played(stage: OpenSetup) -> dict[str, Any]:
