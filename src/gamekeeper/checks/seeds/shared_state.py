@@ -74,7 +74,7 @@ def draws_come_from_an_own_generator(contract: Contract, evidence: ProbeEvidence
 
 
 OTHER_SEEDS: Final = 20
-"""Seeds of the global generators that the reproducer tries."""
+"""Seeds of the global generators, or instances, that a reproducer tries."""
 
 
 def _own_generator_proof(api: str, moved: list[str], tells: frozenset[str]) -> Reproducer:
@@ -251,7 +251,15 @@ def instances_share_nothing(contract: Contract, evidence: ProbeEvidence) -> Iter
         if settled is not None and settled.value.is_settled:
             for counterfactual in look.counterfactuals:
                 if counterfactual.noise is not None:
-                    line = "alike(play(make()), play(make()))"
+                    lines = (
+                        "first = play(make())",
+                        f"for count in range({OTHER_SEEDS}):  # others were there",
+                        "    other = make()",
+                        "    other.reset(seed=SEED)",
+                        "    for actions in ACTIONS[: count % 4]:",
+                        "        other.step(actions)",
+                        "    alike(first, play(make()))",
+                    )
                     yield Case(
                         difference_place(counterfactual, counterfactual.noise),
                         False,
@@ -259,7 +267,7 @@ def instances_share_nothing(contract: Contract, evidence: ProbeEvidence) -> Iter
                         told_difference(counterfactual.noise),
                         program(
                             evidence.api,
-                            line,
+                            *lines,
                             tells=told_of(contract, counterfactual),
                             unchanged=(),
                         ),
@@ -279,6 +287,7 @@ def _beside(api: str, other: OtherInstance | None, tells: frozenset[str]) -> Rep
         "calls = iter(calls)",
         "alike(alone, play(env, between=lambda: next(calls, lambda: None)()))",
         tells=tells,
+        unchanged=(),  # what instances share makes the same play twice differ just as well
     )
 
 
