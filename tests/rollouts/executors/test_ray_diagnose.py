@@ -18,7 +18,7 @@ from tests.cli.lines import document
 ray = pytest.importorskip("ray")
 pytestmark = pytest.mark.trainer
 
-QUICK = ("--no-perturbations", "--budget", 100)
+QUICK = ("--no-perturbations", "--budget", 300)
 FEW = ("--episodes", 2, "--action-episodes", 4)
 
 
