@@ -124,7 +124,7 @@ class _Kinds:
 class Kinds(_Kinds, gk.TickEnv):
     """All act at once."""
 
-    metadata = {"name": "kinds_v0"}  # noqa: RUF012
+    metadata = {"name": "kinds_v0"}  # noqa: RUF012  # as PettingZoo has it
 
     def tick(self, actions: dict[str, Any]) -> None:
         """Ends one agent after three ticks, the others after seven."""
@@ -141,7 +141,7 @@ class Kinds(_Kinds, gk.TickEnv):
 class KindsInTurn(_Kinds, gk.TurnEnv):
     """One after the other."""
 
-    metadata = {"name": "kinds_in_turn_v0"}  # noqa: RUF012
+    metadata = {"name": "kinds_in_turn_v0"}  # noqa: RUF012  # as PettingZoo has it
 
     def act(self, agent: str, action: Any) -> None:
         """As at once."""

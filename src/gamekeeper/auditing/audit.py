@@ -14,12 +14,11 @@ from gamekeeper.auditing.gather import INTERRUPTED, Gathering, gather, lab_of
 from gamekeeper.auditing.judge import judge
 from gamekeeper.auditing.measured import PROBES, measured
 from gamekeeper.auditing.reproduce import Reproduction, draft_of
-from gamekeeper.auditing.result import AuditResult
+from gamekeeper.auditing.result import AuditResult, spaces_text
 from gamekeeper.auditing.snippet import home
 from gamekeeper.auditing.source import source_of
 from gamekeeper.checks.check import Check, selected
 from gamekeeper.contract import Contract
-from gamekeeper.episodes.agent_spec import AgentSpec
 from gamekeeper.errors import EvidenceError
 from gamekeeper.interface.declared_contract import declared_contract
 from gamekeeper.interface.opening import Opened, open_env
@@ -156,17 +155,11 @@ def _judged(
         verdicts=verdicts,
         measured=form,
         timings=timings,
-        agents={name: _spaces(spec) for name, spec in gathering.lab.agents.items()},
+        agents={name: spaces_text(spec) for name, spec in gathering.lab.agents.items()},
         declared=bench.contract.to_json() or None,
         source=source_of(opened.env),
         stopped=gathering.stopped,
     )
-
-
-def _spaces(spec: AgentSpec) -> dict[str, str]:
-    """The spaces in words; what the environment didn't tell before the first reset is empty."""
-    spaces = {"observation_space": spec.observation_space, "action_space": spec.action_space}
-    return {name: "" if space is None else str(space) for name, space in spaces.items()}
 
 
 def _nothing(*args: Any) -> None:

@@ -12,6 +12,7 @@ from gamekeeper.auditing.bulk import EVIDENCE_BYTES, held_bytes, most_turns, sli
 from gamekeeper.auditing.holds import still_entropy
 from gamekeeper.auditing.probe import Probe, probes
 from gamekeeper.auditing.probe_session import LEAST_TURNS, Meter, ProbeSession, TimeUpError
+from gamekeeper.checks.paired_plays import differs_by_itself
 from gamekeeper.checks.probe_evidence import (
     Fact,
     ProbeCounterfactual,
@@ -165,12 +166,6 @@ def gather(
     if gathering.is_cut and not gathering.stopped:
         gathering.stopped = TIME_UP
     return gathering
-
-
-def differs_by_itself(evidence: ProbeEvidence) -> bool:
-    """Tells whether the same seed and actions gave another episode, with nothing changed."""
-    again = evidence.counterfactuals(FIRST)
-    return any(x.change["change"] == "nothing" and x.divergence is not None for x in again)
 
 
 def _steps_until(lab: ProbeSession, until_s: float) -> int:

@@ -9,8 +9,9 @@ from typing import Final
 
 from gamekeeper.checks.case import Case
 from gamekeeper.checks.check import Check
+from gamekeeper.checks.paired_plays import differs_by_itself
 from gamekeeper.checks.probe_evidence import ProbeEvidence
-from gamekeeper.checks.verdict import Outcome
+from gamekeeper.checks.verdict import Finding, Outcome, Verdict
 from gamekeeper.contract import Contract
 
 MOST_SHOWN: Final = 3
@@ -34,6 +35,22 @@ class Judged:
     shown: tuple[Case, ...] = ()
     confidence: float = 1.0
     reason: str = ""
+
+
+def verdict_of(judged: Judged, findings: tuple[Finding, ...]) -> Verdict:
+    """The verdict of a judged check, with its findings."""
+    check = judged.check
+    return Verdict(
+        id=check.id,
+        claim=check.claim,
+        outcome=judged.outcome,
+        severity=check.severity,
+        confidence=judged.confidence,
+        cases=judged.cases,
+        failed=judged.failed,
+        findings=findings,
+        reason=judged.reason,
+    )
 
 
 def judge(
@@ -70,14 +87,8 @@ def _not_exercised(check: Check, evidence: ProbeEvidence) -> str:
     ]
     if reasons:
         return reasons[0]
-    return NOISE if _differs_by_itself(check, evidence) else "no episode had a case for it"
-
-
-def _differs_by_itself(check: Check, evidence: ProbeEvidence) -> bool:
-    """Tells whether its probes compare reruns, and the same rerun differs with nothing changed."""
-    again = evidence.counterfactuals("same_seed")
-    is_noisy = any(x.change["change"] == "nothing" and x.divergence is not None for x in again)
-    return is_noisy and not READS.issuperset(check.needs)
+    compares = not READS.issuperset(check.needs)
+    return NOISE if compares and differs_by_itself(evidence) else "no episode had a case for it"
 
 
 def _first_by_field(bad: list[Case]) -> tuple[Case, ...]:

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from gamekeeper.auditing.gather import ROLLOUT
-from gamekeeper.auditing.judge import Judged, judge
+from gamekeeper.auditing.judge import Judged, judge, verdict_of
 from gamekeeper.auditing.reproduce import words
-from gamekeeper.auditing.result import AuditResult
+from gamekeeper.auditing.result import AuditResult, spaces_text
 from gamekeeper.checks.check import Check, selected
 from gamekeeper.checks.probe_evidence import ProbeEvidence, ProbeRun
 from gamekeeper.checks.verdict import Finding, Verdict
@@ -79,7 +79,7 @@ def audit_run(
         steps=sum(evidence.turns_of(header) for header in evidence.headers),
         seed=int(evidence.manifest.get("seed") or 0),
         verdicts=verdicts,
-        agents={name: _spaces(spec) for name, spec in recorded.agents.items()},
+        agents={name: spaces_text(spec) for name, spec in recorded.agents.items()},
         declared=declared.to_json() or None,
         source={"class": str(environment.get("name"))} if environment.get("name") else {},
     )
@@ -118,22 +118,8 @@ def _verdict(check: Check, contract: Contract, recorded: ProbeEvidence) -> Verdi
         judged = Judged(check, "not_exercised", reason=NEEDS_RERUNS)
     else:
         judged = judge(check, contract, recorded, {})
-    return Verdict(
-        id=check.id,
-        claim=check.claim,
-        outcome=judged.outcome,
-        severity=check.severity,
-        confidence=judged.confidence,
-        cases=judged.cases,
-        failed=judged.failed,
-        findings=tuple(
-            Finding(str(x.where), words(x.expected), words(x.actual), check.fix, "")
-            for x in judged.shown
-        ),
-        reason=judged.reason,
+    findings = tuple(
+        Finding(str(x.where), words(x.expected), words(x.actual), check.fix, "")
+        for x in judged.shown
     )
-
-
-def _spaces(spec: AgentSpec) -> dict[str, str]:
-    spaces = {"observation_space": spec.observation_space, "action_space": spec.action_space}
-    return {name: "" if space is None else str(space) for name, space in spaces.items()}
+    return verdict_of(judged, findings)

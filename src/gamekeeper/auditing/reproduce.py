@@ -9,7 +9,7 @@ from typing import Any, Final
 from gamekeeper.auditing.confirm import Programs
 from gamekeeper.auditing.gather import OF_ENTROPY, Gathering, look_once
 from gamekeeper.auditing.holds import ENTROPY, held_still
-from gamekeeper.auditing.judge import Judged
+from gamekeeper.auditing.judge import Judged, verdict_of
 from gamekeeper.auditing.snippet import Home, snippet
 from gamekeeper.checks.case import Case, Reproducer
 from gamekeeper.checks.check import Check
@@ -43,17 +43,7 @@ def draft_of(judged: Judged, bench: Reproduction) -> tuple[Verdict, tuple[Progra
     """
     check = judged.check
     programs = tuple(_programs(check, case, bench) for case in judged.shown)
-    verdict = Verdict(
-        id=check.id,
-        claim=check.claim,
-        outcome=judged.outcome,
-        severity=check.severity,
-        confidence=judged.confidence,
-        cases=judged.cases,
-        failed=judged.failed,
-        findings=tuple(each.finding for each in programs),
-        reason=judged.reason,
-    )
+    verdict = verdict_of(judged, tuple(each.finding for each in programs))
     return verdict, programs if bench.home.make else ()
 
 

@@ -8,6 +8,7 @@ from html import escape
 from typing import Any
 
 from gamekeeper.checks.verdict import SEVERITIES, Verdict
+from gamekeeper.episodes.agent_spec import AgentSpec
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,3 +133,9 @@ def _row(cells: tuple[str, ...], tag: str) -> str:
 
 def _missing(id: str) -> Verdict:  # the word that everybody uses for it
     raise KeyError(id)
+
+
+def spaces_text(spec: AgentSpec) -> dict[str, str]:
+    """The spaces in words; what the environment didn't tell before the first reset is empty."""
+    spaces = {"observation_space": spec.observation_space, "action_space": spec.action_space}
+    return {name: "" if space is None else str(space) for name, space in spaces.items()}

@@ -197,6 +197,12 @@ def ignores_seeds(evidence: ProbeEvidence) -> bool:
     return False
 
 
+def differs_by_itself(evidence: ProbeEvidence) -> bool:
+    """Tells whether the same seed and actions gave another episode, with nothing changed."""
+    again = evidence.counterfactuals("same_seed")
+    return any(x.change["change"] == "nothing" and x.divergence is not None for x in again)
+
+
 def draws_nothing(contract: Contract, evidence: ProbeEvidence) -> str | None:
     """Reason why there is no case where episodes never differ, with or without a seed."""
     against = settled_by_seed(contract, evidence)

@@ -152,7 +152,7 @@ ARMS: dict[str, dict[str, Any]] = {arms}
 
 
 def failing(arm: str) -> int:
-    """How many episodes of an arm fail."""
+    """Number of episodes of an arm that fail."""
     evidence = gk.rollout(episodes=EPISODES, seed=SEED, **ARMS[arm])
     conditions = failures(evidence.contract, CONDITION)
     told = [failed(outcome_of(trace), conditions, evidence.contract) for trace in evidence.episodes]

@@ -22,6 +22,7 @@ from gamekeeper.checks.paired_plays import (
     FIELD,
     SAME,
     difference_place,
+    differs_by_itself,
     draws_nothing,
     is_blind_later,
     parted,
@@ -152,7 +153,7 @@ def seed_settles_the_play(contract: Contract, evidence: ProbeEvidence) -> Iterat
     if any(fact.value.is_settled for fact in evidence.facts(SettledElsewhere)):
         return  # instances share something, and that is another promise
     plays = list(evidence.counterfactuals("same_seed"))
-    differs = any(x.change["change"] == "nothing" and x.divergence is not None for x in plays)
+    differs = differs_by_itself(evidence)
     for each in plays:
         change, tells = each.change["change"], told_of(contract, each)
         if change in ("nothing", "the global generators"):
