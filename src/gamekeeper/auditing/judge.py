@@ -9,7 +9,6 @@ from typing import Final
 
 from gamekeeper.checks.case import Case
 from gamekeeper.checks.check import Check
-from gamekeeper.checks.paired_plays import differs_by_itself
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.verdict import Finding, Outcome, Verdict
 from gamekeeper.contract import Contract
@@ -17,10 +16,6 @@ from gamekeeper.contract import Contract
 MOST_SHOWN: Final = 3
 """Broken cases of one check that become findings, each of another field."""
 FAR: Final = 1 << 60
-READS: Final = frozenset(
-    {"rollout", "spaces", "surface", "metadata", "illegal", "lifecycle", "long"}
-)
-"""Probes whose checks need no two episodes that are equal."""
 NOISE: Final = "the same seed and actions give another episode each time, so none can be compared"
 
 
@@ -87,8 +82,9 @@ def _not_exercised(check: Check, evidence: ProbeEvidence) -> str:
     ]
     if reasons:
         return reasons[0]
-    compares = not READS.issuperset(check.needs)
-    return NOISE if compares and differs_by_itself(evidence) else "no episode had a case for it"
+    pairs = (each for name in check.needs for each in evidence.counterfactuals(name))
+    is_noisy = any(each.noise is not None for each in pairs)
+    return NOISE if is_noisy else "no episode had a case for it"
 
 
 def _first_by_field(bad: list[Case]) -> tuple[Case, ...]:
