@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any, Final
 
@@ -18,7 +19,7 @@ from gamekeeper.checks.facts.seed_facts import (
 from gamekeeper.checks.probe_evidence import ProbeCounterfactual
 from gamekeeper.episodes.divergence import Divergence, compare
 from gamekeeper.episodes.episode import Episode
-from gamekeeper.rollouts.episode_loop import Actions, EpisodePlan
+from gamekeeper.rollouts.episode_loop import Actions, EpisodePlan, EpisodeResult
 from gamekeeper.rollouts.interventions.generator_futures import GlobalGeneratorsDisturbed
 from gamekeeper.rollouts.process_randomness import held, states
 
@@ -142,6 +143,12 @@ class _Beside:
 MOST_TURNS: Final = 100
 SECOND_FROM: Final = 150
 """Ration in steps from which on a second hash seed is tried."""
+HERE: Final = 4
+"""Further plays in this process, to see how often two are equal."""
+BY_CHANCE: Final = 1 / 1_000
+"""Probability that processes agree by chance, where they are said to agree."""
+MOST_PROCESSES: Final = 12
+"""Where more would have to agree, it can't be told."""
 
 
 def against(lab: ProbeSession) -> str | None:
@@ -177,12 +184,30 @@ def other_process(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
             unchanged_rerun = lab.play(base.play, lab.env()).trace
         yield lab.fact(HashSeed(seed))
         if _parts(lab, base.trace, unchanged_rerun) is not None:
-            once_more = played_elsewhere(lab, base, seed)
-            is_settled = once_more is not None and _parts(lab, there, once_more) is None
-            yield lab.fact(SettledElsewhere(is_settled))
+            yield lab.fact(SettledElsewhere(_is_settled_elsewhere(lab, base, there, seed)))
     yield ProbeCounterfactual(
         base.trace, unchanged_rerun, there, change, tuple(lab.contract.volatile_infos())
     )
+
+
+def _is_settled_elsewhere(
+    lab: ProbeSession, base: EpisodeResult, there: Episode, hash_seed: int
+) -> bool:
+    """Tells whether new processes agree with each other, though plays in this one don't.
+
+    A rare draw that nobody seeded leaves two plays equal by chance: as often as plays here are
+    equal. So as many processes must agree as chance lets agree in one of 1,000 cases.
+    """
+    alike = 0
+    for _ in range(HERE):
+        with held():
+            alike += _parts(lab, base.trace, lab.play(base.play, lab.env()).trace) is None
+    chance = (alike + 1) / (HERE + 2)  # Laplace's rule of succession
+    needed = math.ceil(math.log(BY_CHANCE) / math.log(chance))
+    if needed > MOST_PROCESSES:
+        return False
+    others = (played_elsewhere(lab, base, hash_seed) for _ in range(needed))
+    return all(other is not None and _parts(lab, there, other) is None for other in others)
 
 
 def _parts(lab: ProbeSession, one: Episode, two: Episode) -> Divergence | None:

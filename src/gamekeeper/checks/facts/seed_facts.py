@@ -148,10 +148,10 @@ class HashSeed:
 
 @dataclass(frozen=True, slots=True)
 class SettledElsewhere:
-    """Two new processes with one hash seed, beside an unchanged rerun that differs.
+    """New processes with one hash seed, beside an unchanged rerun that differs.
 
     Attributes:
-        is_settled: whether they agree.
+        is_settled: whether they agree, more of them than chance lets agree.
     """
 
     is_settled: bool
