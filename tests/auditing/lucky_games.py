@@ -82,6 +82,14 @@ class Slips(Sound):
         return np.array([0.5, float(np.random.default_rng().random() < 0.1)])
 
 
+class Noise(Sound):
+    """Every observation hangs on a generator that nobody seeded."""
+
+    def seen(self) -> Any:
+        """Luck."""
+        return np.random.default_rng().random(2)
+
+
 class Tires(Sound):
     """What is left of the energy stays over a reset; nothing is drawn."""
 

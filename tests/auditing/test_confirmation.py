@@ -11,8 +11,12 @@ import pytest
 from gamekeeper.auditing.audit import AuditAttempt, audit_here
 from gamekeeper.auditing.audit_process import AuditInterruptedError, audit
 from gamekeeper.auditing.confirm import TRIES
+from gamekeeper.auditing.probe_session import ProbeSession
+from gamekeeper.auditing.probes import isolation
 from gamekeeper.auditing.result import AuditResult
 from gamekeeper.checks.verdict import FollowsFrom, Reproduced
+from gamekeeper.episodes.episode import Episode
+from gamekeeper.rollouts.episode_loop import EpisodeResult
 from gamekeeper.rollouts.workers import TaskOutcome
 from tests.auditing.lucky_games import OnlyInTests, Tires
 
@@ -30,6 +34,20 @@ def test_finding_is_confirmed_in_five_fresh_processes() -> None:
     verdict = audited("Slips", "GK60").of("GK601")
     assert (verdict.outcome, verdict.follows_from) == ("failed", None)
     assert verdict.reproduced == Reproduced(TRIES, TRIES, None)
+
+
+def test_processes_that_agree_by_chance_withdraw_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two other processes give one play by luck, the third another: the seed settles nothing."""
+    lucky: dict[int, list[Episode]] = {}
+
+    def by_luck(lab: ProbeSession, base: EpisodeResult, hash_seed: int) -> Episode:
+        there = lucky.setdefault(hash_seed, [])
+        there.append(there[0] if len(there) == 1 else lab.play(base.play, lab.env()).trace)
+        return there[-1]
+
+    monkeypatch.setattr(isolation, "played_elsewhere", by_luck)
+    found = audited("Noise", "GK601", "GK607")
+    assert (found.of("GK601").outcome, found.of("GK607").outcome) == ("failed", "passed")
 
 
 def test_comparison_is_confirmed_beside_an_unchanged_play() -> None:

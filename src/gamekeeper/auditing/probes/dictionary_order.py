@@ -11,7 +11,6 @@ from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
 from gamekeeper.auditing.reordering import FirstDivergence, orders, told
 from gamekeeper.checks.facts.play_facts import OrderOutcome
-from gamekeeper.episodes.episode import MASK
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
 from gamekeeper.rollouts.interventions.tick_order import ActionOrder
 
@@ -33,8 +32,7 @@ def order(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """The same joint actions in other orders of their dictionary, at every tick of whole episodes.
 
     The reversed order changes the places of every two agents, so one rerun looks at every conflict
-    that a play comes to. Conflicts are searched for: in every second play agents often do the same
-    at once.
+    that a play comes to.
 
     One fact for each play in which at least two agents acted together.
 
@@ -89,19 +87,6 @@ def _parted(
     return lab.fact(
         value, turn=turn - (found.part == "rewards"), agent=found.agent or None, field=found.part
     )
-
-
-def _may_agree(lab: ProbeSession) -> bool:
-    """Tells whether one agent's action is legal for all: equal spaces, and no masks anywhere."""
-    spaces = [each.action_space for each in lab.agents.values()]
-    if any(each.mask for each in lab.agents.values()) or any(each != spaces[0] for each in spaces):
-        return False
-    env = lab.env()
-    lab.meter.count()
-    out = lab.call("reset", env.reset, seed=lab.seed).value
-    parts = out if isinstance(out, tuple | list) else ()
-    given = [each for part in parts if isinstance(part, Mapping) for each in part.values()]
-    return not any(isinstance(each, Mapping) and MASK in each for each in given)
 
 
 class _Comparing:

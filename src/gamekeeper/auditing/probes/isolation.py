@@ -148,7 +148,7 @@ HERE: Final = 4
 BY_CHANCE: Final = 1 / 1_000
 """Probability that processes agree by chance, where they are said to agree."""
 MOST_PROCESSES: Final = 12
-"""Where more would have to agree, it can't be told."""
+"""Most processes that are tried; where more would have to agree, they count as not settled."""
 
 
 def against(lab: ProbeSession) -> str | None:
