@@ -172,3 +172,26 @@ def enough(n: int, fewest: int, unit: str, *, where: str) -> None:
         actual=str(n),
         fix=f"add {unit}, or show the {n} figures themselves without an interval",
     )
+
+
+def no_spread(value: float, n: int, unit: str, *, where: str) -> EvidenceError:
+    """The refusal of an interval around figures that are all one number.
+
+    They say nothing of their spread. What n of them may have missed is said by the rule of three:
+    an outcome of a chance over 3 / n would have been seen in 95 of 100 such samples.
+
+    Args:
+        value: that all have.
+        n: how many there are.
+        unit: "episodes", "pairs" or "training runs".
+        where: what asks.
+    Source: Hanley & Lippman-Hand 1983, "If nothing goes wrong, is everything all right?"
+    """
+    return EvidenceError(
+        f"all {n} {unit} have the same figure, so that nothing is known of its spread",
+        where=where,
+        expected=f"figures that differ; an outcome of 1 in {max(n // 3, 1)} {unit}, or a rarer "
+        "one, may not have been seen",
+        actual=f"{value:g}",
+        fix=f"show the figure without an interval, or add {unit}",
+    )

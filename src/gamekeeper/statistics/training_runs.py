@@ -23,11 +23,12 @@ from gamekeeper.statistics.interval import (
     check_statistic,
     enough,
     figures,
+    no_spread,
 )
 from gamekeeper.statistics.one_sample import around
 from gamekeeper.statistics.paired import PairedEffect, least_p
 from gamekeeper.statistics.resampling import stratified, weighted_means
-from gamekeeper.statistics.student import hypotenuse, student
+from gamekeeper.statistics.student import hypotenuse, student, student_p
 
 Scores = FloatArray | Sequence[float] | Sequence[FloatArray] | Sequence[Sequence[float]]
 """[runs] a score of each, [runs, episodes], or a list of runs of different lengths (ragged)."""
@@ -239,6 +240,50 @@ def difference_over_runs(
     if most == least:  # nothing varied
         return PairedEffect(value, value, value, 1.0 if value == 0 else 2.0 ** (1 - runs), runs)
     return PairedEffect(value, value - most, value - least, least_p(off, value), runs)
+
+
+def over_meetings(
+    blocks: Sequence[FloatArray], *, times: float = 1.0, level: float = LEVEL
+) -> PairedEffect:
+    """The mean over meetings of runs on shared seeds, with an interval and the p-value of 0.
+
+    Meetings share runs and seeds, so that they aren't a sample. The mean's variance is that of a
+    U-statistic: of each method, the variance of its runs' means over their meetings; and the
+    seeds', which is that of the mean over all meetings from seed to seed, less what runs hold of
+    it already.
+
+    Args:
+        blocks: by method [runs, episodes], of each run the mean over its meetings.
+        times: what a run's mean is enlarged by: in how many seats its method sits.
+        level: coverage, in [0.8, 0.99].
+    Raises:
+        EvidenceError: fewer runs than `FEWEST_RUNS_APART` of a method, or fewer seeds than
+            `FEWEST_SEEDS`.
+    Source: van der Vaart 1998, "Asymptotic statistics", ch. 12 (Hajek projection of one- and
+        two-sample U-statistics); Searle, Casella & McCulloch 1992, ch. 4, for the seeds;
+        Satterthwaite 1946 for the degrees of freedom.
+    """
+    where = "over_meetings"
+    check_level(level, where)
+    for block in blocks:
+        enough(len(block), FEWEST_RUNS_APART, "training runs of each method", where=where)
+    episodes = blocks[0].shape[1]
+    enough(episodes, FEWEST_SEEDS, "shared episode seeds", where=where)
+    by_seed = np.mean([block.mean(axis=0) for block in blocks], axis=0)
+    parts, within = [], 0.0
+    for block in blocks:
+        parts.append((times**2 * float(block.mean(axis=1).var(ddof=1)) / len(block), len(block)))
+        within += times**2 * _residue(block) / (len(block) * episodes)
+    parts.append((max(float(by_seed.var(ddof=1)) / episodes - within, 0.0), episodes))
+    value, variance = float(by_seed.mean()), sum(part for part, _ in parts)
+    n = min(map(len, blocks))
+    if variance <= 1e-24 * max(float(np.abs(block).max()) for block in blocks) ** 2:
+        raise no_spread(value, n, "training runs", where=where)
+    freedom = variance**2 / sum(part**2 / (count - 1) for part, count in parts)
+    error = sqrt(variance)
+    reach = student(level, freedom) * error
+    p = student_p(value / error, freedom)
+    return PairedEffect(value, value - reach, value + reach, p, n)
 
 
 def _no_seeds(level: float) -> float:
