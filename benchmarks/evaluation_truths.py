@@ -15,6 +15,7 @@ import argparse
 import json
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -70,25 +71,32 @@ def of_its_runs(met_ije: Any) -> Any:
     return np.stack([np.concatenate(each).mean(axis=0) for each in rows])
 
 
+def two_meet(rng: Generator, runs: int, *spreads: float) -> Any:
+    """The interval of two methods' meetings."""
+    found = met(rng, runs, *spreads)
+    return over_meetings([found.mean(axis=1), found.mean(axis=0)])
+
+
+def zero_shot(game: Callable[..., Any], rng: Generator, runs: int, *spreads: float) -> Any:
+    """The interval of the meetings of one method's runs."""
+    found = of_its_runs(game(rng, runs, *spreads))
+    return over_meetings([found], times=2 * (runs - 1) / (runs - 2))
+
+
 def meetings(repeats: int) -> Iterator[Line]:
     """Cells of cross-play in which runs of methods meet, about new runs and new seeds."""
-    cases = [(s, a, n) for s in (0.0, 0.5, 2.0) for a in (0.1, 1.0) for n in (0.3, 3.0)]
-    for runs in (10, 20):
-        for luck, apart, noise in cases:
-            of = f"{runs} runs {apart} apart, seeds {luck}, noise {noise}"
-
-            def two(rng: Generator) -> Any:
-                found = met(rng, runs, luck, apart, noise)
-                return over_meetings([found.mean(axis=1), found.mean(axis=0)])
-
-            def one(rng: Generator, game: Any = met) -> Any:
-                found = of_its_runs(game(rng, runs, luck, apart, noise))
-                return over_meetings([found], times=2 * (runs - 1) / (runs - 2))
-
-            yield {"claim": "two methods meet", "of": of} | judged(two, 0.0, repeats, 1)
-            yield {"claim": "zero-shot", "of": of} | judged(one, 0.0, repeats, 2)
-            line = judged(lambda rng: one(rng, rivals), 0.0, repeats, 3)
-            yield {"claim": "zero-shot, symmetric game", "of": of} | line
+    cases = [(10, s, a, n) for s in (0.0, 0.5, 2.0) for a in (0.1, 1.0) for n in (0.3, 3.0)]
+    ways: dict[str, Callable[..., Any]] = {
+        "two methods meet": two_meet,
+        "zero-shot": partial(zero_shot, met),
+        "zero-shot, symmetric game": partial(zero_shot, rivals),
+    }
+    for case in [*cases, (20, 0.5, 0.1, 0.3), (20, 2.0, 1.0, 3.0)]:
+        runs, luck, apart, noise = case
+        of = f"{runs} runs {apart} apart, seeds {luck}, noise {noise}"
+        for claim, way in ways.items():
+            line = judged(lambda rng, way=way, case=case: way(rng, *case), 0.0, repeats, 1)
+            yield {"claim": claim, "of": of} | line
 
 
 PARTS = {"meetings": meetings}

@@ -50,10 +50,28 @@ def test_over_environments_of_one_is_over_runs() -> None:
     assert (one.low, one.value, one.high) == (two.low, two.value, two.high)
 
 
-def test_over_environments_of_equal_scores_is_that_score() -> None:
-    """Where nothing varies the interval is one number."""
-    found = _over({name: [0.4] * 10 for name in "abc"}, statistic="mean")
-    assert pytest.approx((found.low, found.high)) == (0.4, 0.4)
+def test_over_environments_of_equal_scores_is_refused() -> None:
+    """Where nothing varies, nothing is known of the spread."""
+    with pytest.raises(EvidenceError, match="nothing is known of its spread"):
+        _over({name: [0.4] * 10 for name in "abc"}, statistic="mean")
+
+
+@pytest.mark.parametrize("statistic", ["mean", "iqm", "optimality_gap"])
+def test_over_environments_holds_the_luck_of_seeds(statistic) -> None:
+    """Runs that are alike on ten shared seeds are wider than on seeds of their own."""
+    rng = np.random.default_rng(0)
+    scores = {name: 0.1 * rng.normal(size=(12, 1)) + rng.normal(size=10) for name in "abc"}
+    wide, narrow = (
+        over_environments(
+            scores,
+            statistic=statistic,
+            target=3.0,
+            shared_seeds=shared,
+            rng=np.random.default_rng(1),
+        )
+        for shared in (True, False)
+    )
+    assert wide.high - wide.low > 3 * (narrow.high - narrow.low)
 
 
 @pytest.mark.parametrize(

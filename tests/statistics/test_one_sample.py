@@ -42,6 +42,7 @@ def test_interquartile_mean_refuses_what_has_none(values) -> None:
 @given(VALUES, st.sampled_from(STATISTICS))
 def test_one_sample_holds_its_value(values, statistic) -> None:
     """The estimate is inside its interval, and both are among the values."""
+    values = [*values, 7, -8]
     found = _interval(values, statistic=statistic)
     assert found.low - 1e-9 <= found.value <= found.high + 1e-9
     assert len(values) == found.n
@@ -80,9 +81,19 @@ def test_one_sample_of_success_is_wilson() -> None:
 
 
 def test_one_sample_of_nothing_but_success_is_still_unsure() -> None:
-    """Fifty successes don't show that there is no failure; fifty returns of 2.5 are that number."""
-    assert _interval([1.0] * 50).low == pytest.approx(wilson(50, 50).low)
-    assert (_interval([2.5] * 50).low, _interval([2.5] * 50).high) == (2.5, 2.5)
+    """Fifty successes don't show that there is no failure."""
+    rng = np.random.default_rng(0)
+    found = one_sample(np.ones(50), rng=rng, is_share=True)
+    assert found.low == pytest.approx(wilson(50, 50).low)
+
+
+@pytest.mark.parametrize("statistic", STATISTICS)
+@pytest.mark.parametrize("value", [0.0, 1.0, 10.0, 2.5])
+def test_one_sample_of_equal_returns_is_refused_in_any_unit(statistic, value) -> None:
+    """They say nothing of their spread; what they may have missed is said."""
+    with pytest.raises(EvidenceError, match="all 50 episodes have the same") as caught:
+        _interval([value] * 50, statistic=statistic)
+    assert "1 in 16 episodes" in str(caught.value)
 
 
 @pytest.mark.parametrize("statistic", STATISTICS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import inf, sqrt
 from statistics import NormalDist
 from typing import Final, Literal
@@ -21,9 +21,11 @@ from gamekeeper.statistics.interval import (
     LEVEL,
     FloatArray,
     Interval,
+    Statistic,
     check_level,
     enough,
     figures,
+    no_spread,
 )
 from gamekeeper.statistics.one_sample import around
 from gamekeeper.statistics.paired import tango
@@ -38,7 +40,14 @@ from gamekeeper.statistics.resampling import (
 )
 from gamekeeper.statistics.significance import wilson
 from gamekeeper.statistics.student import env_step, hypotenuse, student
-from gamekeeper.statistics.training_runs import Scores, run_scores
+from gamekeeper.statistics.training_runs import (
+    Crossed,
+    Scores,
+    crossed,
+    run_scores,
+    variance_of_seeds,
+    with_seeds,
+)
 
 Aggregate = Literal["mean", "iqm", "median", "optimality_gap"]
 AGGREGATES: Final[tuple[Aggregate, ...]] = ("mean", "iqm", "median", "optimality_gap")
@@ -68,20 +77,23 @@ def over_environments(
     *,
     statistic: Aggregate = "iqm",
     target: float = 1.0,
+    shared_seeds: bool = True,
     rng: Generator,
     level: float = LEVEL,
 ) -> Interval:
     """`aggregate` with an interval: runs are resampled within each environment.
 
-    It is a claim about the method on these environments and episode seeds, over the training runs
-    that might have been. The percentile interval that is usual here (rliable's) covers too little
-    with few runs; this is a bootstrap-t interval, and for the median over environments, which
-    jumps, a t-expanded percentile interval that asks for more runs.
+    It is a claim about the method on these environments, over the training runs and the episode
+    seeds that might have been. The percentile interval that is usual here (rliable's) covers too
+    little with few runs; this is a bootstrap-t interval, and for the median over environments,
+    which jumps, a t-expanded percentile interval that asks for more runs.
 
     Args:
         scores: by environment; normalised.
         statistic: which.
         target: for the optimality gap.
+        shared_seeds: column k of [runs, episodes] is the same episode seed in all runs of an
+            environment; the luck of the seeds is then part of the interval.
         rng: draws the resamples.
         level: coverage, in [0.8, 0.99].
     Returns:
@@ -89,29 +101,75 @@ def over_environments(
     Raises:
         EvidenceError: fewer than `FEWEST_RUNS_TOGETHER` runs in all, or `FEWEST_RUNS_EACH` in an
             environment (one environment: `FEWEST_RUNS`; the median: `FEWEST_RUNS_FOR_MEDIANS` in
-            each); or a figure isn't finite.
-    Source: `stratified`; `expanded`.
+            each), or `FEWEST_SEEDS` shared seeds; a figure isn't finite, or nothing varies.
+    Source: `stratified`; `expanded`; `with_seeds`.
     """
     where = "over_environments"
     check_level(level, where)
     strata = _strata(scores, statistic, where)
     value = _aggregate(strata, statistic, target)
     _enough_runs(strata, statistic)
+    luck = [0.0] * len(strata)
+    if shared_seeds:
+        luck = list(_luck(list(scores.values()), strata, statistic, target))
     if statistic == "optimality_gap":
         strata = [target - np.minimum(each, target) for each in strata]
     runs = sum(map(len, strata))
-    if len(strata) == 1:
-        alone = "iqm" if statistic == "iqm" else "mean"
-        return around(strata[0], statistic=alone, rng=rng, level=level)  # type: ignore[arg-type]
-    if statistic == "median":
+    if statistic == "median" and len(strata) > 1:
         freedom = min(map(len, strata)) - 1
-        low, high = map(float, expanded(_resampled_medians(strata, rng), freedom, level))
+        low, high = map(float, expanded(_resampled_medians(strata, luck, rng), freedom, level))
         return Interval(value, low, high, runs, "t-expanded percentile, runs within environments")
-    means = weighted_means([1 / len(strata)] * len(strata))
-    result = stratified(strata, pooled_iqm if statistic == "iqm" else means, rng)
-    least, most = result.bounds(level) if result.bounds else (0.0, 0.0)
-    low, high = value - most * result.error, value - least * result.error
-    return Interval(value, low, high, runs, "bootstrap-t, runs within environments")
+    if len(strata) == 1:
+        alone: Statistic = "iqm" if statistic == "iqm" else "mean"
+        found = around(strata[0], statistic=alone, rng=rng, level=level, unit="training runs")
+        freedom_of_runs = float(runs - 1)
+    else:
+        means = weighted_means([1 / len(strata)] * len(strata))
+        result = stratified(strata, pooled_iqm if statistic == "iqm" else means, rng)
+        if result.bounds is None:
+            raise no_spread(value, runs, "training runs", where=where)
+        least, most = result.bounds(level)
+        low, high = value - most * result.error, value - least * result.error
+        found = Interval(value, low, high, runs, "bootstrap-t, runs within environments")
+        freedom_of_runs = result.freedom
+    if not any(luck):
+        return found
+    degrees = [_episodes(each) - 1 for each in scores.values()]
+    freedom_of_seeds = sum(luck) ** 2 / sum(v * v / n for v, n in zip(luck, degrees, strict=True))
+    reach = student(level, freedom_of_seeds) * sqrt(sum(luck))
+    return with_seeds(found, reach, (freedom_of_runs, freedom_of_seeds), level)
+
+
+def _episodes(scores: Scores) -> int:
+    """Episodes of each run; 2 where only means are known."""
+    return 2 if np.ndim(scores[0]) == 0 else len(scores[0])  # type: ignore[arg-type]  # rows
+
+
+def _luck(
+    scores: Sequence[Scores], strata: Sequence[FloatArray], statistic: Aggregate, target: float
+) -> Iterator[float]:
+    """Variance of the estimate because of each environment's seeds.
+
+    For the median over environments: of that environment's own mean.
+    """
+    where, many = "over_environments", len(strata)
+    ordered = np.sort(np.concatenate(strata))
+    cut = len(ordered) // 4
+    low, high = ordered[cut], ordered[len(ordered) - cut - 1]
+    middle = int(((ordered >= low) & (ordered <= high)).sum())
+    for each, means in zip(scores, strata, strict=True):
+        matrix = crossed(each, where=where)
+        kept, weight = np.arange(len(means)), 1.0 if statistic == "median" else 1 / many
+        if statistic == "iqm":
+            kept = np.flatnonzero((means >= low) & (means <= high))
+            weight = len(kept) / middle
+        elif statistic == "optimality_gap":
+            kept = np.flatnonzero(means < target)
+            weight = len(kept) / len(means) / many
+        if matrix is None or not len(kept):
+            yield 0.0
+        else:
+            yield variance_of_seeds([Crossed(matrix, kept, weight)], where=where)
 
 
 def _strata(scores: Mapping[str, Scores], statistic: str, where: str) -> list[FloatArray]:
@@ -160,13 +218,17 @@ def _enough_runs(strata: Sequence[FloatArray], statistic: Aggregate) -> None:
         enough(runs, FEWEST_RUNS_TOGETHER, "training runs in all environments", where=where)
 
 
-def _resampled_medians(strata: Sequence[FloatArray], rng: Generator) -> FloatArray:
+def _resampled_medians(
+    strata: Sequence[FloatArray], luck: Sequence[float], rng: Generator
+) -> FloatArray:
     found = np.empty(RESAMPLES)
     step = max(CHUNK // sum(map(len, strata)), 1)
     for start in range(0, RESAMPLES, step):
         many = min(step, RESAMPLES - start)
         drawn = [each[rng.integers(0, len(each), (many, len(each)))] for each in strata]
         means = np.stack([each.mean(axis=1) for each in drawn])
+        if any(luck):
+            means += np.sqrt(luck)[:, None] * rng.standard_normal(means.shape)
         found[start : start + many] = np.median(means, axis=0)
     return found
 

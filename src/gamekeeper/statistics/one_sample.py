@@ -20,6 +20,7 @@ from gamekeeper.statistics.interval import (
     check_statistic,
     enough,
     figures,
+    no_spread,
 )
 from gamekeeper.statistics.resampling import (
     at,
@@ -188,6 +189,7 @@ def one_sample(
     statistic: Statistic = "mean",
     rng: Generator,
     level: float = LEVEL,
+    is_share: bool = False,
 ) -> Interval:
     """A statistic over the episodes of one checkpoint, with an interval.
 
@@ -198,44 +200,57 @@ def one_sample(
         statistic: "mean", "iqm" or "median".
         rng: draws the resamples.
         level: coverage, in [0.8, 0.99].
+        is_share: values are failure and success, 0 and 1.
     Raises:
-        EvidenceError: fewer episodes than `FEWEST_EPISODES[statistic]`, or one isn't finite.
+        EvidenceError: fewer episodes than `FEWEST_EPISODES[statistic]`, one isn't finite, or all
+            are one number.
     Source: `around` says which interval it is, and whose.
     """
     array = figures(values, "one_sample")
     check_statistic(statistic, "one_sample")
     check_level(level, "one_sample")
     enough(len(array), FEWEST_EPISODES[statistic], "episodes", where="one_sample")
-    return around(array, statistic=statistic, rng=rng, level=level)
+    return around(array, statistic=statistic, rng=rng, level=level, is_share=is_share)
 
 
-def around(values: FloatArray, *, statistic: Statistic, rng: Generator, level: float) -> Interval:
+def around(
+    values: FloatArray,
+    *,
+    statistic: Statistic,
+    rng: Generator,
+    level: float,
+    is_share: bool = False,
+    unit: str = "episodes",
+) -> Interval:
     """A statistic of independent values with its interval, however many there are.
 
     Two outcomes get Wilson's interval of their share. Else the mean gets a bootstrap-t interval
     (half way between the equal-tailed and the symmetric one, farther on the side where values lean
     from), the interquartile mean a t-expanded
-    percentile interval, the median the interval between order statistics. Where all values are one
-    number, nothing is known of their spread, and the interval is that number.
+    percentile interval, the median the interval between order statistics.
 
     Args:
         values: [n], two at least.
         statistic: which.
         rng: draws the resamples.
         level: coverage.
+        is_share: values are failure and success, 0 and 1, or shares of success.
+        unit: of the values, for the error.
+    Raises:
+        EvidenceError: all values are one number, and no shares.
     Source: Wilson 1927; `reach_of_mean`; Hesterberg 2015; Nyblom 1992; chosen by simulation
         (benchmarks/evaluation_coverage.py).
     """
-    if statistic == "median":
-        return quantile(values, 0.5, level=level)
-    seen = np.unique(values)
-    if len(seen) == 2 or (len(seen) == 1 and seen[0] in (0.0, 1.0)):
-        return _of_two(values, statistic, level)
-    mean = float(values.mean())
-    value = mean if statistic == "mean" else interquartile_mean(values)
     n, spread = len(values), float(values.std(ddof=1))
-    if spread <= 1e-12 * float(np.abs(values).max()):
-        return Interval(value, value, value, n, "all values are one number")
+    mean, seen = float(values.mean()), np.unique(values)
+    is_flat = spread <= 1e-12 * float(np.abs(values).max())
+    if is_flat and not (is_share and mean in (0.0, 1.0)):
+        raise no_spread(mean, n, unit, where=statistic)
+    if statistic == "median" and not is_flat:
+        return quantile(values, 0.5, level=level)
+    if is_flat or len(seen) == 2:
+        return _of_two(values, statistic, level)
+    value = mean if statistic == "mean" else interquartile_mean(values)
     if statistic == "iqm":
         low, high = map(float, expanded(resampled_iqm(values, rng), n - 1, level))
         return Interval(value, min(low, value), max(high, value), n, "t-expanded percentile")

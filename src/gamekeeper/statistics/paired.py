@@ -12,8 +12,10 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from gamekeeper.errors import EvidenceError
-from gamekeeper.statistics.resampling import RESAMPLES, Reach, reach, t_of_means
-from gamekeeper.statistics.student import env_step
+from gamekeeper.statistics.interval import no_spread
+from gamekeeper.statistics.one_sample import reach_of_mean
+from gamekeeper.statistics.resampling import TRUSTED, Reach, extended, t_of_means
+from gamekeeper.statistics.student import env_step, student, student_p
 
 FloatArray = NDArray[np.float64]
 
@@ -45,43 +47,70 @@ class PairedEffect:
 
 
 def paired_effect(
-    base: FloatArray, changed: FloatArray, *, rng: Generator, level: float = 0.95
+    base: FloatArray,
+    changed: FloatArray,
+    *,
+    rng: Generator,
+    level: float = 0.95,
+    is_share: bool | None = None,
 ) -> PairedEffect:
     """Mean of `changed - base` over paired episodes, with an interval.
 
-    Differences that are all -1, 0 or 1 (two ways to fail or succeed) get Tango's score interval
-    and McNemar's exact p. Others get a bootstrap-t interval half way between the equal-tailed one,
-    which follows a skew, and the symmetric one, which bears few distinct values; its p-value is
-    the least for which the interval leaves 0 out, and no less than 2 / 5,000. Where all
-    differences are one number nothing is known of their spread, and the interval is that number.
+    Differences that are all -d, 0 or d get Tango's score interval and McNemar's exact p, whatever
+    their unit. Others get a bootstrap-t interval half way between the equal-tailed one, which
+    follows a skew, and the symmetric one, which bears few distinct values, farther on the side
+    where differences lean from; its p-value is the least for which the interval leaves 0 out.
 
     Args:
         base: [episodes] a figure of each episode, unchanged, in its own units.
         changed: [episodes] the same seeds in the same order.
         rng: draws the resamples.
         level: coverage of the interval, in [0.8, 0.999].
+        is_share: figures are failure and success, 0 and 1, so that d is 1 even where all
+            differences are equal. False: figures have a unit, and where all differences are equal
+            there is no interval. None: as the former where differences are -1, 0 and 1; else the
+            interval of equal differences is that number.
     Raises:
-        EvidenceError: there are fewer than `FEWEST` pairs, the lengths differ, or a figure isn't
-            finite.
+        EvidenceError: there are fewer than `FEWEST` pairs, the lengths differ, a figure isn't
+            finite, or all differences are equal and `is_share` is False.
     Source: Tango 1998, "Equivalence test and confidence interval for the difference in proportions
-        for the paired-sample design"; McNemar 1947; Efron & Tibshirani 1993, ch. 12.5
-        (bootstrap-t); Hall 1988, "On symmetric bootstrap confidence intervals".
+        for the paired-sample design"; McNemar 1947; `reach_of_mean`.
     """
     differences = _differences(base, changed, level)
     n, value = len(differences), float(differences.mean())
-    if np.isin(differences, (-1.0, 0.0, 1.0)).all():
-        more, less = int((differences == 1).sum()), int((differences == -1).sum())
-        low, high = tango(more, less, n, level)
-        return PairedEffect(value, low, high, _mcnemar(more, less), n)
     spread = float(differences.std(ddof=1))
-    if spread <= 1e-12 * float(np.abs(differences).max()):
+    is_flat = spread <= 1e-12 * float(np.abs(differences).max())
+    if is_flat and is_share is False:
+        raise no_spread(value, n, "pairs", where="paired_effect")
+    unit = _unit(differences, is_share=is_share, is_flat=is_flat)
+    if unit is not None:
+        more, less = int((differences > 0).sum()), int((differences < 0).sum())
+        low, high = tango(more, less, n, level)
+        return PairedEffect(value, unit * low, unit * high, _mcnemar(more, less), n)
+    if is_flat:
         return PairedEffect(value, value, value, 1.0 if value == 0 else 2.0 ** (1 - n), n)
     error = spread / sqrt(n)
-    bounds = reach(t_of_means((differences - value) / spread, rng), n - 1)
+    standard = (differences - value) / spread
+    t = t_of_means(standard, rng)
+    bounds = extended(lambda level: _pair(reach_of_mean(t, standard, level)), n - 1)
     least, most = bounds(level)
-    return PairedEffect(
-        value, value - most * error, value - least * error, least_p(bounds, value / error), n
-    )
+    p = least_p(bounds, value / error, n - 1)
+    return PairedEffect(value, value - most * error, value - least * error, p, n)
+
+
+def _unit(differences: FloatArray, *, is_share: bool | None, is_flat: bool) -> float | None:
+    """The one size of all differences that aren't 0; None where they have several."""
+    sizes = np.unique(np.abs(differences[differences != 0]))
+    are_counts = not len(sizes) or (len(sizes) == 1 and sizes[0] == 1.0)
+    if is_share or (is_share is None and are_counts):
+        return 1.0
+    if is_flat or float(np.ptp(sizes)) > 1e-12 * float(sizes[-1]):
+        return None
+    return float(sizes[-1])
+
+
+def _pair(found: tuple[FloatArray, FloatArray]) -> tuple[float, float]:
+    return float(found[0]), float(found[1])
 
 
 def _differences(base: FloatArray, changed: FloatArray, level: float) -> FloatArray:
@@ -154,16 +183,22 @@ def _mcnemar(more: int, less: int) -> float:
     return float(min(2 * tail / 2**pairs, 1.0))
 
 
-def least_p(bounds: Reach, t: float) -> float:
-    """One minus the highest level whose interval leaves 0 out; 2 / 5,000 at least.
+def least_p(bounds: Reach, t: float, freedom: float) -> float:
+    """One minus the highest level whose interval leaves 0 out.
+
+    Beyond the levels that resamples tell, by Student's t on the scale of the highest of these.
 
     Args:
         bounds: how far the estimate is off either way, by level.
         t: the estimate, in the same unit.
+        freedom: degrees of Student's t.
     """
 
     def leaves_out(level: float) -> bool:
         least, most = bounds(level)
         return not least <= t <= most
 
-    return max(1 - env_step(leaves_out, 0.0, 1.0 - 1e-9), 2 / (RESAMPLES + 1))
+    if not leaves_out(TRUSTED):
+        return 1 - env_step(leaves_out, 0.0, TRUSTED)
+    farthest = bounds(TRUSTED)[t > 0]
+    return student_p(t / abs(farthest) * student(TRUSTED, freedom), freedom) if farthest else 0.0

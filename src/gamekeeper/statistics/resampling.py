@@ -21,7 +21,9 @@ Reach = Callable[[float], tuple[float, float]]
 """By level: the least and the most that t is, in standard errors."""
 
 RESAMPLES: Final = 4_999
-"""Bootstrap resamples; the least p-value is then 2 / 5,000."""
+"""Bootstrap resamples."""
+TRUSTED: Final = 0.99
+"""The highest level whose bounds are quantiles of resamples: 25 of them lie beyond either one."""
 CHUNK: Final = 2**21
 """Numbers that are drawn at once, to bound memory."""
 _LONGEST: Final = 1.45
@@ -74,7 +76,27 @@ def reach(t: FloatArray, freedom: float) -> Reach:
         least = float(at(ordered, 0.5 - level / 2) - both) / 2
         return max(least, -farthest), min(most, farthest)
 
-    return bounds
+    return extended(bounds, freedom)
+
+
+def extended(bounds: Reach, freedom: float) -> Reach:
+    """The reach at levels that resamples can't tell: Student's, on the scale of the last they can.
+
+    So a p-value has no floor, and many tests may be corrected for their number.
+
+    Args:
+        bounds: up to the level `TRUSTED`.
+        freedom: degrees of Student's t.
+    """
+
+    def beyond(level: float) -> tuple[float, float]:
+        if level <= TRUSTED:
+            return bounds(level)
+        scale = student(level, freedom) / student(TRUSTED, freedom)
+        least, most = bounds(TRUSTED)
+        return scale * least, scale * most
+
+    return beyond
 
 
 def expanded(resampled: FloatArray, freedom: float, level: float) -> tuple[Any, Any]:
@@ -177,11 +199,13 @@ class Stratified:
         value: the estimate.
         error: its standard error.
         bounds: how far t goes either way, by level; None where nothing varied.
+        freedom: degrees of Student's t; 0 where nothing varied.
     """
 
     value: float
     error: float
     bounds: Reach | None
+    freedom: float = 0.0
 
 
 def weighted_means(weights: Sequence[float]) -> Estimate:
@@ -240,4 +264,4 @@ def stratified(strata: Sequence[FloatArray], estimate: Estimate, rng: Generator)
         t[start : start + many] = (values - value) / errors
     degrees = np.array([len(each) - 1 for each in strata])
     freedom = variance**2 / float((variances**2 / degrees).sum())
-    return Stratified(float(value), variance**0.5, reach(t, freedom))
+    return Stratified(float(value), variance**0.5, reach(t, freedom), freedom)

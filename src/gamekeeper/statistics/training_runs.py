@@ -94,8 +94,8 @@ class Crossed:
     weight: float
 
 
-def reach_of_seeds(blocks: Sequence[Crossed], *, where: str) -> Callable[[float], float]:
-    """Error of the estimate because of the seeds that were drawn, by level.
+def variance_of_seeds(blocks: Sequence[Crossed], *, where: str) -> float:
+    """Variance of the estimate because of the seeds that were drawn.
 
     Scores are run + seed + what is left; the variance of the mean over columns, less what the
     residue puts there (which the interval over runs already holds), is the seeds'.
@@ -110,18 +110,32 @@ def reach_of_seeds(blocks: Sequence[Crossed], *, where: str) -> Callable[[float]
     """
     episodes = blocks[0].values_re.shape[1]
     enough(episodes, FEWEST_SEEDS, "shared episode seeds", where=where)
-    together = np.zeros(episodes)
+    together: FloatArray = np.zeros(episodes)
     residue = 0.0
     for block in blocks:
         rows = block.values_re[block.kept]
         together += block.weight * rows.mean(axis=0)
         residue += block.weight**2 * _residue(block.values_re) / (len(rows) * episodes)
-    variance = float(together.var(ddof=1)) / episodes - residue
-    error = float(np.sqrt(max(variance, 0.0)))
-    return lambda level: student(level, episodes - 1) * error
+    variance = float(together.var(ddof=1)) / episodes
+    return float(max(variance - residue, 0.0))
 
 
-def too_long(runs: float, seeds: float, freedoms: tuple[int, int], level: float) -> float:
+def reach_of_seeds(blocks: Sequence[Crossed], *, where: str) -> Callable[[float], float]:
+    """Error of the estimate because of the seeds that were drawn, by level.
+
+    Args:
+        blocks: of one environment, so that all have the same columns.
+        where: what asks, for the error.
+    Raises:
+        EvidenceError: fewer seeds than `FEWEST_SEEDS`.
+    Source: `variance_of_seeds`.
+    """
+    error = sqrt(variance_of_seeds(blocks, where=where))
+    freedom = blocks[0].values_re.shape[1] - 1
+    return lambda level: student(level, freedom) * error
+
+
+def too_long(runs: float, seeds: float, freedoms: tuple[float, float], level: float) -> float:
     """Part of the hypotenuse of two Student's reaches that is one's of both sources together.
 
     Each reaches as far as its own few degrees of freedom ask; together they have more.
@@ -161,6 +175,7 @@ def over_runs(
     shared_seeds: bool = True,
     rng: Generator,
     level: float = LEVEL,
+    is_share: bool = False,
 ) -> Interval:
     """A statistic over the scores of a method's training runs, with an interval.
 
@@ -176,24 +191,46 @@ def over_runs(
             the claim is then about the seeds that were played.
         rng: draws the resamples.
         level: coverage, in [0.8, 0.99].
+        is_share: scores are shares of success.
     Raises:
         EvidenceError: fewer runs than `FEWEST_RUNS[statistic]`, fewer shared seeds than
-            `FEWEST_SEEDS`, or a figure isn't finite.
+            `FEWEST_SEEDS`, a figure isn't finite, or all runs have one score.
     Source: Davison & Hinkley 1997, 3.8 (resampling of clusters); `around` for the interval over
-        runs; Zou & Donner 2008 for putting the distances of two sources together, `too_long` for
-        what this is too far.
+        runs; `with_seeds`.
     """
     run_means = run_scores(scores, where="over_runs")
     check_statistic(statistic, "over_runs")
     check_level(level, "over_runs")
     enough(len(run_means), FEWEST_RUNS[statistic], "training runs", where="over_runs")
-    found = around(run_means, statistic=statistic, rng=rng, level=level)
     matrix = crossed(scores, where="over_runs") if shared_seeds else None
-    if matrix is None:
+    blocks = [] if matrix is None else [Crossed(matrix, kept_runs(run_means, statistic), 1.0)]
+    luck = reach_of_seeds(blocks, where="over_runs") if blocks else None
+    found = around(
+        run_means,
+        statistic=statistic,
+        rng=rng,
+        level=level,
+        is_share=is_share,
+        unit="training runs",
+    )
+    if matrix is None or luck is None:
         return found
-    block = Crossed(matrix, kept_runs(run_means, statistic), 1.0)
-    seeds = reach_of_seeds([block], where="over_runs")(level)
-    freedoms = (len(run_means) - 1, matrix.shape[1] - 1)
+    return with_seeds(found, luck(level), (len(run_means) - 1, matrix.shape[1] - 1), level)
+
+
+def with_seeds(
+    found: Interval, seeds: float, freedoms: tuple[float, float], level: float
+) -> Interval:
+    """An interval over runs that holds the luck of the seeds they share, too.
+
+    Args:
+        found: over runs alone.
+        seeds: how far the estimate may be off because of the seeds.
+        freedoms: degrees of both.
+        level: coverage.
+    Source: Zou & Donner 2008 for putting the distances of two sources together, `too_long` for
+        what this is too far.
+    """
     part = too_long((found.high - found.low) / 2, seeds, freedoms, level)
     low = found.value - part * hypotenuse(found.value - found.low, seeds)
     high = found.value + part * hypotenuse(found.high - found.value, seeds)
@@ -215,10 +252,10 @@ def difference_over_runs(
         level: coverage, in [0.8, 0.99].
     Returns:
         value, low, high and p; `n` is the smaller number of runs. `b - a`, as `paired_effect`. The
-        p-value is the least for which the interval leaves 0 out, and no less than 2 / 5,000.
+        p-value is the least for which the interval leaves 0 out.
     Raises:
         EvidenceError: fewer runs than `FEWEST_RUNS_APART` of either, seeds that aren't shared,
-            or a figure isn't finite.
+            a figure isn't finite, or all runs of each method have the same score.
     Source: `stratified` and `reach_of_seeds`, put together as in `over_runs`.
     """
     where = "difference_over_runs"
@@ -237,9 +274,10 @@ def difference_over_runs(
 
     least, most = off(level)
     value = found.value
-    if most == least:  # nothing varied
-        return PairedEffect(value, value, value, 1.0 if value == 0 else 2.0 ** (1 - runs), runs)
-    return PairedEffect(value, value - most, value - least, least_p(off, value), runs)
+    if most == least:
+        raise no_spread(value, runs, "training runs", where=where)
+    p = least_p(off, value, found.freedom or runs - 1)
+    return PairedEffect(value, value - most, value - least, p, runs)
 
 
 def over_meetings(

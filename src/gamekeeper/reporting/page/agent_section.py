@@ -12,6 +12,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from gamekeeper.episodes.summary import Summary
+from gamekeeper.errors import EvidenceError
 from gamekeeper.reporting.page.episode_figures import Figures, failed_text
 from gamekeeper.reporting.page.packed_episode import PackedAgent
 from gamekeeper.reporting.page.page_data import (
@@ -70,7 +71,10 @@ def mean_of(values: FloatArray, rng: Generator | None) -> Mean:
     value = float(np.mean(values)) if len(values) else None
     if rng is None or len(values) < FEWEST or not np.isfinite(values).all():
         return Mean(value, None, None, len(values))
-    found = one_sample(np.asarray(values, np.float64), rng=rng)
+    try:
+        found = one_sample(np.asarray(values, np.float64), rng=rng)
+    except EvidenceError:  # all returns are one number
+        return Mean(value, None, None, len(values))
     return Mean(value, found.low, found.high, found.n)
 
 
