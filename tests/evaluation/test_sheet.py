@@ -109,7 +109,7 @@ def test_sheet_keeps_terminations_from_truncations() -> None:
 def test_sheet_has_no_return_of_a_broken_episode() -> None:
     """What was paid until then is no return."""
     sheet = Sheet.of(table([WHOLE, BROKEN]))  # type: ignore[arg-type]
-    assert sheet.broken == 1
+    assert sheet.broken.tolist() == [False, True]
     assert np.isnan(sheet.values("return")[1])
 
 

@@ -7,41 +7,61 @@ from typing import Any, Final
 
 import numpy as np
 
+from gamekeeper.episodes.outcome import TEAM
 from gamekeeper.evaluation.crossplay import CrossplayTable, both_ways
-from gamekeeper.evaluation.episode_rows import RETURN, SUCCESS
-from gamekeeper.evaluation.estimates import Judge
+from gamekeeper.evaluation.episode_rows import RETURN, SUCCESS, lost
+from gamekeeper.evaluation.estimates import FloatArray, Judge
 from gamekeeper.evaluation.results import Ground, Whom
 from gamekeeper.evaluation.spec import Spec
-from gamekeeper.statistics.interval import FEWEST_RUNS
 from gamekeeper.statistics.significance import holm
 
 ALPHA: Final = 0.05
+SEATS: Final = "seats"
+WIDE: Final = (TEAM, SEATS)
+"""Scopes that are about whole policies."""
+
+
+PRIMARY, SECONDARY = "primary", "secondary"
+"""Families of comparisons. Claims are made of the primary one: of teams, or of rivals in both
+seats; where an environment has neither, of its roles and agents."""
 
 
 def comparisons_of(
     spec: Spec, grounds: Sequence[Ground], tables: Mapping[str, CrossplayTable], judge: Judge
 ) -> list[dict[str, Any]]:
-    """Every pair in every environment that both play in; Holm's correction is over all of them.
+    """Every pair in every environment that both play in.
 
-    Where rewards cancel, returns of policies that each play against themselves say nothing of who
-    is better: there they are compared against one another, both ways, if cross-play has it.
+    Where one agent wins what others lose, returns of policies that each play against themselves
+    say nothing of who is better: there they are compared against one another, both ways, if
+    cross-play has it. What says the same twice is compared once: the team, a role and the agent of
+    an environment of one agent; success where it is whether the return exceeds a threshold is
+    secondary. p-values of the primary family are corrected for their number (Holm), those of the
+    secondary one for the number of all.
     """
-    found = []
+    found: list[dict[str, Any]] = []
     for ground in grounds:
-        metrics = (RETURN, SUCCESS) if ground.has_team else (SUCCESS,)
-        found += [
-            row
-            for a, b in spec.pairs
-            for whom in ground.compared
-            for metric in metrics
-            if (row := _row(spec, ground, judge, (a, b), whom, metric)) is not None
-        ]
-        if not ground.has_team:
-            found += _head_to_head(spec, ground, tables.get(ground.name), judge)
-    judged = [row for row in found if (row["difference"] or {}).get("p") is not None]
-    for row, p in zip(judged, holm([row["difference"]["p"] for row in judged]), strict=True):
-        row["difference"] |= {"p": p, "p_alone": row["difference"]["p"]}
-    return [{**row, "claim": claim_of(spec, row)} for row in found]
+        rows = [row for pair in spec.pairs for row in _rows_of(spec, ground, judge, pair)]
+        if ground.is_rivalry:
+            rows += _head_to_head(spec, ground, tables.get(ground.name), judge)
+        wide = [row for row in rows if row["scope"] in WIDE]
+        for row in rows:
+            is_primary = not row.pop("repeats") and (row["scope"] in WIDE or not wide)
+            found.append({**row, "family": PRIMARY if is_primary else SECONDARY})
+    for family in (PRIMARY, SECONDARY):
+        _correct(found, family)
+    begun = {ground.name: ground.resets for ground in grounds}
+    return [{**row, "claim": claim_of(spec, row, begun[row["environment"]])} for row in found]
+
+
+def _correct(rows: Sequence[dict[str, Any]], family: str) -> None:
+    """Puts corrected p-values into a family: of it alone, or of all rows for the secondary one."""
+    tested = [row for row in rows if (row["difference"] or {}).get("p") is not None]
+    if family == PRIMARY:
+        tested = [row for row in tested if row["family"] == PRIMARY]
+    alone = [row["difference"].get("p_alone", row["difference"]["p"]) for row in tested]
+    for row, p, its in zip(tested, holm(alone), alone, strict=True):
+        if row["family"] == family:
+            row["difference"] |= {"p": p, "p_alone": its, "tests": len(tested)}
 
 
 def _head_to_head(
@@ -49,53 +69,108 @@ def _head_to_head(
 ) -> Iterator[dict[str, Any]]:
     """Pairs that sat opposite one another both ways on the same seeds."""
     met = {} if table is None else both_ways(table)
-    if not met:
-        judge.refuse(
-            "returns compared",
-            "rewards cancel, so that one who plays against itself shows no strength; cross-play "
-            "lets two policies meet both ways",
-            ground.name,
-        )
     for a, b in spec.pairs:
-        figures = met.get((a, b)) or tuple(reversed(met.get((b, a), ())))
-        if not figures or table is None:
+        duel = met.get((a, b)) or (met[b, a].reversed if (b, a) in met else None)
+        if duel is None or table is None:
+            judge.refuse("returns compared", _unmet(table), f"{a} and {b} in {ground.name}")
             continue
         name = [ground.name, a, b, "both seats", RETURN]
-        of = f"{a} and {b} in {ground.name}"
-        difference, improvement, n = judge.paired(*figures, of=of, name=name)
+        compared = duel.compared(judge, of=f"{a} and {b} in {ground.name}", name=name)
         yield {
             "environment": ground.name,
             "a": a,
             "b": b,
-            "scope": "seats",
+            "scope": SEATS,
             "who": " and ".join(table.seats),
             "metric": RETURN,
-            "unit": "episode",
-            "n": n,
-            "difference": difference,
-            "improvement": improvement,
+            "unit": "run" if compared.seeds is not None else "episode",
+            **compared.to_json(),
+            "repeats": False,
         }
+
+
+def _unmet(table: CrossplayTable | None) -> str:
+    """Reason why two rivals can't be compared."""
+    if table is None:
+        return (
+            "one wins what the other loses, so that a policy that plays against itself shows no "
+            "strength; cross-play lets two policies meet both ways"
+        )
+    if len(table.seats) != 2:
+        return "rivals are compared in two seats, and cross-play has more: name two of them"
+    return "they didn't meet in both seats: name both among the partners of cross-play"
+
+
+def _rows_of(
+    spec: Spec, ground: Ground, judge: Judge, pair: tuple[str, str]
+) -> Iterator[dict[str, Any]]:
+    """The rows of a pair; those that only repeat another row's differences are left out."""
+    seen: list[FloatArray] = []
+    metrics = (SUCCESS,) if ground.is_rivalry else (RETURN, SUCCESS)
+    for whom in ground.compared:
+        has_interval = False
+        for metric in metrics:
+            if whom.scope == TEAM and metric == RETURN and not ground.has_team:
+                continue
+            row = _row(spec, ground, judge, pair, whom, metric)
+            if row is None:
+                continue
+            shape = _shape(ground, pair, whom, metric)
+            if metric == RETURN and any(_is_same(shape, other) for other in seen):
+                continue
+            seen.append(shape)
+            repeats = has_interval and metric == SUCCESS and _is_threshold(ground, pair, whom)
+            has_interval = (row["difference"] or {}).get("low") is not None
+            yield {**row, "repeats": repeats}
+
+
+def _values(ground: Ground, pair: tuple[str, str], whom: Whom, metric: str) -> FloatArray:
+    """[episodes] a figure of all runs of both policies, one after the other."""
+    sheets = [sheet for name in pair for sheet in ground.runs_of(name)]
+    return np.concatenate([sheet.values(metric, whom.scope, whom.name) for sheet in sheets])
+
+
+def _shape(ground: Ground, pair: tuple[str, str], whom: Whom, metric: str) -> FloatArray:
+    """Figures without their unit: a team's sum and its only agent's return look the same."""
+    values = np.nan_to_num(_values(ground, pair, whom, metric), nan=0.0)
+    largest = float(np.abs(values).max(initial=0.0))
+    return np.asarray(values / largest if largest > 0 else values)
+
+
+def _is_same(one: FloatArray, two: FloatArray) -> bool:
+    return bool(one.any() and np.allclose(one, two, rtol=0.0, atol=1e-12))
+
+
+def _is_threshold(ground: Ground, pair: tuple[str, str], whom: Whom) -> bool:
+    """True where an episode succeeded if, and only if, its return is over some number."""
+    returns, success = (_values(ground, pair, whom, metric) for metric in (RETURN, SUCCESS))
+    there = ~np.isnan(returns) & ~np.isnan(success)
+    hits, misses = returns[there & (success == 1.0)], returns[there & (success == 0.0)]
+    return not len(hits) or not len(misses) or bool(misses.max() < hits.min())
 
 
 def _row(
     spec: Spec, ground: Ground, judge: Judge, pair: tuple[str, str], whom: Whom, metric: str
 ) -> dict[str, Any] | None:
+    """A comparison; None where a policy doesn't play here or has no such figure."""
     a, b = pair
-    ones, twos = (
-        [sheet.values(metric, whom.scope, whom.name) for sheet in ground.runs_of(name)]
-        for name in pair
-    )
-    if not ones or not twos or any(np.isnan(each).all() for each in [*ones, *twos]):
+    sheets = [ground.runs_of(name) for name in pair]
+    ones, twos = ([s.values(metric, whom.scope, whom.name) for s in each] for each in sheets)
+    if not ones or not twos:
+        return None
+    of_all = list(zip([*sheets[0], *sheets[1]], [*ones, *twos], strict=True))
+    if any(np.isnan(values).all() and not sheet.broken.any() for sheet, values in of_all):
         return None
     is_run = spec.unit != "episode" and any(spec.policies[name].is_method for name in pair)
     if not is_run and len(ones) + len(twos) > 2:
         return None  # runs of methods, each taken alone: there is no one difference
-    of = f"{a} and {b} in {ground.name}"
-    name = [ground.name, a, b, whom.scope, whom.name, metric]
+    gone = lost(*(list(each) for each in zip(*of_all, strict=True)))
+    of, name = f"{a} and {b} in {ground.name}", [ground.name, a, b, whom.scope, whom.name, metric]
+    is_share = metric == SUCCESS
     if is_run:
-        difference, improvement, n = judge.between_runs(ones, twos, of=of, name=name)
+        compared = judge.between_runs(ones, twos, of=of, name=name, lost=gone, is_share=is_share)
     else:
-        difference, improvement, n = judge.paired(ones[0], twos[0], of=of, name=name)
+        compared = judge.paired(ones[0], twos[0], of=of, name=name, lost=gone, is_share=is_share)
     return {
         "environment": ground.name,
         "a": a,
@@ -104,42 +179,63 @@ def _row(
         "who": whom.name,
         "metric": metric,
         "unit": "run" if is_run else "episode",
-        "n": n,
-        "difference": difference,
-        "improvement": improvement,
+        **compared.to_json(),
     }
 
 
-def claim_of(spec: Spec, row: dict[str, Any]) -> str:
-    """A comparison in words, as far as it goes."""
-    whom = "" if row["scope"] == "team" else f" of {row['who']}"
-    what = "success" if row["metric"] == SUCCESS else f"{row['metric']}"
-    where = f"{row['environment']}: {what}{whom}"
-    difference = row["difference"]
+def claim_of(spec: Spec, row: dict[str, Any], begun: tuple[int, int] = (0, 0)) -> str:
+    """A comparison in words, as far as it goes.
+
+    Args:
+        spec: of the evaluation.
+        row: of comparisons.
+        begun: episodes that began differently for two policies on one seed, and of how many.
+    """
+    a, b = row["a"], row["b"]
+    whom = "" if row["scope"] == TEAM else f" of {row['who']}"
+    where = f"{row['environment']}: {row['metric']}{whom}"
+    difference, gone = row["difference"], row["broken"]
     if difference is None:
-        return f"{where}: {row['a']} and {row['b']} have no episode in common"
+        if not gone:
+            return f"{where}: {a} and {b} have no episode in common"
+        return f"{where}: {a} and {b} can't be compared, {_whole(row)}"
     figure = signed(difference, is_share=row["metric"] == SUCCESS)
-    scope = _scope(spec, row)
+    scope = _scope(spec, row, begun)
     if difference["low"] is None:
-        return f"{where}: {row['a']} against {row['b']} {figure}, no interval; {scope}"
+        return f"{where}: {a} against {b} {figure}, no interval; {scope}"
     p = difference.get("p")
-    is_clear = difference["low"] > 0 or difference["high"] < 0
-    if is_clear and (p is None or p <= ALPHA):
+    is_apart = difference["low"] > 0 or difference["high"] < 0
+    corrected = "" if p is None else f", p = {p:.2g} (Holm)"
+    if is_apart and (p is None or p <= ALPHA):
         verb = "is above" if difference["value"] > 0 else "is below"
     else:
         verb = "isn't shown to differ from"
-    corrected = "" if p is None else f", p = {p:.3g} (Holm)"
-    return f"{where}: {row['a']} {verb} {row['b']}, {figure}{corrected}; {scope}"
+        if is_apart:
+            corrected = (
+                f", p = {p:.2g} by Holm's correction for {difference['tests']} comparisons "
+                f"(alone {difference['p_alone']:.2g}; the interval is that of one comparison)"
+            )
+    return f"{where}: {a} {verb} {b}, {figure}{corrected}; {scope}"
 
 
-def _scope(spec: Spec, row: dict[str, Any]) -> str:
-    """Subject of the claim."""
+def _whole(row: Mapping[str, Any]) -> str:
+    """Says on how many episodes a comparison rests."""
+    if not row["broken"]:
+        return f"{row['episodes']}"
+    return f"{row['broken']} of {row['of_episodes']} episodes broke off"
+
+
+def _scope(spec: Spec, row: dict[str, Any], begun: tuple[int, int]) -> str:
+    """Subject of the claim, and the number of units that it rests on."""
+    gone = f" ({_whole(row)})" if row["broken"] else ""
     if row["unit"] == "episode":
-        return f"about these two policies as they are, {row['n']} paired episodes"
+        paired = "episodes that don't begin alike on one seed" if begun[0] else "paired episodes"
+        return f"about these two policies as they are, {row['n']} {paired}{gone}"
     single = [name for name in (row["a"], row["b"]) if not spec.policies[name].is_method]
+    units = f"{row['n']} training runs on {row['episodes']} seeds{gone}"
     if single:
-        return f"about the method and the one policy of {single[0]}, {row['n']} training runs"
-    return f"about the methods, {row['n']} training runs"
+        return f"about the method and the one policy of {single[0]}, {units}"
+    return f"about the methods, {units}"
 
 
 def signed(found: dict[str, Any], *, is_share: bool = False) -> str:
@@ -153,118 +249,3 @@ def signed(found: dict[str, Any], *, is_share: bool = False) -> str:
 
 def _number(value: float, is_share: bool) -> str:
     return f"{100 * value:+.1f}" if is_share else f"{value:+.3g}"
-
-
-MOST_CLAIMS: Final = 24
-"""Comparisons that are claims in words; those of teams and rivals always are."""
-MOST_FAILURES: Final = 5
-"""Most failures that notes name; the raw episodes have all."""
-
-
-def notes_of(
-    spec: Spec,
-    *,
-    episodes: int,
-    stopping: Mapping[str, Any] | None,
-    comparisons: Sequence[Mapping[str, Any]],
-    crossplay: Mapping[str, Mapping[str, Any]],
-    failures: Sequence[str],
-    unpinned: Sequence[str],
-) -> list[str]:
-    """Sentences on how it was played and what the figures are about, the most important first.
-
-    Args:
-        spec: of the evaluation.
-        episodes: that each policy played.
-        stopping: how it was decided that this is enough.
-        comparisons: with their claims.
-        crossplay: by environment.
-        failures: the episodes that an exception ended.
-        unpinned: what differs from what the suite pins.
-    """
-    return [
-        *(f"Not the suite as it was pinned: {text}." for text in unpinned),
-        *(f"Failed: {text}." for text in failures[:MOST_FAILURES]),
-        *_about(spec),
-        f"All policies played the same episodes, 0 to {episodes - 1} of seed {spec.seed}: the same "
-        f"resets, and the same random numbers for policies that draw them.",
-        *_stopped(stopping),
-        *_unclaimed(comparisons),
-        *_crossed(crossplay),
-    ]
-
-
-def _about(spec: Spec) -> Iterator[str]:
-    """Subjects of the claims."""
-    single = [name for name, each in spec.policies.items() if not each.is_method]
-    if single:
-        about = "is one policy: claims are about it as it is"
-        if len(single) > 1:
-            about = "are one policy each: claims are about them as they are"
-        yield (
-            f"{', '.join(single)} {about}, not about a training method; the statistical unit is "
-            "the episode."
-        )
-    for name, policy in spec.policies.items():
-        if not policy.is_method:
-            continue
-        runs = max(len(policy.runs_in(each)) for each in spec.environments)
-        fewest = min(FEWEST_RUNS.values())
-        if runs < fewest:
-            yield (
-                f"{name} has {runs} training run{'s' * (runs != 1)}: too few for an interval over "
-                f"runs ({fewest} are needed), so they are listed one by one."
-            )
-        else:
-            yield f"{name} has {runs} training runs: they are the unit of what is said about it."
-
-
-def claims_of(comparisons: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Comparisons that have an interval, in words: teams and rivals first, then roles."""
-    return [f"{row['claim']}." for row in _claimed(comparisons)]
-
-
-def _claimed(comparisons: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    known = _with_interval(comparisons)
-    wide = [row for row in known if row["scope"] in ("team", "seats")]
-    rest = [row for row in known if row not in wide]
-    return [*wide, *rest[: max(MOST_CLAIMS - len(wide), 0)]]
-
-
-def _with_interval(comparisons: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    return [row for row in comparisons if (row["difference"] or {}).get("low") is not None]
-
-
-def _unclaimed(comparisons: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    """Counts the comparisons that no claim words."""
-    known = len(_with_interval(comparisons))
-    more = known - len(_claimed(comparisons))
-    if more:
-        yield f"{more} more comparisons of roles and agents stand in the tables."
-    if known < len(comparisons):
-        yield f"{len(comparisons) - known} comparisons have no interval: no claim is made of them."
-
-
-def _stopped(stopping: Mapping[str, Any] | None) -> Iterator[str]:
-    if stopping is None:
-        return
-    asked = f"{stopping['metric']} of {stopping['who']} known to {stopping['width']:g}"
-    end = "reached" if stopping["reached"] else f"not reached by episode {stopping['most']}"
-    yield (
-        f"Playing went on until {asked} for every policy: {end} after {stopping['episodes']} "
-        f"episodes, looked at {stopping['rounds']} times. Its intervals allow for looking until "
-        "they are narrow; those of other figures don't."
-    )
-
-
-def _crossed(crossplay: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
-    for name, found in crossplay.items():
-        kinds = [cell["kind"] for cell in found["cells"]]
-        counts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
-        roles = ", ".join(found["roles"])
-        yield f"{name}: cross-play of {len(kinds)} pairings ({counts}) by {roles}."
-    if any(found["best_response"] for found in crossplay.values()):
-        yield (
-            "Best responses were chosen on the same episodes that they are shown by, so their "
-            "leads are overstated."
-        )

@@ -10,14 +10,15 @@ import numpy as np
 
 from gamekeeper.episodes.outcome import EACH, TEAM
 from gamekeeper.evaluation.episode_rows import RETURN, ROLE, Sheet
-from gamekeeper.evaluation.estimates import FloatArray, Judge
+from gamekeeper.evaluation.estimates import Compared, FloatArray, Judge
 from gamekeeper.evaluation.matchups import ZERO_SHOT, Checkpoint, Pairing
 from gamekeeper.evaluation.results import Ground
 from gamekeeper.evaluation.spec import EVERYONE, Spec
+from gamekeeper.statistics.significance import holm
 
 Seated: TypeAlias = "tuple[tuple[str, str], ...]"
 """Policies by seat."""
-OPTIMISTIC: Final = "the best was chosen on these same episodes, so its lead is overstated"
+CHOSEN: Final = "chosen on the first half of the episodes; values and leads are those of the other"
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +76,10 @@ class CrossplayTable:
 def crossplay_of(table: CrossplayTable) -> dict[str, Any]:
     """The cross-play of an environment, as the document has it."""
     ego = TEAM if table.ground.has_team else table.seats[0]
+    best, fair = _best_responses(table), _fairness(table)
+    _correct(
+        [*(gap for row in best for gap in row["gap"].values()), *(r["difference"] for r in fair)]
+    )
     return {
         "roles": list(table.seats),
         "policies": list(table.spec.policies),
@@ -84,9 +89,16 @@ def crossplay_of(table: CrossplayTable) -> dict[str, Any]:
             _cell(table, dict(seated), kind, members)
             for (seated, kind), members in table.cells().items()
         ],
-        "best_response": _best_responses(table),
-        "fairness": _fairness(table),
+        "best_response": best,
+        "fairness": fair,
     }
+
+
+def _correct(found: Sequence[dict[str, Any] | None]) -> None:
+    """Corrects the p-values of best responses and of both ways of sitting, for their number."""
+    tested = [each for each in found if each is not None and each.get("p") is not None]
+    for each, p in zip(tested, holm([each["p"] for each in tested]), strict=True):
+        each |= {"p": p, "p_alone": each["p"], "tests": len(tested)}
 
 
 def _cell(
@@ -100,17 +112,20 @@ def _cell(
     name = ["crossplay", table.ground.name, *seated.values(), kind]
     of = f"{' with '.join(dict.fromkeys(seated.values()))} in {table.ground.name}"
     methods = [p for p in dict.fromkeys(seated.values()) if table.spec.policies[p].is_method]
+    gone = _lost(values)
     if not methods:
-        found, n = table.judge.episodes(values[0], "mean", of=of, name=name), len(values[0])
+        found = table.judge.episodes(values[0], "mean", of=of, name=name, lost=gone)
+        n = int((~np.isnan(values[0])).sum())
     elif len(methods) == 1 and kind != ZERO_SHOT:
-        by_run = _by_run(table, methods[0], members, values)
-        found, n = table.judge.runs(list(by_run.values()), "mean", of=of, name=name), len(by_run)
+        by_run = list(_by_run(table, methods[0], members, values).values())
+        found = table.judge.runs(by_run, "mean", of=of, name=name, lost=gone)
+        n = len(by_run)
     else:
         runs = [_by_run(table, method, members, values) for method in methods]
-        scores = [[float(np.nanmean(each)) for each in one.values()] for one in runs]
-        times = _times(min(map(len, scores)), table.spec.crossplay.sample, kind)
-        found = table.judge.meetings(scores, times=times, of=of)
-        n = min(map(len, scores))
+        blocks = [np.stack(list(one.values())) for one in runs]
+        n = min(map(len, blocks))
+        times = _times(n, table.spec.crossplay.sample, kind)
+        found = table.judge.meetings(blocks, times=times, of=of, lost=gone)
     mean = found or {"value": None, "low": None, "high": None}
     return {
         "roles": dict(seated),
@@ -119,11 +134,17 @@ def _cell(
         "unit": "run" if methods else "episode",
         "pairings": len(members),
         "episodes": sum(len(sheet.episodes) for _, sheet in members),
+        "broken": gone,
         "mean": mean["value"],
         "low": mean["low"],
         "high": mean["high"],
         "by_role": {seat: _mean([table.of_seat(s, seat) for _, s in members]) for seat in seated},
     }
+
+
+def _lost(values: Sequence[FloatArray]) -> int:
+    """Number of seeds on which a line-up has no return."""
+    return int(np.any([np.isnan(each) for each in values], axis=0).sum())
 
 
 def _times(runs: int, sample: int | None, kind: str) -> float:
@@ -179,26 +200,41 @@ def _best_responses(table: CrossplayTable) -> list[dict[str, Any]]:
 def _best(
     table: CrossplayTable, seat: str, opponent: str, candidates: Mapping[str, list[FloatArray]]
 ) -> dict[str, Any]:
-    means = {name: float(np.nanmean(np.stack(runs))) for name, runs in candidates.items()}
-    best = max(means, key=lambda name: means[name])
+    """The best response, chosen on the first half of the episodes, and its lead on the other.
+
+    Where it was chosen its lead is luck in part: the highest of five equal policies leads, too.
+    """
+    half = len(next(iter(candidates.values()))[0]) // 2
+    first = {name: float(np.nanmean(np.stack(runs)[:, :half])) for name, runs in candidates.items()}
+    best = max(first, key=lambda name: first[name] if half else 0.0)
+    rest = {name: [run[half:] for run in runs] for name, runs in candidates.items()}
     gap: dict[str, Any] = {}
-    for name, runs in candidates.items():
+    for name, runs in rest.items():
         if name == best:
             continue
         of = f"{best} and {name} in {table.ground.name}"
-        key = ["best response", table.ground.name, seat, opponent, best, name]
-        if len(runs) == len(candidates[best]) == 1:
-            gap[name], _, _ = table.judge.paired(candidates[best][0], runs[0], of=of, name=key)
-        else:
-            gap[name], _, _ = table.judge.between_runs(candidates[best], runs, of=of, name=key)
+        if len(runs) == len(rest[best]) == 1:
+            key = ["best response", table.ground.name, seat, opponent, best, name]
+            found = table.judge.paired(
+                rest[best][0], runs[0], of=of, name=key, lost=_lost([rest[best][0], runs[0]])
+            )
+            gap[name] = found.difference
+            continue
+        lead = float(np.nanmean(np.stack(rest[best]))) - float(np.nanmean(np.stack(runs)))
+        gap[name] = {"value": lead, "low": None, "high": None, "method": None}
+        table.judge.refuse(
+            "interval of a best response's lead",
+            "a method's runs are the same where it was chosen and where its lead is measured",
+            of,
+        )
     others = {other: opponent for other in table.seats if other != seat}
     return {
         "role": seat,
         "against": others,
         "policy": best,
-        "value": means[best],
+        "value": float(np.nanmean(np.stack(rest[best]))),
         "gap": gap,
-        "note": OPTIMISTIC,
+        "note": CHOSEN,
     }
 
 
@@ -215,22 +251,69 @@ def _fairness(table: CrossplayTable) -> list[dict[str, Any]]:
     return [_swapped(table, pair, both) for pair, both in found.items()]
 
 
-def both_ways(table: CrossplayTable) -> dict[tuple[str, str], tuple[FloatArray, FloatArray]]:
-    """[episodes] the mean returns of two checkpoints that met both ways on the same seeds."""
+@dataclass(frozen=True, slots=True)
+class Duel:
+    """Meetings of two policies in both seats on the same seeds.
+
+    Attributes:
+        meetings: by the runs of both: [episodes] the mean return of the one, and of the other.
+        methods: whether the one is a method, and whether the other is.
+    """
+
+    meetings: Mapping[tuple[int, int], tuple[FloatArray, FloatArray]]
+    methods: tuple[bool, bool]
+
+    @property
+    def reversed(self) -> Duel:
+        """The same of the other against the one."""
+        turned = {(j, i): (two, one) for (i, j), (one, two) in self.meetings.items()}
+        return Duel(turned, (self.methods[1], self.methods[0]))
+
+    def compared(self, judge: Judge, *, of: str, name: Sequence[object]) -> Compared:
+        """By how much the one is above the other.
+
+        Args:
+            judge: makes the interval.
+            of: whom a refusal names.
+            name: of the random stream.
+        """
+        pairs = list(self.meetings.values())
+        gone = _lost([figures for pair in pairs for figures in pair])
+        if not any(self.methods):
+            return judge.paired(*pairs[0], of=of, name=name, lost=gone)
+        by_run: list[dict[int, list[FloatArray]]] = [{}, {}]
+        for runs, (one, two) in self.meetings.items():
+            for side, run in zip(by_run, runs, strict=True):
+                side.setdefault(run, []).append(one - two)
+        blocks = [
+            np.stack([np.mean(each, axis=0) for each in side.values()])
+            for side, is_method in zip(by_run, self.methods, strict=True)
+            if is_method
+        ]
+        found = judge.meetings(blocks, of=of, lost=gone)
+        total = len(pairs[0][0])
+        return Compared(found, None, min(map(len, blocks)), total, gone, total - gone)
+
+
+def both_ways(table: CrossplayTable) -> dict[tuple[str, str], Duel]:
+    """The duels of every two policies whose runs met both ways on the same seeds."""
     if table.ground.has_team or len(table.seats) != 2:
         return {}
     first, second = table.seats
     by_sides = {tuple(table.seated(p).values()): sheet for p, sheet in table.pairings}
-    found = {}
+    found: dict[tuple[str, str], dict[tuple[int, int], tuple[FloatArray, FloatArray]]] = {}
     for (a, b), there in by_sides.items():
         back = by_sides.get((b, a))
-        is_method = any(table.spec.policies[side.policy].is_method for side in (a, b))
-        if back is None or a == b or is_method:
+        if back is None or a.policy == b.policy or (b.policy, a.policy) in found:
             continue
         ones = (table.of_seat(there, first) + table.of_seat(back, second)) / 2
         twos = (table.of_seat(there, second) + table.of_seat(back, first)) / 2
-        found[a.policy, b.policy] = (ones, twos)
-    return found
+        found.setdefault((a.policy, b.policy), {})[a.run, b.run] = (ones, twos)
+    policies = table.spec.policies
+    return {
+        (a, b): Duel(met, (policies[a].is_method, policies[b].is_method))
+        for (a, b), met in found.items()
+    }
 
 
 def _swapped(
@@ -256,9 +339,13 @@ def _swapped(
         "difference": None,
     }
     if len(meetings) == 1:
-        row["first_mover"] = table.judge.episodes(leads[0], "mean", of=of, name=name)
+        row["first_mover"] = table.judge.episodes(
+            leads[0], "mean", of=of, name=name, lost=_lost(leads)
+        )
         if pair[0] != pair[1]:
-            row["difference"], _, _ = table.judge.paired(ones[0], twos[0], of=of, name=name)
+            gone = _lost([ones[0], twos[0]])
+            compared = table.judge.paired(ones[0], twos[0], of=of, name=name, lost=gone)
+            row["difference"] = compared.difference
         return row
     value = {"value": _mean(leads), "low": None, "high": None, "method": None}
     table.judge.refuse(

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import blake2b
 from itertools import pairwise
+from math import isfinite
 from typing import Any, Final
 
 import numpy as np
@@ -28,6 +29,7 @@ BASE: Final = pa.schema(
         ("run", pa.int32()),
         ("episode", pa.int64()),
         ("seed", pa.int64()),
+        ("reset", pa.string()),
         ("agent", pa.string()),
         ("role", pa.string()),
         ("return", pa.float64()),
@@ -44,6 +46,7 @@ BASE: Final = pa.schema(
     ]
 )
 """Columns that all rows have; those of reward terms and of infos follow, by name."""
+_FLAGS: Final = ("terminated", "truncated")
 FAILED: Final = "failed"
 """The ending of an agent whose episode an exception broke off."""
 
@@ -105,6 +108,7 @@ def rows_of(
         roster: who stands in the rows of an episode that an exception broke off in its reset.
         infos: fields of the last infos that are kept.
     """
+    outcome = finite_of(outcome)
     told = success.of(outcome)
     is_whole = outcome.error is None
     rows = []
@@ -141,6 +145,22 @@ def rows_of(
         row |= {f"{INFO}{name}": float(seen[name]) for name in infos if name in seen}
         rows.append(row)
     return rows
+
+
+def finite_of(outcome: Outcome) -> Outcome:
+    """The outcome; as one that broke off where a reward wasn't finite.
+
+    A sum with such a reward in it is no return, and to leave the agent out would change the team's.
+    """
+    if outcome.error is not None:
+        return outcome
+    paid = [(agent, "return", value) for agent, value in outcome.returns.items()]
+    paid += [(a, term, x) for a, terms in outcome.terms.items() for term, x in terms.items()]
+    for agent, what, value in paid:
+        if not isfinite(value):
+            text = f"NotFinite: rewards of {agent!r} add up to {value} ({what})"
+            return replace(outcome, error=text)
+    return outcome
 
 
 def table_of(rows: list[dict[str, Any]]) -> pa.Table:
@@ -202,6 +222,7 @@ class Sheet:
         episodes: [episodes] their numbers, ascending.
         table: the rows.
         places: [rows] where each stands: episode and agent.
+        failed_return: of each agent in episodes that broke off; None: they have none.
     """
 
     agents: tuple[str, ...]
@@ -209,6 +230,7 @@ class Sheet:
     episodes: NDArray[np.int64]
     table: pa.Table
     places: tuple[NDArray[np.intp], NDArray[np.intp]]
+    failed_return: float | None = None
 
     @classmethod
     def of(cls, table: pa.Table) -> Sheet:
@@ -227,6 +249,8 @@ class Sheet:
         if name in self.table.schema.names:
             values = pc.cast(self.table[name], pa.float64()).to_numpy()
             found[self.places] = values
+        if name == RETURN and self.failed_return is not None:
+            found[~np.isnan(self._is_broken())] = self.failed_return
         return found
 
     def members(self, scope: str, who: str) -> list[int]:
@@ -268,9 +292,29 @@ class Sheet:
         ]
 
     @property
-    def broken(self) -> int:
-        """Episodes that an exception broke off."""
-        return int((~np.isnan(_first(self._is_broken()))).sum())
+    def broken(self) -> NDArray[np.bool_]:
+        """[episodes] whether it broke off."""
+        return np.asarray(~np.isnan(_first(self._is_broken())))
+
+    @property
+    def ended(self) -> NDArray[np.bool_]:
+        """[episodes] whether it is whole and no agent of it was cut."""
+        cut = np.zeros(len(self.episodes), np.bool_)
+        flags = [self.table[name].to_numpy(zero_copy_only=False) for name in _FLAGS]
+        cut[self.places[0][~(flags[0] | flags[1]).astype(np.bool_)]] = True
+        return np.asarray(~cut & ~self.broken)
+
+    @property
+    def resets(self) -> list[str | None]:
+        """[episodes] digests of the first observations; None where there is none."""
+        if "reset" not in self.table.schema.names:
+            return [None] * len(self.episodes)
+        found: list[str | None] = [None] * len(self.episodes)
+        for place, text in zip(
+            self.places[0].tolist(), self.table["reset"].to_pylist(), strict=True
+        ):
+            found[place] = text
+        return found
 
     def _is_broken(self) -> FloatArray:
         found = np.full((len(self.episodes), len(self.agents)), np.nan)
@@ -310,6 +354,12 @@ class Sheet:
         for ends in by_episode.values():
             flags, names = {flag for flag, _ in ends}, {name for _, name in ends}
             yield _one(flags), _one(names)
+
+
+def lost(sheets: Sequence[Sheet], values: Sequence[FloatArray]) -> int:
+    """Number of seeds on which a sheet has no figure because its episode broke off."""
+    gone = [np.isnan(figures) & sheet.broken for sheet, figures in zip(sheets, values, strict=True)]
+    return int(np.any(gone, axis=0).sum())
 
 
 def sheets_of(table: pa.Table) -> dict[tuple[str, str], Sheet]:

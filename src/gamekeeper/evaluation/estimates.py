@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from hashlib import blake2b
 from math import sqrt
 from typing import Any, Final
@@ -12,24 +12,20 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from gamekeeper.episodes.outcome import EACH, TEAM
 from gamekeeper.errors import EvidenceError
-from gamekeeper.evaluation.episode_rows import LENGTH, RETURN, ROLE, SUCCESS, Sheet
-from gamekeeper.evaluation.inspection import Inspection
-from gamekeeper.evaluation.matchups import Checkpoint
-from gamekeeper.evaluation.spec import Spec
 from gamekeeper.statistics.aggregates import Aggregate, aggregate, improvement, over_environments
-from gamekeeper.statistics.confidence_sequence import Narrowing
-from gamekeeper.statistics.interval import FEWEST_RUNS_APART, Interval, Statistic, enough
+from gamekeeper.statistics.interval import Interval, Statistic, no_spread
 from gamekeeper.statistics.one_sample import one_sample
 from gamekeeper.statistics.paired import PairedEffect, paired_effect
 from gamekeeper.statistics.resampling import interquartile_mean
 from gamekeeper.statistics.significance import wilson
 from gamekeeper.statistics.student import student, student_p
-from gamekeeper.statistics.training_runs import difference_over_runs, over_runs
+from gamekeeper.statistics.training_runs import difference_over_runs, over_meetings, over_runs
 
 FloatArray = NDArray[np.float64]
 
+MOST_BROKEN: Final = 0.05
+"""Part of the episodes that may have broken off where the others stand for all."""
 MOST_NAMED: Final = 6
 """Episodes that a refusal names; the others are counted."""
 POINT: Final[dict[str, Callable[[FloatArray], Any]]] = {
@@ -74,7 +70,13 @@ class Judge:
         return np.random.default_rng([13, self._seed, int.from_bytes(digest, "little")])
 
     def episodes(
-        self, values: FloatArray, statistic: Statistic, *, of: str, name: Sequence[object]
+        self,
+        values: FloatArray,
+        statistic: Statistic,
+        *,
+        of: str,
+        name: Sequence[object],
+        lost: int = 0,
     ) -> dict[str, Any] | None:
         """A statistic over episodes of a checkpoint; None where there is no value.
 
@@ -82,12 +84,14 @@ class Judge:
             values: [episodes] NaN where an episode has none.
             of: whom a refusal names.
             name: of the random stream.
+            lost: episodes without a value because they broke off.
         """
         there = values[~np.isnan(values)]
         if not len(there):
             return None
         what = f"interval of the {_shown(statistic)} over episodes"
         try:
+            _enough_left(lost, len(values))
             found = one_sample(
                 there, statistic=statistic, rng=self.rng(*name, statistic), level=self.level
             )
@@ -95,21 +99,41 @@ class Judge:
             return self._point(float(POINT[statistic](there)), error, what, of)
         return _plain(found)
 
+    def flat(self, value: float, n: int, *, of: str) -> dict[str, Any]:
+        """A figure that is one number everywhere, so that it has no interval."""
+        error = no_spread(value, n, "figures", where=of)
+        return self._point(value, error, "intervals of figures that are all equal", of)
+
     def runs(
-        self, scores: Sequence[FloatArray], statistic: Statistic, *, of: str, name: Sequence[object]
+        self,
+        scores: Sequence[FloatArray],
+        statistic: Statistic,
+        *,
+        of: str,
+        name: Sequence[object],
+        lost: int = 0,
+        is_share: bool = False,
     ) -> dict[str, Any] | None:
         """A statistic over training runs; None where a run has no value.
 
         Args:
             scores: of each run, [episodes] on the same seeds.
+            statistic, of, name: as `episodes` takes them.
+            lost: seeds on which a run broke off.
+            is_share: scores are failure and success.
         """
         kept = shared(scores)
         if not kept.size:
             return None
         what = f"interval of the {_shown(statistic)} over training runs"
         try:
+            _enough_left(lost, len(scores[0]))
             found = over_runs(
-                kept, statistic=statistic, rng=self.rng(*name, statistic), level=self.level
+                kept,
+                statistic=statistic,
+                rng=self.rng(*name, statistic),
+                level=self.level,
+                is_share=is_share,
             )
         except EvidenceError as error:
             return self._point(float(POINT[statistic](kept.mean(axis=1))), error, what, of)
@@ -125,83 +149,100 @@ class Judge:
         return {"hits": hits, "n": len(there), "p": found.p, "low": found.low, "high": found.high}
 
     def paired(
-        self, a: FloatArray, b: FloatArray, *, of: str, name: Sequence[object]
-    ) -> tuple[dict[str, Any] | None, dict[str, Any] | None, int]:
-        """By how much `a` is above `b` on shared seeds, how probably, and on how many."""
+        self,
+        a: FloatArray,
+        b: FloatArray,
+        *,
+        of: str,
+        name: Sequence[object],
+        lost: int = 0,
+        is_share: bool = False,
+    ) -> Compared:
+        """By how much `a` is above `b` on shared seeds, and how probably.
+
+        Args:
+            a: [episodes] of one, b: of the other; NaN where an episode has no figure.
+            of, name: as `episodes` takes them.
+            lost: seeds on which one of them broke off.
+            is_share: figures are failure and success.
+        """
+        total = len(a)
         both = ~np.isnan(a) & ~np.isnan(b)
         a, b = a[both], b[both]
         if not len(a):
-            return None, None, 0
+            return Compared(None, None, 0, total, lost)
+        rng = self.rng(*name, "difference")
+        chance = None
         try:
-            effect = paired_effect(b, a, rng=self.rng(*name, "difference"), level=self.level)
-            difference = _effect(effect)
+            _enough_left(lost, total)
+            chance = self.improvement(a, b, paired=True, of=of)
+            effect = paired_effect(b, a, rng=rng, level=self.level, is_share=is_share)
+            difference = {**_effect(effect), "effect_size": _in_spreads(a - b)}
         except EvidenceError as error:
-            difference = self._point(
-                float((a - b).mean()), error, "interval of a difference over episodes", of
-            )
-        return difference, self.improvement(a, b, paired=True, of=of), len(a)
+            what = "interval of a difference over episodes"
+            difference = self._point(float((a - b).mean()), error, what, of)
+        return Compared(difference, chance, len(a), total, lost)
 
     def between_runs(
-        self, a: Sequence[FloatArray], b: Sequence[FloatArray], *, of: str, name: Sequence[object]
-    ) -> tuple[dict[str, Any] | None, dict[str, Any] | None, int]:
+        self,
+        a: Sequence[FloatArray],
+        b: Sequence[FloatArray],
+        *,
+        of: str,
+        name: Sequence[object],
+        lost: int = 0,
+        is_share: bool = False,
+    ) -> Compared:
         """The same of methods; one that is a single checkpoint counts as it is, without spread."""
-        kept = shared([*a, *b])
+        kept, total = shared([*a, *b]), len(a[0])
         one, two = kept[: len(a)], kept[len(a) :]
+        runs = max(len(a), len(b)) if 1 in (len(a), len(b)) else min(len(a), len(b))
         if not kept.size:
-            return None, None, 0
-        what = "interval of a difference over training runs"
-        value = float(one.mean() - two.mean())
+            return Compared(None, None, runs, total, lost, 0)
+        value, chance = float(one.mean() - two.mean()), None
+        means = one.mean(axis=1), two.mean(axis=1)
         try:
-            if min(len(a), len(b)) == 1:
-                apart = one - two if len(two) == 1 else -(two - one)
-                found = over_runs(apart, rng=self.rng(*name, "difference"), level=self.level)
-                difference = {**_plain(found), "p": _p_of(found, self.level)}
-            else:
-                difference = _effect(
-                    difference_over_runs(
-                        two, one, rng=self.rng(*name, "difference"), level=self.level
-                    )
-                )
+            _enough_left(lost, total)
+            chance = self.improvement(*means, paired=False, of=of)
+            difference = self._difference_of_runs(one, two, name, is_share=is_share)
+            difference["effect_size"] = _in_pooled_spreads(*means)
         except EvidenceError as error:
+            what = "interval of a difference over training runs"
             difference = self._point(value, error, what, of)
-        chance = self.improvement(one.mean(axis=1), two.mean(axis=1), paired=False, of=of)
-        return (
-            difference,
-            chance,
-            max(len(a), len(b)) if 1 in (len(a), len(b)) else min(len(a), len(b)),
-        )
+        return Compared(difference, chance, runs, total, lost, kept.shape[1])
+
+    def _difference_of_runs(
+        self, one: FloatArray, two: FloatArray, name: Sequence[object], *, is_share: bool
+    ) -> dict[str, Any]:
+        rng = self.rng(*name, "difference")
+        if min(len(one), len(two)) > 1:
+            return _effect(difference_over_runs(two, one, rng=rng, level=self.level))
+        apart = one - two if len(two) == 1 else -(two - one)
+        found = over_runs(apart, rng=rng, level=self.level)
+        return {**_plain(found), "p": _p_of(found, self.level)}
 
     def meetings(
-        self, scores: Sequence[Sequence[float]], *, times: float, of: str
+        self, blocks: Sequence[FloatArray], *, times: float = 1.0, of: str, lost: int = 0
     ) -> dict[str, Any] | None:
-        """The mean over meetings of runs, by how much it varies with the runs of each method.
-
-        Meetings share runs, so that they aren't a sample; runs are. The mean's variance is that of
-        a U-statistic: of each method, the variance of its runs' means over their meetings.
+        """The mean over meetings of runs, about new runs and new seeds.
 
         Args:
-            scores: by method, of each run the mean over its meetings.
+            blocks: by method [runs, episodes], of each run the mean over its meetings.
             times: what a run's mean is enlarged by: in how many seats its method sits.
-        Source: van der Vaart 1998, "Asymptotic statistics", ch. 12 (Hajek projection of one- and
-            two-sample U-statistics); Welch 1947 for the degrees of freedom.
+            of: whom a refusal names.
+            lost: seeds on which a meeting broke off.
         """
-        value = float(np.mean([np.mean(each) for each in scores]))
-        parts = [
-            (times**2 * float(np.var(each, ddof=1)) / len(each), len(each) - 1)
-            for each in scores
-            if len(each) > 1
-        ]
-        what = "interval of a cell over training runs"
+        total = blocks[0].shape[1]
+        there = ~np.any([np.isnan(block).any(axis=0) for block in blocks], axis=0)
+        kept = [block[:, there] for block in blocks]
+        if not there.any():
+            return None
         try:
-            for each in scores:
-                enough(len(each), FEWEST_RUNS_APART, "training runs", where=of)
+            _enough_left(lost, total)
+            return _effect(over_meetings(kept, times=times, level=self.level))
         except EvidenceError as error:
-            return self._point(value, error, what, of)
-        variance = sum(part for part, _ in parts)
-        freedom = variance**2 / sum(part**2 / n for part, n in parts) if variance > 0 else 1.0
-        reach = student(self.level, freedom) * sqrt(variance)
-        method = "Student's t on runs that meet one another (U-statistic)"
-        return {"value": value, "low": value - reach, "high": value + reach, "method": method}
+            value = float(np.mean([block.mean() for block in kept]))
+            return self._point(value, error, "interval of meetings of training runs", of)
 
     def environments(
         self,
@@ -249,6 +290,70 @@ class Judge:
         self.refuse(what, f"{error.what}{asked}", f"{of} ({error.actual})" if error.actual else of)
 
 
+@dataclass(frozen=True, slots=True)
+class Compared:
+    """A comparison with what it rests on.
+
+    Attributes:
+        difference: with its interval; None where there is no figure.
+        improvement: the probability that the first is above the second; None where it isn't known.
+        n: pairs of episodes, or training runs.
+        total: episodes that were played.
+        lost: of these, how many broke off.
+        seeds: that all runs have in common; None where episodes are the unit.
+    """
+
+    difference: dict[str, Any] | None
+    improvement: dict[str, Any] | None
+    n: int
+    total: int
+    lost: int
+    seeds: int | None = None
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data, as it stands in a row of comparisons."""
+        used = self.n if self.seeds is None else self.seeds
+        return {
+            "n": self.n,
+            "episodes": used,
+            "of_episodes": self.total,
+            "broken": self.lost,
+            "difference": self.difference,
+            "improvement": self.improvement,
+        }
+
+
+def _enough_left(lost: int, total: int) -> None:
+    """Episodes that broke off may be few: those that are left are the easier ones.
+
+    Raises:
+        EvidenceError: they are more than `MOST_BROKEN`.
+    """
+    if lost > MOST_BROKEN * total:
+        raise EvidenceError(
+            "too many episodes broke off: those that are left are no sample of all",
+            expected=f"at most {100 * MOST_BROKEN:g} % broken off, or failed_return in the "
+            "specification, which says what they count as",
+            actual=f"{lost} of {total} episodes",
+        )
+
+
+def _in_spreads(differences: FloatArray) -> float | None:
+    """The mean of paired differences in their standard deviations (Cohen's d_z)."""
+    spread = float(differences.std(ddof=1)) if len(differences) > 1 else 0.0
+    return float(differences.mean()) / spread if spread > 0 else None
+
+
+def _in_pooled_spreads(a: FloatArray, b: FloatArray) -> float | None:
+    """The difference of two methods in the standard deviations of their runs (Cohen's d)."""
+    several = [each for each in (a, b) if len(each) > 1]
+    freedom = sum(len(each) - 1 for each in several)
+    squares = sum(float(each.var(ddof=1)) * (len(each) - 1) for each in several)
+    if squares <= 0:
+        return None
+    return float(a.mean() - b.mean()) / sqrt(squares / freedom)
+
+
 def shared(scores: Sequence[FloatArray]) -> FloatArray:
     """[runs, episodes] the scores of the episodes in which every run has one."""
     kept = np.stack(list(scores))
@@ -275,120 +380,3 @@ def _shown(statistic: str) -> str:
     return {"iqm": "interquartile mean", "optimality_gap": "optimality gap"}.get(
         statistic, statistic
     )
-
-
-@dataclass(slots=True)
-class Stopping:
-    """Values so far, by environment and checkpoint.
-
-    Attributes:
-        spec: with a `stop`.
-        looks: of the environments.
-        seen: [episodes] figures, in the order of their numbers.
-        rounds: how often it was looked.
-    """
-
-    spec: Spec
-    looks: Mapping[str, Inspection]
-    seen: dict[tuple[str, Checkpoint], FloatArray] = field(default_factory=dict)
-    rounds: int = 0
-
-    @property
-    def sequence(self) -> Narrowing:
-        """The intervals: of shares bounded ones, of everything else those without bounds."""
-        if self._stop.metric == SUCCESS:
-            return Narrowing(least=0.0, most=1.0, level=self.spec.level)
-        return Narrowing(level=self.spec.level)
-
-    @property
-    def _stop(self) -> Any:
-        return self.spec.stop
-
-    def take(self, environment: str, side: Checkpoint, sheet: Sheet) -> None:
-        """Takes the next episodes of a checkpoint.
-
-        Raises:
-            EvidenceError: they have no such figure.
-        """
-        scope = self._scope(environment)
-        values = sheet.values(self._stop.metric, scope, self._stop.who)
-        if np.isnan(values).any():
-            named = {RETURN, LENGTH, SUCCESS, *sheet.metrics(None, self.spec.infos)}
-            raise EvidenceError(
-                "an episode lacks the figure by which playing is to stop",
-                where=f"stop, {environment}",
-                expected=", ".join(sorted(named)),
-                actual=f"{self._stop.metric} of {self._stop.who}",
-                fix="name a figure that every episode has; an exception leaves an episode none",
-            )
-        before = self.seen.get((environment, side), np.empty(0))
-        self.seen[environment, side] = np.concatenate([before, values])
-
-    def is_enough(self) -> bool:
-        """Tells whether every interval is narrow enough."""
-        self.rounds += 1
-        return all(
-            row["width"] is not None and row["width"] <= self._stop.width
-            for row in self.sequences()
-        )
-
-    def sequences(self) -> list[dict[str, Any]]:
-        """The interval of each checkpoint as it stands."""
-        return [
-            {
-                "environment": environment,
-                "policy": side.policy,
-                "run": side.run,
-                **self._interval(values),
-            }
-            for (environment, side), values in self.seen.items()
-        ]
-
-    def _interval(self, values: FloatArray) -> dict[str, Any]:
-        """An interval and its width; none before there are enough values for one."""
-        try:
-            found = self.sequence.interval(values)
-        except EvidenceError:
-            mean = float(values.mean())
-            nothing = dict.fromkeys(("low", "high", "width", "method"))
-            return {"n": len(values), "value": mean, **nothing}
-        return {
-            "n": found.n,
-            "value": found.value,
-            "low": found.low,
-            "high": found.high,
-            "width": found.high - found.low,
-            "method": found.method,
-        }
-
-    def to_json(self, episodes: int) -> dict[str, Any]:
-        """As the document has it."""
-        stop, sequences = self._stop, self.sequences()
-        widths = [row["width"] for row in sequences]
-        return {
-            "metric": stop.metric,
-            "who": stop.who,
-            "width": stop.width,
-            "most": stop.most,
-            "rounds": self.rounds,
-            "episodes": episodes,
-            "level": self.spec.level,
-            "reached": all(width is not None and width <= stop.width for width in widths),
-            "sequences": sequences,
-        }
-
-    def _scope(self, environment: str) -> str:
-        who, look = self._stop.who, self.looks[environment]
-        if who == TEAM:
-            return TEAM
-        if who in look.role_names:
-            return ROLE
-        if who in look.roles:
-            return EACH
-        raise EvidenceError(
-            "there is nobody of this name",
-            where=f"stop.who, {environment}",
-            expected=", ".join([TEAM, *look.role_names, *look.roles]),
-            actual=who,
-            fix="name the team, a role or an agent of this environment",
-        )

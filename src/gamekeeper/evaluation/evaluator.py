@@ -15,16 +15,18 @@ import pyarrow as pa
 
 from gamekeeper.episodes.plain_json import finite
 from gamekeeper.errors import EvidenceError, RunError
-from gamekeeper.evaluation.comparisons import claims_of, comparisons_of, notes_of
+from gamekeeper.evaluation.comparisons import comparisons_of
 from gamekeeper.evaluation.crossplay import CrossplayTable, crossplay_of
 from gamekeeper.evaluation.episode_rows import SUCCESS, Sheet, sheets_of
-from gamekeeper.evaluation.estimates import Judge, Stopping
+from gamekeeper.evaluation.estimates import Judge
 from gamekeeper.evaluation.evaluation import Evaluation, marl_eval_of
 from gamekeeper.evaluation.execution import SILENCE_S, EvaluationRun, InProcessExecutor
 from gamekeeper.evaluation.inspection import Inspection
 from gamekeeper.evaluation.matchups import SELF, Match, matches_of, settle_plan
-from gamekeeper.evaluation.results import Ground, has_team, overall_of, results_of
+from gamekeeper.evaluation.notes import claims_of, notes_of
+from gamekeeper.evaluation.results import Ground, ground_of, overall_of, results_of
 from gamekeeper.evaluation.spec import Spec, plain_of
+from gamekeeper.evaluation.stopping import Stopping
 from gamekeeper.evaluation.suites import (
     check_pins,
     command_of,
@@ -210,7 +212,10 @@ def _evaluated(
     table, told = course.merge(matches, episodes)
     evidence = course.keep(matches, episodes) if spec.record else []
     judge = Judge(spec.level, spec.seed)
-    sheets = sheets_of(table)
+    sheets = {
+        key: replace(sheet, failed_return=spec.environments[key[0]].failed_return)
+        for key, sheet in sheets_of(table).items()
+    }
     grounds = _grounds(spec, looks, matches, sheets)
     results = [row for ground in grounds for row in results_of(spec, ground, judge)]
     stopped = None if stopping is None else stopping.to_json(episodes)
@@ -227,6 +232,7 @@ def _evaluated(
         crossplay=crossed,
         failures=failures_of(table),
         unpinned=strange,
+        grounds=grounds,
     )
     found = Evaluation(
         name=spec.name,
@@ -329,12 +335,9 @@ def _grounds(
 ) -> list[Ground]:
     found = []
     for name, look in looks.items():
-        mine = {
-            match.pairing.side: sheets[name, match.pairing.name]
-            for match in matches
-            if match.environment == name and match.pairing.side is not None
-        }
-        found.append(Ground(name, look, has_team(spec, name, look, mine.values()), mine))
+        pairings = [match.pairing for match in matches if match.environment == name]
+        mine = [(pairing, sheets[name, pairing.name]) for pairing in pairings]
+        found.append(ground_of(spec, name, look, mine))
     return found
 
 

@@ -11,17 +11,20 @@ from numpy.typing import NDArray
 
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.outcome import EACH, TEAM
-from gamekeeper.evaluation.episode_rows import RETURN, REWARD, ROLE, SUCCESS, Sheet
+from gamekeeper.evaluation.episode_rows import RETURN, REWARD, ROLE, SUCCESS, Sheet, lost
 from gamekeeper.evaluation.estimates import FloatArray, Judge, shared
 from gamekeeper.evaluation.inspection import Inspection
-from gamekeeper.evaluation.matchups import Checkpoint
+from gamekeeper.evaluation.matchups import Checkpoint, Pairing
 from gamekeeper.evaluation.spec import Spec
 from gamekeeper.statistics.aggregates import AGGREGATES, aggregate
+from gamekeeper.statistics.interval import STATISTICS
 
 QUANTILES: Final = (0.05, 0.25, 0.75, 0.95)
 MOST_AGENTS: Final = 32
 """Agents of an environment that have rows of their own; the raw episodes have all of them."""
 ZERO_SUM: Final = "zero-sum"
+FEWEST_SUMS: Final = 10
+"""Episodes from which on a sum that isn't 0 counts as constant."""
 CANCELS: Final = 1e-9
 """A sum of returns that is smaller, as a part of the largest, is 0 but for rounding."""
 
@@ -43,12 +46,22 @@ class Ground:
         look: what it is.
         has_team: a sum over all agents means something.
         sheets: of every policy's every run by itself.
+        total: what all agents' returns add up to in every episode; None: they don't add up to one
+            number, or all agents are one team.
+        resets: episodes of one seed that began differently for different policies, of how many.
     """
 
     name: str
     look: Inspection
     has_team: bool
     sheets: Mapping[Checkpoint, Sheet]
+    total: float | None = None
+    resets: tuple[int, int] = (0, 0)
+
+    @property
+    def is_rivalry(self) -> bool:
+        """True where one agent wins what others lose."""
+        return not self.has_team and self.total is not None
 
     def runs_of(self, policy: str) -> list[Sheet]:
         """A policy's sheets, run by run."""
@@ -97,21 +110,50 @@ def may_pool(contract: Contract, role: str, members: Sequence[str]) -> bool:
     return len(members) == 1 or (declared is not None and declared.symmetric is True)
 
 
-def has_team(spec: Spec, environment: str, look: Inspection, sheets: Iterable[Sheet]) -> bool:
-    """True where a sum over all agents means something: as declared, else if none cancels.
+def ground_of(
+    spec: Spec, name: str, look: Inspection, lineups: Sequence[tuple[Pairing, Sheet]]
+) -> Ground:
+    """An environment's share, of all its line-ups."""
+    own = {each.side: sheet for each, sheet in lineups if each.side is not None}
+    sheets = [sheet for _, sheet in lineups]
+    declared = any(term.kind == ZERO_SUM for term in look.declared.rewards.values())
+    total = 0.0 if declared else constant_sum(sheets)
+    told = spec.environments[name].team
+    is_team = total is None if told is None else told
+    return Ground(name, look, is_team, own, None if is_team else total, differing_resets(sheets))
 
-    Where no contract says that a reward is zero-sum, it is if every episode's returns add up to 0
-    and aren't all 0.
+
+def constant_sum(sheets: Iterable[Sheet]) -> float | None:
+    """What all agents' returns add up to in every whole episode; None where that varies.
+
+    One number tells rivals only where returns vary while their sum doesn't: a team that always
+    does the same has a constant sum, too. A sum of 0 tells them wherever an agent gets anything.
     """
-    told = spec.environments[environment].team
-    if told is not None:
-        return told
-    if any(term.kind == ZERO_SUM for term in look.declared.rewards.values()):
-        return False
-    returns = [sheet.column(RETURN) for sheet in sheets]
-    sums = np.concatenate([np.nansum(each, axis=1) for each in returns])
-    largest = max(float(np.nanmax(np.abs(each), initial=0.0)) for each in returns)
-    return largest == 0.0 or bool((np.abs(sums) > CANCELS * largest).any())
+    rows = [sheet.column(RETURN)[sheet.ended] for sheet in sheets if len(sheet.agents) > 1]
+    rows = [each[~np.isnan(each).all(axis=1)] for each in rows]
+    if not sum(map(len, rows)):
+        return None
+    sums = np.concatenate([np.nansum(each, axis=1) for each in rows])
+    largest = max(float(np.nanmax(np.abs(each), initial=0.0)) for each in rows)
+    if largest == 0.0 or float(np.ptp(sums)) > CANCELS * largest:
+        return None
+    total = float(np.median(sums))
+    if abs(total) <= CANCELS * largest:
+        return 0.0
+    firsts = np.concatenate([each[:, 0] for each in rows])
+    varies = float(np.nanmax(firsts) - np.nanmin(firsts)) > CANCELS * largest
+    return total if varies and len(sums) >= FEWEST_SUMS else None
+
+
+def differing_resets(sheets: Iterable[Sheet]) -> tuple[int, int]:
+    """Episodes of one seed whose first observations differ between line-ups, and of how many."""
+    seen: dict[int, list[str]] = {}
+    for sheet in sheets:
+        for episode, digest in zip(sheet.episodes.tolist(), sheet.resets, strict=True):
+            if digest is not None:
+                seen.setdefault(episode, []).append(digest)
+    several = [digests for digests in seen.values() if len(digests) > 1]
+    return sum(len(set(digests)) > 1 for digests in several), len(several)
 
 
 def results_of(spec: Spec, ground: Ground, judge: Judge) -> Iterator[dict[str, Any]]:
@@ -138,9 +180,12 @@ def _refuse_pooling(ground: Ground, judge: Judge) -> None:
                 "they are shown one by one",
                 ground.name,
             )
-    if not ground.has_team:
+    if ground.is_rivalry:
         judge.refuse(
-            "the team's return", "rewards are zero-sum: over all agents they cancel", ground.name
+            "the team's return",
+            f"all agents' returns add up to {ground.total:g} in every episode: what one wins "
+            "another loses (team = true in the specification, if they are one team all the same)",
+            ground.name,
         )
     agents = dict.fromkeys(agent for sheet in ground.sheets.values() for agent in sheet.agents)
     if len(agents) > MOST_AGENTS:
@@ -161,11 +206,12 @@ def _rows(
     run: int | None,
     of: str,
 ) -> Iterator[dict[str, Any]]:
-    broken = sum(sheet.broken for sheet in sheets)
-    if broken:
+    broken = sum(int(sheet.broken.sum()) for sheet in sheets)
+    if broken and spec.environments[ground.name].failed_return is None:
         judge.refuse(
             "figures of failed episodes",
-            "an exception ended them: they count as failures and have no return",
+            "an exception or a reward that isn't finite ended them: they count as failures and "
+            "have no return (failed_return in the specification gives them one)",
             f"{of} in {ground.name} ({broken})",
         )
     for whom in ground.whom:
@@ -187,7 +233,8 @@ def _rows(
             }
             is_rare = whom.scope == EACH and any(np.isnan(each).any() for each in scores)
             named = f"{whom.name if is_rare else of} in {ground.name}"
-            found = _figures(judge, scores, list(where.values()), named, run)
+            gone = lost(sheets, scores)
+            found = _figures(judge, scores, list(where.values()), named, run, gone)
             yield {
                 **where,
                 **found,
@@ -203,22 +250,25 @@ def _figures(
     name: Sequence[object],
     of: str,
     run: int | None,
+    gone: int,
 ) -> dict[str, Any]:
     """Mean, median, interquartile mean and quantiles: of episodes, or of runs' means."""
+    means = scores[0][~np.isnan(scores[0])]
     if run is None:
         means = np.array([np.nanmean(each) for each in scores if not np.isnan(each).all()])
-        mean = judge.runs(scores, "mean", of=of, name=name)
-        iqm = judge.runs(scores, "iqm", of=of, name=name)
-    else:
-        means = scores[0][~np.isnan(scores[0])]
-        mean = judge.episodes(scores[0], "mean", of=of, name=name)
-        iqm = judge.episodes(scores[0], "iqm", of=of, name=name)
+    found: dict[str, Any] = {}
+    for statistic in STATISTICS:
+        if float(np.ptp(means)) == 0.0:
+            found[statistic] = judge.flat(float(means[0]), len(means), of=f"{name[-1]} of {of}")
+        elif run is None:
+            found[statistic] = judge.runs(scores, statistic, of=of, name=name, lost=gone)
+        else:
+            found[statistic] = judge.episodes(scores[0], statistic, of=of, name=name, lost=gone)
     return {
         "episodes": int(max((~np.isnan(each)).sum() for each in scores)),
+        "broken": gone,
         "runs": len(scores),
-        "mean": mean,
-        "median": float(np.median(means)),
-        "iqm": iqm,
+        **found,
         "quantiles": {f"{part:g}": float(np.quantile(means, part)) for part in QUANTILES},
     }
 
@@ -230,7 +280,8 @@ def _success(
     share = judge.share(np.concatenate(values))
     if share is None or run is not None:
         return share
-    over = judge.runs(values, "mean", of=of, name=["success", *(str(whom), of)])
+    name = ["success", *(str(whom), of)]
+    over = judge.runs(values, "mean", of=of, name=name, is_share=True)
     if over is None:
         return None
     return {**share, "p": over["value"], "low": over["low"], "high": over["high"]}

@@ -28,7 +28,9 @@ class EnvironmentSpec:
         success: conditions by scope (`team`, a role, `agent`) under which an episode succeeded;
             empty: where none of the contract's `[failure]` holds.
         most_turns: longer episodes are cut; None: as recordings do.
-        team: whether a sum over all agents means something; None: unless a reward is zero-sum.
+        team: whether a sum over all agents means something; None: unless a reward is zero-sum, or
+            returns add up to one number in every episode.
+        failed_return: return of each agent in an episode that an exception broke off; None: none.
         score: the team's returns that count as 0 and as 1, so that environments share a scale.
         version, digest: pinned; another environment is refused.
     """
@@ -40,6 +42,7 @@ class EnvironmentSpec:
     success: Mapping[str, str] = field(default_factory=dict)
     most_turns: int | None = None
     team: bool | None = None
+    failed_return: float | None = None
     score: tuple[float, float] | None = None
     version: str | None = None
     digest: str | None = None

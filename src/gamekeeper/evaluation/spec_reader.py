@@ -338,6 +338,7 @@ ENVIRONMENT: Final = section(
         "success": _success,
         "most_turns": whole(1),
         "team": truth,
+        "failed_return": number(float("-inf"), float("inf")),
         "score": _scale,
         "digest": text,
     },

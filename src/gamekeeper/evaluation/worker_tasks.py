@@ -8,10 +8,12 @@ import re
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from hashlib import blake2b
 from pathlib import Path
 from secrets import token_hex
 from typing import Any, Final
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
@@ -131,7 +133,7 @@ def play_part(
     env: Any = opened.env
     try:
         contract = declared or Contract()
-        cast = _Counting(cast_of(dict(lineup.choices), env, contract))
+        cast = _Counting(cast_of(dict(lineup.choices), env, contract), opened.api)
         judge = Success(contract, success)
         roster = [agent_name(agent) for agent in getattr(env, "possible_agents", ())]
         rows: list[dict[str, Any]] = []
@@ -147,7 +149,7 @@ def play_part(
             turns += outcome.turns
             rows += rows_of(
                 outcome,
-                label={**label, "episode": episode},
+                label={**label, "episode": episode, "reset": cast.reset},
                 success=judge,
                 contract=contract,
                 sides={whom: (side[0], side[1]) for whom, side in sides.items()},
@@ -172,19 +174,52 @@ def play_part(
 
 
 class _Counting:
-    """A cast that counts the decisions of each agent."""
+    """A cast that counts the decisions of each agent, and digests what the first ones are shown.
 
-    def __init__(self, cast: Any) -> None:
-        self._cast, self.counts = cast, dict[str, int]()
+    That is what a reset gives: of a Parallel environment to all agents, of an AEC environment to
+    the first in turn, since what others are shown first hangs on its action.
+    """
+
+    def __init__(self, cast: Any, api: str) -> None:
+        self._cast, self._is_parallel, self.counts = cast, api == "parallel", dict[str, int]()
+        self._first, self._is_open = blake2b(digest_size=8), True
 
     def begin(self, run_seed: int, episode: int) -> None:
         self.counts = {}
+        self._first, self._is_open = blake2b(digest_size=8), True
         self._cast.begin(run_seed, episode)
 
     def act(self, agent: Any, observation: Any, info: Any) -> Any:
         name = agent_name(agent)
+        self._is_open = self._is_open and (
+            name not in self.counts if self._is_parallel else not self.counts
+        )
+        if self._is_open:
+            self._first.update(name.encode("utf-8", "surrogatepass"))
+            _add(self._first, observation)
         self.counts[name] = self.counts.get(name, 0) + 1
         return self._cast.act(agent, observation, info)
+
+    @property
+    def reset(self) -> str | None:
+        """Digest of the first observations; None where no agent acted."""
+        return self._first.hexdigest() if self.counts else None
+
+
+def _add(digest: Any, value: Any) -> None:
+    """Adds an observation to a digest: its kind, and its bytes or its parts."""
+    digest.update(type(value).__name__.encode() + b"\0")
+    if isinstance(value, Mapping):
+        for key in sorted(value, key=str):
+            digest.update(str(key).encode("utf-8", "surrogatepass"))
+            _add(digest, value[key])
+    elif isinstance(value, list | tuple):
+        for each in value:
+            _add(digest, each)
+    elif isinstance(value, np.ndarray | np.generic) and value.dtype != object:
+        digest.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
+    elif value is None or isinstance(value, bool | int | float | str):
+        digest.update(repr(value).encode("utf-8", "surrogatepass"))
 
 
 def merge_task(report: Any, *, place: str, keys: Sequence[str]) -> dict[str, Any]:
