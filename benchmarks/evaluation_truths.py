@@ -19,9 +19,21 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 from numpy.random import Generator
 
 from gamekeeper.errors import EvidenceError
+from gamekeeper.evaluation.comparisons import ALPHA
+from gamekeeper.evaluation.episode_rows import Sheet, lost
+from gamekeeper.evaluation.estimates import Judge
+from gamekeeper.evaluation.results import constant_sum, differing_resets
+from gamekeeper.statistics import resampling
+from gamekeeper.statistics.aggregates import over_environments
+from gamekeeper.statistics.confidence_sequence import Narrowing
+from gamekeeper.statistics.one_sample import one_sample
+from gamekeeper.statistics.paired import paired_effect
+from gamekeeper.statistics.significance import holm
+from gamekeeper.statistics.student import student_p
 from gamekeeper.statistics.training_runs import over_meetings
 
 Line = dict[str, Any]
@@ -99,7 +111,260 @@ def meetings(repeats: int) -> Iterator[Line]:
             yield {"claim": claim, "of": of} | line
 
 
-PARTS = {"meetings": meetings}
+def overall(repeats: int) -> Iterator[Line]:
+    """Aggregates over environments, about new runs and new seeds."""
+    for statistic, many, runs in (("mean", 3, 10), ("iqm", 3, 10), ("optimality_gap", 3, 10)):
+        for luck in (0.0, 0.5, 2.0):
+
+            def scores(rng: Generator, luck: float = luck, shape: Any = (many, runs)) -> Any:
+                own = rng.normal(size=(*shape, 1)) + luck * rng.normal(size=(shape[0], 1, SEEDS))
+                found = own + rng.normal(size=(*shape, SEEDS))
+                return {f"env{k}": each for k, each in enumerate(found)}
+
+            goal, own = 1.0, float(np.sqrt(1 + 1 / SEEDS))
+            big = np.minimum(np.random.default_rng(1).normal(size=2_000_000) * own, goal)
+            truth = goal - float(big.mean()) if statistic == "optimality_gap" else 0.0
+            line = judged(
+                lambda rng, statistic=statistic, scores=scores: over_environments(
+                    scores(rng), statistic=statistic, target=1.0, rng=rng
+                ),
+                truth,
+                repeats,
+                4,
+            )
+            yield {"claim": f"{statistic} over {many} environments", "of": f"seeds {luck}"} | line
+
+
+def lineup(returns_ea: Any, broken: Any = None, resets: Any = None) -> Sheet:
+    """The sheet of episodes with these returns by agent."""
+    episodes, agents = returns_ea.shape
+    gone = np.zeros(episodes, bool) if broken is None else broken
+    rows = {
+        "episode": np.repeat(np.arange(episodes), agents),
+        "agent": [f"p{k}" for k in range(agents)] * episodes,
+        "role": ["p"] * (episodes * agents),
+        "return": np.where(np.repeat(gone, agents), np.nan, returns_ea.ravel()),
+        "terminated": np.repeat(~gone, agents),
+        "truncated": np.zeros(episodes * agents, bool),
+        "error": [("died" if each else None) for each in np.repeat(gone, agents)],
+    }
+    if resets is not None:
+        rows["reset"] = np.repeat(resets, agents)
+    return Sheet.of(pa.table(rows))
+
+
+def is_claim(found: dict[str, Any] | None, p: float | None = None) -> bool:
+    """Whether a difference is claimed: by its corrected p, and by its interval."""
+    if found is None or found["low"] is None:
+        return False
+    return (found["p"] if p is None else p) <= ALPHA and not found["low"] <= 0 <= found["high"]
+
+
+def claims(found: list[dict[str, Any] | None]) -> list[bool]:
+    """Which of a family's differences are claimed."""
+    tested = [each for each in found if each is not None and each.get("p") is not None]
+    p = iter(holm([each["p"] for each in tested]))
+    return [is_claim(each, next(p)) if each in tested else False for each in found]
+
+
+def constant_sums(repeats: int) -> Iterator[Line]:
+    """Win 1, lose 0: recognised as rivals; who is stronger is found from both seats."""
+    for strength in (0.0, 0.3, 1.0):
+        rivals_seen, found = [], []
+        for repeat in range(repeats):
+            rng = np.random.default_rng([5, repeat])
+            wins = (
+                strength + 0.3 + rng.normal(size=100) > 0,
+                -strength + 0.3 + rng.normal(size=100) > 0,
+            )
+            sheets = [lineup(np.stack([won, ~won], axis=1) * 1.0) for won in wins]
+            rivals_seen.append(constant_sum(sheets) == 1.0)
+            ones = (wins[0] * 1.0 + ~wins[1] * 1.0) / 2
+            compared = Judge(0.95, 0).paired(ones, 1 - ones, of="", name=[repeat])
+            found.append(is_claim(compared.difference))
+        kind = "found" if strength else "false"
+        line = {"claim": "constant sum, both seats", "of": f"{strength} sd stronger"}
+        yield line | {"recognised": percent(rivals_seen), kind: percent(found)}
+    for apart in (0.0, 1.0):
+        found = []
+        for repeat in range(repeats):
+            rng = np.random.default_rng([6, repeat])
+            strengths = rng.normal(size=(2, 12)) + np.array([[apart], [-apart]]) / 2
+            odds = strengths[0][:, None, None] - strengths[1][None, :, None]
+            won = [
+                odds + luck + rng.normal(size=(12, 12, 20)) > 0 for luck in rng.normal(size=(2, 20))
+            ]
+            met = (won[0] * 2.0 - 1 + won[1] * 2.0 - 1) / 2
+            duel = over_meetings([met.mean(axis=1), met.mean(axis=0)])
+            found.append(duel.p <= ALPHA)
+        kind = "found" if apart else "false"
+        yield {"claim": "methods that are rivals", "of": f"{apart} sd apart", kind: percent(found)}
+
+
+def families(repeats: int) -> Iterator[Line]:
+    """Claims of all pairs by Holm: none is false, and what is plain is found."""
+    judge = Judge(0.95, 0)
+    for name, draw in (
+        ("normal", lambda rng, size: rng.normal(size=size)),
+        ("exponential", lambda rng, size: rng.exponential(size=size)),
+        ("3 % far off", lambda rng, size: rng.normal(size=size) - 8.0 * (rng.random(size) < 0.03)),
+        ("-1, 0, 1", lambda rng, size: rng.integers(-1, 2, size) * 1.0),
+    ):
+        false = []
+        for repeat in range(repeats // 2):
+            rng = np.random.default_rng([7, repeat])
+            values = draw(rng, (4, 100)) + draw(rng, 100)
+            pairs = [(i, j) for i in range(4) for j in range(i)]
+            made = [
+                judge.paired(values[i], values[j], of="", name=[repeat, i, j]) for i, j in pairs
+            ]
+            false.append(any(claims([each.difference for each in made])))
+        yield {"claim": "4 equal checkpoints", "of": name, "false": percent(false)}
+    false = []
+    for repeat in range(repeats // 2):
+        rng = np.random.default_rng([8, repeat])
+        values = (
+            rng.normal(size=(3, 10, 1)) + rng.normal(size=(3, 1, 30)) + rng.normal(size=(3, 10, 30))
+        )
+        made = [
+            judge.between_runs(values[i], values[j], of="", name=[repeat, i, j])
+            for i, j in ((1, 0), (2, 0), (2, 1))
+        ]
+        false.append(any(claims([each.difference for each in made])))
+    yield {"claim": "3 equal methods, 10 runs", "of": "normal", "false": percent(false)}
+    rng = np.random.default_rng(9)
+    values = 10.0 * np.arange(14)[:, None] + rng.normal(size=(14, 100))
+    pairs = [(i, j) for i in range(14) for j in range(i)]
+    made = [judge.paired(values[i], values[j], of="", name=[i, j]) for i, j in pairs]
+    found = claims([each.difference for each in made])
+    yield {"claim": "14 policies 10 sd apart", "of": f"{len(pairs)} pairs", "found": percent(found)}
+    ours, students = [], []
+    for repeat in range(repeats):
+        off = np.random.default_rng([10, repeat]).normal(0.3, 1, 100)
+        ours.append(paired_effect(np.zeros(100), off, rng=np.random.default_rng(repeat)).p <= ALPHA)
+        t = off.mean() / off.std(ddof=1) * 10
+        students.append(student_p(float(t), 99) <= ALPHA)
+    line = {"claim": "0.3 sd apart, 100 pairs", "of": "normal", "found": percent(ours)}
+    yield line | {"found_by_t": percent(students)}
+
+
+def units(repeats: int) -> Iterator[Line]:
+    """Conclusions in other units; equal returns; what n episodes may have missed."""
+    differ, flat = 0, 0
+    for repeat in range(repeats // 5):
+        rng = np.random.default_rng([11, repeat])
+        off = [rng.integers(-1, 2, 60) * 1.0, rng.normal(0.2, 1, 60), rng.poisson(0.2, 60) * 1.0][
+            repeat % 3
+        ]
+        made = [
+            paired_effect(
+                np.zeros(60), unit * off, rng=np.random.default_rng(repeat), is_share=False
+            )
+            for unit in (1.0, 2.0, 0.001, 1e6)
+        ]
+        differ += any(abs(each.p - made[0].p) > 1e-9 for each in made)
+    for value in (0.0, 1.0, 10.0):
+        found = Judge(0.95, 0).episodes(np.full(50, value), "mean", of="", name=[value])
+        flat += found is not None and found["low"] is None
+    yield {"claim": "p in other units", "of": "1, 2, 0.001, 1e6", "differs": percent(differ > 0)}
+    yield {"claim": "equal returns", "of": "0, 1, 10", "refused": round(100 * flat / 3, 1)}
+    for far, n in ((10.0, 50), (10.0, 100), (10.0, 200), (100.0, 50), (100.0, 100), (100.0, 200)):
+        line = judged(
+            lambda rng, far=far, n=n: one_sample(
+                rng.normal(size=n) - far * (rng.random(n) < 0.02), rng=rng
+            ),
+            -0.02 * far,
+            repeats,
+            12,
+        )
+        yield {"claim": f"mean of {n} episodes", "of": f"a crash in 50 costs {far:g} sd"} | line
+
+
+def broken(repeats: int) -> Iterator[Line]:
+    """Equal methods of 20 runs on 40 seeds; one run breaks off on the hard ones."""
+    for part in (0.0, 0.02, 0.3, 1.0):
+        false, refused = [], []
+        for repeat in range(repeats // 5):
+            rng = np.random.default_rng([13, repeat])
+            hard = rng.normal(size=40)
+            values = hard + rng.normal(size=(2, 20, 1)) * 0.2 + rng.normal(size=(2, 20, 40))
+            values[1] += 1.5 * (hard < -0.5)  # better on hard seeds, worse on the others
+            values[1] -= 1.5 * 0.3085
+            gone = np.zeros(40, bool)
+            gone[np.argsort(hard)[: round(40 * part)]] = True
+            sheets = [lineup(row[:, None]) for row in values.reshape(40, 40)]
+            sheets[0] = lineup(values[0, 0][:, None], gone)
+            figures = [sheet.values("return") for sheet in sheets]
+            made = Judge(0.95, 0).between_runs(
+                figures[:20], figures[20:], of="", name=[repeat], lost=lost(sheets, figures)
+            )
+            false.append(is_claim(made.difference))
+            refused.append(made.difference is None or made.difference["low"] is None)
+        line = {"claim": "equal methods, one run breaks off", "of": f"in {100 * part:g} % of seeds"}
+        yield line | {"false": percent(false), "refused": percent(refused)}
+
+
+def resets(repeats: int) -> Iterator[Line]:
+    """Resets that follow their seed, and such that don't, are told apart."""
+    for is_seeded in (True, False):
+        said = []
+        for repeat in range(repeats // 10):
+            rng = np.random.default_rng([14, repeat])
+            first = rng.integers(0, 1000, 50)
+            second = first if is_seeded else rng.integers(0, 1000, 50)
+            sheets = [
+                lineup(np.zeros((50, 1)), resets=each.astype(str)) for each in (first, second)
+            ]
+            said.append(differing_resets(sheets)[0] == 0)
+        of = "resets follow their seed" if is_seeded else "resets ignore their seed"
+        yield {"claim": "said to begin alike", "of": of, "said": percent(said)}
+
+
+def chosen(repeats: int) -> Iterator[Line]:
+    """Leads of the best of five equal policies: chosen on one half, measured on the other."""
+    held, false, naive = [], [], []
+    for repeat in range(repeats):
+        values = np.random.default_rng([15, repeat]).normal(size=(5, 100))
+        for half, into in ((50, held), (0, naive)):
+            best = int(values[:, : half or 100].mean(axis=1).argmax())
+            other = 0 if best else 1
+            off = values[:, half:]
+            rng = np.random.default_rng(repeat)
+            found = paired_effect(off[other], off[best], rng=rng)
+            into.append(found.low <= 0 <= found.high)
+            if half:
+                false.append(found.p <= ALPHA)
+    line = {"claim": "lead of a best response", "of": "5 equal policies", "held": percent(held)}
+    yield line | {"false": percent(false), "usual": percent(naive)}
+
+
+def stopped(repeats: int) -> Iterator[Line]:
+    """Two equal policies, compared once their intervals are narrow."""
+    for width in (0.5, 0.35):
+        false, played = [], []
+        for repeat in range(repeats):
+            rng = np.random.default_rng([16, repeat])
+            values = rng.normal(size=(2, 600)) + rng.normal(size=600)
+            stops = [Narrowing().stop_at(each, width) or 600 for each in values]
+            n = min(-(-max(stops) // 20) * 20, 600)
+            a, b = values[:, :n]
+            false.append(paired_effect(a, b, rng=rng, is_share=False).p <= ALPHA)
+            played.append(n)
+        line = {"claim": "equal, stopped when narrow", "of": f"width {width}"}
+        yield line | {"false": percent(false), "stopped": round(float(np.mean(played)))}
+
+
+PARTS: dict[str, Callable[[int], Iterator[Line]]] = {
+    "meetings": meetings,
+    "overall": overall,
+    "constant sums": constant_sums,
+    "families": families,
+    "units": units,
+    "broken": broken,
+    "resets": resets,
+    "chosen": chosen,
+    "stopped": stopped,
+}
 
 
 def main() -> None:
@@ -109,6 +374,7 @@ def main() -> None:
     parser.add_argument("--only", choices=PARTS, action="append", help="these parts alone")
     parser.add_argument("--repeats", type=int, default=1_000)
     options = parser.parse_args()
+    resampling.RESAMPLES = 1_999  # in place of 4,999
     for part in options.only or PARTS:
         for line in PARTS[part](100 if options.quick else options.repeats):
             spent = {"seconds": round(time.process_time(), 1)}

@@ -110,3 +110,39 @@ def test_paired_effect_refuses_a_level_out_of_range() -> None:
 def test_student_gives_published_quantiles(freedom, bound) -> None:
     """The quantiles are those of the tables."""
     assert bound == pytest.approx(student(0.95, freedom), abs=2e-4)
+
+
+@pytest.mark.parametrize("unit", [2.0, 0.001, 1e6])
+@pytest.mark.parametrize("kind", ["one size", "counts", "normal"])
+def test_paired_effect_concludes_the_same_in_other_units(kind, unit) -> None:
+    """Returns of -1, 0 and 1 are judged like returns of -2, 0 and 2."""
+    rng = np.random.default_rng(0)
+    values = {
+        "one size": rng.integers(-1, 2, 60) * 1.0,
+        "counts": rng.poisson(0.3, 60) * 1.0,
+        "normal": rng.normal(0.3, 1, 60),
+    }[kind]
+    one, two = (
+        paired_effect(np.zeros(60), each * values, rng=np.random.default_rng(1), is_share=False)
+        for each in (1.0, unit)
+    )
+    assert one.p == pytest.approx(two.p)
+    assert (unit * one.low, unit * one.high) == pytest.approx((two.low, two.high))
+
+
+@pytest.mark.parametrize("value", [0.0, 1.0, 2.5])
+def test_paired_effect_of_equal_returns_is_refused(value) -> None:
+    """Of shares it isn't: that they are 0 or 1 is known."""
+    zeros, values = np.zeros(50), np.full(50, value)
+    with pytest.raises(EvidenceError, match="nothing is known of its spread"):
+        paired_effect(zeros, values, rng=np.random.default_rng(0), is_share=False)
+    if value <= 1.0:
+        found = paired_effect(zeros, values, rng=np.random.default_rng(0), is_share=True)
+        assert found.high - found.low > 0.05
+
+
+def test_paired_effect_has_a_p_without_a_floor() -> None:
+    """Ten standard errors off is less likely than any number of resamples tells."""
+    far = np.random.default_rng(0).normal(1, 1, 100)
+    found = paired_effect(np.zeros(100), far, rng=np.random.default_rng(0))
+    assert 0.0 < found.p < 1e-9

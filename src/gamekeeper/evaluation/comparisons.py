@@ -159,7 +159,9 @@ def _row(
     if not ones or not twos:
         return None
     of_all = list(zip([*sheets[0], *sheets[1]], [*ones, *twos], strict=True))
-    if any(np.isnan(values).all() and not sheet.broken.any() for sheet, values in of_all):
+    figures = [values[~sheet.broken] for sheet, values in of_all]
+    known = [not np.isnan(each).all() for each in figures if len(each)]
+    if not known or not all(known):
         return None
     is_run = spec.unit != "episode" and any(spec.policies[name].is_method for name in pair)
     if not is_run and len(ones) + len(twos) > 2:
@@ -201,9 +203,13 @@ def claim_of(spec: Spec, row: dict[str, Any], begun: tuple[int, int] = (0, 0)) -
         return f"{where}: {a} and {b} can't be compared, {_whole(row)}"
     figure = signed(difference, is_share=row["metric"] == SUCCESS)
     scope = _scope(spec, row, begun)
-    if difference["low"] is None:
-        return f"{where}: {a} against {b} {figure}, no interval; {scope}"
     p = difference.get("p")
+    if difference["low"] is None:
+        if p is None or p > ALPHA:
+            return f"{where}: {a} against {b} {figure}, no interval; {scope}"
+        verb = "above" if difference["value"] > 0 else "below"
+        always = f"in each episode by the same, {figure}, so that there is no interval"
+        return f"{where}: {a} is {verb} {b} {always}, p = {p:.2g} (sign test, Holm); {scope}"
     is_apart = difference["low"] > 0 or difference["high"] < 0
     corrected = "" if p is None else f", p = {p:.2g} (Holm)"
     if is_apart and (p is None or p <= ALPHA):

@@ -111,13 +111,12 @@ def _about(spec: Spec) -> Iterator[str]:
 
 
 def claims_of(comparisons: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Comparisons of the primary family that have an interval, in words."""
-    primary = [row for row in comparisons if row["family"] == PRIMARY]
-    return [f"{row['claim']}." for row in _with_interval(primary)]
+    """Comparisons of the primary family that were tested, in words."""
+    return [f"{row['claim']}." for row in comparisons if row["family"] == PRIMARY and _tested(row)]
 
 
-def _with_interval(comparisons: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    return [row for row in comparisons if (row["difference"] or {}).get("low") is not None]
+def _tested(row: Mapping[str, Any]) -> bool:
+    return (row["difference"] or {}).get("p") is not None
 
 
 def _unclaimed(comparisons: Sequence[Mapping[str, Any]]) -> Iterator[str]:
@@ -125,7 +124,7 @@ def _unclaimed(comparisons: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     if not comparisons:
         return
     primary = [row for row in comparisons if row["family"] == PRIMARY]
-    tested = sum((row["difference"] or {}).get("p") is not None for row in primary)
+    tested = sum(map(_tested, primary))
     secondary = len(comparisons) - len(primary)
     if tested:
         yield (
@@ -139,7 +138,7 @@ def _unclaimed(comparisons: Sequence[Mapping[str, Any]]) -> Iterator[str]:
             "them."
         )
     for row in primary:
-        if (row["difference"] or {}).get("low") is None:
+        if not _tested(row):
             yield f"No claim: {row['claim']}."
 
 
