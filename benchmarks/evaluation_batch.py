@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
+from gamekeeper.errors import EvidenceError
 from gamekeeper.statistics.aggregates import over_environments
 from gamekeeper.statistics.interval import Statistic
 from gamekeeper.statistics.one_sample import around, quantile, ranks, reach_of_mean
@@ -79,8 +80,14 @@ def one_sample(values: Any, statistic: Statistic, drawn: Any) -> Bounds:
         low, high = means(values, drawn)
     ends = (values == values.min(axis=1)[:, None]) | (values == values.max(axis=1)[:, None])
     for row in np.flatnonzero(ends.all(axis=1)):
-        found = around(values[row], statistic=statistic, rng=np.random.default_rng(0), level=0.95)
-        low[row], high[row] = found.low, found.high
+        try:
+            found = around(
+                values[row], statistic=statistic, rng=np.random.default_rng(0), level=0.95
+            )
+        except EvidenceError:  # all are one number: refused
+            low[row] = high[row] = np.nan
+        else:
+            low[row], high[row] = found.low, found.high
     return low, high
 
 

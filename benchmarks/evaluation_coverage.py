@@ -67,13 +67,14 @@ def truth(draw: Draw, statistic: str) -> float:
 
 
 def held(low: Any, high: Any, value: float, slack: float = 1e-9) -> Any:
-    """Whether intervals hold a value."""
-    return (low - slack <= value) & (value <= high + slack)
+    """Whether intervals hold a value; NaN where there is none, as it was refused."""
+    holds = (low - slack <= value) & (value <= high + slack)
+    return np.where(np.isnan(low), np.nan, holds)
 
 
 def percent(hits: Any) -> float:
-    """The part that is true."""
-    return round(100 * float(np.mean(hits)), 1)
+    """The part that is true, of those that there are."""
+    return round(100 * float(np.nanmean(hits)), 1)
 
 
 def batches(seed: list[int], repeats: int) -> Iterator[tuple[Generator, int]]:
