@@ -55,6 +55,20 @@ class Duel(ParallelEnv):
         return dict.fromkeys(agents, 0), rewards, ended, kept, {agent: {} for agent in agents}
 
 
+class Rock(Duel):
+    """Rock, paper, scissors; now and then the wrong one wins."""
+
+    def step(self, actions: dict[str, int]) -> Any:
+        """Pays."""
+        agents, self.agents = self.agents, []
+        won = (actions["p0"] - actions["p1"]) % 3
+        sign = {0: float(self.rng.choice([-1, 1])), 1: 1.0, 2: -1.0}[won]
+        sign = sign if self.rng.random() < 0.8 else -sign
+        ended, kept = dict.fromkeys(agents, True), dict.fromkeys(agents, False)
+        rewards = {"p0": sign, "p1": -sign}
+        return dict.fromkeys(agents, 0), rewards, ended, kept, {agent: {} for agent in agents}
+
+
 class Strength:
     """Always does the same."""
 

@@ -10,7 +10,7 @@ import pytest
 from gamekeeper.evaluation.estimates import Judge
 from gamekeeper.evaluation.evaluation import Evaluation
 from gamekeeper.evaluation.evaluator import evaluate
-from tests.evaluation.duel import Duel, Strength
+from tests.evaluation.duel import Duel, Rock, Strength
 
 
 def played(
@@ -55,8 +55,8 @@ def test_a_team_whose_returns_vary_is_a_team() -> None:
 def test_methods_that_are_rivals_are_compared_in_both_seats() -> None:
     """Runs are the unit, and they meet on the same seeds."""
     policies = {
-        "low": [Strength(40 + k) for k in range(10)],
-        "high": [Strength(70 + k) for k in range(10)],
+        "low": [Strength(50 + k) for k in range(10)],
+        "high": [Strength(65 + k) for k in range(10)],
     }
     (row,) = primary(played(policies, episodes=12, crossplay={"sample": 1}))
     assert (row["unit"], row["n"], row["episodes"]) == ("run", 10, 12)
@@ -183,3 +183,17 @@ def test_equal_figures_have_no_interval_whatever_their_unit() -> None:
         found = Judge(0.95, 0).episodes(np.full(50, value), "mean", of="a", name=["a"])
         assert found is not None
         assert (found["value"], found["low"]) == (value, None)
+
+
+def test_a_cycle_has_no_ranking() -> None:
+    """Rock, paper, scissors: the cycle is named, with its alpha-rank, and the matrix is there."""
+    hands = {"rock": Strength(0), "paper": Strength(1), "scissors": Strength(2)}
+    spec = {"environments": {"rps": {"spec": Rock}}, "policies": hands}
+    found = evaluate(spec, episodes=60, crossplay=True)
+    ranking = found.crossplay["rps"]["ranking"]
+    assert sorted(ranking["cycle"]) == sorted(hands)
+    assert ranking["alpha_rank"]["rock"] == pytest.approx(1 / 3)
+    assert any("rps has no ranking" in note for note in found.notes)
+    payoffs = found.crossplay["rps"]["payoffs"]
+    assert (payoffs["rows"], payoffs["policies"]) == ("p0", list(hands))
+    assert payoffs["means"][1][0] > payoffs["means"][0][1]

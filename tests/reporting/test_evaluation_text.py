@@ -58,7 +58,7 @@ def document(**more: Any) -> dict[str, Any]:
 def test_evaluation_text_shows_figures_with_their_intervals() -> None:
     """Mean, middle half, quantiles, n; success and endings apart."""
     text = evaluation_text(document(), width=80)
-    assert "1.23 (1.1 to 1.4)" in text
+    assert "1.23 (1.10 to 1.40)" in text
     assert "75 % (30 to 95)" in text
     assert "met 3, horizon 1" in text
 
@@ -173,6 +173,6 @@ def test_evaluation_text_stays_within_its_width(width: int) -> None:
         width=width,
     )
     assert "more pairings" in text
-    assert "p leads by 1.23 (1.1 to 1.4)" in " ".join(text.split())
+    assert "p leads by 1.23 (1.10 to 1.40)" in " ".join(text.split())
     long = [line for line in text.splitlines() if len(line) > width]
     assert long == []

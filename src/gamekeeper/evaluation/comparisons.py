@@ -13,6 +13,7 @@ from gamekeeper.evaluation.episode_rows import RETURN, SUCCESS, lost
 from gamekeeper.evaluation.estimates import FloatArray, Judge
 from gamekeeper.evaluation.results import Ground, Whom
 from gamekeeper.evaluation.spec import Spec
+from gamekeeper.statistics.interval import rounded
 from gamekeeper.statistics.significance import holm
 
 ALPHA: Final = 0.05
@@ -246,12 +247,11 @@ def _scope(spec: Spec, row: dict[str, Any], begun: tuple[int, int]) -> str:
 
 def signed(found: dict[str, Any], *, is_share: bool = False) -> str:
     """`+0.12 (+0.03 to +0.21)`; of shares in percentage points."""
-    unit = " percentage points" if is_share else ""
-    value = _number(found["value"], is_share) + unit
+    unit, scale = (" percentage points", 100.0) if is_share else ("", 1.0)
     if found["low"] is None:
-        return value
-    return f"{value} ({_number(found['low'], is_share)} to {_number(found['high'], is_share)})"
-
-
-def _number(value: float, is_share: bool) -> str:
-    return f"{100 * value:+.1f}" if is_share else f"{value:+.3g}"
+        return f"{scale * found['value']:+.4g}{unit}"
+    low, high = scale * found["low"], scale * found["high"]
+    value, *bounds = (
+        rounded(each, low, high, sign="+") for each in (scale * found["value"], low, high)
+    )
+    return f"{value}{unit} ({' to '.join(bounds)})"

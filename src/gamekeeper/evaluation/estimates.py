@@ -181,7 +181,11 @@ class Judge:
         except EvidenceError as error:
             what = "interval of a difference over episodes"
             difference = self._point(float((a - b).mean()), error, what, of)
-            if len(a) >= FEWEST and np.ptp(a - b) <= 1e-12 * np.abs(a - b).max() and difference["value"] != 0.0:
+            if (
+                len(a) >= FEWEST
+                and np.ptp(a - b) <= 1e-12 * np.abs(a - b).max()
+                and difference["value"] != 0.0
+            ):
                 difference["p"] = 2.0 ** (1 - len(a))  # one is above the other each time
         return Compared(difference, chance, len(a), total, lost)
 

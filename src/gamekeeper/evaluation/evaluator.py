@@ -24,6 +24,7 @@ from gamekeeper.evaluation.execution import SILENCE_S, EvaluationRun, InProcessE
 from gamekeeper.evaluation.inspection import Inspection
 from gamekeeper.evaluation.matchups import SELF, Match, matches_of, settle_plan
 from gamekeeper.evaluation.notes import claims_of, notes_of
+from gamekeeper.evaluation.rankings import csv_of, payoffs_of, ranking_of
 from gamekeeper.evaluation.results import Ground, ground_of, overall_of, results_of
 from gamekeeper.evaluation.spec import Spec, plain_of
 from gamekeeper.evaluation.stopping import Stopping
@@ -36,7 +37,7 @@ from gamekeeper.evaluation.suites import (
     refuse_unpinned,
     spec_of,
 )
-from gamekeeper.evaluation.worker_tasks import EPISODES
+from gamekeeper.evaluation.worker_tasks import EPISODES, folder_names
 from gamekeeper.rollouts.executors import executor_of
 from gamekeeper.rollouts.executors.storage import Storage
 from gamekeeper.rollouts.executors.task import Executor, Limits
@@ -221,7 +222,11 @@ def _evaluated(
     stopped = None if stopping is None else stopping.to_json(episodes)
     tables = _tables(spec, grounds, matches, sheets, judge)
     comparisons = comparisons_of(spec, grounds, tables, judge)
-    crossed = {name: crossplay_of(table) for name, table in tables.items()}
+    crossed = {name: _crossed(table, comparisons) for name, table in tables.items()}
+    for name, each in crossed.items():
+        if each["payoffs"] is not None:
+            (file,) = folder_names([("payoffs", name)])
+            course.storage.put(f"{file}.csv", csv_of(each["payoffs"]).encode())
     overall = overall_of(spec, grounds, judge)
     _refuse_unrepeated(judge, evidence)
     notes = notes_of(
@@ -254,6 +259,13 @@ def _evaluated(
         evidence=tuple(evidence),
     )
     return found, grounds
+
+
+def _crossed(table: CrossplayTable, comparisons: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The cross-play of an environment, with its payoffs, and a ranking where there is a cycle."""
+    found = crossplay_of(table)
+    mine = [row for row in comparisons if row["environment"] == table.ground.name]
+    return {**found, "payoffs": payoffs_of(found), "ranking": ranking_of(mine)}
 
 
 def _refuse_unrepeated(judge: Judge, evidence: Sequence[Mapping[str, Any]]) -> None:

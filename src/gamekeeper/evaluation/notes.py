@@ -160,3 +160,15 @@ def _crossed(crossplay: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
         counts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
         roles = ", ".join(found["roles"])
         yield f"{name}: cross-play of {len(kinds)} pairings ({counts}) by {roles}."
+        if found["ranking"]:
+            cycle = found["ranking"]["cycle"]
+            beaten = [*cycle[1:], cycle[0]]
+            said = ", ".join(f"{a} beats {b}" for a, b in zip(cycle, beaten, strict=True))
+            shares = ", ".join(
+                f"{policy} {100 * share:.0f} %"
+                for policy, share in found["ranking"]["alpha_rank"].items()
+            )
+            yield (
+                f"{name} has no ranking: {said}. By alpha-rank, the share of time that a "
+                f"population plays each where better ones take over: {shares}."
+            )

@@ -9,6 +9,7 @@ from typing import Any, Final
 from gamekeeper.episodes.plain_json import legible
 from gamekeeper.reporting.results_text import table_lines
 from gamekeeper.reporting.text_columns import MINUS, columns_of, wrapped
+from gamekeeper.statistics.interval import rounded
 
 INDENT: Final = "  "
 MOST_AGENTS: Final = 12
@@ -33,8 +34,12 @@ COLUMNS: Final = {
     "failed": "number of episodes that an exception ended",
     "mixed": "number of episodes in which agents ended in different ways",
     "reasons": "names of the endings, with their number of episodes",
-    "p": "p-value of `no difference`, by Holm's correction for the number of comparisons",
-    "P(A > B)": "probability that A is above B in an episode of the same seed",
+    "p": "p-value of `no difference`, by Holm's correction: of primary comparisons (teams, rivals) "
+    "for their number, of the others for the number of all",
+    "d": "standardized difference: in standard deviations of runs (Cohen's d), of paired episodes "
+    "in those of their differences (d_z)",
+    "P(A > B)": "probability of improvement: that A is above B in an episode of the same seed, or "
+    "a training run of A above one of B",
     "optimality gap": "mean amount by which scores are short of 1",
     "-": "undefined, or not declared",
 }
@@ -123,7 +128,8 @@ def _returns(rows: Sequence[Row], level: float, width: int) -> Iterator[str]:
     shown = _shown([row for row in rows if row["metric"] == "return"])
     if not shown:
         return
-    head = ("policy", "of", f"mean ({100 * level:g} % interval)", "IQM", "5 to 95 %", "episodes")
+    share = f"({100 * level:g} % interval)"
+    head = ("policy", "of", f"mean {share}", f"IQM {share}", "5 to 95 %", "episodes")
     cells: list[tuple[str, ...]] = [head]
     for row in shown:
         quantiles = row["quantiles"]
@@ -133,12 +139,12 @@ def _returns(rows: Sequence[Row], level: float, width: int) -> Iterator[str]:
                 row["policy"] if row["run"] in (None, 0) else _name(row),
                 row["who"],
                 _interval(row["mean"]),
-                _value(row["iqm"]),
+                _interval(row["iqm"]),
                 f"{quantiles['0.05']:.3g} to {quantiles['0.95']:.3g}",
                 unit,
             )
         )
-    yield from _fitted(cells, width, right=(3, 4, 5), spare=(4, 3))
+    yield from _fitted(cells, width, right=(4, 5), spare=(4, 3))
     yield from _runs(rows, width)
 
 
@@ -211,11 +217,11 @@ def _agents(rows: Sequence[Row], width: int) -> Iterator[str]:
 def _comparisons(rows: Sequence[Row], width: int) -> Iterator[str]:
     yield "Compared on the same seeds"
     cells: list[tuple[str, ...]] = [
-        ("environment", f"A {MINUS} B", "of", "metric", "difference", "p", "P(A > B)")
+        ("environment", f"A {MINUS} B", "of", "metric", "difference", "p", "d", "P(A > B)")
     ]
     for row in rows:
         difference, improvement = row["difference"], row["improvement"]
-        p = (difference or {}).get("p")
+        p, size = ((difference or {}).get(key) for key in ("p", "effect_size"))
         cells.append(
             (
                 row["environment"],
@@ -224,13 +230,14 @@ def _comparisons(rows: Sequence[Row], width: int) -> Iterator[str]:
                 row["metric"],
                 _interval(difference, sign="+"),
                 "-" if p is None else f"{p:.2g}",
-                "-" if improvement is None else f"{100 * improvement['value']:.0f} %",
+                "-" if size is None else f"{size:+.2f}",
+                _share(improvement and {"p": improvement["value"], **improvement}),
             )
         )
     if len({cell[0] for cell in cells[1:]}) == 1:  # one environment needs no column
         cells = [cell[1:] for cell in cells]
     last = len(cells[0]) - 1
-    yield from _fitted(cells, width, right=(last - 1, last), spare=(last, last - 1))
+    yield from _fitted(cells, width, right=(last - 2, last - 1), spare=(last - 1, last, last - 2))
 
 
 def _overall(overall: Mapping[str, Any], width: int) -> Iterator[str]:
@@ -309,8 +316,9 @@ def _interval(found: Row | None, sign: str = "") -> str:
         return "-"
     if found["low"] is None:
         return _number(found["value"], sign)
-    value = f"{found['value']:{sign}.3g}"
-    return f"{value} ({found['low']:{sign}.3g} to {found['high']:{sign}.3g})"
+    value, low, high = found["value"], found["low"], found["high"]
+    shown = [rounded(each, low, high, sign=sign) for each in (value, low, high)]
+    return f"{shown[0]} ({shown[1]} to {shown[2]})"
 
 
 def _share(success: Row | None) -> str:

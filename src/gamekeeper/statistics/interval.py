@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import ceil, floor, log10
 from typing import Any, Final, Literal, NoReturn
 
 import numpy as np
@@ -15,6 +16,9 @@ FloatArray = NDArray[np.float64]
 Statistic = Literal["mean", "iqm", "median"]
 STATISTICS: Final[tuple[Statistic, ...]] = ("mean", "iqm", "median")
 LEVEL: Final = 0.95
+_MOST_DECIMALS: Final = 5
+_LARGEST: Final = 1e7
+"""Figures with more decimals, or as large, are written with an exponent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +48,27 @@ class Interval:
             "n": self.n,
             "method": self.method,
         }
+
+
+def rounded(value: float, low: float, high: float, *, sign: str = "") -> str:
+    """A figure with as many digits as its interval supports: two or one of its half-width.
+
+    Args:
+        value: the estimate, or one of its bounds.
+        low: lower bound.
+        high: upper bound; equal to the lower one it says nothing, and four digits are given.
+        sign: "+" to have it before positive figures, too.
+    """
+    half = (high - low) / 2
+    if not 0.0 < half < float("inf"):
+        return f"{value:{sign}.4g}"
+    decimals = ceil(-log10(half / 3))
+    largest = max(abs(low), abs(high))
+    if decimals > _MOST_DECIMALS or largest >= _LARGEST:
+        digits = max(floor(log10(largest)) + 1 + decimals, 1)
+        return f"{value:{sign}.{digits}g}"
+    nearest = round(value, decimals)
+    return f"{0.0 if nearest == 0 else nearest:{sign}.{max(decimals, 0)}f}"
 
 
 def figures(values: Sequence[float] | FloatArray, where: str) -> FloatArray:
