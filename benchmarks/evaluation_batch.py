@@ -16,7 +16,7 @@ from numpy.random import Generator
 from gamekeeper.errors import EvidenceError
 from gamekeeper.statistics.aggregates import over_environments
 from gamekeeper.statistics.interval import Statistic
-from gamekeeper.statistics.one_sample import around, quantile, ranks, reach_of_mean
+from gamekeeper.statistics.one_sample import MOST_TIED, around, quantile, ranks, reach_of_mean, ties
 from gamekeeper.statistics.resampling import expanded, interquartile_mean, reach
 from gamekeeper.statistics.student import hypotenuse
 from gamekeeper.statistics.training_runs import (
@@ -84,7 +84,7 @@ def one_sample(values: Any, statistic: Statistic, drawn: Any) -> Bounds:
             found = around(
                 values[row], statistic=statistic, rng=np.random.default_rng(0), level=0.95
             )
-        except EvidenceError:  # all are one number: refused
+        except EvidenceError:  # refused
             low[row] = high[row] = np.nan
         else:
             low[row], high[row] = found.low, found.high
@@ -107,10 +107,12 @@ def means(values: Any, drawn: Any) -> Bounds:
 def quantiles(values: Any, part: float) -> Bounds:
     """The bounds of `quantile` for each row."""
     ordered = np.sort(values, axis=1)
+    refused = ties(ordered, part) > MOST_TIED * values.shape[1]
     low = _between(ordered, ranks(values.shape[1], part, 0.025))
     high = -_between(-ordered[:, ::-1], ranks(values.shape[1], 1 - part, 0.025))
     value = np.quantile(ordered, part, axis=1)
-    return np.minimum(low, value), np.maximum(high, value)
+    low, high = np.minimum(low, value), np.maximum(high, value)
+    return np.where(refused, np.nan, low), np.where(refused, np.nan, high)
 
 
 def _between(ordered: Any, where: tuple[int, float]) -> Any:

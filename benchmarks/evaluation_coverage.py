@@ -72,9 +72,16 @@ def held(low: Any, high: Any, value: float, slack: float = 1e-9) -> Any:
     return np.where(np.isnan(low), np.nan, holds)
 
 
-def percent(hits: Any) -> float:
-    """The part that is true, of those that there are."""
-    return round(100 * float(np.nanmean(hits)), 1)
+def percent(hits: Any) -> float | None:
+    """The part that is true, of those that there are; None of fewer than one in ten."""
+    there = np.asarray(hits)[~np.isnan(hits)]
+    return round(100 * float(there.mean()), 1) if len(there) > len(hits) / 10 else None
+
+
+def tally(hits: Any) -> dict[str, float]:
+    """The parts that hold the truth, and that have no interval, where there are any."""
+    found, part = percent(hits), round(100 * float(np.isnan(hits).mean()), 1)
+    return ({} if found is None else {"held": found}) | ({"refused": part} if part else {})
 
 
 def batches(seed: list[int], repeats: int) -> Iterator[tuple[Generator, int]]:
@@ -115,7 +122,7 @@ def one_samples(
                     )
                     usual.append(held(*plain, value, 1e-3))
                 line = {"claim": f"{statistic} of {unit}", "of": name, "n": n}
-                line |= {"held": percent(np.concatenate(hits))} | floor_of(statistic, draw, n)
+                line |= tally(np.concatenate(hits)) | floor_of(statistic, draw, n)
                 yield line | {"usual": percent(np.concatenate(usual))}
 
 
@@ -148,7 +155,8 @@ def quantiles(repeats: int) -> Iterator[Line]:
             under, upto = float(np.mean(big < value)), float(np.mean(big <= value))
             values = DRAWS[name](np.random.default_rng([2, n]), (repeats, n)) * 1.0
             line = {"claim": f"quantile {part}", "of": name, "n": n}
-            line["held"] = percent(held(*batch.quantiles(values, part), value))
+            hits = held(*batch.quantiles(values, part), value)
+            line |= tally(hits)
             lump = upto - under > 1e-4
             yield line | ({"least": round(of_quantile(n, part, under, upto), 1)} if lump else {})
 

@@ -56,5 +56,9 @@ def heading(line: Line) -> str:
 def cell(line: Line) -> str:
     """The coverage; what the usual interval covers in brackets; where it stopped."""
     usual = f" ({line['usual']})" if "usual" in line else ""
-    held = next(line[name] for name in ("held", "held_of_all", "held_fresh") if name in line)
-    return f"{held}{usual}" + (f" at {line['stopped']}" if "stopped" in line else "")
+    names = [name for name in ("held", "held_of_all", "held_fresh") if name in line]
+    refused = f", {line['refused']} % refused" if "refused" in line else ""
+    if not names:
+        return "refused"
+    stop = f" at {line['stopped']}" if "stopped" in line else ""
+    return f"{line[names[0]]}{usual}{refused}{stop}"

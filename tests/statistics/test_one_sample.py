@@ -149,6 +149,20 @@ def test_quantile_is_refused_below_its_number(fewest, part) -> None:
         quantile(np.arange(fewest - 1), part)
 
 
+@pytest.mark.parametrize("statistic", ["median", "iqm"])
+def test_median_and_iqm_of_success_are_refused(statistic) -> None:
+    """They are 1 for most shares, so that no interval of theirs covers as it says."""
+    with pytest.raises(EvidenceError, match="mean"):
+        _interval([1] * 40 + [0] * 20, statistic=statistic)
+
+
+def test_quantile_of_lumps_is_refused() -> None:
+    """Where more than a fifth of the values are the median itself."""
+    assert quantile(np.arange(50) % 10, 0.5).n == 50
+    with pytest.raises(EvidenceError, match="lumps"):
+        quantile(np.arange(50) % 4, 0.5)
+
+
 @pytest.mark.parametrize("part", [0.0, 1.0, -2.0])
 def test_quantile_refuses_what_is_none(part) -> None:
     """There is no interval of the least and the most."""
@@ -160,6 +174,7 @@ def test_quantile_refuses_what_is_none(part) -> None:
 @given(st.lists(st.integers(-9, 9), min_size=72, max_size=90), st.sampled_from([0.05, 0.25, 0.5]))
 def test_quantile_is_the_same_from_both_ends(values, part) -> None:
     """Values with the other sign have the opposite quantile with the mirrored interval."""
+    values = [each + k / 1000 for k, each in enumerate(values)]
     one, two = quantile(values, part), quantile([-each for each in values], 1 - part)
     assert one.low <= one.value <= one.high
     assert (one.low, one.high) == pytest.approx((-two.high, -two.low))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import ceil, log, sqrt
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.random import Generator
@@ -62,20 +62,31 @@ def quantile(
 ) -> Interval:
     """A quantile with its interval, interpolated between order statistics.
 
-    It needs no assumption on the distribution. Where values are tied it covers more than it says,
-    because its bounds are values that were seen.
+    It needs no assumption on the distribution, but that values differ: where many are tied at the
+    quantile, its bounds are values that were seen, and it covers more than it says.
 
     Args:
         values: [n].
         part: in (0, 1); 0.5 is the median.
         level: coverage, in [0.8, 0.99].
     Raises:
-        EvidenceError: fewer than `fewest_for_quantile(part)` values, or one isn't finite.
+        EvidenceError: fewer than `fewest_for_quantile(part)` values, one isn't finite, or more than
+            `MOST_TIED` of them are the quantile.
     Source: Nyblom 1992, "Note on interpolated order statistics", which for the median is
         Hettmansperger & Sheather 1986; the estimate interpolates as NumPy does.
     """
     ordered = np.sort(figures(values, "quantile"))
     enough(len(ordered), fewest_for_quantile(part, level=level), "values", where="quantile")
+    tied = ties(ordered, part)
+    if tied > MOST_TIED * len(ordered):
+        raise EvidenceError(
+            "many values are the quantile itself: they come in lumps, and no interval covers as "
+            "it says",
+            where="quantile",
+            expected=f"at most {100 * MOST_TIED:g} % of the values the same there",
+            actual=f"{tied} of {len(ordered)}",
+            fix="show the mean with its interval",
+        )
     tail = (1 - level) / 2
     value = float(np.quantile(ordered, part))
     low = _lower(ordered, part, tail)
@@ -83,6 +94,23 @@ def quantile(
     return Interval(
         value, min(low, value), max(high, value), len(ordered), "between order statistics"
     )
+
+
+MOST_TIED: Final = 0.2
+"""Part of the values that may be equal to their quantile; found by simulation."""
+
+
+def ties(ordered: FloatArray, part: float) -> Any:
+    """Number of values that are equal to the order statistic at a quantile.
+
+    Args:
+        ordered: [..., n], sorted.
+        part: in (0, 1).
+    Returns:
+        [...].
+    """
+    place = round(part * (ordered.shape[-1] - 1))
+    return (ordered == ordered[..., place, None]).sum(axis=-1)
 
 
 def ranks(n: int, part: float, tail: float) -> tuple[int, float]:
@@ -224,7 +252,8 @@ def around(
 ) -> Interval:
     """A statistic of independent values with its interval, however many there are.
 
-    Two outcomes get Wilson's interval of their share. Else the mean gets a bootstrap-t interval
+    The mean of two outcomes gets Wilson's interval of their share; their IQM and median have none,
+    as these are one of the two for most shares. Else the mean gets a bootstrap-t interval
     (half way between the equal-tailed and the symmetric one, farther on the side where values lean
     from), the interquartile mean a t-expanded
     percentile interval, the median the interval between order statistics.
@@ -246,10 +275,18 @@ def around(
     is_flat = spread <= 1e-12 * float(np.abs(values).max())
     if is_flat and not (is_share and mean in (0.0, 1.0)):
         raise no_spread(mean, n, unit, where=statistic)
-    if statistic == "median" and not is_flat:
+    if is_flat or (len(seen) == 2 and statistic == "mean"):
+        return _of_two(values, level)
+    if len(seen) == 2:
+        raise EvidenceError(
+            "of two outcomes the mean tells all",
+            where=statistic,
+            expected="values of which more than two are different",
+            actual=f"{seen[0]:g} and {seen[1]:g}",
+            fix="show the mean with its interval",
+        )
+    if statistic == "median":
         return quantile(values, 0.5, level=level)
-    if is_flat or len(seen) == 2:
-        return _of_two(values, statistic, level)
     value = mean if statistic == "mean" else interquartile_mean(values)
     if statistic == "iqm":
         low, high = map(float, expanded(resampled_iqm(values, rng), n - 1, level))
@@ -260,16 +297,9 @@ def around(
     return Interval(value, value - most * error, value - least * error, n, "bootstrap-t")
 
 
-def _of_two(values: FloatArray, statistic: Statistic, level: float) -> Interval:
-    """The interval of a share, carried over to the statistic, which rises with it."""
+def _of_two(values: FloatArray, level: float) -> Interval:
+    """The interval of a share, carried over to the mean of two outcomes."""
     least, most = (0.0, 1.0) if values.min() == values.max() else (values.min(), values.max())
-    n, cut = len(values), len(values) // 4
-    share = wilson(int((values == most).sum()), n, level=level)
-
-    def carried(p: float) -> float:
-        kept = min(max((p * n - cut) / (n - 2 * cut), 0.0), 1.0) if statistic == "iqm" else p
-        return float(least + (most - least) * kept)
-
-    return Interval(
-        carried(share.p), carried(share.low), carried(share.high), n, "Wilson, of two outcomes"
-    )
+    share = wilson(int((values == most).sum()), len(values), level=level)
+    value, low, high = (float(least + (most - least) * p) for p in (share.p, share.low, share.high))
+    return Interval(value, low, high, len(values), "Wilson, of two outcomes")
