@@ -32,6 +32,7 @@ class Evaluation:
         policies: by name: how many runs, their digests, whether it is a method.
         results: a row for each environment, policy, run (None: over runs), whom and metric.
         comparisons: pairs of policies on the same seeds.
+        curves: learning curves by name: a row for each environment, step, whom and metric.
         overall: over all environments: aggregates of scores that share a scale, and who is above.
         crossplay: by environment: cells, best responses, fairness.
         stopping: how it was decided that enough was played; None: by number.
@@ -52,6 +53,7 @@ class Evaluation:
     policies: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     results: tuple[Mapping[str, Any], ...] = ()
     comparisons: tuple[Mapping[str, Any], ...] = ()
+    curves: Mapping[str, Sequence[Mapping[str, Any]]] = field(default_factory=dict)
     overall: Mapping[str, Any] = field(default_factory=dict)
     crossplay: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     stopping: Mapping[str, Any] | None = None
@@ -141,32 +143,42 @@ def _texts(row: Mapping[str, Any]) -> list[str]:
     ]
 
 
-STEP: Final = "step_0"
 PART: Final = 10
 """marl-eval's absolute metrics hold ten times the episodes of a step."""
 
 
 def marl_eval_of(spec: Spec, grounds: Sequence[Ground]) -> dict[str, Any]:
-    """The document: one step with a tenth of the episodes, and all of them as absolute metrics.
+    """The document: steps with a tenth of the episodes, and all of the last as absolute metrics.
 
-    The environment is the evaluation, its tasks are the environments here, algorithms the policies.
-    How long a policy was trained isn't known here, so `step_count` is 0.
+    The environment is the evaluation, its tasks are the environments here, algorithms the policies
+    and the learning curves. How long a policy without a curve was trained isn't known here, so its
+    `step_count` is 0.
     """
+    alone = {name: {0: name} for name, each in spec.policies.items() if each.curve is None}
     tasks: dict[str, Any] = {}
     for ground in grounds:
-        algorithms: dict[str, Any] = {}
-        for name in spec.policies:
-            runs = ground.runs_of(name)
-            if runs:
-                algorithms[name] = {
-                    f"run_{number}": _run(ground, sheet) for number, sheet in enumerate(runs)
-                }
-        tasks[ground.name] = algorithms
+        algorithms = {
+            name: _runs_of(ground, points) for name, points in {**alone, **spec.curves}.items()
+        }
+        tasks[ground.name] = {name: runs for name, runs in algorithms.items() if runs}
     return {spec.name: tasks}
 
 
-def _run(ground: Ground, sheet: Sheet) -> dict[str, Any]:
-    whole = {
+def _runs_of(ground: Ground, points: Mapping[int, str]) -> dict[str, Any]:
+    """Steps of each run of an algorithm, and its absolute metrics."""
+    found: dict[str, Any] = {}
+    for place, (step, policy) in enumerate(points.items()):
+        for number, sheet in enumerate(ground.runs_of(policy)):
+            whole = _scores(ground, sheet)
+            few = {name: values[: max(len(values) // PART, 1)] for name, values in whole.items()}
+            run = found.setdefault(f"run_{number}", {})
+            run[f"step_{place}"] = {"step_count": step, **few}
+            run["absolute_metrics"] = whole
+    return found
+
+
+def _scores(ground: Ground, sheet: Sheet) -> dict[str, list[float]]:
+    return {
         name: [float(value) for value in values]
         for whom in ground.compared
         for metric in (RETURN, SUCCESS)
@@ -174,8 +186,6 @@ def _run(ground: Ground, sheet: Sheet) -> dict[str, Any]:
         for name, values in (_metric(sheet, whom, metric),)
         if len(values)
     }
-    few = {name: values[: max(len(values) // PART, 1)] for name, values in whole.items()}
-    return {STEP: {"step_count": 0, **few}, "absolute_metrics": whole}
 
 
 def _metric(sheet: Sheet, whom: Whom, metric: str) -> tuple[str, Any]:

@@ -25,7 +25,7 @@ from gamekeeper.evaluation.inspection import Inspection
 from gamekeeper.evaluation.matchups import SELF, Match, matches_of, settle_plan
 from gamekeeper.evaluation.notes import claims_of, notes_of
 from gamekeeper.evaluation.rankings import csv_of, payoffs_of, ranking_of
-from gamekeeper.evaluation.results import Ground, ground_of, overall_of, results_of
+from gamekeeper.evaluation.results import Ground, curves_of, ground_of, overall_of, results_of
 from gamekeeper.evaluation.spec import Spec, plain_of
 from gamekeeper.evaluation.stopping import Stopping
 from gamekeeper.evaluation.suites import (
@@ -248,6 +248,7 @@ def _evaluated(
         policies=_policies(spec, looks),
         results=tuple(_with_sequences(results, stopped)),
         comparisons=tuple(comparisons),
+        curves=curves_of(spec, results),
         overall=overall,
         crossplay=crossed,
         stopping=stopped,

@@ -16,7 +16,7 @@ from gamekeeper.evaluation.estimates import FloatArray, Judge, shared
 from gamekeeper.evaluation.inspection import Inspection
 from gamekeeper.evaluation.matchups import Checkpoint, Pairing
 from gamekeeper.evaluation.spec import Spec
-from gamekeeper.statistics.aggregates import AGGREGATES, aggregate
+from gamekeeper.statistics.aggregates import AGGREGATES, aggregate, profile
 from gamekeeper.statistics.interval import STATISTICS
 
 QUANTILES: Final = (0.05, 0.25, 0.75, 0.95)
@@ -299,10 +299,35 @@ def _endings(sheets: Sequence[Sheet], whom: Whom) -> dict[str, Any]:
     return total
 
 
+def curves_of(spec: Spec, results: Sequence[Mapping[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    """Points of learning curves: means and IQM of each step, over training runs where several.
+
+    Intervals are those of each point by itself, not of the curve as a whole.
+    """
+    found: dict[str, list[dict[str, Any]]] = {}
+    for curve, points in spec.curves.items():
+        rows = found.setdefault(curve, [])
+        for step, name in points.items():
+            is_method = spec.policies[name].is_method
+            rows += [
+                {"step": step, **{key: row[key] for key in _POINT}}
+                for row in results
+                if row["policy"] == name and (row["run"] is None) == is_method
+            ]
+    return found
+
+
+_POINT: Final = ("policy", "environment", "scope", "who", "metric", "runs", "episodes", *STATISTICS)
+
+
 SCORE: Final = "score"
 """The team's return on a scale that environments share: `score = [what is 0, what is 1]`."""
 Scores = dict[str, FloatArray]
 """[runs, episodes] by environment."""
+
+
+TAUS: Final = tuple(k / 20 for k in range(21))
+"""Scores at which a performance profile is shown."""
 
 
 def overall_of(spec: Spec, grounds: Sequence[Ground], judge: Judge) -> dict[str, Any]:
@@ -367,6 +392,7 @@ def _row(spec: Spec, policy: str, metric: str, scores: Scores, judge: Judge) -> 
         "environments": len(scores),
         "runs": min(map(len, scores.values())),
         "unit": "run" if is_method else "episode",
+        "profile": profile(scores, TAUS),
         **figures,
     }
 

@@ -63,6 +63,8 @@ class PolicySpec:
         files: whose bytes count in its digests.
         version: as its author calls it; noted.
         digests: pinned, one a run; another policy is refused.
+        curve: name of the learning curve that it is a point of; None: of none.
+        step: training steps after which it was saved; None without a curve.
     """
 
     runs: tuple[Choices, ...] = ()
@@ -71,6 +73,8 @@ class PolicySpec:
     files: tuple[str, ...] = ()
     version: str | None = None
     digests: tuple[str, ...] = ()
+    curve: str | None = None
+    step: int | None = None
 
     def runs_in(self, environment: str) -> tuple[Choices, ...]:
         """The runs that play in an environment; none where it doesn't play there."""
@@ -152,11 +156,21 @@ class Spec:
 
     @property
     def pairs(self) -> tuple[tuple[str, str], ...]:
-        """The policies that are compared, each pair once."""
+        """The policies that are compared, each pair once; of a learning curve its last point."""
         if self.compare is not None:
             return self.compare
-        names = list(self.policies)
+        last = [points[max(points)] for points in self.curves.values()]
+        names = [name for name, each in self.policies.items() if not each.curve or name in last]
         return tuple((a, b) for k, a in enumerate(names) for b in names[k + 1 :])
+
+    @property
+    def curves(self) -> dict[str, dict[int, str]]:
+        """Names of the policies of each learning curve, by their training steps, ascending."""
+        found: dict[str, dict[int, str]] = {}
+        for name, policy in self.policies.items():
+            if policy.curve is not None and policy.step is not None:
+                found.setdefault(policy.curve, {})[policy.step] = name
+        return {curve: dict(sorted(points.items())) for curve, points in found.items()}
 
     def to_json(self) -> dict[str, Any]:
         """Plain data without what stands at its default; objects in memory as their text."""

@@ -134,6 +134,15 @@ def check_names(spec: Spec, at: SourcePath) -> None:
         for environment in policy.environments:
             place = at / "policies" / name / "environments"
             _known(environment, list(spec.environments), place, "environment")
+    points = [(each.curve, each.step) for each in spec.policies.values()]
+    for name, policy in spec.policies.items():
+        if policy.curve is not None and points.count((policy.curve, policy.step)) > 1:
+            raise (at / "policies" / name / "step").error(
+                "two points of a learning curve are at one step",
+                expected="different steps",
+                actual=policy.step,
+                fix="name the runs of one step under one policy: runs = [...]",
+            )
     if spec.stop is not None and spec.stop.most < spec.episodes:
         raise (at / "stop" / "most").error(
             "nothing could be played beyond the first episodes",
@@ -223,6 +232,13 @@ def _policy(value: object, at: SourcePath) -> PolicySpec:
         value = {"policy": value}
     found = POLICY(value, at)
     inner = found.pop("environments", {})
+    if (found.get("curve") is None) != (found.get("step") is None):
+        raise at.error(
+            "a point of a learning curve has a curve and a step",
+            expected="both",
+            actual="curve" if found.get("step") is None else "step",
+            fix='write curve = "mappo", step = 100000',
+        )
     runs, is_method = _training_runs(found, at)
     others = {name: _training_runs(row, at / "environments" / name) for name, row in inner.items()}
     if not runs and not others:
@@ -351,6 +367,8 @@ POLICY_KEYS: Final[Mapping[str, Read[Any]]] = {
     "version": text,
     "files": TEXTS,
     "digests": TEXTS,
+    "curve": text,
+    "step": whole(0),
     "environments": _rows(section(dict, RUNS)),
 }
 POLICY: Final[Read[dict[str, Any]]] = section(dict, POLICY_KEYS)

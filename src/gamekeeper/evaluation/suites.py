@@ -146,7 +146,7 @@ def pinned(data: Mapping[str, Any], looks: Mapping[str, Inspection]) -> dict[str
     }
     policies = {}
     for name, row in data["policies"].items():
-        known = ("policy", "runs", "version", "files", "digests", "environments")
+        known = ("policy", "runs", "version", "files", "digests", "environments", "curve", "step")
         is_table = isinstance(row, Mapping) and any(key in row for key in known)
         inner = row if is_table else {"runs" if isinstance(row, list) else "policy": row}
         digests = dict.fromkeys(d for look in looks.values() for d in look.policies.get(name, ()))

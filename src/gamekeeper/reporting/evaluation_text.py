@@ -71,6 +71,8 @@ def evaluation_text(document: Mapping[str, Any], *, width: int) -> str:
         ]
         if name in document["crossplay"]:
             blocks.append("\n".join(_crossplay(name, document["crossplay"][name], width)))
+    for name, points in (document.get("curves") or {}).items():
+        blocks += ["\n".join(lines) for lines in _curves(name, points, document["level"], width)]
     overall = document.get("overall") or {}
     if overall.get("results"):
         blocks.append("\n".join(_overall(overall, width)))
@@ -238,6 +240,24 @@ def _comparisons(rows: Sequence[Row], width: int) -> Iterator[str]:
         cells = [cell[1:] for cell in cells]
     last = len(cells[0]) - 1
     yield from _fitted(cells, width, right=(last - 2, last - 1), spare=(last - 1, last, last - 2))
+
+
+def _curves(name: str, points: Sequence[Row], level: float, width: int) -> Iterator[list[str]]:
+    """A learning curve, a table for each environment: the return by training steps."""
+    returns = [row for row in points if row["metric"] == "return"]
+    for environment in dict.fromkeys(row["environment"] for row in returns):
+        mine = [row for row in returns if row["environment"] == environment]
+        shown = [row for row in mine if row["scope"] != "agent"] or mine
+        share = f"({100 * level:g} % interval)"
+        cells: list[tuple[str, ...]] = [
+            ("steps", "of", f"mean {share}", f"IQM {share}", "episodes")
+        ]
+        for row in shown:
+            unit = f"{row['runs']} runs" if row["runs"] > 1 else str(row["episodes"])
+            figures = (_interval(row["mean"]), _interval(row["iqm"]))
+            cells.append((f"{row['step']:,}", row["who"], *figures, unit))
+        title = f"Learning curve of {name} in {environment}, return by training steps"
+        yield [title, *_fitted(cells, width, right=(0, 4), spare=(3,))]
 
 
 def _overall(overall: Mapping[str, Any], width: int) -> Iterator[str]:

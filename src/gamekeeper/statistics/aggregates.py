@@ -72,6 +72,26 @@ def aggregate(
     return _aggregate(_strata(scores, statistic, "aggregate"), statistic, target)
 
 
+def profile(scores: Mapping[str, Scores], taus: Sequence[float]) -> dict[str, list[float]]:
+    """Performance profile: the part of the runs whose score is above each of some values.
+
+    Environments count alike, whatever their numbers of runs.
+
+    Args:
+        scores: by environment; normalised.
+        taus: the values, ascending.
+    Returns:
+        `tau`, and `share` of the runs above it.
+    Raises:
+        EvidenceError: there is no environment, or a run without episodes.
+    Source: Agarwal et al. 2021, 4.2; Dolan & More 2002, "Benchmarking optimization software with
+        performance profiles".
+    """
+    strata = _strata(scores, "mean", "profile")
+    share = [float(np.mean([(each > tau).mean() for each in strata])) for tau in taus]
+    return {"tau": list(taus), "share": share}
+
+
 def over_environments(
     scores: Mapping[str, Scores],
     *,
