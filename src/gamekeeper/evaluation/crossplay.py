@@ -197,6 +197,12 @@ def _best_responses(table: CrossplayTable) -> list[dict[str, Any]]:
     return found
 
 
+def _mean_over_runs(runs: Sequence[FloatArray], part: slice = slice(None)) -> float:
+    """The mean over runs and a part of their episodes; NaN where there is none."""
+    figures = np.stack(runs)[:, part]
+    return float("nan") if np.isnan(figures).all() else float(np.nanmean(figures))
+
+
 def _best(
     table: CrossplayTable, seat: str, opponent: str, candidates: Mapping[str, list[FloatArray]]
 ) -> dict[str, Any]:
@@ -205,8 +211,8 @@ def _best(
     Where it was chosen its lead is luck in part: the highest of five equal policies leads, too.
     """
     half = len(next(iter(candidates.values()))[0]) // 2
-    first = {name: float(np.nanmean(np.stack(runs)[:, :half])) for name, runs in candidates.items()}
-    best = max(first, key=lambda name: first[name] if half else 0.0)
+    first = {name: _mean_over_runs(runs, slice(half)) for name, runs in candidates.items()}
+    best = max(first, key=lambda name: -np.inf if np.isnan(first[name]) else first[name])
     rest = {name: [run[half:] for run in runs] for name, runs in candidates.items()}
     gap: dict[str, Any] = {}
     for name, runs in rest.items():
@@ -220,7 +226,7 @@ def _best(
             )
             gap[name] = found.difference
             continue
-        lead = float(np.nanmean(np.stack(rest[best]))) - float(np.nanmean(np.stack(runs)))
+        lead = _mean_over_runs(rest[best]) - _mean_over_runs(runs)
         gap[name] = {"value": lead, "low": None, "high": None, "method": None}
         table.judge.refuse(
             "interval of a best response's lead",
@@ -232,7 +238,7 @@ def _best(
         "role": seat,
         "against": others,
         "policy": best,
-        "value": float(np.nanmean(np.stack(rest[best]))),
+        "value": _mean_over_runs(rest[best]),
         "gap": gap,
         "note": CHOSEN,
     }
