@@ -213,20 +213,14 @@ def _evaluated(
     table, told = course.merge(matches, episodes)
     evidence = course.keep(matches, episodes) if spec.record else []
     judge = Judge(spec.level, spec.seed)
-    sheets = {
-        key: replace(sheet, failed_return=spec.environments[key[0]].failed_return)
-        for key, sheet in sheets_of(table).items()
-    }
+    sheets = _sheets(spec, table)
     grounds = _grounds(spec, looks, matches, sheets)
     results = [row for ground in grounds for row in results_of(spec, ground, judge)]
     stopped = None if stopping is None else stopping.to_json(episodes)
     tables = _tables(spec, grounds, matches, sheets, judge)
     comparisons = comparisons_of(spec, grounds, tables, judge)
     crossed = {name: _crossed(table, comparisons) for name, table in tables.items()}
-    for name, each in crossed.items():
-        if each["payoffs"] is not None:
-            (file,) = folder_names([("payoffs", name)])
-            course.storage.put(f"{file}.csv", csv_of(each["payoffs"]).encode())
+    _keep_payoffs(crossed, course.storage)
     overall = overall_of(spec, grounds, judge)
     _refuse_unrepeated(judge, evidence)
     notes = notes_of(
@@ -260,6 +254,22 @@ def _evaluated(
         evidence=tuple(evidence),
     )
     return found, grounds
+
+
+def _sheets(spec: Spec, table: pa.Table) -> dict[tuple[str, str], Sheet]:
+    """Sheets of all environments and line-ups, each with its environment's failed return."""
+    return {
+        key: replace(sheet, failed_return=spec.environments[key[0]].failed_return)
+        for key, sheet in sheets_of(table).items()
+    }
+
+
+def _keep_payoffs(crossed: Mapping[str, Mapping[str, Any]], storage: Storage) -> None:
+    """Writes a CSV file of each environment's payoff matrix."""
+    for name, each in crossed.items():
+        if each["payoffs"] is not None:
+            (file,) = folder_names([("payoffs", name)])
+            storage.put(f"{file}.csv", csv_of(each["payoffs"]).encode())
 
 
 def _crossed(table: CrossplayTable, comparisons: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

@@ -124,7 +124,7 @@ def ground_of(
 
 
 def constant_sum(sheets: Iterable[Sheet]) -> float | None:
-    """What all agents' returns add up to in every whole episode; None where that varies.
+    """Sum of all agents' returns where every whole episode has the same; None where that varies.
 
     One number tells rivals only where returns vary while their sum doesn't: a team that always
     does the same has a constant sum, too. A sum of 0 tells them wherever an agent gets anything.
