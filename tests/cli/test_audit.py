@@ -45,9 +45,11 @@ def test_broken_promise_is_shown_with_its_program(capfd: pytest.CaptureFixture[s
     assert code == 1
     lines = out.splitlines()
     assert lines[0] == f"{PAID} (Parallel): 0 passed, 1 failed (1 high)"
-    assert "Failed: high" in lines
-    assert "  GK402  An agent that has ended is paid nothing more." in lines
-    program = out.partition("To see GK402 again\n")[2].partition("\n  --out")[0]
+    assert "Failed: high severity" in lines
+    assert "  GK402  breaks the rule: An agent that has ended is paid nothing more." in lines
+    program = out.partition("A program that fails as long as GK402 does\n")[2].partition(
+        "\n  --out"
+    )[0]
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert "AssertionError" in done.stderr
 
@@ -127,7 +129,7 @@ def test_not_exercised_counts_on_stderr_and_strictly(capfd: pytest.CaptureFixtur
     line = ("audit", "warehouse", "--select", "GK501", "--budget", "40")
     code, _, err = said(capfd, *line)
     assert code == 0
-    assert "Not exercised\n  1  " in err  # after a word of what is compiled, the first time
+    assert "Checks not exercised\n  1  " in err  # after a word of what is compiled, the first time
     assert said(capfd, *line, "--strict")[0] == 2
 
 

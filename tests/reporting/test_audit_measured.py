@@ -3,13 +3,8 @@ from typing import Any
 from gamekeeper.contract import Contract
 from gamekeeper.contract.toml import Question
 from gamekeeper.reporting.changes_text import changes_text
-from gamekeeper.reporting.measured_text import (
-    draft_note,
-    influence_text,
-    measured_questions,
-    measured_text,
-    words,
-)
+from gamekeeper.reporting.influence_text import influence_text
+from gamekeeper.reporting.measured_text import draft_note, measured_questions, measured_text, words
 from tests.reporting.audits import audit
 
 MEASURED: dict[str, Any] = {
@@ -94,29 +89,28 @@ def test_nothing_measured_is_no_text() -> None:
     assert measured_text(audit(), width=80) == ""
 
 
-def test_influence_is_a_matrix() -> None:
-    """From row to column; the strongest lag of each kind, a dash where nothing moved."""
+def test_influence_has_a_row_for_each_pair_and_effect() -> None:
+    """The strongest lag of each; an agent's effect on itself and none at all are left out."""
     found = [
         influence("a", "a", "observation", 0, 1.0),
-        influence("a", "a", "reward", 0, 0.1),
-        influence("a", "a", "reward", 1, 0.625),
-        influence("a", "b", "ending", 0, 0.0),
+        influence("a", "b", "reward", 0, 0.1),
+        influence("a", "b", "reward", 1, 0.625),
+        influence("b", "a", "ending", 0, 0.0),
     ]
     lines = influence_text(found, width=80).splitlines()
-    assert lines[1].split() == ["from", "\\", "to", "a", "b"]
-    assert lines[2].split() == ["a", "o100", "r62+1", "-"]
-    legend = " ".join(" ".join(lines[4:]).split())
-    assert "probability p, in percent, that another legal action of the agent in the row" in legend
-    assert "is 5 for each p; the widest 95 % interval is 0 to 100 (for 100)." in legend
+    start = next(place for place, line in enumerate(lines) if line.startswith("  from"))
+    assert lines[start + 1].split() == ["a", "b", "reward", "1", "62%", "(0%", "to", "100%)", "5"]
+    assert lines[start + 2].startswith("  turns later:")
+    assert influence_text(found[:1], width=80) == ""
 
 
-def test_influence_of_many_agents_is_counted() -> None:
-    """A matrix of twelve agents isn't shown, the pairs are counted."""
+def test_influence_of_many_agents_is_cut() -> None:
+    """Of 132 pairs twelve are shown, and the others counted."""
     names = [f"agent_{k}" for k in range(12)]
     found = [influence(one, two, "reward", 0, 0.5) for one in names for two in names]
-    text = " ".join(influence_text(found, width=80).split())
-    assert "132 pairs" in text
-    assert "12 of 12 agents" in text
+    text = influence_text(found, width=80)
+    assert text.count("  reward ") == 12
+    assert "and 120 more" in text
 
 
 def test_values_are_said_as_readers_say_them() -> None:

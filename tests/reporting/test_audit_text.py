@@ -28,12 +28,12 @@ def test_title_counts_what_the_audit_came_to() -> None:
 def test_broken_promises_stand_by_severity() -> None:
     """Each severity has a heading; a finding says claim, where, expected, actual and fix."""
     blocks = dict(failed_blocks(mixed(), width=80))
-    assert list(blocks) == ["Failed: high", "Failed: low"]
-    high = blocks["Failed: high"]
-    assert high.splitlines()[0] == "  GK402  The promise of GK402."
-    for word in ("rollout/7, turn 8", "expected  0.0", "actual    0.5", "30 of 260 cases"):
+    assert list(blocks) == ["Failed: high severity", "Failed: low severity"]
+    high = blocks["Failed: high severity"]
+    assert high.splitlines()[0] == "  GK402  breaks the rule: The promise of GK402."
+    for word in ("rollout/7, turn 8", "expected  0.0", "actual    0.5", "30 of 260 places"):
         assert word in high
-    assert list(dict(failed_blocks(mixed(), width=80, least="high"))) == ["Failed: high"]
+    assert list(dict(failed_blocks(mixed(), width=80, least="high"))) == ["Failed: high severity"]
 
 
 def test_consequences_stand_after_their_cause_in_a_line_each() -> None:
@@ -43,10 +43,10 @@ def test_consequences_stand_after_their_cause_in_a_line_each() -> None:
         verdict("GK601", "failed", follows_from=cause, reproduced=None), verdict("GK602", "failed")
     )
     blocks = dict(failed_blocks(document, width=120))
-    assert list(blocks) == ["Failed: high", "Failed: consequences"]
+    assert list(blocks) == ["Failed: high severity", "Failed: consequences of these"]
     expected = "Follows from GK602: passes with global generators seeded."
-    assert blocks["Failed: consequences"].endswith(expected)
-    assert "GK601" not in blocks["Failed: high"]
+    assert blocks["Failed: consequences of these"].endswith(expected)
+    assert "GK601" not in blocks["Failed: high severity"]
 
 
 def test_suspected_checks_are_no_failures() -> None:
@@ -115,7 +115,10 @@ def test_not_exercised_checks_are_gathered_by_reason() -> None:
     document = audit(
         *(verdict(id, "not_exercised", reason="no play ended") for id in ("GK1", "GK2"))
     )
-    assert not_exercised_text(document, width=80) == "Not exercised\n  2  no play ended: GK1, GK2"
+    assert not_exercised_text(document, width=80) == (
+        "Checks not exercised\n  2  no play ended: GK1, GK2\n"
+        "     (gamekeeper explain GK1 says what a check looks at)"
+    )
 
 
 def test_errors_show_the_last_line_of_the_traceback() -> None:
@@ -133,4 +136,7 @@ def test_timings_begin_with_the_longest() -> None:
 def test_brief_rows_count_what_they_leave_out() -> None:
     """The worst ones by id, severity and claim; the rest as a number."""
     rows = brief_rows(mixed(), most=1)
-    assert rows == [("GK402", "high", "The promise of GK402."), ("", "", "and 1 more")]
+    assert rows == [
+        ("GK402", "high", "breaks the rule: The promise of GK402."),
+        ("", "", "and 1 more"),
+    ]

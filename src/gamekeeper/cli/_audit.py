@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 Severity = Literal["high", "medium", "low"]
 
-
+MOST_LINES: Final = 40
+"""Lines of a program that is shown on the screen."""
 MANNERS: Final = {"high": "bad", "medium": "bad", "consequences": "bad", "low": "unsure"}
 
 
@@ -99,11 +100,15 @@ def show_audit(screen: Screen, document: Mapping[str, Any]) -> None:
     program = program_of(document)
     if program is not None:
         id, text = program
-        screen.show(f"\nTo see {id} again")
-        screen.program(text)
+        lines = text.count("\n")
+        if lines <= MOST_LINES:
+            screen.show(f"\nA program that fails as long as {id} does")
+            screen.program(text)
+        else:
+            screen.show(f"\nA program of {lines} lines fails as long as {id} does.")
         screen.show(
-            f"\n  --out FOLDER writes the programs of all findings; "
-            f"`gamekeeper explain {id}` says why it matters."
+            f"\n  --out FOLDER writes the programs of all findings.\n"
+            f"  gamekeeper explain {id} says why it matters."
         )
     known = checks().keys()
     for part in (
@@ -121,7 +126,7 @@ def show_failed(screen: Screen, document: Mapping[str, Any], *, least: Severity 
 
     for heading, text in failed_blocks(document, width=screen.width, least=least):
         screen.show("")
-        screen.verdict(heading, MANNERS[heading.rpartition(" ")[2]])
+        screen.verdict(heading, MANNERS[heading.split()[1]])
         screen.show(text)
 
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
+from gamekeeper.reporting.influence_text import influence_text
 from gamekeeper.reporting.results_text import table_lines
 from gamekeeper.reporting.text_columns import wrapped
 
 INDENT: Final = "  "
-MOST_ROWS: Final = 8
-"""Pairs that are shown; the JSON document has all of them."""
 SHOWN_FROM: Final = 0.05
 """Share of actions from which an influence is shown."""
 RECORDED: Final = (
@@ -44,7 +43,7 @@ def attribution_text(document: Mapping[str, Any], *, width: int) -> str:
         _replaced(document, width),
         _repeated(document, width),
         _lazy(document, width),
-        _influence(document, width),
+        influence_text(document["influence"], width=width, least=SHOWN_FROM),
         _messages(document, width),
         _penalties(document, width),
         _not_tested(document, width),
@@ -181,31 +180,6 @@ def _lazy(document: Mapping[str, Any], width: int) -> str:
     ]
     title = "Lazy: surely less than half of a fair share, the mean of the others of its role"
     return "\n".join([*wrapped(title, width, rest=INDENT), *lines]) if lines else ""
-
-
-def _influence(document: Mapping[str, Any], width: int) -> str:
-    best: dict[tuple[str, str, str], Mapping[str, Any]] = {}
-    for row in document["influence"]:
-        key = (row["from"], row["to"], row["on"])
-        is_other = row["from"] != row["to"] and row["low"] > SHOWN_FROM
-        if is_other and (key not in best or row["p"] > best[key]["p"]):
-            best[key] = row
-    shown = sorted(best.values(), key=lambda row: -float(row["p"]))
-    if not shown:
-        return ""
-    rows = [["from", "to", "on", "turns later", "changed", "n"]]
-    for row in shown[:MOST_ROWS]:
-        interval = f"{row['p']:.0%} ({row['low']:.0%} to {row['high']:.0%})"
-        rows.append([row["from"], row["to"], row["on"], str(row["lag"]), interval, str(row["n"])])
-    title = (
-        "Influence: how often another legal action of one agent, in the same episodes, changed the "
-        "observation, reward or ending of another agent"
-    )
-    lines = [*wrapped(title, width, rest=INDENT), _table(rows)]
-    if len(shown) > MOST_ROWS:
-        lines.append(f"{INDENT}and {len(shown) - MOST_ROWS} more (--json shows them)")
-    lines += _lines("n: replaced actions; (low to high): 95 % confidence interval", width)
-    return "\n".join(lines)
 
 
 def _messages(document: Mapping[str, Any], width: int) -> str:

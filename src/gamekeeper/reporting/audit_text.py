@@ -72,12 +72,15 @@ def failed_blocks(audit: Document, *, width: int, least: str = "low") -> Iterato
     for severity in bad:
         found = [each for each in causes if each["severity"] == severity]
         if found and severity == LOW:
-            yield "Failed: low", "\n".join(_row_lines([_minor(x) for x in found], width))
+            yield "Failed: low severity", "\n".join(_row_lines([_minor(x) for x in found], width))
         elif found:
-            yield f"Failed: {severity}", "\n\n".join(_finding(each, width) for each in found)
+            yield (
+                f"Failed: {severity} severity",
+                "\n\n".join(_finding(each, width) for each in found),
+            )
     rows = [_consequence(each) for each in failed if each["follows_from"]]
     if rows:
-        yield "Failed: consequences", "\n".join(_row_lines(rows, width))
+        yield "Failed: consequences of these", "\n".join(_row_lines(rows, width))
 
 
 def _row_lines(rows: Sequence[Row], width: int) -> list[str]:
@@ -87,56 +90,63 @@ def _row_lines(rows: Sequence[Row], width: int) -> list[str]:
 def _minor(verdict: Document) -> Row:
     """A cause of low severity in one line."""
     first = (verdict["findings"] or [{}])[0]
-    return verdict["id"], _short(f"{verdict['claim']} Actual: {first.get('actual', '')}")
+    return verdict["id"], _short(f"{_broken(verdict)} Actual: {first.get('actual', '')}")
 
 
 def _consequence(verdict: Document) -> Row:
-    """The claim, the cause, and what was held still so that the reproducer passed."""
+    """The broken rule, the cause, and what was held still so that the reproducer passed."""
     cause = verdict["follows_from"]
-    text = f"{verdict['claim']} Follows from {cause['id']}: passes with {cause['held_still']}."
+    text = f"{_broken(verdict)} Follows from {cause['id']}: passes with {cause['held_still']}."
     return verdict["id"], _short(text)
 
 
 def suspected_text(audit: Document, *, width: int) -> str:
-    """Checks with a failed case that their reproducer doesn't show, with the reason."""
-    rows = [
-        (x["id"], _short(f"{x['claim']} Not confirmed: {x['reason']}."))
-        for x in verdicts_of(audit, "suspected")
-    ]
-    return _section("Suspected", rows, width)
+    """Checks with a failed case that their reproducer doesn't show: place, value and reason."""
+    rows = []
+    for each in verdicts_of(audit, "suspected"):
+        first = (each["findings"] or [{}])[0]
+        seen = f" At {first['where']}: {first['actual']}." if first else ""
+        text = f"may break the rule: {each['claim']}{seen} Not confirmed: {each['reason']}."
+        rows.append((each["id"], _short(text)))
+    return _section("Suspected (seen once, not shown again)", rows, width)
 
 
 def brief_rows(audit: Document, *, most: int) -> list[tuple[str, str, str]]:
-    """Id, severity and claim of the worst failed checks, causes first, and the number of others."""
+    """Id, severity and broken rule of the worst failed checks, causes first; how many more."""
     found = sorted(verdicts_of(audit, "failed"), key=lambda each: each["follows_from"] is not None)
     rows = [(each["id"], each["severity"], _short(_brief(each))) for each in found[:most]]
     return rows if len(found) <= most else [*rows, ("", "", f"and {len(found) - most} more")]
 
 
 def _brief(verdict: Document) -> str:
-    """The claim, and of a consequence its cause."""
+    """The broken rule, and of a consequence its cause."""
     cause = verdict["follows_from"]
-    return str(verdict["claim"]) + (f" Follows from {cause['id']}." if cause else "")
+    return _broken(verdict) + (f" Follows from {cause['id']}." if cause else "")
+
+
+def _broken(verdict: Document) -> str:
+    return f"breaks the rule: {verdict['claim']}"
 
 
 def _finding(verdict: Document, width: int) -> str:
-    """One failed check: the claim, the first place in full, the others named."""
+    """One failed check: the broken rule, the first place in full, the others named."""
     start = f"{INDENT}{verdict['id']}  "
-    claim = wrapped(one_line(verdict["claim"]), width, first=start, rest=" " * len(start))
+    rule = wrapped(one_line(_broken(verdict)), width, first=start, rest=" " * len(start))
     first, *others = verdict["findings"] or [{}]
     rows = [(name, _short(first.get(name, ""))) for name in ("where", "expected", "actual", "fix")]
     rows += [("also", _short(f"{x['where']}: actual {x['actual']}")) for x in others]
-    rows.append(("failed", _cases(verdict)))
+    rows.append(("seen", _cases(verdict)))
     lines = table_lines([row for row in rows if row[1]], width=width - len(INDENT))
-    return "\n".join([*(claim or [start.rstrip()]), *(f"{INDENT}{line}" for line in lines)])
+    return "\n".join([*rule, *(f"{INDENT}{line}" for line in lines)])
 
 
 def _cases(verdict: Document) -> str:
-    text = f"{verdict['failed']:,} of {verdict['cases']:,} cases"
+    """`in 80 of 80 places looked at; the program below failed in 5 of 5 runs, ...`."""
+    text = f"in {verdict['failed']:,} of {verdict['cases']:,} places looked at"
     how = verdict["reproduced"]
     if how is not None:
-        text += f"; the reproducer in {how['failed']} of {how['tried']} fresh processes"
-        text += ", without the trigger in none" if how["unchanged_passed"] else ""
+        text += f"; its program failed in {how['failed']} of {how['tried']} new processes"
+        text += ", and passed once its trigger was taken out" if how["unchanged_passed"] else ""
     confidence = verdict["confidence"]
     return text if confidence >= SURE else f"{text}; confidence {confidence:.2f}"
 
@@ -166,7 +176,7 @@ def waived_text(audit: Document, *, known: Collection[str], width: int) -> str:
         width: columns that no line exceeds, as far as words allow.
     """
     rows = [
-        (x["id"], f"{_short(x['claim'])} Waived: {_short(x['reason'])}")
+        (x["id"], f"{_short(_broken(x))} Waived: {_short(x['reason'])}")
         for x in verdicts_of(audit, "waived")
     ]
     rows += [(x["id"], _short(x["reason"])) for x in verdicts_of(audit, "passed") if x["reason"]]
@@ -176,12 +186,15 @@ def waived_text(audit: Document, *, known: Collection[str], width: int) -> str:
 
 
 def not_exercised_text(audit: Document, *, width: int) -> str:
-    """Checks that were not exercised, by the reason."""
+    """Checks that were not exercised, by the reason, and the command that says what they are."""
     by_reason: dict[str, list[str]] = {}
     for each in verdicts_of(audit, "not_exercised"):
         by_reason.setdefault(_short(each["reason"]), []).append(each["id"])
     rows = [(str(len(ids)), f"{reason}: {', '.join(ids)}") for reason, ids in by_reason.items()]
-    return _section("Not exercised", rows, width)
+    if rows:
+        (id, *_), *_ = by_reason.values()
+        rows.append(("", f"(gamekeeper explain {id} says what a check looks at)"))
+    return _section("Checks not exercised", rows, width)
 
 
 def errors_text(audit: Document, *, width: int) -> str:

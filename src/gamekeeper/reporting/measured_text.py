@@ -10,6 +10,7 @@ from gamekeeper.contract import Question
 from gamekeeper.contract.sections import ORDERS
 from gamekeeper.contract.toml import value_text
 from gamekeeper.contract.validation import one_line
+from gamekeeper.reporting.influence_text import influence_text
 from gamekeeper.reporting.results_text import table_lines
 from gamekeeper.reporting.text_columns import column_lines, wrapped
 
@@ -60,7 +61,6 @@ SYMMETRIC: Final = (
     "symmetric: agents of one role seem interchangeable. p-value: how likely returns as unequal as "
     "these would be if they were; 0.01 or less counts as no."
 )
-SIGNS: Final = {"observation": "o", "reward": "r", "ending": "e"}
 MOST_AGENTS: Final = 8
 """Agents that are shown one by one."""
 MOST_COLUMNS: Final = 150
@@ -244,73 +244,6 @@ def _inner(value: Any) -> str:
 
 def _cut(text: str) -> str:
     return text if len(text) <= MOST_COLUMNS else f"{text[:MOST_COLUMNS]}..."
-
-
-def influence_text(influence: Iterable[Document], *, width: int) -> str:
-    """Influence of agents on agents: a matrix of percentages, the strongest lag of each kind."""
-    cells: dict[tuple[str, str], dict[str, Document]] = {}
-    for each in influence:
-        kinds = cells.setdefault((each["from"], each["to"]), {})
-        if each["p"] > 0 and each["p"] > kinds.get(each["on"], {"p": 0.0})["p"]:
-            kinds[each["on"]] = each
-    if not cells:
-        return ""
-    agents = list(dict.fromkeys(name for pair in cells for name in pair))
-    if len(agents) > MOST_AGENTS:
-        return "\n".join(["Influence", *_counted(cells, len(agents), width)])
-    rows = [("from \\ to", *agents)]
-    rows += [(one, *(_cell(cells.get((one, two), {})) for two in agents)) for one in agents]
-    lines = list(table_lines(rows, width=max(width, 60)))
-    shown = [each for kinds in cells.values() for each in kinds.values()]
-    lines += wrapped(" ".join([INFLUENCE, *_certainty(shown)]), width, first=INDENT, rest=INDENT)
-    return "\n".join(["Influence", *lines])
-
-
-INFLUENCE: Final = (
-    "o, r, e: probability p, in percent, that another legal action of the agent in the row changes "
-    "the observation, reward or ending of the agent in the column; +1: one step later; -: no "
-    "change was seen."
-)
-
-
-def _certainty(shown: Sequence[Document]) -> list[str]:
-    """Number of tried turns behind the figures that are shown, and their widest interval."""
-    if not shown:
-        return []
-    counts = sorted(each["n"] for each in shown)
-    span = f"{counts[0]}" if counts[0] == counts[-1] else f"{counts[0]} to {counts[-1]}"
-    widest = max(shown, key=lambda each: each["high"] - each["low"])
-    ends = f"{100 * widest['low']:.0f} to {100 * widest['high']:.0f}"
-    return [
-        f"n, the number of turns in which another action was tried, is {span} for each p; the "
-        f"widest 95 % interval is {ends} (for {100 * widest['p']:.0f})."
-    ]
-
-
-def _cell(kinds: Mapping[str, Document]) -> str:
-    parts = [
-        f"{sign}{100 * kinds[on]['p']:.0f}" + (f"+{kinds[on]['lag']}" if kinds[on]["lag"] else "")
-        for on, sign in SIGNS.items()
-        if on in kinds
-    ]
-    return " ".join(parts) or "-"
-
-
-def _counted(
-    cells: Mapping[tuple[str, str], Mapping[str, Document]], agents: int, width: int
-) -> list[str]:
-    rows = []
-    for on in SIGNS:
-        others = [pair for pair, kinds in cells.items() if on in kinds and pair[0] != pair[1]]
-        own = [pair for pair, kinds in cells.items() if on in kinds and pair[0] == pair[1]]
-        rows.append(
-            (
-                on,
-                f"changed by another agent's action in {len(others)} pairs, by the own action "
-                f"for {len(own)} of {agents} agents",
-            )
-        )
-    return list(table_lines(rows, width=width))
 
 
 Measured = Mapping[str, Any]

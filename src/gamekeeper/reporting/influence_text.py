@@ -1,0 +1,48 @@
+"""Influence of agents on other agents as a table, for audits and attributions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Final
+
+from gamekeeper.reporting.results_text import table_lines
+from gamekeeper.reporting.text_columns import wrapped
+
+INDENT: Final = "  "
+MOST_ROWS: Final = 12
+"""Rows that are shown; the JSON document has all of them."""
+TITLE: Final = (
+    "Influence: how often another legal action of one agent, in the same episode, changed the "
+    "mask, observation, reward or ending of another agent"
+)
+LEGEND: Final = (
+    "turns later: 0 is the turn of the action; changed (low to high): share of the replaced "
+    "actions, with its 95 % confidence interval; n: replaced actions"
+)
+
+
+def influence_text(influence: Iterable[Mapping[str, Any]], *, width: int, least: float = 0) -> str:
+    """A row for each pair of agents and what was changed, at its strongest lag; maybe empty.
+
+    Args:
+        influence: rows with `from`, `to`, `on`, `lag`, `p`, `low`, `high`, `n`.
+        width: columns that no line exceeds, as far as names allow.
+        least: lower end of the interval from which on an influence is shown, exclusive.
+    """
+    best: dict[tuple[str, str, str], Mapping[str, Any]] = {}
+    for row in influence:
+        key = (row["from"], row["to"], row["on"])
+        is_shown = row["from"] != row["to"] and row["p"] > 0 and row["low"] >= least
+        if is_shown and (key not in best or row["p"] > best[key]["p"]):
+            best[key] = row
+    shown = sorted(best.values(), key=lambda row: -float(row["p"]))
+    if not shown:
+        return ""
+    rows = [("from", "to", "on", "turns later", "changed", "n")]
+    for row in shown[:MOST_ROWS]:
+        interval = f"{row['p']:.0%} ({row['low']:.0%} to {row['high']:.0%})"
+        rows.append((row["from"], row["to"], row["on"], str(row["lag"]), interval, str(row["n"])))
+    lines = [*wrapped(TITLE, width, rest=INDENT), *table_lines(rows, width=max(width, 80))]
+    if len(shown) > MOST_ROWS:
+        lines.append(f"{INDENT}and {len(shown) - MOST_ROWS} more (--json shows them)")
+    return "\n".join([*lines, *wrapped(LEGEND, width, first=INDENT, rest=INDENT)])
