@@ -11,6 +11,7 @@ import pytest
 import gamekeeper as gk
 from gamekeeper.cli._app import run_line
 from gamekeeper.diagnosis.judgement import contradictions
+from gamekeeper.diagnosis.played_setup import setup_of
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.reporting.diagnosis_text import diagnosis_text
 
@@ -100,6 +101,25 @@ def test_policies_that_share_choose_again_as_they_did(folder: Path) -> None:
         recorded(policies, out=f"run-{number}")
         replayed = gk.replay(f"run-{number}", policies=True, allow_import=True)
         assert replayed.verified, (policies, replayed)
+
+
+def test_agents_that_no_choice_is_for_keep_their_recorded_policy(folder: Path) -> None:
+    """Also where they shared the replaced agent's object; a run without names says so."""
+    name = "alternating.py:Alternating"
+    chosen = setup_of(recorded({"a": name, "b": "same:a"}), policies={"a": "random"})
+    assert chosen.policies == {"a": "random", "b": name}
+    chosen = setup_of(recorded(name), policies={"a": "random"})
+    assert chosen.policies == {"a": "random", "*": name}
+    with pytest.raises(gk.EvidenceError, match="no policy for b"):
+        setup_of(_without_names(), policies={"a": "random"})
+
+
+def _without_names() -> Evidence:
+    env = gk.record(gk.make("agree.py:Agree"), "unnamed")
+    env.reset(seed=0)
+    env.step({agent: 0 for agent in env.agents})
+    env.close()
+    return gk.load("unnamed")
 
 
 def test_workers_share_as_one_process_does(folder: Path) -> None:

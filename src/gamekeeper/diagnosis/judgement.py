@@ -151,8 +151,8 @@ def _why_none(
         )
     if not arms:
         return (
-            "there is no ideal substitute to play: every knob is at its ideal, and no reference "
-            "policy is left"
+            "there is nothing to make ideal: no knob that the contract declares differs from its "
+            "ideal, and no reference policy is known; [knobs] of the contract declares them"
         )
     if everything is None:
         return (

@@ -19,7 +19,7 @@ from gamekeeper.episodes.outcome import Outcome
 from gamekeeper.errors import EvidenceError, SpecError
 from gamekeeper.interface.identity import spec_of
 from gamekeeper.interface.opening import open_env
-from gamekeeper.interface.policy import REFERENCE, shared_with
+from gamekeeper.interface.policy import EVERYONE, REFERENCE, SAME, shared_with
 from gamekeeper.randomness.seeds import episode_seed
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult, EvidenceOptions, perform
 from gamekeeper.rollouts.intervention import Intervention
@@ -111,13 +111,14 @@ def setup_of(
 
     Args:
         env: opened in place of what the evidence names, with the recorded arguments.
-        policies: in place of the recorded ones, by agent, role or under `*`.
+        policies: in place of the recorded ones, by agent, role or under `*`; agents that none of
+            them is for keep their recorded policy.
     Raises:
         EvidenceError: it names no policies, or an argument that can't be built again.
         SpecError: the environment was an object in memory, and none is given.
     """
     identity = evidence.manifest["environment"]
-    named = _named_policies(evidence) if policies is None else dict(policies)
+    named = _named_policies(evidence, dict(policies or {}))
     spec = spec_of(identity) if env is None else env
     if isinstance(spec, str) and env is not None and ":" not in spec.split("/")[0][:9]:
         spec = f"{identity.get('api')}:{spec}" if identity.get("api") else spec
@@ -166,7 +167,7 @@ def consent_to(
         doing="playing this run again",
         env=env,
         allow_import=allow_import,
-        policies=[] if policies is not None else map(str, setup.policies.values()),
+        policies=[str(x) for key, x in setup.policies.items() if key not in (policies or {})],
         chosen=[] if policies is None else policies.values(),
     )
 
@@ -178,17 +179,40 @@ def contract_of(evidence: Evidence, contract: Contract | str | PathLike[str] | N
     return contract if isinstance(contract, Contract) else Contract.load(contract)
 
 
-def _named_policies(evidence: Evidence) -> dict[str, str]:
-    found = choices_of(evidence)
-    if not found:
+def _named_policies(evidence: Evidence, chosen: Mapping[str, Any]) -> dict[str, Any]:
+    """The chosen policies, and the recorded ones of agents that none is chosen for."""
+    if EVERYONE in chosen:
+        return dict(chosen)
+    recorded, role_of = choices_of(evidence), evidence.contract.role_of
+    players = evidence.agent_steps["agent"].unique().to_pylist()
+    left = [name for name in players if name not in chosen and role_of(name) not in chosen]
+    if left and not recorded:
         raise EvidenceError(
-            "the run doesn't name the policies that played it, so nobody can choose again",
+            "the run doesn't name the policies that played it",
             where="policies",
-            expected="a run of gk.rollout or gamekeeper rollout",
-            actual="none",
-            fix="name them, as --policy picker=module:callable",
+            expected="a run of gk.rollout or gamekeeper rollout, or a policy for every agent",
+            actual=f"no policy for {', '.join(map(str, left))}",
+            fix="name the policy of the others too, as in --policy random --policy picker=...",
         )
-    return found
+    return {**_kept_policies(recorded, chosen, role_of), **chosen}
+
+
+def _kept_policies(
+    recorded: Mapping[str, str], chosen: Mapping[str, Any], role_of: Callable[[object], str | None]
+) -> dict[str, str]:
+    """The recorded policies that no choice replaces; those that shared an object still do."""
+    kept = {
+        place: name
+        for place, name in recorded.items()
+        if place not in chosen and role_of(place) not in chosen
+    }
+    heirs: dict[str, str] = {}
+    for place, name in kept.items():
+        owner = shared_with(name)
+        if owner is not None and owner not in kept:
+            heir = heirs.setdefault(owner, place)
+            kept[place] = recorded[owner] if heir == place else f"{SAME}{heir}"
+    return kept
 
 
 class OpenSetup:
