@@ -117,7 +117,7 @@ def test_agents_that_no_choice_is_for_keep_their_recorded_policy(folder: Path) -
 def _without_names() -> Evidence:
     env = gk.record(gk.make("agree.py:Agree"), "unnamed")
     env.reset(seed=0)
-    env.step({agent: 0 for agent in env.agents})
+    env.step(dict.fromkeys(env.agents, 0))
     env.close()
     return gk.load("unnamed")
 

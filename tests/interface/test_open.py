@@ -51,10 +51,13 @@ def test_open_env_refuses_to_convert_what_isnt_parallelizable() -> None:
 
 def test_open_env_names_what_comes_near_an_unknown_id() -> None:
     """A misspelled id and a version that isn't there get what is."""
-    assert "'sisl/pursuit-v5'" in told("sisl/prusuit-v5")
-    assert "there is sisl/pursuit-v5" in told("sisl/pursuit-v4")
-    assert "sisl/multiwalker-v9" in told("multiwalker-v9")
-    assert "gamekeeper/pursuit-v0" in told("pursuit-v5")  # a short name is one of ours first
+    assert "did you mean sisl/pursuit-v5?" in told("sisl/prusuit-v5")
+    assert "did you mean sisl/pursuit-v5" in told("sisl/pursuit-v4")
+    assert "did you mean sisl/multiwalker-v9?" in told("multiwalker-v9")
+    assert "did you mean sisl/pursuit-v5 or pursuit-v0?" in told("pursuit-v5")
+    assert "did you mean warehouse-v0?" in told("warehous")
+    assert "did you mean mpe2.simple_spread_v3:parallel_env?" in told("mpe2/simple_spread_v3")
+    assert "did you mean mpe2.simple_spread_v3:parallel_env?" in told("mpe2.simple_spread")
 
 
 def test_open_env_passes_on_where_pettingzoo_moved_a_group() -> None:

@@ -1,4 +1,4 @@
-"""The root digest covers every byte of a run."""
+"""The root digest covers every byte of a run as it was finalized."""
 
 import shutil
 import subprocess
@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from gamekeeper.runs.files.checksums import root_digest, verify_notes
+from gamekeeper.runs.files.checksums import root_digest
 from gamekeeper.runs.files.notes import annotate
+from gamekeeper.runs.run_check import verify
 from tests.runs import run_folders
 
 
@@ -23,7 +24,7 @@ def test_root_digest_changes_with_any_byte(run: Path) -> None:
     """Whichever file of the run has another byte, one more or one less."""
     roots, files = {root_digest(run)}, [path for path in run.rglob("*") if path.is_file()]
     for path in files:
-        if path.name == "manifest.json":
+        if path.name in ("manifest.json", "annotations.jsonl"):
             continue
         whole = path.read_bytes()
         others = [whole + b"\n", whole[:-1]]
@@ -45,31 +46,19 @@ def test_root_digest_changes_with_any_byte(run: Path) -> None:
     assert root_digest(run) in roots
 
 
-def test_root_digest_shows_lines_taken_off_the_end(run: Path) -> None:
-    """The chain of the annotations that are left holds; the root digest is another."""
-    before = root_digest(run)
-    annotate(run, {"label": "idle"})
-    path = run / "annotations.jsonl"
-    first = path.read_bytes().splitlines(keepends=True)[0]
-    whole = root_digest(run)
-    path.write_bytes(first)
-    assert verify_notes(run) == ()
-    assert root_digest(run) == before != whole
-
-
 def test_root_digest_without_reading_the_files_is_the_same(run: Path) -> None:
     """The digests that the manifest names are those of the files, while nothing is damaged."""
     assert root_digest(run) == root_digest(run, check=False)
 
 
-def test_root_digest_as_finalized_outlives_annotations(run: Path) -> None:
-    """An annotation changes the root digest; without annotations it is as the run was finalized."""
+def test_annotations_leave_the_root_digest_as_it_was(run: Path) -> None:
+    """A label that is added makes no other run of it; verifying counts the annotations."""
     before = root_digest(run)
     annotate(run, {"label": "idle"})
-    assert root_digest(run) != before
-    finalized = root_digest(run, annotated=False)
-    (run / "annotations.jsonl").unlink()
-    assert root_digest(run) == finalized
+    found = verify(run, root=before)
+    assert found.matches
+    assert found.annotations == 2
+    assert "2 annotations, added later: not in the root digest" in str(found)
 
 
 def test_root_digest_is_the_same_wherever_the_run_lies(run: Path, tmp_path: Path) -> None:
@@ -84,7 +73,8 @@ def test_root_digest_is_what_b2sum_prints(run: Path) -> None:
     b2sum = shutil.which("b2sum")
     if b2sum is None:
         pytest.skip("needs b2sum of GNU coreutils")
-    names = sorted(path.relative_to(run).as_posix() for path in run.rglob("*") if path.is_file())
+    files = (path.relative_to(run).as_posix() for path in run.rglob("*") if path.is_file())
+    names = sorted(name for name in files if name != "annotations.jsonl")
     listed = subprocess.run([b2sum, "-l", "256", *names], cwd=run, capture_output=True, check=True)
     whole = subprocess.run(
         [b2sum, "-l", "256"], input=listed.stdout, capture_output=True, check=True

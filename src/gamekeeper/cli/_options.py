@@ -76,8 +76,9 @@ PolicyOption: TypeAlias = Annotated[
         "--policy",
         metavar="[AGENT|ROLE=]POLICY",
         help="Policy of all agents, an agent or a role: random, first-legal, noop, reference (of "
-        "Gamekeeper's own tasks), module:callable, file.py:callable, or same:AGENT to share that "
-        "agent's policy object. Repeatable (default: random; of a run, the recorded policies).",
+        "Gamekeeper's own tasks), module:callable or file.py:callable, called as "
+        "policy(observation, agent, info, rng) for an action, or same:AGENT to share that agent's "
+        "policy object. Repeatable (default: random; of a run, the recorded policies).",
     ),
 ]
 EpisodesOption: TypeAlias = Annotated[

@@ -22,6 +22,7 @@ from gamekeeper.cli._options import (
     TimeoutOption,
 )
 from gamekeeper.cli._screen import CommandResult, Screen
+from gamekeeper.errors import GamekeeperError
 
 if TYPE_CHECKING:
     from gamekeeper.diagnosis.diagnosis_result import Diagnosis
@@ -33,7 +34,7 @@ PART: Final = 0.7
 """Defaults of `gk.diagnose`; importing it loads numpy, help doesn't."""
 
 FailedOption = Annotated[
-    str | None,
+    list[str] | None,
     typer.Option(
         "--failed",
         metavar="CONDITION",
@@ -160,7 +161,8 @@ def command(
     from gamekeeper.reporting.diagnosis_text import diagnosis_text
 
     folder = _beside(run) if out is None else out
-    opening: dict[str, Any] = {"failed": failed, "env": env, "allow_import": allow_import}
+    condition = _only(failed)
+    opening: dict[str, Any] = {"failed": condition, "env": env, "allow_import": allow_import}
     if shrink is not None:
         shrunk_run = folder / f"shrunk-{shrink}"
         return _shrunk(screen, run, shrink, contract=contract, out=shrunk_run, **opening)
@@ -190,8 +192,22 @@ def command(
     if found.runs:
         screen.show(f"\nRecordings  {folder / 'runs'}")
     if save_case is not None:
-        _save(screen, found, run, save_case, failed)
+        _save(screen, found, run, save_case, condition)
     return CommandResult(document, diagnosis_code(found))
+
+
+def _only(conditions: list[str] | None) -> str | None:
+    """The one condition of a failed episode that was given, if any."""
+    if conditions and len(conditions) > 1:
+        raise GamekeeperError(
+            "an episode fails by one condition",
+            where="--failed",
+            expected="one",
+            actual=" and ".join(map(repr, conditions)),
+            fix='give the conditions of several agents in the contract: [failure] team = "...", '
+            'picker = "..."',
+        )
+    return conditions[0] if conditions else None
 
 
 def _beside(run: Path) -> Path:

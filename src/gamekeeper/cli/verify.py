@@ -15,7 +15,8 @@ RootOption = Annotated[
     typer.Option(
         "--root",
         metavar="X",
-        help="Root digest that the run should have, at least 32 digits (default: not compared).",
+        help="Root digest that the run should have, at least 32 digits; labels that are "
+        "added later don't change it (default: not compared).",
     ),
 ]
 FingerprintOption = Annotated[
@@ -42,8 +43,10 @@ def command(
 
     Example: gamekeeper verify runs/warehouse-1
     """
+    from gamekeeper.reporting.text_columns import wrapped
     from gamekeeper.runs.run_check import verify
 
     found = verify(run, root=root, fingerprint=fingerprint)
-    screen.verdict(str(found), "good" if found.ok else "bad")
+    lines = [line for text in str(found).splitlines() for line in wrapped(text, screen.width)]
+    screen.verdict("\n".join(lines), "good" if found.ok else "bad")
     return CommandResult(found.to_json(), 0 if found.ok else 1)

@@ -7,6 +7,7 @@ import copy
 import difflib
 import functools
 import importlib
+import importlib.util
 import inspect
 import re
 import sys
@@ -24,6 +25,8 @@ from gamekeeper.episodes.exception_text import cut, message, said_by, traceback_
 from gamekeeper.errors import GamekeeperError, SpecError
 from gamekeeper.interface.env_source import Env, Source, api_of
 
+VERSION: Final = re.compile(r"[-_]v(\d+)$")
+"""The version at the end of an id or of a module's name."""
 MOST_FRAMES: Final = 20
 """A traceback's innermost frames that a message shows; an endless recursion has a thousand."""
 MOST_CHARS: Final = 20_000
@@ -120,6 +123,24 @@ def nearest(name: str, names: Iterable[str]) -> str:
     close = difflib.get_close_matches(name, list(names), n=3, cutoff=0.6)
     quoted = ", ".join(repr(other) for other in close)
     return f"; the nearest {'is' if len(close) == 1 else 'are'} {quoted}" if close else ""
+
+
+def did_you_mean(names: Iterable[str]) -> str:
+    """The fix that offers these names; empty without any."""
+    offered = " or ".join(names)
+    return f"did you mean {offered}?" if offered else ""
+
+
+def modules_called(package: str, name: str) -> list[str]:
+    """The newest `package.name_v3:parallel_env` that lies in an installed package, or nothing."""
+    found = None
+    with contextlib.suppress(ImportError, ValueError):
+        found = importlib.util.find_spec(package) if package else None
+    folders = [] if found is None else found.submodule_search_locations or []
+    names = {path.stem for folder in folders for path in Path(folder).glob(f"{name}_v*.py")}
+    versions = [(int(each.rpartition("_v")[2]), each) for each in names if VERSION.search(each)]
+    same = sorted(pair for pair in versions if VERSION.sub("", pair[1]) == name)
+    return [f"{package}.{each}:parallel_env" for _, each in same[-1:]]
 
 
 def _check_arguments(source: Source, kwargs: Mapping[str, Any]) -> None:
@@ -324,8 +345,14 @@ def _only_class(module: ModuleType, api: str | None, where: str) -> NamedFactory
         where=where,
         expected=f"one of {tried}, or exactly one class derived from AECEnv or ParallelEnv",
         actual=_some([f"{where}:{name}" for name in (leaves or classes)] or _builders(module)),
-        fix=f"name the factory: {where}:NAME",
+        fix=did_you_mean(modules_called(*_split(where))) or f"name the factory: {where}:NAME",
     )
+
+
+def _split(module: str) -> tuple[str, str]:
+    """Package and name of a module, without its version."""
+    package, _, name = module.rpartition(".")
+    return package, VERSION.sub("", name)
 
 
 def _is_imported(value: object, name: str, module: ModuleType) -> bool:

@@ -18,7 +18,13 @@ from typing import Any, Final
 
 from gamekeeper import import_guard
 from gamekeeper.errors import SpecError
-from gamekeeper.interface.construction import foreign, nearest
+from gamekeeper.interface.construction import (
+    VERSION,
+    did_you_mean,
+    foreign,
+    modules_called,
+    nearest,
+)
 from gamekeeper.interface.env_source import NotHereError
 
 _FILE_FORM: Final = re.compile(r"(.+?\.py)(?::([^:/\\]+))?", re.DOTALL)
@@ -216,5 +222,6 @@ def _no_module(missing: str, name: str) -> NotHereError:
         where=name,
         expected="a module that can be imported",
         actual=seen,
-        fix="install the package that holds it, or start where it lies",
+        fix=did_you_mean(modules_called(parent, VERSION.sub("", part)))
+        or "install the package that holds it, or start where it lies",
     )

@@ -11,7 +11,7 @@ from typing import Any, Final
 from gamekeeper import plugins
 from gamekeeper.episodes.canonical import from_json, is_exact
 from gamekeeper.errors import GamekeeperError, SpecError
-from gamekeeper.interface.construction import build, foreign
+from gamekeeper.interface.construction import build, did_you_mean, foreign
 from gamekeeper.interface.env_source import (
     APIS,
     Env,
@@ -23,6 +23,7 @@ from gamekeeper.interface.env_source import (
     convert,
 )
 from gamekeeper.interface.identity import identity_of, origin_of, spec_of
+from gamekeeper.interface.registry import canonical, likely
 
 __all__ = ["GROUP", "Opened", "distrust", "open_env", "reopen"]
 
@@ -190,7 +191,8 @@ def _locate(spec: object, api: str | None, *, shown: object) -> Source:
     raise SpecError(
         f"no environment can be found as {shown!r}",
         actual=_looks(misses) or f"a {type(spec).__qualname__} of another form",
-        fix=f"name it in one of these forms:{_forms(opener for _, opener in openers)}",
+        fix=did_you_mean(likely(canonical(spec)) if isinstance(spec, str) else ())
+        or f"name it in one of these forms:{_forms(opener for _, opener in openers)}",
     )
 
 

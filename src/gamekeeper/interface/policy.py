@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import difflib
 import inspect
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -16,7 +17,7 @@ from gamekeeper import plugins
 from gamekeeper.episodes.exception_text import message, said_by
 from gamekeeper.errors import ActionError, GamekeeperError, PolicyError, SpecError
 from gamekeeper.interface.action_mask import legal_flags, reader, unreadable
-from gamekeeper.interface.construction import foreign, foreign_traceback, nearest
+from gamekeeper.interface.construction import did_you_mean, foreign, foreign_traceback, nearest
 from gamekeeper.interface.identity import source_digest
 from gamekeeper.interface.modules import load_file, load_module, split_file
 
@@ -203,11 +204,13 @@ def _no_policy(name: str, words: Iterable[str]) -> PolicyError:
             "reference is the scripted policy of Gamekeeper's own tasks, and of an environment "
             "that lists one in its attribute `policies`",
         )
+    words = list(words)
     return PolicyError(
-        f"there is no policy called {name!r}{nearest(name, words)}",
+        f"there is no policy called {name!r}",
         expected=", ".join([*words, _FORMS]),
         actual=repr(name),
-        fix="use one of these, or module:callable for a policy of your own",
+        fix=did_you_mean(difflib.get_close_matches(name, words, n=1))
+        or "use one of these, or module:callable for a policy of your own",
     )
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 import functools
 import importlib
-import re
 from collections.abc import Iterable
 from typing import Final
 
@@ -12,15 +12,13 @@ import pettingzoo
 
 from gamekeeper import plugins
 from gamekeeper.errors import SpecError
-from gamekeeper.interface.construction import nearest
+from gamekeeper.interface.construction import VERSION, did_you_mean, modules_called
 from gamekeeper.interface.env_source import NotHereError, Source
 from gamekeeper.interface.modules import load_module
 from gamekeeper.plugins import BrokenPlugin
 
 OURS: Final = "gamekeeper"
 """The namespace of our own environments."""
-
-_VERSION: Final = re.compile(r"[-_]v(\d+)$")
 
 
 def with_ours() -> tuple[BrokenPlugin, ...]:
@@ -31,14 +29,14 @@ def with_ours() -> tuple[BrokenPlugin, ...]:
 
 def canonical(env_id: str) -> str:
     """The id as the registries spell it: `tictactoe_v3` is `tictactoe-v3`."""
-    return _VERSION.sub(r"-v\1", env_id.strip())
+    return VERSION.sub(r"-v\1", env_id.strip())
 
 
 def newest(env_id: str) -> str | None:
     """The id itself where it names a version, else in its highest; None where there is none."""
-    if _VERSION.search(env_id):
+    if VERSION.search(env_id):
         return env_id if env_id in ids() else None
-    versions = [(_version(known), known) for known in ids() if _VERSION.sub("", known) == env_id]
+    versions = [(_version(known), known) for known in ids() if VERSION.sub("", known) == env_id]
     return max(versions)[1] if versions else None
 
 
@@ -95,26 +93,38 @@ def source_of(env_id: str, api: str | None) -> Source:
 
 def unknown(env_id: str, broken: Iterable[BrokenPlugin] = ()) -> NotHereError:
     """The error for an id that no registry has, with what comes near it."""
-    name = _VERSION.sub("", env_id)
-    other_versions = sorted(known for known in ids() if _VERSION.sub("", known) == name)
-    tails = {known.rpartition("/")[2]: known for known in ids()}
-    moved = _moved(env_id)
-    tail = env_id.rpartition("/")[2]
-    # a whole name in another namespace is nearer than a half one in the same
-    close = nearest(env_id, [tails[tail]] if tail in tails else ids()) or nearest(tail, tails)
-    seen = (
-        f"there is {', '.join(other_versions)}"
-        if other_versions
-        else f"nothing there{close}{moved}"
-    )
-    seen += "".join(f"; {plugin}" for plugin in broken)
+    meant = likely(env_id)
+    seen = f"nothing there{_moved(env_id)}" + "".join(f"; {plugin}" for plugin in broken)
     return NotHereError(
         f"no environment is registered as {env_id}",
         where=env_id,
         expected="an id that pettingzoo.make knows",
         actual=seen,
-        fix="import the package that registers it first, or name it as module:factory",
+        fix=did_you_mean(meant)
+        or "import the package that registers it first, or name it as module:factory",
     )
+
+
+def likely(env_id: str) -> list[str]:
+    """What an id that no registry has may have meant, at most three; the likeliest first.
+
+    The same name in another version or namespace, else a module of an installed package that is
+    called so, else ids that are spelled alike.
+    """
+    group, _, tail = env_id.rpartition("/")
+    name = VERSION.sub("", tail)
+    same = [known for known in ids() if VERSION.sub("", known.rpartition("/")[2]) == name]
+    if same:
+        tails = {known: known.rpartition("/") for known in same}
+        same.sort(key=lambda known: (tails[known][2] != tail, tails[known][0] != group, known))
+        return [known.removeprefix(f"{OURS}/") for known in same[:3]]
+    modules = modules_called(group, name) if group.isidentifier() else []
+    if modules:
+        return modules
+    tails = {known.rpartition("/")[2]: known for known in sorted(ids())}
+    spelled = {VERSION.sub("", each): known for each, known in tails.items()}
+    close = difflib.get_close_matches(name, spelled, n=3, cutoff=0.75)
+    return [spelled[each].removeprefix(f"{OURS}/") for each in close]
 
 
 def _moved(env_id: str) -> str:
@@ -133,7 +143,7 @@ def _moved(env_id: str) -> str:
 
 
 def _version(env_id: str) -> int:
-    found = _VERSION.search(env_id)
+    found = VERSION.search(env_id)
     return int(found[1]) if found else -1
 
 

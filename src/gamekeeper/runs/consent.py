@@ -137,7 +137,7 @@ def _rule(
 
 def _own(path: PurePath) -> own_runs.Modules | None:
     """Modules that an own, unchanged run was imported from; None for any other run."""
-    root = root_digest(path, check=False, annotated=False)
+    root = root_digest(path, check=False)
     modules = own_runs.recall(root)
-    is_unchanged = modules is not None and root == root_digest(path, annotated=False)
+    is_unchanged = modules is not None and root == root_digest(path)
     return modules if is_unchanged else None

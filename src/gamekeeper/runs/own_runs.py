@@ -42,7 +42,7 @@ def remember(folder: Path, modules: Modules | None = None) -> None:
     """
     place = _place()
     with suppress(OSError, RunError):  # recording never fails for it
-        root = root_digest(folder, check=False, annotated=False)
+        root = root_digest(folder, check=False)
         if place is None or root is None:
             return
         place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)

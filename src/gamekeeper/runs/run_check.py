@@ -30,6 +30,7 @@ from gamekeeper.runs.files.checksums import (
 )
 from gamekeeper.runs.files.folder import MANIFEST, read_bounded, reading
 from gamekeeper.runs.files.manifest import FORMAT_VERSION, MANIFEST_BYTES, load_manifest
+from gamekeeper.runs.files.notes import chain
 from gamekeeper.runs.files.open_streams import finalize_recovered
 from gamekeeper.runs.load_run import load
 
@@ -38,12 +39,12 @@ from gamekeeper.runs.load_run import load
 DIGITS: Final = re.compile(r"[0-9a-f]{32,64}")
 """Digits of a digest that is given: so many of its first that they can't be forged, or all."""
 NOTHING_GIVEN: Final = (
-    "not checked: that this is the run which you mean; the author of a run can make all its "
-    "digests fit. Give the root digest from elsewhere (--root)"
+    "not checked: that this is the run that you mean; whoever made it can make all its digests "
+    "fit. --root X compares it with a root digest that you got another way"
 )
 FINGERPRINT_GIVEN: Final = (
-    "not checked: infos, contract, policies, how episodes ended, timings, versions and annotations,"
-    " which no fingerprint covers. Give the root digest from elsewhere (--root)"
+    "not checked: infos, contract, policies, how episodes ended, timings and versions, which no "
+    "fingerprint covers. --root X compares them with a root digest that you got another way"
 )
 
 
@@ -61,6 +62,7 @@ class Verification:
         root: root digest of the files as they are now; None where one of them is damaged.
         strays: entries of the folder that are no part of the run; no digest covers them.
         not_checked: the part that wasn't compared, in a line; None with a root digest given.
+        annotations: labels and diagnoses that were added later, which no digest of the run covers.
     """
 
     run: str
@@ -71,6 +73,7 @@ class Verification:
     root: str | None = None
     strays: tuple[str, ...] = ()
     not_checked: str | None = None
+    annotations: int = 0
 
     @property
     def ok(self) -> bool:
@@ -89,6 +92,7 @@ class Verification:
             "strays": list(self.strays),
             "not_checked": self.not_checked,
             "fingerprint": self.fingerprint,
+            "annotations": self.annotations,
         }
 
     def __str__(self) -> str:
@@ -102,6 +106,8 @@ class Verification:
                 "matches what was given" if self.matches else "another run than the one given"
             )
         lines += [f"fingerprint {self.fingerprint}", f"root digest {self.root}"]
+        if self.annotations:
+            lines.append(f"{self.annotations} annotations, added later: not in the root digest")
         lines += [f"stray (no part of the run): {name}" for name in self.strays]
         lines += [self.not_checked] if self.not_checked else []
         return "\n".join(lines)
@@ -146,7 +152,10 @@ def _looked_at(folder: Path) -> Verification:
         changed = Damage(MANIFEST, "changed", error.actual or error.what)
         return Verification("", False, None, (changed,), None)
     root = None if damage else root_digest(folder, check=False)
-    found = Verification("", False, None, tuple(damage), None, root, strays(folder))
+    notes = sum(1 for _ in chain(folder))
+    found = Verification(
+        "", False, None, tuple(damage), None, root, strays(folder), annotations=notes
+    )
     try:
         evidence = load(folder, check=False)  # every byte was compared with the checksums just now
         with reading(folder):

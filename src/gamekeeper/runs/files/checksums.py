@@ -183,21 +183,17 @@ def file_damage(folder: Path, name: str, checksums: Checksums) -> list[Damage]:
 # -- The root digest: one digest over every byte of a finalized run
 
 
-def root_digest(
-    path: str | PathLike[str], *, check: bool = True, annotated: bool = True
-) -> str | None:
+def root_digest(path: str | PathLike[str], *, check: bool = True) -> str | None:
     """Root digest of a run; None while it is recorded, or where it was never finalized.
 
-    It is what `b2sum -l 256 FILES | b2sum -l 256` prints for the manifest, the files that the
-    manifest names and the annotations (where there are any), sorted by name. What else lies in the
-    folder isn't part of the run.
+    It is what `b2sum -l 256 FILES | b2sum -l 256` prints for the manifest and the files that the
+    manifest names, sorted by name. Annotations are added later and don't change it; what else lies
+    in the folder isn't part of the run.
 
     Args:
         path: the folder of the run.
         check: read every file; False takes the digests that the manifest names, for files that
             were compared with these already.
-        annotated: False leaves the annotations out: the root digest as the run was finalized,
-            whatever was annotated since.
     Raises:
         RunError: there is no run, its manifest is damaged, or a file can't be read.
     """
@@ -210,9 +206,6 @@ def root_digest(
         if check:
             digests = {name: digest_file(inside(folder, name))[1] for name in digests}
         digests[MANIFEST] = hashlib.blake2b(data, digest_size=32).hexdigest()
-        notes = inside(folder, NOTES)
-        if annotated and notes.exists() and notes.stat().st_size:
-            digests[NOTES] = digest_file(notes)[1]
     listed = "".join(f"{digests[name]}  {name}\n" for name in sorted(digests))
     return hashlib.blake2b(listed.encode(), digest_size=32).hexdigest()
 

@@ -211,7 +211,7 @@ MOST_NAMED: Final = 5
 
 def no_run(folder: Path) -> RunError:
     """The error that there is no run in `folder`; names runs in it, or the nearest beside it."""
-    fix = "check the path, or record a run with `gamekeeper rollout`"
+    fix = "check the path; an environment is recorded first: gamekeeper rollout ENV --out RUN"
     if folder.is_dir():
         seen, inside = f"a folder without {MANIFEST}", _runs_in(folder)
         if inside:

@@ -196,7 +196,7 @@ class MergedRun:
 
     def _take_modules(self, part: Path) -> None:
         """Counts the whole as an own run if all parts are; forgets the parts."""
-        root = root_digest(part, check=False, annotated=False)
+        root = root_digest(part, check=False)
         modules = own_runs.recall(root)
         own_runs.forget(root)
         if modules is None:

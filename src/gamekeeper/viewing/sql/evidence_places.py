@@ -160,5 +160,5 @@ def _nothing(name: str) -> RunError:
         where=name,
         expected=f"a folder with {MANIFEST} or {EVALUATION}, a folder of such, or a pattern",
         actual=actual,
-        fix="check the path, or record a run with `gamekeeper rollout`",
+        fix="check the path; an environment is recorded first: gamekeeper rollout ENV --out RUN",
     )
