@@ -60,7 +60,7 @@ def test_run_refuses_an_unknown_policy_before_the_audit(
     out = tmp_path / "run"
     code, told = document(capfd, "run", "warehouse", "--policy", "refrence", "--out", out)
     assert code == 2
-    assert "the nearest is 'reference'" in told["error"]["what"]
+    assert told["error"]["fix"] == "did you mean reference?"
     assert "reference" in told["error"]["expected"]
     assert not out.exists()
 
@@ -82,7 +82,7 @@ def test_a_misspelt_policy_is_refused_where_it_changes_nothing(
     monkeypatch.setattr("gamekeeper.cli.audit.audit_with_progress", pytest.fail)
     code, told = document(capfd, "audit", "warehouse", "--policy", "refrence")
     assert code == 2
-    assert "the nearest is 'reference'" in told["error"]["what"]
+    assert told["error"]["fix"] == "did you mean reference?"
 
 
 @pytest.mark.parametrize("command", ["contract", "run", "rollout"])

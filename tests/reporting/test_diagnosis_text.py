@@ -55,7 +55,7 @@ def _document(**given: Any) -> dict[str, Any]:
         "recorded": {"team": {"failed": 9, "episodes": 10}},
         "fresh": {"team": {"failed": 64, "episodes": 64}},
         "counterfactuals": [],
-        "level": 0.9,
+        "expected": 0.9,
         "part": 0.7,
         "episodes": 300,
         "seed": 0,

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 ORDER: Final = 90
 BUDGET: Final = 2_000
-LEVEL: Final = 0.9
+EXPECTED: Final = 0.9
 PART: Final = 0.7
 """Defaults of `gk.diagnose`; importing it loads numpy, help doesn't."""
 
@@ -50,10 +50,10 @@ ContractOption = Annotated[
         help="Contract of the environment (default: the one that was recorded).",
     ),
 ]
-LevelOption = Annotated[
+ExpectedOption = Annotated[
     float,
     typer.Option(
-        "--level",
+        "--expected",
         metavar="SHARE",
         min=0.01,
         max=1.0,
@@ -67,7 +67,7 @@ PartOption = Annotated[
         metavar="SHARE",
         min=0.01,
         max=1.0,
-        help="Share of the gap to --level that an ideal substitute must close to count as a "
+        help="Share of the gap to --expected that an ideal substitute must close to count as a "
         "cause, from 0 to 1.",
     ),
 ]
@@ -131,7 +131,7 @@ def command(
     contract: ContractOption = None,
     env: ReopenOption = None,
     policy: PolicyOption = None,
-    level: LevelOption = LEVEL,
+    expected: ExpectedOption = EXPECTED,
     part: PartOption = PART,
     seed: SeedOption = 0,
     budget: BudgetOption = BUDGET,
@@ -176,7 +176,7 @@ def command(
             **opening,
             contract=contract,
             policies=parse_choices(policy) if policy else None,
-            level=level,
+            expected=expected,
             part=part,
             seed=seed,
             budget=budget,
@@ -218,7 +218,7 @@ def _beside(run: Path) -> Path:
 def diagnosis_code(found: Diagnosis) -> int:
     """Returns 0: a cause is named, or no failure beyond chance. 2: no answer, or contradicted."""
     answers = [*found.agents.values(), *([found.team] if found.team else [])]
-    is_failing = any(each.success[2] < found.level for each in answers)
+    is_failing = any(each.success[2] < found.expected for each in answers)
     return 2 if found.contradictions or (is_failing and not found.has_cause) else 0
 
 

@@ -129,7 +129,8 @@ class Diagnosis:
         recorded: by scope, how many of the recorded episodes failed, and of how many.
         fresh: the same of the new episodes with nothing changed.
         counterfactuals: where failing episodes and their restored counterfactuals part.
-        level, part: the declared share of successes, and what part of the gap restores.
+        expected, part: the share of successes if nothing is wrong, and the part of the gap to it
+            that restores.
         episodes: how many were played, counterfactuals and recordings among them.
         seed: of the experiment.
         runs: folders with replayable counterfactuals, by arm.
@@ -145,7 +146,7 @@ class Diagnosis:
     recorded: Mapping[str, tuple[int, int]]
     fresh: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     counterfactuals: tuple[Counterfactual, ...] = ()
-    level: float = 0.9
+    expected: float = 0.9
     part: float = 0.7
     episodes: int = 0
     seed: int = 0
@@ -174,7 +175,7 @@ class Diagnosis:
             "recorded": _counts(self.recorded),
             "fresh": _counts(self.fresh),
             "counterfactuals": [each.to_json() for each in self.counterfactuals],
-            "level": self.level,
+            "expected": self.expected,
             "part": self.part,
             "episodes": self.episodes,
             "seed": self.seed,

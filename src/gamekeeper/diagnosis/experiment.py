@@ -51,7 +51,7 @@ class Experiment:
         substitutes: the handles, and those of each label together.
         conditions: when an episode failed, by scope.
         runner: plays.
-        level, part: as `judged` has them.
+        expected, part: as `judged` has them.
         budget: episodes that may be played, `LEAST` or more.
         seed: all seeds come from it and from the run's fingerprint.
         pairs: those that are confirmed.
@@ -67,7 +67,7 @@ class Experiment:
     contract: Contract
     conditions: Mapping[str, Failure]
     runner: ArmRunner
-    level: float
+    expected: float
     part: float
     budget: int
     seed: int
@@ -230,7 +230,7 @@ class Experiment:
         return judged(
             unchanged,
             {one: self.successes(one.name, seed, n, scope) for one in played},
-            level=self.level,
+            expected=self.expected,
             part=self.part,
             everything=whole,
             skipped=self.skipped,
@@ -324,7 +324,7 @@ class Experiment:
 
     def _is_failing(self, scope: str) -> bool:
         return is_failing(
-            self.successes(UNCHANGED, self.confirm_seed, self.confirm, scope), self.level
+            self.successes(UNCHANGED, self.confirm_seed, self.confirm, scope), self.expected
         )
 
     def _recovered(self, arm: str, scope: str) -> float:
@@ -332,7 +332,7 @@ class Experiment:
             return 0.0
         unchanged = self.successes(UNCHANGED, self.search_seed, SEARCH, scope)
         return recovered(
-            unchanged, self.successes(arm, self.search_seed, SEARCH, scope), self.level
+            unchanged, self.successes(arm, self.search_seed, SEARCH, scope), self.expected
         )
 
     def _is_near(self) -> bool:

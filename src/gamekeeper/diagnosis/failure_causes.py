@@ -18,7 +18,7 @@ from gamekeeper.diagnosis.counterfactuals import KEPT, MOST, counterfactuals, ke
 from gamekeeper.diagnosis.diagnosis_result import AgentDiagnosis, Counterfactual, Diagnosis, Tested
 from gamekeeper.diagnosis.experiment import LEAST, UNCHANGED, Experiment
 from gamekeeper.diagnosis.judgement import (
-    LEVEL,
+    EXPECTED,
     PART,
     Contradiction,
     ScopeFinding,
@@ -66,7 +66,7 @@ def diagnose(
     contract: Contract | str | PathLike[str] | None = None,
     env: object | None = None,
     policies: Mapping[str, Any] | None = None,
-    level: float = LEVEL,
+    expected: float = EXPECTED,
     part: float = PART,
     seed: int = 0,
     budget: int = BUDGET,
@@ -81,7 +81,7 @@ def diagnose(
 
     The recorded set-up is played as it is (the unchanged rerun) and with one thing at its ideal
     (ideal substitutes) or worse (perturbations), on the same fresh seeds. An ideal substitute that
-    closes `part` of the gap between the share of successes as it is and the declared `level`
+    closes `part` of the gap between the share of successes as it is and the `expected` one
     restores; a cause is named where one restores and no other does. Perturbations show on what an
     agent's success hangs, never a cause.
 
@@ -91,8 +91,8 @@ def diagnose(
         contract: in place of the one of the recording.
         env: opened in place of what the evidence names, with the recorded arguments.
         policies: in place of the recorded ones, by agent, role or under `*`.
-        level: the share of episodes that succeed where nothing is wrong.
-        part: of the gap to the level that an ideal substitute has to close.
+        expected: the share of episodes that succeed where nothing is wrong.
+        part: of the gap to the expected share that an ideal substitute has to close.
         seed: of the experiment; equal seeds give equal answers.
         budget: most episodes that are played, 100 or more; `not_played` of the diagnosis names what
             it didn't reach.
@@ -131,7 +131,9 @@ def diagnose(
         )
         known = (setup, substitutes_of(setup, declared, seen), declared, conditions)
         with runner:
-            experiment = Experiment(*known, runner, level, part, budget, seed, evidence.fingerprint)
+            experiment = Experiment(
+                *known, runner, expected, part, budget, seed, evidence.fingerprint
+            )
             experiment.run()
             wanted = experiment.fails if perturbations is None else perturbations
             diagnosis = _diagnosis(evidence, experiment, seen, kinds if wanted else {}, recorded)
@@ -204,7 +206,7 @@ def _diagnosis(
         recorded=recorded,
         fresh=fresh,
         counterfactuals=tuple(found),
-        level=experiment.level,
+        expected=experiment.expected,
         part=experiment.part,
         episodes=experiment.runner.spent + repeated,
         seed=experiment.seed,

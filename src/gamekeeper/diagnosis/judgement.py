@@ -20,10 +20,10 @@ Successes = NDArray[np.float64]
 """[episodes] 1 where the episode didn't fail, paired by seed between arms."""
 
 ALPHA: Final = 0.05
-LEVEL: Final = 0.9
+EXPECTED: Final = 0.9
 """The share of episodes that succeed where nothing is wrong, unless told otherwise."""
 PART: Final = 0.7
-"""An ideal substitute restores where it closes this part of the gap to the declared level."""
+"""An ideal substitute restores where it closes this part of the gap to the expected share."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Tried:
         substitute: what was put at its ideal.
         effect: the change of the share of successes, with its interval.
         p: the effect's p-value, corrected for the number of ideal substitutes (Holm).
-        recovered: the part of the gap that it closes; 1: up to the declared level.
+        recovered: the part of the gap that it closes; 1: up to the expected share.
         restores: it closes the stated part, and the effect isn't chance.
     """
 
@@ -66,14 +66,14 @@ class ScopeFinding:
     why: str
 
 
-def is_failing(unchanged: Successes, level: float) -> bool:
+def is_failing(unchanged: Successes, expected: float) -> bool:
     """The set-up fails more often than declared, beyond chance."""
-    return wilson(int(unchanged.sum()), len(unchanged)).high < level
+    return wilson(int(unchanged.sum()), len(unchanged)).high < expected
 
 
-def recovered(unchanged: Successes, arm: Successes, level: float) -> float:
-    """The part of the gap to the level that an arm closes; 0 where there is no gap."""
-    gap = level - float(unchanged.mean())
+def recovered(unchanged: Successes, arm: Successes, expected: float) -> float:
+    """The part of the gap to the expected share that an arm closes; 0 where there is no gap."""
+    gap = expected - float(unchanged.mean())
     return float(arm.mean() - unchanged.mean()) / gap if gap > 0 else 0.0
 
 
@@ -81,7 +81,7 @@ def judged(
     unchanged: Successes,
     arms: Mapping[IdealSubstitute, Successes],
     *,
-    level: float = LEVEL,
+    expected: float = EXPECTED,
     part: float = PART,
     everything: Successes | None = None,
     skipped: Sequence[IdealSubstitute] = (),
@@ -93,7 +93,7 @@ def judged(
     Args:
         unchanged: the set-up as it is, on fresh seeds.
         arms: each ideal substitute on the same seeds.
-        level: the declared share of successes.
+        expected: the declared share of successes.
         part: of the gap to it that an ideal substitute has to close.
         everything: all ideal substitutes at once, on the same seeds.
         skipped: ideal substitutes that weren't played, as the budget was spent.
@@ -102,11 +102,11 @@ def judged(
     """
     share = wilson(int(unchanged.sum()), len(unchanged))
     success = (share.p, share.low, share.high)
-    tried = _tried(unchanged, arms, level, part, rng)
-    if not is_failing(unchanged, level):
+    tried = _tried(unchanged, arms, expected, part, rng)
+    if not is_failing(unchanged, expected):
         why = (
             f"{share.p:.0%} of new episodes succeed (95 % interval {share.low:.0%} to "
-            f"{share.high:.0%}), which isn't surely less than the expected {level:.0%}"
+            f"{share.high:.0%}), which isn't surely less than the expected {expected:.0%}"
         )
         return ScopeFinding("untested", (), (), tried, success, why)
     least = _least(tried)
@@ -124,7 +124,7 @@ def judged(
         return ScopeFinding(
             "compatible", labels, tuple(o.substitute for o in least), tried, success, why
         )
-    if everything is not None and recovered(unchanged, everything, level) >= part:
+    if everything is not None and recovered(unchanged, everything, expected) >= part:
         labels = _labels(arms)
         why = (
             "all ideal substitutes at once restore success, and no single one or pair that was "
@@ -168,7 +168,7 @@ def _why_none(
 def _tried(
     unchanged: Successes,
     arms: Mapping[IdealSubstitute, Successes],
-    level: float,
+    expected: float,
     part: float,
     rng: Generator,
 ) -> tuple[Tried, ...]:
@@ -181,7 +181,7 @@ def _tried(
             substitute,
             effect,
             p,
-            share := recovered(unchanged, arms[substitute], level),
+            share := recovered(unchanged, arms[substitute], expected),
             restores=share >= part and effect.value > 0 and p < ALPHA,
         )
         for (substitute, effect), p in zip(effects.items(), corrected, strict=True)

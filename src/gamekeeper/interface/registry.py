@@ -115,8 +115,8 @@ def likely(env_id: str) -> list[str]:
     name = VERSION.sub("", tail)
     same = [known for known in ids() if VERSION.sub("", known.rpartition("/")[2]) == name]
     if same:
-        tails = {known: known.rpartition("/") for known in same}
-        same.sort(key=lambda known: (tails[known][2] != tail, tails[known][0] != group, known))
+        parts = {known: known.rpartition("/") for known in same}
+        same.sort(key=lambda known: (parts[known][2] != tail, parts[known][0] != group, known))
         return [known.removeprefix(f"{OURS}/") for known in same[:3]]
     modules = modules_called(group, name) if group.isidentifier() else []
     if modules:

@@ -91,7 +91,8 @@ def _scope(document: Mapping[str, Any], scope: str, width: int) -> Iterator[str]
         f"Failed: {recorded['failed']} of {recorded['episodes']} recorded episodes, and "
         f"{fresh['failed']} of {fresh['episodes']} new ones with nothing changed. Success rate of "
         f"the new ones: {share['share']:.0%} (95 % interval {share['low']:.0%} to "
-        f"{share['high']:.0%}), expected if nothing is wrong: {document['level']:.0%} (--level)."
+        f"{share['high']:.0%}), expected if nothing is wrong: {document['expected']:.0%} "
+        "(--expected)."
     )
     yield from _lines(text, width)
     yield from _lines(f"{answer_sentence(found)}.", width)
@@ -135,7 +136,7 @@ def _ideals(document: Mapping[str, Any], scope: str, width: int) -> Iterator[str
     if restores:
         text += (
             f" Restores: closes at least {document['part']:.0%} of the gap to "
-            f"{document['level']:.0%} success, beyond chance."
+            f"{document['expected']:.0%} success, beyond chance."
         )
     yield from _lines(text, width)
     rows = [[each["intervention"], _effect(each), _ideal_word(each)] for each in ideals]

@@ -118,7 +118,7 @@ def diagnosis(word: str, agents: tuple[str, str]) -> dict[str, Any]:
                 "restored_open": False,
             }
         ],
-        "level": 0.9,
+        "expected": 0.9,
         "part": 0.7,
         "episodes": 640,
         "seed": 5,
