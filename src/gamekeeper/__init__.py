@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from gamekeeper.runs.comparison import Replay, diff, replay
     from gamekeeper.runs.load_run import load
     from gamekeeper.runs.recording import record, rollout
+    from gamekeeper.runs.resuming import Resumed, resume
     from gamekeeper.viewing.report_file import report
 
 __all__ = [
@@ -69,6 +70,7 @@ __all__ = [
     "OrderError",
     "PolicyError",
     "Replay",
+    "Resumed",
     "RunError",
     "SpecError",
     "TickEnv",
@@ -88,6 +90,7 @@ __all__ = [
     "record",
     "replay",
     "report",
+    "resume",
     "rollout",
     "to_aec",
     "to_parallel",
@@ -104,6 +107,7 @@ _HOMES: Final = {
     "Evidence": "gamekeeper.episodes.evidence",
     "Finding": "gamekeeper.checks.verdict",
     "Replay": "gamekeeper.runs.comparison",
+    "Resumed": "gamekeeper.runs.resuming",
     "TickEnv": "gamekeeper.interface.tick_env",
     "Episode": "gamekeeper.episodes.episode",
     "Turn": "gamekeeper.episodes.episode",
@@ -118,6 +122,7 @@ _HOMES: Final = {
     "record": "gamekeeper.runs.recording",
     "replay": "gamekeeper.runs.comparison",
     "report": "gamekeeper.viewing.report_file",
+    "resume": "gamekeeper.runs.resuming",
     "rollout": "gamekeeper.runs.recording",
     "to_aec": "gamekeeper.interface.conversion",
     "to_parallel": "gamekeeper.interface.conversion",

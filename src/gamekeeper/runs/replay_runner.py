@@ -7,6 +7,7 @@ import random
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
+from itertools import takewhile
 from pathlib import Path
 from typing import Any, Final, TypeAlias
 
@@ -240,6 +241,39 @@ class ReplayRunner:
         again = self._kept()
         episode.finish(again)
         return next(again.headers)
+
+    def play_until(
+        self, header: Mapping[str, Any], steps: int, *, chooser: ActionChooser | None = None
+    ) -> Episode:
+        """The first turns of an episode, replayed; the environment stands where they end.
+
+        Args:
+            header: of the recorded episode.
+            steps: env steps to take.
+            chooser: chooses actions in place of the recorded ones.
+        Raises:
+            EvidenceError: an action was an object that no text can build again.
+        """
+        _check_actions(self._evidence, header)
+        trace = self._evidence.episode_of(header)
+        self._game.episode = trace.episode - 1
+        replay_trace(
+            trace,
+            self._game,
+            agents={each.name: agent for agent, each in self._sink.layout.seats.items()},
+            types=self._evidence.manifest.get("action_types"),
+            cast=chooser,
+            run_seed=self._evidence.manifest.get("seed"),
+            after_turn=self._after_turn,
+            turns=takewhile(lambda turn: turn.index < steps, trace.turns),
+        )
+        return next(self._kept().episodes)
+
+    def returned(self) -> tuple[Mapping[Any, Any], Mapping[Any, Any]]:
+        """Observations and infos that the last step of a ParallelEnv returned; else empty."""
+        if isinstance(self._game, ParallelCapture):
+            return self._game.observations, self._game.infos
+        return {}, {}
 
     def manifest(self) -> Mapping[str, Any]:
         """The manifest of the replay."""

@@ -1,0 +1,85 @@
+"""`gamekeeper resume RUN --episode 3 --turn 57`: a live environment at a recorded turn."""
+
+from __future__ import annotations
+
+import code
+from typing import Annotated, Any, Final
+
+import typer
+
+from gamekeeper.cli._options import MOST, ImportOption, ReopenOption, RunArgument, episode_option
+from gamekeeper.cli._screen import CommandResult, Screen
+
+ORDER: Final = 45
+EpisodeOption = Annotated[int, episode_option("Number of the episode.")]
+TurnOption = Annotated[
+    int,
+    typer.Option(
+        "--turn",
+        metavar="N",
+        min=0,
+        max=MOST,
+        help="Env steps that are played again before it is handed over; 0 stands after the reset.",
+    ),
+]
+
+
+def command(
+    screen: Screen,
+    run: RunArgument,
+    episode: EpisodeOption = 0,
+    turn: TurnOption = 0,
+    env: ReopenOption = None,
+    allow_import: ImportOption = False,
+) -> CommandResult:
+    """Opens a recorded episode at one of its turns, in IPython or Python's own console.
+
+    Plays the episode again up to the turn, compares every turn on the way with the recorded one,
+    and hands over `env`, live, `policies` as they were then, and `observations` and `infos` of a
+    ParallelEnv. Nothing is written.
+
+    Exit code 0: resumed. 2: what was played now isn't what was recorded.
+
+    Example: gamekeeper resume runs/warehouse-1 --episode 3 --turn 57
+    """
+    from gamekeeper.runs.resuming import resume
+
+    resumed = resume(run, episode=episode, turn=turn, env=env, allow_import=allow_import)
+    names: dict[str, Any] = {
+        "env": resumed.env,
+        "policies": resumed.policies,
+        "observations": resumed.observations,
+        "infos": resumed.infos,
+    }
+    live = list(map(str, resumed.env.agents))
+    document = {"run": str(run), "episode": episode, "turn": turn, "agents": live}
+    try:
+        if not screen.is_json:
+            _console(names, _banner(run, episode, turn, live, resumed.policies is not None))
+    finally:
+        resumed.env.close()
+    return CommandResult(document)
+
+
+def _banner(run: object, episode: int, turn: int, live: list[str], has_policies: bool) -> str:
+    act = "policies.act(agent, observation, info)" if has_policies else "none that the run names"
+    return (
+        f"{run}, episode {episode}, turn {turn}: every turn so far is as it was recorded.\n"
+        f"  env           live agents: {', '.join(live) or 'none, it is over'}\n"
+        f"  policies      {act}\n"
+        "  observations, infos: as a ParallelEnv returned them last; env.last() of an AECEnv"
+    )
+
+
+def _console(names: dict[str, Any], banner: str) -> None:
+    """Reads lines in IPython where it is installed, else in Python's own console."""
+    try:
+        from IPython import start_ipython
+        from traitlets.config import Config
+    except ImportError:
+        code.interact(banner=banner, local=names, exitmsg="")
+        return
+    config = Config()
+    config.TerminalInteractiveShell.banner1 = f"{banner}\n"
+    config.HistoryManager.enabled = False
+    start_ipython(argv=[], user_ns=names, config=config)

@@ -1,0 +1,156 @@
+"""A recorded episode resumed: its environment and policies, live, at one of its turns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from os import PathLike
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from gamekeeper.episodes.divergence import Divergence, compare
+from gamekeeper.episodes.episode import Episode
+from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.errors import EvidenceError
+from gamekeeper.interface.joint_policy import JointPolicy
+from gamekeeper.runs.consent import consented, evidence_of
+from gamekeeper.runs.recording import cast_of
+from gamekeeper.runs.replay_runner import ReplayRunner, opened_again
+from gamekeeper.runs.standing import choices_in
+
+
+@dataclass(frozen=True, slots=True)
+class Resumed:
+    """An episode that stands at one of its turns; `env, policies = resumed` takes it apart.
+
+    Attributes:
+        env: the environment, live: a ParallelEnv or AECEnv that was stepped to this turn.
+        policies: the recorded ones, which have seen what they saw in the recording: `act(agent,
+            observation, info)` gives an action; None where the run names none.
+        observations: of the live agents, as the last step of a ParallelEnv returned them; empty
+            for an AECEnv, whose `last()` gives its agent's.
+        infos: the same of the infos.
+        episode: number of the episode.
+        turn: env steps that were taken since its reset.
+    """
+
+    env: Any
+    policies: JointPolicy | None
+    observations: Mapping[Any, Any]
+    infos: Mapping[Any, Any]
+    episode: int
+    turn: int
+
+    def __iter__(self) -> Iterator[Any]:
+        """Yields the environment and the policies."""
+        return iter((self.env, self.policies))
+
+
+def resume(
+    run: Evidence | str | PathLike[str],
+    *,
+    episode: int = 0,
+    turn: int = 0,
+    env: str | None = None,
+    allow_import: bool = False,
+) -> Resumed:
+    """Opens the environment of a run and plays one of its episodes again up to a turn.
+
+    Every turn on the way is compared with the recorded one. Policies that the run names choose
+    again, so that what they remember is as it was; else the recorded actions are played.
+
+    Args:
+        run: the folder of a run, or evidence.
+        episode: number of the episode.
+        turn: env steps that were taken then: 0 stands after the reset.
+        env: its name, opened in place of what the evidence names, with the recorded arguments.
+        allow_import: run code that the evidence names.
+    Raises:
+        TrustError: the evidence names code that nobody allowed to run.
+        EvidenceError: there is no such episode or turn, or what is played now isn't what was
+            recorded.
+        RunError: there is no run, or it is damaged.
+        SpecError: the environment can't be opened.
+    """
+    evidence = evidence_of(run)
+    header = _header(evidence, episode, turn)
+    names = choices_in(header.get("policies"))
+    with consented(
+        evidence,
+        doing="resuming this run",
+        env=env,
+        policies=names.values(),
+        allow_import=allow_import,
+    ):
+        opened = opened_again(evidence, env)
+        try:
+            chooser = cast_of(names, opened.env, evidence.contract) if names else None
+            runner = ReplayRunner(evidence, opened)
+            for number in range(min(header["since"], episode), episode):  # it runs on from these
+                before = evidence.header(number)
+                again = runner.play(before, chooser=chooser)
+                if again["fingerprint"] != before["fingerprint"]:
+                    raise _otherwise(number, "another fingerprint")
+            played = runner.play_until(header, turn, chooser=chooser)
+            divergence = _divergence(evidence, evidence.episode_of(header), played, turn)
+            if divergence is not None:
+                raise _otherwise(episode, str(divergence))
+        except BaseException:
+            opened.env.close()
+            raise
+    return Resumed(opened.env, chooser, *runner.returned(), episode, turn)
+
+
+def _otherwise(episode: int, seen: str) -> EvidenceError:
+    return EvidenceError(
+        "what is played now isn't what was recorded",
+        where=f"episode {episode}",
+        actual=seen,
+        fix="gamekeeper replay RUN looks for the cause",
+    )
+
+
+def _header(evidence: Evidence, episode: int, turn: int) -> Mapping[str, Any]:
+    """The row of an episode that has such a turn."""
+    count = evidence.episode_table.num_rows
+    try:
+        header = evidence.header(episode)
+    except KeyError:
+        raise EvidenceError(
+            f"the run has no episode {episode}",
+            where="episode",
+            expected=f"a number from 0 to {count - 1}" if count else "a run with episodes",
+            actual=str(episode),
+            fix="gamekeeper show RUN lists the episodes",
+        ) from None
+    steps = evidence.turns_of(header)
+    if not 0 <= turn <= steps:
+        raise EvidenceError(
+            f"episode {episode} has no turn {turn}",
+            where="turn",
+            expected=f"a number from 0, after the reset, to {steps}, its end",
+            actual=str(turn),
+            fix=f"gamekeeper show RUN --episode {episode} shows its turns",
+        )
+    return header
+
+
+def _divergence(
+    evidence: Evidence, recorded: Episode, played: Episode, steps: int
+) -> Divergence | None:
+    """The first difference in the turns that were taken."""
+    one, two = (_cut(each, steps) for each in (recorded, played))
+    return compare(one, two, volatile=evidence.contract.volatile_infos()).divergence
+
+
+def _cut(episode: Episode, steps: int) -> Episode:
+    """The first turns of an episode, none of which ends it."""
+
+    def before(table: pa.Table) -> pa.Table:
+        return table.filter(pc.less(table["turn"], steps))
+
+    states = None if episode.states is None else before(episode.states)
+    header = {**episode.header, "endings": None, "turns": steps}
+    return replace(episode, steps=before(episode.steps), states=states, header=header, _cache={})
