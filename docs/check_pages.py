@@ -6,26 +6,20 @@ A page shows the check's docstring, the faulty environment that fails it, and an
 from __future__ import annotations
 
 import inspect
-import os
 import shutil
 import sys
 from collections.abc import Iterable, Mapping
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Final
 
-from gamekeeper.auditing import confirm
-from gamekeeper.auditing.audit import audit_here
 from gamekeeper.checks.check import checks
 from gamekeeper.cli.explain import card_of
 from gamekeeper.reporting.audit_text import failed_blocks, program_of
 from gamekeeper.reporting.check_text import APIS, FENCE, SEVERITIES, Card, by_family, paragraphs
 from tests.faults import Faulty, environments
+from tests.matrix import audits
 
 WIDTH: Final = 96
-BUDGET: Final = 4_000
-"""Env steps of the audit that a page shows."""
 
 
 def faulty_by_check() -> dict[str, Faulty]:
@@ -40,8 +34,8 @@ def faulty_by_check() -> dict[str, Faulty]:
 def output_of(id: str) -> str:
     """What an audit of the faulty environment says of its check, with the command."""
     each = faulty_by_check()[id]
-    confirm.TRIES = 1  # type: ignore[misc]  # the page shows the program; tests run it again and again
-    audit = audit_here(each.spec, contract=each.contract, budget=BUDGET, select=(id,)).to_json()
+    audit = audits.document(each.env.__name__)
+    audit = {**audit, "verdicts": [one for one in audit["verdicts"] if one["id"] == id]}
     command = f"$ gamekeeper audit {each.spec} --select {id}"
     lines = [command]
     if each.contract is not None:
@@ -107,9 +101,8 @@ def _cell(text: str) -> str:
 def pages(cards: Mapping[str, Card]) -> dict[str, str]:
     """Pages of these checks by the names of their files."""
     faulty: Mapping[str, Any] = faulty_by_check()
-    cores = os.cpu_count() or 1
-    with ProcessPoolExecutor(cores, mp_context=get_context("spawn")) as pool:
-        outputs = dict(zip(cards, pool.map(output_of, cards), strict=True))
+    audits.ask([faulty[id].env.__name__ for id in cards])
+    outputs = {id: output_of(id) for id in cards}
     return {
         f"{id}.md": page(card, source=inspect.getsource(faulty[id].env), output=outputs[id])
         for id, card in cards.items()
