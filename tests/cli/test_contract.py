@@ -90,11 +90,16 @@ def test_measured_draft_declares_nothing(
     code, _, _ = said(capfd, "contract", ROUGH, "--measure", "--out", "my.toml")
     assert code == 0
     text = Path("my.toml").read_text()
-    assert text.startswith("# A draft: values marked as measured come from 3,000 steps")
-    assert "# horizon = 4" in text
+    assert text.startswith("## A draft: values marked as measured come from 3,000 steps")
+    assert "# horizon = 4                     # measured; else N" in text
     assert "# deterministic = true" in text
     drafted = gk.Contract.load("my.toml")
     assert (drafted.schedule.horizon, drafted.seeds.deterministic) == (None, None)
     code, out, _ = said(capfd, "contract", ROUGH, "--measure")
     assert "Measured beside declared" in out
-    assert document(capfd, "contract", ROUGH, "--measure")[1]["measured"]["horizon"] == 4
+    proposed = out.partition("Measured, but not declared, so not checked (2)")[2]
+    assert "schedule.horizon = 4 (else N)" in proposed.partition("Not declared")[0]
+    found = document(capfd, "contract", ROUGH, "--measure")[1]
+    assert found["measured"]["horizon"] == 4
+    answers = {each["key"]: each["measured"] for each in found["questions"]}
+    assert (answers["schedule.horizon"], answers["schedule.order"]) == ("4", None)

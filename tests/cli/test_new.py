@@ -30,6 +30,10 @@ VARIANTS = {
     "--ending out=truncation:all --ending fell=truncation:agent",
     "random": "--agents a=2 --agents b=2 --order random --conflicts ordered --observes box:2x3 "
     "--ending home=termination:b --ending crash=termination:all",
+    "buffered": "--agents a=2 --agents b=2 --stages a,b --sees yes --order none --conflicts random "
+    "--ending home=termination:agent --observes discrete:9",
+    "hidden": "--agents a=3 --order rotating --conflicts ordered --observes box:2",
+    "crate": "--agents a=3 --conflicts priority --reward prize=individual",
     "staged": "--agents a=2 --agents b=2 --stages b,a --ending home=termination:agent "
     "--ending gone=truncation:a --reward x=individual --reward y=shared:a:b",
     "short": "--agents a --horizon 1 --api aec",
@@ -244,7 +248,7 @@ def test_new_follows_a_person_against_its_advice(
     contract = Contract.parse((tmp_path / "src/my_task/my_task.toml").read_text("utf-8"))
     assert contract.why is not None
     assert contract.why.startswith("chosen by its author; parallel would fit, because")
-    assert (contract.schedule.order, contract.schedule.observe) == ("fixed", "after turn")
+    assert (contract.schedule.order, contract.schedule.observe) == ("none", "after tick")
 
 
 @pytest.mark.parametrize(
@@ -278,6 +282,8 @@ def test_new_follows_a_person_against_its_advice(
         (["x", "--ending", "a=end"], "KIND of termination"),
         (["x", "--ending", "a=termination:arm"], "agent, all, robot"),
         (["x", "--sees", "yes", "--api", "parallel"], "before its tick is over"),
+        (["x", "--sees", "yes", "--order", "none"], "--order fixed, rotating, random or state"),
+        (["x", "--sees", "no", "--order", "rotating"], "a rotating order that no agent observes"),
     ],
 )
 def test_new_refuses_what_it_cannot_write(

@@ -110,6 +110,8 @@ def contracts(draw):
                 illegal=st.sampled_from(ILLEGAL),
             )
         )
+        if roles[name].get("mask") == "none":
+            roles[name].pop("illegal", None)
         roles[name]["agents"] = draw(st.sampled_from([f"{number}_*", [f"{number}a", f"{number}b"]]))
     owners = st.sampled_from(["agent", "all", *names])
     term = st.fixed_dictionaries(
@@ -156,6 +158,8 @@ def contracts(draw):
             ),
         )
     )
+    if data.get("api") == "parallel" and data.get("schedule", {}).get("order") != "none":
+        data["schedule"] = data.get("schedule", {}) | {"conflicts": "priority"}
     if draw(st.booleans()):
         data["rewards"] = {"after_end": draw(st.sampled_from(AFTER_END)), **data.get("rewards", {})}
     return {**data, "roles": roles} if roles else data
@@ -326,29 +330,29 @@ def test_questions_stand_where_their_answers_go():
     contract = Contract.parse("[roles.a]\nmay_join = true\nmask = 'none'\n[seeds]")
     questions = (
         Question(("why",), "why so?", '"…"'),
-        Question(("roles", "a", "noop"), "which action of role 'a' does nothing?", "N"),
-        Question(("rewards", "TERM"), "which terms?", "…", lines=("[rewards.TERM]", "kind = …")),
-        Question(("seeds", "deterministic"), "the same?", "true | false", hint="mostly"),
+        Question(("roles", "a", "noop"), "which action does nothing?", "N", example="0"),
+        Question(("rewards", "TERM"), "which terms?", "…", lines=("[rewards.TERM]", 'kind = "…"')),
+        Question(("seeds", "deterministic"), "the same?", "X", hint="often", measured="true"),
     )
     text = contract.to_toml(questions)
     assert text.splitlines() == [
-        "# why so?",
+        "## why so?",
         '# why = "…"',
         "",
         "[roles.a]",
         "may_join = true",
-        "# which action of role 'a' does nothing?",
-        "# noop = N",
+        "## which action does nothing?",
+        "# noop = 0                        # N",
         'mask = "none"',
         "",
         "[rewards]",
-        "# which terms?",
+        "## which terms?",
         "# [rewards.TERM]",
-        "# kind = …",
+        '# kind = "…"',
         "",
         "[seeds]",
-        "# the same? (mostly)",
-        "# deterministic = true | false",
+        "## the same? (often)",
+        "# deterministic = true            # measured; else X",
     ]
     assert Contract.parse(text) == contract
 

@@ -181,6 +181,42 @@ WRONG = {
     "failure of whom": ("team = ", "pikcer = ", 38, "failure.pikcer", "write 'picker'"),
     "observe in vain": ('"after tick"', '"after turn"', 8, "schedule.observe", 'api = "aec"'),
     "order in vain": ('"joint rule"', '"ordered"', 9, "schedule.conflicts", "schedule.order"),
+    "turns of simultaneous agents": (
+        'api = "parallel"',
+        'api = "aec"  # and below: after turn',
+        8,
+        "schedule.observe",
+        "order of turns",
+    ),
+    "order in a joint tick": (
+        'order = "none"',
+        'order = "rotating"',
+        7,
+        "schedule.order",
+        'order = "none"',
+    ),
+    "role in no stage": ("[roles.picker]", "[roles.dog]\n[roles.picker]", 12, "roles.dog", "add"),
+    "illegal without a mask": (
+        'mask = "infos.action_mask"',
+        'mask = "none"\nillegal = "end"',
+        19,
+        "roles.picker.illegal",
+        "leave illegal out",
+    ),
+    "horizon that terminates": (
+        "[endings]",
+        '[endings]\nhorizon = { kind = "termination", owner = "all" }',
+        27,
+        "endings.horizon.kind",
+        'kind = "truncation"',
+    ),
+    "horizon of one": (
+        "[endings]",
+        '[endings]\nhorizon = { kind = "truncation", owner = "agent" }',
+        27,
+        "endings.horizon.owner",
+        'owner = "all"',
+    ),
     "after_end": (
         "[rewards.delivery]",
         '[rewards]\nafter_end = "no"\n[rewards.delivery]',
@@ -198,7 +234,10 @@ WRONG = {
 def test_contract_error_names_line_key_and_fix(case):
     """Each mistake is found where it stands, with what would have been right."""
     old, new, line, key, fix = WRONG[case]
-    error = seen_error(changed(old, new), source="warehouse.toml")
+    text = changed(old, new)
+    if "after turn" in new:
+        text = text.replace('"after tick"', '"after turn"')
+    error = seen_error(text, source="warehouse.toml")
     assert error.where == f"warehouse.toml, line {line}, {key}"
     assert fix in error.fix or fix in error.expected
     assert error.expected
@@ -279,6 +318,37 @@ def test_reward_terms_that_contradict_themselves_are_refused(term):
     """A zero-sum needs two payees, a shared term all, an individual one its earner."""
     text = f'[roles.a]\nagents = "a"\n[roles.b]\nagents = "b_*"\n[rewards.t]\n{term}'
     assert "rewards.t.payee" in seen_error(text).where
+
+
+TURNS = 'api = "aec"\n[schedule]\nstages = {}\norder = "{}"\n{}[roles.a]\nagents = "{}"\n'
+
+
+@pytest.mark.parametrize(
+    ("stages", "order", "rest", "agents", "key"),
+    [
+        ('[["a"]]', "none", 'observe = "after turn"\n', "a_*", "schedule.observe"),
+        ('[["a"], ["b"]]', "none", 'observe = "after turn"\n', "a_*", None),
+        ('[["a"]]', "rotating", "", "a", "schedule.order"),
+        ('[["a"], ["b"]]', "random", "[roles.b]\nagents = 'b'\n", "a", "schedule.order"),
+        ('[["a"], ["b"]]', "random", "", "a", None),
+        ('[["a", "b"]]', "state", "", "a", None),
+        ('[["a"]]', "fixed", "", "a", None),
+    ],
+)
+def test_schedules_that_contradict_themselves_are_refused(stages, order, rest, agents, key):
+    """Simultaneous agents show no turns, and one agent has no order; others are as they should."""
+    error = complaint(Contract.parse, TURNS.format(stages, order, rest, agents))
+    assert key == (None if error is None else error.where.split(", ")[-1])
+
+
+@pytest.mark.parametrize(("order", "refused"), [("fixed", True), ("rotating", False)])
+def test_role_isnt_symmetric_where_its_first_agent_always_wins(order, refused):
+    """A fixed order in which the first wins prefers one agent by its name."""
+    text = f'[schedule]\norder = "{order}"\nconflicts = "ordered"\n[roles.a]\nsymmetric = true'
+    error = complaint(Contract.parse, text)
+    assert refused is (error is not None)
+    if error is not None:
+        assert error.where == "<text>, line 5, roles.a.symmetric"
 
 
 def test_contract_error_from_plain_data_names_the_key():

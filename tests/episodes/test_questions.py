@@ -16,7 +16,7 @@ order = "fixed"
 observe = "after turn"
 conflicts = "ordered"
 [roles.a]
-symmetric = true
+symmetric = false
 may_join = false
 may_leave = false
 noop = "none"
@@ -126,8 +126,15 @@ def test_question_about_an_illegal_action_follows_a_mask():
 
 def test_question_about_an_ending_stands_below_it():
     """An ending whose owner is open keeps its line, and the question stands under it."""
-    contract = Contract.parse('[endings]\nwon = { kind = "termination" }')
-    lines = contract.to_toml(open_questions(contract)).splitlines()
-    at = lines.index('won = { kind = "termination" }')
-    assert lines[at + 1].startswith("# whom does 'won' end?")
-    assert lines[at + 2] == '# won = { kind = "termination", owner = … }'
+    rows = ('out = {owner = "all"}', 'won = {kind = "termination"}', "x = {}")
+    contract = Contract.parse("\n".join(["[endings]", *rows]))
+    text = contract.to_toml(open_questions(contract))
+    lines = text.splitlines()
+    at = lines.index("[endings.won]")
+    assert lines[at + 1 : at + 3] == ['kind = "termination"', "## whom does 'won' end?"]
+    assert lines[at + 3].startswith('# owner = "agent" ')
+    assert Contract.parse(text) == contract
+    asked = text[text.index("[endings.out]") :]
+    answered = Contract.parse(asked.replace("\n# owner", "\nowner").replace("\n# kind", "\nkind"))
+    assert [each.kind for each in answered.endings.values()] == ["termination"] * 3
+    assert answered.endings["x"].owner == "agent"

@@ -1,3 +1,5 @@
+import tomllib
+
 import numpy as np
 import pytest
 from gymnasium import spaces
@@ -185,8 +187,8 @@ def test_draft_asks_for_the_noop_by_name_where_it_goes():
     drafted = draft_contract(env)
     text = drafted.to_toml(draft_questions(env, drafted))
     lines = text.splitlines()
-    at = lines.index("# noop = N")
-    assert lines[at - 1].startswith("# which action of role 'picker' does nothing? (N in 0 to 2")
+    at = lines.index("# noop = 0                        # N")
+    assert lines[at - 1].startswith("## which action of role 'picker' does nothing? (N in 0 to 2")
     assert "[roles.picker]" in lines[:at]
     assert Contract.parse(text) == drafted
 
@@ -195,13 +197,63 @@ def test_draft_becomes_a_contract_by_answering_its_questions():
     """Uncommented and filled in, the questions' lines are declarations."""
     env = Roster(["picker_0", "picker_1"])
     text = draft_contract(env).to_toml(draft_questions(env, draft_contract(env)))
-    answered = text.replace("# noop = N", "noop = 1").replace(
-        "# may_join = true | false", "may_join = false"
+    answered = text.replace("# noop = 0", "noop = 1").replace(
+        "# may_join = true", "may_join = false"
     )
     contract = Contract.parse(answered)
     assert contract.noop_of("picker_1") == 1
     left = {question.key for question in open_questions(contract)}
     assert not left & {"roles.picker.noop", "roles.picker.may_join"}
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        "handover",
+        "mpe2.simple_world_comm_v3:parallel_env",
+        OnlyTurns(),
+        Roster(["a_0", "a_1"], acts={"a_0": spaces.Dict(go=SEEN, say=spaces.MultiBinary(2))}),
+        Roster(["a"], acts={"a": spaces.Tuple([spaces.MultiDiscrete([3, 2], start=[1, 0])])}),
+        Roster(["a"], acts={"a": spaces.Box(1, 2, (3,), np.float32)}, metadata={}),
+        Roster(["a"], acts={"a": spaces.Graph(SEEN, None)}),
+        Roster([]),
+    ],
+    ids=lambda spec: spec if isinstance(spec, str) else type(spec).__name__,
+)
+def test_draft_is_toml_whichever_line_is_uncommented(spec):
+    """Each line that loses one sign, and all of them together: tomllib reads it."""
+    env = open_env(spec).env
+    drafted = draft_contract(env)
+    lines = drafted.to_toml(draft_questions(env, drafted)).splitlines()
+    marked = [place for place, line in enumerate(lines) if line.startswith("#")]
+    assert len(marked) > 10
+    for places in [[place] for place in marked] + [marked]:
+        text = "\n".join(
+            line[1:].removeprefix(" ") if place in places else line
+            for place, line in enumerate(lines)
+        )
+        tomllib.loads(text)
+
+
+@pytest.mark.parametrize(
+    ("space", "noop"),
+    [
+        (spaces.Discrete(5, start=2), 2),
+        (spaces.MultiDiscrete([3, 2]), (0, 0)),
+        (spaces.Box(-1, 1, (2, 2), np.float32), ((0.0, 0.0), (0.0, 0.0))),
+        (spaces.Dict(go=spaces.Discrete(3)), {"go": 0}),
+        (spaces.Box(1, 2, (2,), np.float32), "none"),
+        (spaces.Box(-1, 1, (100,), np.float32), "none"),
+        (spaces.Text(3), "none"),
+    ],
+)
+def test_draft_shows_a_noop_that_the_space_has(space, noop):
+    """The example of a noop is an action of the space where one is short enough to be read."""
+    env = Roster(["a"], acts={"a": space})
+    text = draft_contract(env).to_toml(draft_questions(env, draft_contract(env)))
+    contract = Contract.parse(text.replace("# noop = ", "noop = "))
+    assert contract.roles["a"].noop == noop
+    agent_specs(env, contract)
 
 
 def test_draft_asks_why_with_what_the_environment_says():

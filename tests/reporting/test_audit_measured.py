@@ -4,7 +4,8 @@ from gamekeeper.contract import Contract
 from gamekeeper.contract.toml import Question
 from gamekeeper.reporting.changes_text import changes_text
 from gamekeeper.reporting.influence_text import influence_text
-from gamekeeper.reporting.measured_text import draft_note, measured_questions, measured_text, words
+from gamekeeper.reporting.measured_draft import draft_note, measured_questions
+from gamekeeper.reporting.measured_text import measured_text, words
 from tests.reporting.audits import audit
 
 MEASURED: dict[str, Any] = {
@@ -131,7 +132,7 @@ def test_draft_proposes_what_was_measured_and_declares_nothing() -> None:
         Question(("infos", "x"), "what?", "…"),
     )
     asked = measured_questions(questions, MEASURED)
-    assert [each.answer for each in asked[:2]] == ["20", "true"]
+    assert [each.measured for each in asked[:3]] == ["20", "true", ""]
     assert asked[2].hint == "measured: seems so, p-value 0.52, 24 episodes"
     assert "in 518 ticks" in asked[3].hint
     assert asked[4] == questions[4]

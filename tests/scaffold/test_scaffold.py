@@ -6,12 +6,19 @@ import pytest
 
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.contract_questions import open_questions
-from gamekeeper.errors import ContractError
+from gamekeeper.errors import SpecError
 from gamekeeper.scaffold.interview import Answers, plan_of
 from gamekeeper.scaffold.package_files import contract_of, files_of
-from gamekeeper.scaffold.task_plan import Form, advise, read_form, read_stages
+from gamekeeper.scaffold.task_plan import Form, read_form, read_stages
+from gamekeeper.scaffold.timing import Timing, advise
 
 TOGETHER, STAGED = (("picker", "carrier"),), (("picker",), ("carrier",))
+
+
+def timing(stages, order, observe, conflicts):
+    """The answers about time of a task with two agents in each role."""
+    sizes = [2 * len(stage) for stage in stages]
+    return Timing(stages=stages, sizes=sizes, order=order, observe=observe, conflicts=conflicts)
 
 
 @pytest.mark.parametrize(
@@ -20,24 +27,22 @@ TOGETHER, STAGED = (("picker", "carrier"),), (("picker",), ("carrier",))
         (TOGETHER, "none", "after tick", "joint rule", "parallel", "by one joint rule"),
         (TOGETHER, "none", "after tick", "random", "parallel", "at random"),
         (STAGED, "none", "after tick", "joint rule", "parallel", "group after group"),
-        (TOGETHER, "fixed", "after tick", "joint rule", "parallel", "a fixed order inside it"),
         (STAGED, "fixed", "after turn", "joint rule", "aec", "must observe the actions of picker"),
         (TOGETHER, "rotating", "after turn", "joint rule", "aec", "a rotating order"),
-        (TOGETHER, "none", "after turn", "joint rule", "aec", "before it acts"),
         (TOGETHER, "state", "after tick", "joint rule", "aec", "depends on the state"),
-        (TOGETHER, "fixed", "after tick", "ordered", "aec", "the earlier one counts"),
+        (TOGETHER, "fixed", "after tick", "ordered", "aec", "fixed order that exclude each other"),
     ],
 )
 def test_advice_follows_from_the_answers(stages, order, observe, conflicts, api, why):
     """AEC where somebody depends on what others did in the same round, else Parallel."""
-    advice = advise(stages, order=order, observe=observe, conflicts=conflicts)
+    advice = advise(timing(stages, order, observe, conflicts))
     assert advice.api == api
     assert why in advice.why
 
 
 def test_advice_gives_every_reason():
     """All that speaks for AEC is said."""
-    advice = advise(STAGED, order="state", observe="after turn", conflicts="ordered")
+    advice = advise(timing(STAGED, "state", "after turn", "ordered"))
     assert len(advice.reasons) == 3
     assert all(reason in advice.why for reason in advice.reasons)
 
@@ -71,11 +76,81 @@ def test_contract_of_a_new_task_leaves_nothing_open():
         assert contract.schedule.stages == plan.stages
 
 
-def test_contract_refuses_what_contradicts_itself():
-    """A Parallel environment can't show turns."""
-    plan, _ = plan_of(Answers(name="x", sees="yes", api="parallel"))
-    with pytest.raises(ContractError, match="before its tick is over"):
-        files_of(plan)
+CONTRADICTIONS = [
+    ({"sees": "yes", "api": "parallel"}, "before its tick is over", "--api aec"),
+    ({"sees": "yes", "order": "none"}, "can't observe each other", "--order fixed"),
+    ({"sees": "yes", "agents": ["a"]}, "one agent has no others", "--sees no"),
+    *(
+        ({"sees": sees, "order": order} | rest, "has no effect", "--conflicts ordered")
+        for order in ("fixed", "rotating", "random")
+        for sees in (None, "no")
+        for rest in ({}, {"conflicts": "joint rule"}, {"conflicts": "priority"}, {"api": "aec"})
+    ),
+    ({"conflicts": "ordered"}, "the first can't win", "--order fixed"),
+    ({"order": "none", "conflicts": "ordered", "api": "aec"}, "can't win", "--order fixed"),
+    ({"agents": ["a"], "order": "state"}, "one agent", "--order fixed"),
+    (
+        {"agents": ["a", "b"], "stages": "a,b", "order": "rotating", "sees": "yes"},
+        "each group has one agent",
+        "with a +",
+    ),
+    ({"order": "state", "api": "parallel"}, "isn't one of turns", "--api aec"),
+    ({"order": "random", "conflicts": "ordered", "api": "parallel"}, "all actions", "--api aec"),
+]
+
+
+@pytest.mark.parametrize(("answers", "what", "fix"), CONTRADICTIONS)
+def test_answers_that_contradict_each_other_are_refused(answers, what, fix):
+    """With the reason, the options that say so, and answers that are true together."""
+    with pytest.raises(SpecError) as caught:
+        plan_of(Answers(name="x", **answers))
+    assert what in caught.value.what
+    assert fix in caught.value.fix
+    assert "--" in caught.value.where
+
+
+TIMES = [
+    {"sees": sees, "order": order, "conflicts": conflicts, "api": api, "stages": stages}
+    for sees in ("no", "yes")
+    for order in ("none", "fixed", "rotating", "state", "random")
+    for conflicts in ("joint rule", "priority", "random", "ordered")
+    for api in (None, "aec", "parallel")
+    for stages in ("a+b", "b,a")
+]
+
+
+def test_answers_are_refused_or_declared_as_they_were_given():
+    """No answer is replaced in silence: a contract has what was answered, or there is none."""
+    accepted = 0
+    for answers in TIMES:
+        try:
+            plan, advice = plan_of(Answers(name="x", agents=["a=2", "b=2"], **answers))
+        except SpecError:
+            continue
+        accepted += 1
+        schedule = contract_of(plan).schedule
+        seen = "after turn" if answers["sees"] == "yes" else "after tick"
+        assert (schedule.order, schedule.observe) == (answers["order"], seen)
+        assert schedule.conflicts == answers["conflicts"]
+        assert plan.api == (answers["api"] or advice.api)
+    assert 50 < accepted < len(TIMES)
+
+
+def test_user_is_asked_again_where_an_answer_contradicts_another():
+    """The question comes again, and nothing that was answered before is lost."""
+    given = iter(["robot=2", "yes", "none", "fixed"])
+    refused = []
+
+    def ask(question, answer, read):
+        while True:
+            try:
+                return read(next(given, answer))
+            except SpecError as error:
+                refused.append(error.what)
+
+    plan, _ = plan_of(Answers(name="x"), ask)
+    assert (plan.order, plan.observe) == ("fixed", "after turn")
+    assert len(refused) == 1
 
 
 MUCH = {
@@ -84,12 +159,16 @@ MUCH = {
 }
 LITTLE = {"reward": ["one=shared"], "ending": ["alone=truncation:a"]}
 GRID = [
-    {"agents": ["a=2", "b"], "stages": stages, "api": api, "order": order, "observes": seen} | rest
-    for stages, (api, order), seen, rest in itertools.product(
+    {"agents": ["a=2", "b"], "stages": stages, "observes": seen} | time | rest
+    for stages, time, seen, rest in itertools.product(
         ["a+b", "b,a"],
         [
-            ("parallel", "none"),
-            *(("aec", each) for each in ("fixed", "rotating", "state", "random")),
+            {"conflicts": "priority"},
+            {"api": "aec", "conflicts": "random"},
+            {"sees": "yes", "order": "fixed"},
+            {"order": "rotating", "conflicts": "ordered"},
+            {"order": "state"},
+            {"sees": "yes", "order": "random", "conflicts": "ordered"},
         ],
         [["discrete:5"], ["a=multidiscrete:3,2", "b=box:3x3"], ["a=multibinary:4", "b=discrete:2"]],
         [MUCH, LITTLE],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
@@ -71,6 +72,7 @@ def command(
             env_kwargs=env_kwargs,
             silence_s=timeout,
         ).to_json()
+        form = _with_measured(form, audited["measured"])
     chosen = format or SUFFIXES.get("" if out is None else out.suffix, "text")
     text = _written(form, chosen, width=screen.width, audited=audited)
     if out is None:
@@ -83,19 +85,24 @@ def command(
     return CommandResult({**form.to_json(), **measured, **written})
 
 
+def _with_measured(form: GameForm, measured: Mapping[str, Any]) -> GameForm:
+    """The form with measured answers to its questions."""
+    from gamekeeper.reporting.measured_draft import measured_questions
+
+    return replace(form, questions=measured_questions(form.questions, measured))
+
+
 def _written(form: GameForm, chosen: str, *, width: int, audited: Mapping[str, Any]) -> str:
     from gamekeeper.reporting.card import card_markdown, card_text, card_toml
-    from gamekeeper.reporting.measured_text import draft_note, measured_questions, measured_text
+    from gamekeeper.reporting.measured_draft import draft_note
+    from gamekeeper.reporting.measured_text import measured_text
 
     parts = form.contract, form.agents
     if chosen == "json":
         return f"{document_text(form.to_json())}\n"
     if chosen == "toml":
-        if not audited:
-            return card_toml(*parts, questions=form.questions)
-        note = draft_note(steps=audited["steps"], seed=audited["seed"])
-        asked = measured_questions(form.questions, audited["measured"])
-        return note + card_toml(*parts, questions=asked)
+        note = draft_note(steps=audited["steps"], seed=audited["seed"]) if audited else ""
+        return note + card_toml(*parts, questions=form.questions)
     if chosen == "md":
         return card_markdown(*parts, questions=form.questions)
     text = card_text(*parts, width=width, questions=form.questions)

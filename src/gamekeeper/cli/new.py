@@ -16,7 +16,8 @@ from gamekeeper.errors import GamekeeperError
 from gamekeeper.import_guard import unguarded
 
 if TYPE_CHECKING:
-    from gamekeeper.scaffold.task_plan import Advice, Plan
+    from gamekeeper.scaffold.task_plan import Plan
+    from gamekeeper.scaffold.timing import Advice
 
 ORDER: Final = 900
 T = TypeVar("T")

@@ -5,18 +5,16 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from itertools import combinations, product
 from os import PathLike, fspath
 from typing import cast
 
+from gamekeeper.contract.contradictions import check_declarations, with_staged
 from gamekeeper.contract.failure import Failure
 from gamekeeper.contract.file import contract_text
 from gamekeeper.contract.html import contract_html
-from gamekeeper.contract.pattern import overlap
 from gamekeeper.contract.reader import SECTIONS, read_sections, with_placeholders
 from gamekeeper.contract.sections import (
     NONE,
-    RESERVED,
     Ending,
     InfoField,
     Knob,
@@ -27,8 +25,6 @@ from gamekeeper.contract.sections import (
     Seeds,
     Table,
     covers,
-    is_single,
-    patterns,
     plain,
 )
 from gamekeeper.contract.toml import Question, parse_toml, write_toml
@@ -38,7 +34,6 @@ from gamekeeper.contract.validation import (
     SourcePath,
     can_be_told,
     mistakes_in,
-    nearest,
     together,
 )
 from gamekeeper.errors import ContractError, GamekeeperError
@@ -110,8 +105,8 @@ class Contract:
             object.__setattr__(self, key, value)
         for key in ("roles", "rewards", "endings", "infos", "knobs", "failure", "waivers"):
             object.__setattr__(self, key, Table(getattr(self, key)))
-        object.__setattr__(self, "roles", _with_staged(self, at))
-        _check_declarations(self, at)
+        object.__setattr__(self, "roles", with_staged(self, at))
+        check_declarations(self, at)
         if mistakes:
             raise together(mistakes, self.places)
 
@@ -234,136 +229,3 @@ def _column_name(agent: object) -> str:
     """Names it as columns do: a text that UTF-8 carries by itself, anything else by its JSON."""
     is_text = isinstance(agent, str) and can_be_told(agent)
     return str(agent) if is_text else json.dumps(agent, default=str)
-
-
-def _check_declarations(contract: Contract, root: SourcePath) -> None:
-    """Reports each role and knob that isn't declared, and each contradiction, where it stands."""
-    _check_roles(contract.roles, root / "roles")
-    _check_schedule(contract, root / "schedule")
-    for name, term in contract.rewards.items():
-        _check_term(term, contract.roles, root / "rewards" / name)
-    for name, ending in contract.endings.items():
-        if ending.owner is not None:
-            place = root / "endings" / name / "owner"
-            _check_known(place, ending.owner, ("agent", "all", *contract.roles))
-    for name, knob in contract.knobs.items():
-        for position, other in enumerate(knob.contains or ()):
-            if other not in contract.knobs or other == name:
-                place = root / "knobs" / name / "contains" / position
-                others = [known for known in contract.knobs if known != name]
-                what = f"knob {other!r} is not declared"
-                root.report(place.unknown(what, other, others, noun="knob"))
-    for scope in contract.failure:
-        _check_known(root / "failure" / scope, scope, ("team", "agent", *contract.roles))
-
-
-def _with_staged(contract: Contract, root: SourcePath) -> Table[Role]:
-    """The declared roles, and those that are declared by standing in a stage alone.
-
-    Reports each of the latter that is a declared role's name misspelt, as far as can be seen: it
-    is close to a role that no stage names.
-    """
-    roles = dict(contract.roles)
-    stages = contract.schedule.stages or ()
-    unstaged = [name for name in roles if not any(name in stage for stage in stages)]
-    for number, stage in enumerate(stages):
-        for position, name in enumerate(stage):
-            if name not in roles and nearest(name, unstaged):
-                place = root / "schedule" / "stages" / number / position
-                what = f"role {name!r} is not declared"
-                root.report(place.unknown(what, name, unstaged, noun="role"))
-            roles.setdefault(name, Role())
-    return Table(roles)
-
-
-def _check_known(at: SourcePath, name: str, known: Iterable[str]) -> None:
-    if name not in known:
-        at.report(at.unknown(f"role {name!r} is not declared", name, known, noun="role"))
-
-
-def _check_roles(roles: Mapping[str, Role], at: SourcePath) -> None:
-    for name in roles:
-        if name in RESERVED:
-            error = (at / name).error(
-                f"no role can be called {name!r}",
-                expected="a name of your own",
-                actual=name,
-                fix=f"{name!r} is a word of contracts: call the role something else",
-            )
-            at.report(error)
-    usable = [(name, role) for name, role in roles.items() if name not in RESERVED]
-    for (other, first), (name, second) in combinations(usable, 2):
-        both = product(patterns(other, first), patterns(name, second))
-        shared = next((pair for pair in both if overlap(*pair)), None)
-        if shared is not None:
-            # The line of the one that says which agents it holds, where one says nothing.
-            wrong = name if second.agents or not first.agents else other
-            error = (at / wrong / "agents").error(
-                f"roles {other!r} and {name!r} can both hold an agent",
-                expected="patterns that no name fits both of",
-                actual=" and ".join(shared),
-                fix="make one pattern narrower, or list its agents by name",
-            )
-            at.report(error)
-
-
-def _check_schedule(contract: Contract, at: SourcePath) -> None:
-    schedule = contract.schedule
-    if contract.api == "parallel" and schedule.observe == "after turn":
-        error = (at / "observe").error(
-            "a parallel environment can't show anything before its tick is over",
-            expected='"after tick"',
-            actual=schedule.observe,
-            fix='write observe = "after tick", or api = "aec"',
-        )
-        at.report(error)
-    if schedule.order == "none" and schedule.conflicts == "ordered":
-        error = (at / "conflicts").error(
-            "conflicts are settled by an order of acting that there isn't",
-            expected='"joint rule", "priority" or "random"',
-            actual=schedule.conflicts,
-            fix="declare the order in schedule.order, or another rule for conflicts",
-        )
-        at.report(error)
-
-
-def _check_term(term: RewardTerm, roles: Mapping[str, Role], at: SourcePath) -> None:
-    for key, extra in (("earner", ("all",)), ("payee", ("all", "earner"))):
-        names: tuple[str, ...] = getattr(term, key) or ()
-        for number, name in enumerate(names):
-            place = at / key / number if len(names) > 1 else at / key
-            _check_known(place, name, (*extra, *roles))
-        if len(names) > 1 and set(names) & set(extra):
-            error = (at / key).error(
-                f"'{at.text}.{key}' names roles beside a word for all of them",
-                expected="roles, or one of " + ", ".join(extra),
-                actual=list(names),
-                fix="leave one out",
-            )
-            at.report(error)
-    payees = term.payee or ()
-    one = payees == ("earner",) or (len(payees) == 1 and is_single(roles.get(payees[0], Role())))
-    if term.kind == "zero-sum" and one:
-        error = (at / "payee").error(
-            f"the zero-sum term {at.path[-1]!r} has one payee, so it always pays 0",
-            expected="two payees or more, or all",
-            actual=list(payees),
-            fix='write payee = "all", or another kind',
-        )
-        at.report(error)
-    if term.kind == "shared" and payees == ("earner",):
-        error = (at / "payee").error(
-            f"the shared term {at.path[-1]!r} pays only the agent that earned it",
-            expected="roles, or all",
-            actual="earner",
-            fix='write kind = "individual", or payee = "all"',
-        )
-        at.report(error)
-    if term.kind == "individual" and payees == ("all",) and term.earner not in (None, ("all",)):
-        error = (at / "payee").error(
-            f"the individual term {at.path[-1]!r} pays agents that didn't earn it",
-            expected="the role that earns it, or earner",
-            actual="all",
-            fix='write kind = "shared", or payee = "earner"',
-        )
-        at.report(error)

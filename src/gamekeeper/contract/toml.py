@@ -10,7 +10,7 @@ from typing import Final
 
 import tomli_w
 
-from gamekeeper.contract.sections import RewardTerm, Role, Schedule, Seeds
+from gamekeeper.contract.sections import Ending, RewardTerm, Role, Schedule, Seeds
 from gamekeeper.contract.validation import BARE, Path, SourceLines, one_line, path_text
 from gamekeeper.errors import ContractError
 
@@ -165,6 +165,8 @@ class Question:
         answer: what the answer looks like, as `N` or `true | false`.
         hint: what the answer can be, as `N in 0 to 4`.
         lines: TOML lines to fill in, where the answer is more than one value.
+        example: TOML of one possible answer; empty: `answer` is TOML.
+        measured: TOML of the answer that was measured; empty: it wasn't.
     """
 
     path: tuple[str, ...]
@@ -172,25 +174,40 @@ class Question:
     answer: str
     hint: str = ""
     lines: tuple[str, ...] = ()
+    example: str = ""
+    measured: str = ""
 
     @property
     def key(self) -> str:
         """The key path as a reader types it: `roles.picker.noop`."""
         return path_text(self.path)
 
+    @property
+    def proposal(self) -> tuple[str, str]:
+        """TOML of an answer to take or to change, and the note that stands behind it."""
+        if self.measured:
+            return self.measured, f"measured; else {self.answer}"
+        return (self.example, self.answer) if self.example else (self.answer, "")
+
     def __str__(self) -> str:
         hint = f" ({self.hint})" if self.hint else ""
         return f"{self.ask} -> {self.key} = {self.answer}{hint}"
 
 
+NOTES_AT: Final = 30
+"""Column at which the notes behind short answers begin."""
 LINE: Final = re.compile(r"\(at line (\d+), column (\d+)\)")
-TABLES: Final = ("roles", "rewards")
-"""Sections whose entries are tables of their own; the others' entries stand on one line."""
+TABLES: Final[Mapping[str, tuple[str, ...]]] = {
+    "roles": tuple(field.name for field in fields(Role)),
+    "rewards": tuple(field.name for field in fields(RewardTerm)),
+    "endings": tuple(field.name for field in fields(Ending)),
+}
+"""Sections of tables and the keys of these; an ending is one only where it has questions."""
 KEYS: Final[Mapping[str, tuple[str, ...]]] = {
     "": ("name", "api", "why"),
     "schedule": tuple(field.name for field in fields(Schedule)),
-    "roles": tuple(field.name for field in fields(Role)),
-    "rewards": tuple(field.name for field in fields(RewardTerm)),
+    "roles": (),
+    "rewards": (),
     "endings": (),
     "seeds": tuple(field.name for field in fields(Seeds)),
     "infos": (),
@@ -261,12 +278,16 @@ class _TomlWriter:
     def section(self, name: str, table: object) -> list[str]:
         """The blocks of a section: its own lines, a block for each table in it, what is open."""
         rows = table if isinstance(table, Mapping) else {}
-        inner = [key for key in rows if name in TABLES and isinstance(rows[key], Mapping)]
-        asked = [path[1] for path in self.asked if path[0] == name and len(path) > 1]
-        known = KEYS[name] if name not in TABLES else ()
-        own = [key for key in dict.fromkeys((*known, *rows, *asked)) if key not in inner]
+        asked = {path[1]: len(path) for path in self.asked if path[0] == name and len(path) > 1}
+        inner = [
+            key
+            for key, row in rows.items()
+            if name in TABLES and isinstance(row, Mapping)
+            if name != "endings" or asked.get(key, 0) > 2
+        ]
+        own = [key for key in dict.fromkeys((*KEYS[name], *rows, *asked)) if key not in inner]
         blocks = [self.block((name,), own, rows)]
-        blocks += [self.block((name, key), KEYS[name], rows[key], always=True) for key in inner]
+        blocks += [self.block((name, key), TABLES[name], rows[key], always=True) for key in inner]
         return [*blocks, "\n".join(self.comment((name,)))]
 
     def block(
@@ -289,13 +310,19 @@ class _TomlWriter:
         return "\n".join(lines)
 
     def comment(self, path: tuple[str, ...]) -> list[str]:
-        """The question at the path as comment lines, with the key to uncomment below it."""
+        """The question at the path as comment lines, with the key to uncomment below it.
+
+        The question has two signs and the answer one: without one of them every line is TOML.
+        """
         question = self.asked.pop(path, None)
         if question is None:
             return []
-        answer = question.lines or (f"{key_text(path[-1])} = {question.answer}",)
+        value, note = question.proposal
+        line = f"{key_text(path[-1])} = {value}"
+        if note:
+            line = f"{line:<{NOTES_AT}}  # {one_line(note)}"
         ask = f"{question.ask} ({question.hint})" if question.hint else question.ask
-        return [f"# {line}" for line in (one_line(ask), *answer)]
+        return [f"## {one_line(ask)}", *(f"# {each}" for each in question.lines or (line,))]
 
 
 def key_text(key: str) -> str:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Final
 
+import numpy as np
 from gymnasium import spaces
 
 from gamekeeper.contract import Contract, Role
@@ -18,12 +19,16 @@ from gamekeeper.contract.sections import (
     NONE,
     OBSERVE,
     ORDERS,
+    frozen,
     is_single,
+    plain,
 )
-from gamekeeper.contract.toml import Question, key_text, value_text
-from gamekeeper.episodes.agent_spec import AgentSpec
+from gamekeeper.contract.toml import Question, value_text
+from gamekeeper.episodes.agent_spec import AgentSpec, as_action
 
-TRUTH: Final = "true | false"
+TRUTH: Final = (True, False)
+LARGEST: Final = 16
+"""Numbers of an action that an example of a noop has at most."""
 TERM_LINES: Final = (
     "[rewards.TERM]",
     'kind = "individual"        # or "shared", "zero-sum"',
@@ -55,27 +60,32 @@ def open_questions(
     )
 
 
-def _words(options: Iterable[str]) -> str:
-    return " | ".join(map(value_text, options))
-
-
 def _asked(
     declared: object,
     path: tuple[str, ...],
     ask: str,
-    answer: str,
+    answer: str | Sequence[object],
     hint: str = "",
     lines: tuple[str, ...] = (),
+    example: str = "",
 ) -> Iterator[Question]:
-    """Yields the question of a key, unless its value is declared."""
-    if declared is None:
-        yield Question(path, ask, answer, hint=hint, lines=lines)
+    """Yields the question of a key, unless its value is declared.
+
+    Args:
+        answer: its form, or all possible answers, of which the first is the example.
+    """
+    if declared is not None:
+        return
+    if not isinstance(answer, str):
+        options = [value_text(option) for option in answer]
+        answer, example = " | ".join(options), example or options[0]
+    yield Question(path, ask, answer, hint=hint, lines=lines, example=example)
 
 
 def _about_task(contract: Contract, parallelizable: bool | None) -> Iterator[Question]:
     yield from _asked(contract.name, ("name",), "what is the environment called?", '"NAME_v0"')
     ask = "does each tick ask all agents at once (parallel), or one after the other (aec)?"
-    yield from _asked(contract.api, ("api",), ask, _words(APIS))
+    yield from _asked(contract.api, ("api",), ask, APIS)
     how = {"parallel": "all at once", "aec": "one after the other"}.get(contract.api or "")
     hint = ""
     if contract.api == "aec" and parallelizable is not None:
@@ -93,42 +103,44 @@ def _about_schedule(contract: Contract) -> Iterator[Question]:
         "which roles act together, and which groups of roles after one another?",
         "[[ROLE, …], …]",
         f"the roles are {', '.join(map(value_text, roles))}" if roles else "",
+        example=value_text([roles or ["ROLE"]]),
     )
     ask = "in which order do agents of one stage act?"
     hint = '"none": simultaneously'
-    yield from _asked(schedule.order, ("schedule", "order"), ask, _words(ORDERS), hint)
+    yield from _asked(schedule.order, ("schedule", "order"), ask, ORDERS, hint)
     if contract.api != "parallel":
         ask = "do observations show what was after each turn, or after the whole tick?"
-        yield from _asked(schedule.observe, ("schedule", "observe"), ask, _words(OBSERVE))
+        yield from _asked(schedule.observe, ("schedule", "observe"), ask, OBSERVE)
     ask = "what settles actions that exclude each other?"
-    yield from _asked(schedule.conflicts, ("schedule", "conflicts"), ask, _words(CONFLICTS))
+    yield from _asked(schedule.conflicts, ("schedule", "conflicts"), ask, CONFLICTS)
     if not contract.endings:
         ask, hint = "after how many ticks is an episode truncated?", "leave it out if it never is"
-        yield from _asked(schedule.horizon, ("schedule", "horizon"), ask, "N", hint)
+        yield from _asked(schedule.horizon, ("schedule", "horizon"), ask, "N", hint, example="100")
 
 
 def _about_role(name: str, role: Role, specs: tuple[AgentSpec, ...]) -> Iterator[Question]:
     spec = next((spec for spec in specs if spec.role == name), AgentSpec(name=name, role=name))
 
-    def ask(key: str, text: str, answer: str, hint: str = "") -> Iterator[Question]:
-        return _asked(getattr(role, key), ("roles", name, key), text, answer, hint)
+    def ask(
+        key: str, text: str, answer: str | Sequence[object], hint: str = "", example: str = ""
+    ) -> Iterator[Question]:
+        path = ("roles", name, key)
+        return _asked(getattr(role, key), path, text, answer, hint, example=example)
 
     if not is_single(role):
         yield from ask("symmetric", f"are the agents of role '{name}' interchangeable?", TRUTH)
     yield from ask("may_join", f"may an agent of role '{name}' appear after reset?", TRUTH)
     yield from ask("may_leave", f"may an agent of role '{name}' leave without having ended?", TRUTH)
-    yield from ask(
-        "noop", f"which action of role '{name}' does nothing?", *_noop_answer(spec.action_space)
-    )
-    places = _words(("infos.action_mask", "observation.action_mask", NONE))
+    answer, hint = _noop_answer(spec.action_space)
+    text = f"which action of role '{name}' does nothing?"
+    yield from ask("noop", text, answer, hint, _noop_example(spec.action_space))
+    places = ("infos.action_mask", "observation.action_mask", NONE)
     yield from ask("mask", f"where is role '{name}' told its legal actions?", places)
     yield from ask(
         "messages", f"which fields of role '{name}' carry messages?", '["…"]', hint="[]: none"
     )
     if role.mask not in (None, NONE):
-        yield from ask(
-            "illegal", f"what does an illegal action of role '{name}' do?", _words(ILLEGAL)
-        )
+        yield from ask("illegal", f"what does an illegal action of role '{name}' do?", ILLEGAL)
 
 
 def _noop_answer(space: object) -> tuple[str, str]:
@@ -142,6 +154,38 @@ def _noop_answer(space: object) -> tuple[str, str]:
     if isinstance(space, spaces.Dict):
         return "{ KEY = N, … }", f'keys {", ".join(map(str, space))}; "none": no action does'
     return "N", '"none": no action does'
+
+
+def _noop_example(space: object) -> str:
+    """The zeros of a space that has few numbers; "none" where they are no action, or many."""
+    if not isinstance(space, spaces.Space):
+        return value_text(NONE)
+    try:
+        zeros = frozen(_zeros(space))
+        as_action(space, zeros)
+    except (TypeError, ValueError):
+        return value_text(NONE)
+    return value_text(plain(zeros))
+
+
+def _zeros(space: object) -> object:
+    """Zeros, or the least numbers of a Discrete or MultiDiscrete.
+
+    Raises:
+        ValueError: the space has too many numbers for a line, or none.
+    """
+    if isinstance(space, spaces.Dict):
+        return {key: _zeros(inner) for key, inner in space.items()}
+    if isinstance(space, spaces.Tuple):
+        return [_zeros(inner) for inner in space]
+    if isinstance(space, spaces.Discrete):
+        return int(space.start)
+    if not isinstance(space, spaces.Box | spaces.MultiDiscrete | spaces.MultiBinary):
+        raise ValueError(space)
+    if np.prod(space.shape or ()) > LARGEST:
+        raise ValueError(space)
+    least = space.start if isinstance(space, spaces.MultiDiscrete) else np.zeros(space.shape)
+    return np.asarray(least, space.dtype).tolist()
 
 
 def _about_pay(contract: Contract) -> Iterator[Question]:
@@ -159,16 +203,15 @@ def _about_pay(contract: Contract) -> Iterator[Question]:
         "{ kind = …, earner = …, payee = … }",
         lines=TERM_LINES,
     )
-    roles = _words((*contract.roles, "all"))
     for name, term in contract.rewards.items():
         path = ("rewards", name)
         ask = f"is the reward term '{name}' paid to each alone, equally to all, or as a zero sum?"
-        yield from _asked(term.kind, (*path, "kind"), ask, _words(KINDS))
+        yield from _asked(term.kind, (*path, "kind"), ask, KINDS)
         ask = f"whose doing brings the reward term '{name}'?"
-        yield from _asked(term.earner, (*path, "earner"), ask, roles)
-        yield from _asked(
-            term.payee, (*path, "payee"), f"who is paid the reward term '{name}'?", roles
-        )
+        yield from _asked(term.earner, (*path, "earner"), ask, ("all", *contract.roles))
+        ask = f"who is paid the reward term '{name}'?"
+        earner = ("earner",) if term.kind in (None, "individual") else ()
+        yield from _asked(term.payee, (*path, "payee"), ask, (*earner, "all", *contract.roles))
 
 
 def _about_ends(contract: Contract) -> Iterator[Question]:
@@ -181,14 +224,10 @@ def _about_ends(contract: Contract) -> Iterator[Question]:
         lines=ENDING_LINES,
     )
     for name, ending in contract.endings.items():
-        if ending.kind is None:
-            ask = f"is '{name}' a {' or a '.join(ENDING_KINDS)}, and whom does it end?"
-            yield Question(("endings", name), ask, "{ kind = …, owner = … }")
-        else:
-            known = _words(("agent", "all", *contract.roles))
-            row = (f'{key_text(name)} = {{ kind = "{ending.kind}", owner = … }}',)
-            path = ("endings", name, "owner")
-            yield from _asked(ending.owner, path, f"whom does '{name}' end?", known, known, row)
+        path = ("endings", name)
+        yield from _asked(ending.kind, (*path, "kind"), f"what is '{name}'?", ENDING_KINDS)
+        owners = ("agent", "all", *contract.roles)
+        yield from _asked(ending.owner, (*path, "owner"), f"whom does '{name}' end?", owners)
     ask = "do the same seed and actions always give the same rollout?"
     yield from _asked(contract.seeds.deterministic, ("seeds", "deterministic"), ask, TRUTH)
     measured = [*MEASURED, *contract.rewards, *contract.infos]
@@ -199,6 +238,9 @@ def _about_ends(contract: Contract) -> Iterator[Question]:
                 f"what measures '{name}', which failure.{scope} asks for?",
                 "{ dtype = …, shape = [] }",
                 hint=f"an info or a reward term; known are {', '.join(measured)}",
+                example='{ dtype = "float64", shape = [] }',
             )
     ask, hint = "when has the team failed an episode?", 'a condition, as "deliveries < 3"'
-    yield from _asked(contract.failure or None, ("failure", "team"), ask, '"…"', hint)
+    yield from _asked(
+        contract.failure or None, ("failure", "team"), ask, '"…"', hint, example='"return < 1"'
+    )

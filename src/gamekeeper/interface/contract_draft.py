@@ -21,7 +21,7 @@ from gamekeeper.episodes.spaces.nesting import check_extent
 from gamekeeper.errors import ContractError, GamekeeperError
 from gamekeeper.interface.authoring import Authored
 
-__all__ = ["agent_specs", "draft_contract", "draft_questions", "open_questions"]
+__all__ = ["agent_specs", "draft_contract", "draft_questions", "open_questions", "spaces_of"]
 
 Env: TypeAlias = AECEnv[Any, Any, Any] | ParallelEnv[Any, Any, Any]
 Kind: TypeAlias = tuple[Space | None, Space | None]
@@ -57,7 +57,7 @@ def draft_contract(env: Env) -> Contract:
     return Contract(
         name=name if isinstance(name, str) and can_be_told(name) else None,
         api=_api(env),
-        roles=_roles({agent_name(agent): _kind(env, agent) for agent in _roster(env)}),
+        roles=_roles({agent_name(agent): spaces_of(env, agent) for agent in _roster(env)}),
         **(own.known_sections() if isinstance(own, Authored) else {}),
     )
 
@@ -71,7 +71,7 @@ def agent_specs(env: Env, contract: Contract) -> tuple[AgentSpec, ...]:
     found: list[AgentSpec] = []
     mistakes: dict[str, GamekeeperError] = {}
     for agent in _roster(env):
-        seen, done = _kind(env, agent)
+        seen, done = spaces_of(env, agent)
         try:
             found.append(agent_spec(contract, agent, observation_space=seen, action_space=done))
         except ContractError as error:
@@ -119,7 +119,8 @@ def _roster(env: Env) -> list[Any]:
     return list(getattr(env, "possible_agents", ()) or ())
 
 
-def _kind(env: Env, agent: object) -> Kind:
+def spaces_of(env: Env, agent: object) -> Kind:
+    """Observation and action space of an agent, as far as the environment tells before reset."""
     return _space(env.observation_space, agent), _space(env.action_space, agent)
 
 

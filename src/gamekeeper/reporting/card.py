@@ -216,11 +216,10 @@ def card_text(
     for section in card_sections(contract, specs):
         rows = [section.head, *section.rows] if section.head else section.rows
         lines += ["", section.title, *column_lines(rows, width=wide)]
-    asked = _asked(contract, specs, questions)
-    if asked:
-        lines += ["", f"Not declared, so not checked ({len(asked)})"]
-        for question in asked:
-            text = f"{question.ask} -> {question.key} = {question.answer}"
+    for title, group in _groups(_asked(contract, specs, questions)):
+        lines += ["", f"{title} ({len(group)})"]
+        for question in group:
+            text = f"{question.ask} -> {_proposed(question)}"
             lines += _wrapped(one_line(text), wide, "  ", "      ")
     return "\n".join(lines) + "\n"
 
@@ -241,9 +240,8 @@ def card_markdown(
         rows = [head, ("---",) * len(head), *section.rows]
         table = "\n".join("| " + " | ".join(map(_cell, row)) + " |" for row in rows)
         blocks += [f"## {section.title}", table]
-    asked = _asked(contract, specs, questions)
-    if asked:
-        blocks += ["## Not declared, so not checked", "\n".join(map(_item, asked))]
+    for title, group in _groups(_asked(contract, specs, questions)):
+        blocks += [f"## {title}", "\n".join(map(_item, group))]
     return "\n\n".join(blocks) + "\n"
 
 
@@ -272,7 +270,13 @@ def card_json(
         "agents": [_agent_json(spec) for spec in specs],
         "contract": contract.to_json(),
         "questions": [
-            {"key": each.key, "ask": each.ask, "answer": each.answer, "hint": each.hint}
+            {
+                "key": each.key,
+                "ask": each.ask,
+                "answer": each.answer,
+                "hint": each.hint,
+                "measured": each.measured or None,
+            }
             for each in _asked(contract, specs, questions)
         ],
     }
@@ -291,6 +295,25 @@ def _asked(
     contract: Contract, specs: tuple[AgentSpec, ...], questions: Sequence[Question] | None
 ) -> tuple[Question, ...]:
     return open_questions(contract, specs) if questions is None else tuple(questions)
+
+
+def _groups(asked: Sequence[Question]) -> Iterator[tuple[str, list[Question]]]:
+    """Questions with a measured answer, and those without, each with its title."""
+    measured = [each for each in asked if each.measured]
+    others = [each for each in asked if not each.measured]
+    for title, group in (
+        ("Measured, but not declared, so not checked", measured),
+        ("Not declared, so not checked", others),
+    ):
+        if group:
+            yield title, group
+
+
+def _proposed(question: Question) -> str:
+    """The key with its measured answer, or with the form of an answer."""
+    if question.measured:
+        return f"{question.key} = {question.measured} (else {question.answer})"
+    return f"{question.key} = {question.answer}"
 
 
 def _title(contract: Contract) -> str:
@@ -316,5 +339,5 @@ def _cell(text: str) -> str:
 
 
 def _item(question: Question) -> str:
-    answer = one_line(f"{question.key} = {question.answer}").replace("`", "'")
+    answer = one_line(_proposed(question)).replace("`", "'")
     return f"- {_escaped(question.ask)} `{answer}`"

@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
-from gamekeeper.contract import Question
-from gamekeeper.contract.sections import ORDERS
-from gamekeeper.contract.toml import value_text
 from gamekeeper.contract.validation import one_line
 from gamekeeper.reporting.influence_text import influence_text
 from gamekeeper.reporting.results_text import table_lines
@@ -244,80 +240,3 @@ def _inner(value: Any) -> str:
 
 def _cut(text: str) -> str:
     return text if len(text) <= MOST_COLUMNS else f"{text[:MOST_COLUMNS]}..."
-
-
-Measured = Mapping[str, Any]
-
-CONFLICTS: Final = {"none": "joint rule", "draws": "joint rule", "outcome": "ordered"}
-"""Declaration of conflicts that fits a measured sensitivity to the order of actions."""
-LONGEST: Final = 200
-"""Characters of a measured value in a comment."""
-
-
-def measured_questions(questions: Iterable[Question], measured: Measured) -> tuple[Question, ...]:
-    """Adds measured values to questions, as their answers or as hints.
-
-    Args:
-        questions: declarations that are missing.
-        measured: as the audit's document has it.
-    """
-    return tuple(_measured(each, measured) for each in questions)
-
-
-def draft_note(*, steps: int, seed: int) -> str:
-    """The comment at the top of a measured draft."""
-    lines = (
-        f"A draft: values marked as measured come from {steps:,} steps with seed {seed}.",
-        "They are not declarations. Only you know the intended game: remove the # from a line",
-        "whose value is intended, and audits check the environment against it from then on.",
-    )
-    return "".join(f"# {line}\n" for line in lines) + "\n"
-
-
-def _measured(question: Question, measured: Measured) -> Question:
-    value = _answer(question.path, measured)
-    if value is not None:
-        hint = f"measured; else {question.answer}" + (f"; {question.hint}" if question.hint else "")
-        return replace(question, answer=value_text(value), hint=hint)
-    text = _hint(question.path, measured)
-    if not text:
-        return question
-    text = text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
-    return replace(question, hint="; ".join(filter(None, [question.hint, f"measured: {text}"])))
-
-
-def _answer(path: tuple[str, ...], measured: Measured) -> Any:
-    """The measured value in the words of a contract; None where it doesn't answer the question."""
-    match path:
-        case ("seeds", "deterministic"):
-            return _plain(measured.get("deterministic"), bool)
-        case ("schedule", "horizon"):
-            return _plain(measured.get("horizon"), int)
-        case ("schedule", "conflicts"):
-            return CONFLICTS.get(str(measured.get("order_sensitive")))
-        case ("schedule", "order"):
-            schedule = measured.get("schedule")
-            order = schedule.get("order") if isinstance(schedule, Mapping) else schedule
-            return order if order in ORDERS else None
-    return None
-
-
-def _hint(path: tuple[str, ...], measured: Measured) -> str:
-    """A measured value that helps with the answer; empty where there is none."""
-    match path:
-        case ("why",):
-            return str(measured.get("why") or "")
-        case ("roles", role, "symmetric"):
-            by_role = measured.get("symmetric")
-            return words(by_role.get(role)) if isinstance(by_role, Mapping) else ""
-        case ("schedule", "stages" | "order"):
-            return words(measured.get("schedule"))
-        case ("rewards" | "endings" as section, _):
-            return words(measured.get("reward" if section == "rewards" else section))
-    return ""
-
-
-def _plain(value: Any, kind: type) -> Any:
-    """The value where it is of that type; a bool isn't taken for a number."""
-    is_meant = kind is bool or not isinstance(value, bool)
-    return value if isinstance(value, kind) and is_meant else None

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Final, Protocol, TypeVar
+from dataclasses import dataclass, field, replace
+from typing import Final, Protocol, TypeVar
 
 from gamekeeper.contract.sections import APIS, CONFLICTS, ORDERS
 from gamekeeper.errors import SpecError
 from gamekeeper.scaffold.task_plan import (
     FORM_TEXT,
-    Advice,
     Form,
     Plan,
     RolePlan,
-    advise,
     package_name,
     read_endings,
     read_form,
@@ -23,6 +21,7 @@ from gamekeeper.scaffold.task_plan import (
     read_terms,
     with_forms,
 )
+from gamekeeper.scaffold.timing import Advice, Timing, advise, check_timing
 
 T = TypeVar("T")
 
@@ -78,22 +77,13 @@ def plan_of(
     name = package_name(answers.name)
     roles = _roles(answers, ask)
     stages = _stages(answers, ask, roles)
-    sees = answers.sees or _choice(
-        ask, "Does an agent observe others' actions of the same round before it acts?", "no", SEES
-    )
-    observe = SEES[sees]
-    order = answers.order or _choice(
-        ask,
-        "In which order do the agents of a group act? none: all at once",
-        "none" if observe == "after tick" else "fixed",
-        ORDERS,
-    )
-    conflicts = answers.conflicts or _choice(
-        ask, "Which rule settles actions that exclude each other?", "joint rule", CONFLICTS
-    )
-    advice = advise(stages, order=order, observe=observe, conflicts=conflicts)
+    timing = _timing(answers, ask, roles, stages)
+    advice = advise(timing)
     advised(advice)
-    api = answers.api or _choice(ask, "Which PettingZoo API?", advice.api, APIS)
+    question = "Which PettingZoo API?"
+    timing = _choice(
+        answers.api, ask, question, advice.api, APIS, lambda api: replace(timing, api=api)
+    )
     roles = _spaces(answers, ask, roles)
     known = ", ".join(["all", *(role.name for role in roles)])
     terms = _read(
@@ -113,13 +103,16 @@ def plan_of(
         read_endings,
     )
     horizon = answers.horizon or ask("Length of an episode, in ticks?", str(HORIZON), _whole)
-    return _plan(
-        name,
-        api,
-        advice,
-        order=order,
-        observe=observe,
-        conflicts=conflicts,
+    why = advice.why
+    if timing.api != advice.api:
+        why = f"chosen by its author; {advice.api} would fit, because {advice.why}"
+    return Plan(
+        name=name,
+        api=timing.api or "",
+        why=why,
+        order=timing.order or "",
+        observe=timing.observe or "",
+        conflicts=timing.conflicts or "",
         roles=roles,
         stages=stages,
         terms=terms,
@@ -128,15 +121,36 @@ def plan_of(
     ), advice
 
 
-def _plan(name: str, api: str, advice: Advice, *, order: str, **rest: Any) -> Plan:
-    """Makes the plan; an AEC environment has an order, and observations after each turn."""
-    why = advice.why
-    if api != advice.api:
-        why = f"chosen by its author; {advice.api} would fit, because {advice.why}"
-    if api == "aec":
-        order = "fixed" if order == "none" else order
-        rest["observe"] = "after turn"
-    return Plan(name=name, api=api, why=why, order=order, **rest)
+def _timing(
+    answers: Answers, ask: Ask, roles: Sequence[RolePlan], stages: Sequence[Sequence[str]]
+) -> Timing:
+    """Answers on what agents observe, on their order and on conflicts, each fitting the others."""
+    counts = {role.name: role.count for role in roles}
+    sizes = [sum(counts.get(name, 0) for name in stage) for stage in stages]
+    seen = _choice(
+        answers.sees,
+        ask,
+        "Does an agent observe others' actions of the same round before it acts?",
+        "no",
+        SEES,
+        lambda word: Timing(stages=stages, sizes=sizes, observe=SEES[word]),
+    )
+    ordered = _choice(
+        answers.order,
+        ask,
+        "In which order do the agents of a group act? none: all at once",
+        "fixed" if seen.is_seen else "none",
+        ORDERS,
+        lambda word: replace(seen, order=word),
+    )
+    return _choice(
+        answers.conflicts,
+        ask,
+        "Which rule settles actions that exclude each other?",
+        "joint rule",
+        CONFLICTS,
+        lambda word: replace(ordered, conflicts=word),
+    )
 
 
 def _roles(answers: Answers, ask: Ask) -> tuple[RolePlan, ...]:
@@ -193,10 +207,22 @@ def _read(
     return ask(question, answer, lambda text: read(text.split()))
 
 
-def _choice(ask: Ask, question: str, answer: str, options: Iterable[str]) -> str:
+def _choice(
+    given: str | None,
+    ask: Ask,
+    question: str,
+    answer: str,
+    options: Iterable[str],
+    answered: Callable[[str], Timing],
+) -> Timing:
+    """The timing with an answer more: the option's, else the user's, or its beginning.
+
+    Raises:
+        SpecError: it is none of the options, or contradicts an answer before it.
+    """
     words = list(options)
 
-    def read(text: str) -> str:
+    def read(text: str) -> Timing:
         word = text.strip().lower()
         near = [word] if word in words else [each for each in words if each.startswith(word)]
         if len(near) != 1:
@@ -206,9 +232,9 @@ def _choice(ask: Ask, question: str, answer: str, options: Iterable[str]) -> str
                 actual=repr(text),
                 fix="write one of these words, or its beginning",
             )
-        return near[0]
+        return check_timing(answered(near[0]))
 
-    return ask(f"{question} ({', '.join(words)})", answer, read)
+    return read(given) if given else ask(f"{question} ({', '.join(words)})", answer, read)
 
 
 def _whole(text: str) -> int:

@@ -10,7 +10,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from gamekeeper.contract import Contract
 from gamekeeper.contract.failure import Failure
 from gamekeeper.contract.sections import Ending, InfoField, RewardTerm, Role, Schedule, Seeds
-from gamekeeper.scaffold.stand_in import FIRST_TERM, arrival, fault_turn, faults, furthest, rules
+from gamekeeper.scaffold.stand_in import arrival, fault_turn, faults, first_term, furthest, rules
 from gamekeeper.scaffold.task_plan import CLASSES, HORIZON, Form, Plan, RolePlan
 
 WIDTH: Final = 96
@@ -84,7 +84,7 @@ def contract_of(plan: Plan) -> Contract:
             conflicts=plan.conflicts,
             horizon=plan.horizon,
         ),
-        roles={role.name: _role(role) for role in plan.roles},
+        roles={role.name: _role(role, plan) for role in plan.roles},
         rewards={
             term.name: RewardTerm(kind=term.kind, earner=(term.earner,), payee=(term.payee,))
             for term in plan.terms
@@ -101,10 +101,14 @@ def contract_of(plan: Plan) -> Contract:
     )
 
 
-def _role(role: RolePlan) -> Role:
+def _role(role: RolePlan, plan: Plan) -> Role:
+    # In a fixed order, or by priority, names decide which agent comes first.
+    is_first_by_name = plan.conflicts == "priority" or (
+        plan.order == "fixed" and (plan.observe == "after turn" or plan.conflicts == "ordered")
+    )
     return Role(
         agents=(f"{role.name}_*",),
-        symmetric=role.count > 1,
+        symmetric=role.count > 1 and not is_first_by_name,
         may_join=False,
         may_leave=False,
         noop=role.acts.noop,
@@ -116,19 +120,21 @@ def _role(role: RolePlan) -> Role:
 def _names(plan: Plan) -> dict[str, Any]:
     """The variables of the templates."""
     is_aec = plan.api == "aec"
-    first_ending = FIRST_TERM + len(plan.terms)
+    first_ending = first_term(plan) + len(plan.terms)
     seen = {role.observes.kind for role in plan.roles}
     kinds = seen | {role.acts.kind for role in plan.roles} | {"box"}
     return {
         "plan": plan,
         "name": plan.class_name,
         "is_aec": is_aec,
-        "is_ordered_anew": is_aec and plan.order != "fixed",
+        "is_parallelizable": not is_aec
+        or (plan.observe == "after tick" and plan.order in ("none", "fixed")),
+        "is_ordered_anew": is_aec and plan.order not in ("none", "fixed"),
         "rotates": plan.order == "rotating" and max(map(plan.count_of, plan.stages)) > 1,
         "rules": rules(plan),
         "furthest": furthest(plan),
         "fault_turn": fault_turn(plan),
-        "first_term": FIRST_TERM,
+        "first_term": first_term(plan),
         "first_ending": first_ending,
         "first_fault": first_ending + (arrival(plan) is not None),
         "arrival": arrival(plan),

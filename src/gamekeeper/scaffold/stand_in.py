@@ -10,8 +10,11 @@ FURTHEST: Final = 5
 FAULT_TURN: Final = 3
 """Most steps to go, and the number of an agent's action at which a fault strikes it; both are
 reached before the horizon."""
-FIRST_TERM: Final = 4
-"""Number of the rule of the first reward term."""
+
+
+def first_term(plan: Plan) -> int:
+    """Number of the rule of the first reward term."""
+    return 5 if plan.has_gate else 4
 
 
 def arrival(plan: Plan) -> EndingPlan | None:
@@ -30,6 +33,7 @@ def rules(plan: Plan) -> list[str]:
         f"Each agent begins with 1 to {furthest(plan)} steps to go, at random.",
         "Any action but the noop takes an agent one step; after its last step it has arrived.",
         _order_rule(plan),
+        *([_gate_rule(plan)] if plan.has_gate else []),
         *(_term_rule(term) for term in plan.terms),
     ]
     end = arrival(plan)
@@ -68,12 +72,31 @@ def _order_rule(plan: Plan) -> str:
     if plan.api == "parallel":
         return f"All act at once; actions are resolved in the order of possible_agents: {groups}."
     order = {
+        "none": "in the order of possible_agents",
         "fixed": "in the order of possible_agents",
         "rotating": "each round begins with another agent of a group",
         "random": "in a random order in each round",
         "state": "in a group, the agent with most steps to go acts next",
     }[plan.order]
-    return f"In a round each agent acts once, {groups}; {order}."
+    rule = f"In a round each agent acts once, {groups}; {order}."
+    if plan.is_buffered:
+        whole = "a group have" if plan.waits_for_stage else "agents have"
+        rule += f" Actions are put aside, and carried out once all {whole} acted."
+    return rule
+
+
+def _gate_rule(plan: Plan) -> str:
+    """The stand-in for all actions that exclude each other."""
+    first = {
+        "priority": "the first in possible_agents",
+        "random": "one at random",
+        "ordered": "the one that acted first",
+    }[plan.conflicts]
+    group = "group" if plan.waits_for_stage else "round"
+    return (
+        f"The last step leads through a gate, which lets one agent through in a {group}: of "
+        f"several, {first}. The others stay where they are."
+    )
 
 
 def _term_rule(term: TermPlan) -> str:

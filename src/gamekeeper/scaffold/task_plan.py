@@ -27,11 +27,6 @@ FORM_TEXT: Final = "discrete:N, box:N, box:NxM, multidiscrete:N,M or multibinary
 LARGEST: Final = 100_000
 """Most numbers in a space, and agents in a role; more is a typing error."""
 HORIZON: Final = "horizon"
-ORDER_TEXTS: Final = {
-    "fixed": "a fixed order",
-    "rotating": "a rotating order",
-    "random": "a random order",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,6 +153,21 @@ class Plan:
             term.payee not in ("all", term.earner) or len(self.of(term.payee)) < 2
         ):
             raise _misread(where, "two agents or more, the earner among them", term.payee)
+
+    @property
+    def is_buffered(self) -> bool:
+        """Actions of an AEC environment are put aside, as others must not observe them yet."""
+        return self.api == "aec" and (self.order == "none" or self.observe == "after tick")
+
+    @property
+    def waits_for_stage(self) -> bool:
+        """They are put aside until the stage has acted; else until all have."""
+        return self.is_buffered and self.observe == "after turn"
+
+    @property
+    def has_gate(self) -> bool:
+        """Actions exclude each other, so that a rule must settle it."""
+        return self.conflicts != "joint rule"
 
     @property
     def class_name(self) -> str:
@@ -301,57 +311,6 @@ def read_endings(texts: Iterable[str]) -> tuple[EndingPlan, ...]:
     if not endings:
         raise _misread("--ending", "one ending or more", "none")
     return tuple(endings.values())
-
-
-@dataclass(frozen=True, slots=True)
-class Advice:
-    """An API, and the reason for it in one sentence; `reasons` are all reasons for it."""
-
-    api: str
-    why: str
-    reasons: tuple[str, ...] = ()
-
-
-def advise(stages: Sequence[Sequence[str]], *, order: str, observe: str, conflicts: str) -> Advice:
-    """Advises the API that fits a schedule.
-
-    AEC where an agent's observation, or its turn, depends on others' actions of the same round: a
-    Parallel environment gives all observations before any agent acts. Parallel everywhere else: it
-    has no order that a policy could exploit, and a joint step is cheaper than turns.
-
-    Args:
-        stages: roles that act together, group after group.
-        order: within a group.
-        observe: observations are of the state `after tick` or `after turn`.
-        conflicts: rule for actions that exclude each other.
-    """
-    reasons = []
-    if order == "state":
-        reasons.append("the next agent depends on the state")
-    if observe == "after turn":
-        if len(stages) > 1:
-            first, then = (" and ".join(stage) for stage in stages[:2])
-            reasons.append(f"{then} must observe the actions of {first} in the same round")
-        elif order in ORDER_TEXTS:
-            reasons.append(
-                f"agents act in {ORDER_TEXTS[order]} and observe each turn before theirs"
-            )
-        else:
-            reasons.append("an agent observes others' actions of the same round before it acts")
-    if conflicts == "ordered":
-        reasons.append("of two actions that exclude each other the earlier one counts")
-    if reasons:
-        return Advice("aec", "; ".join(reasons), tuple(reasons))
-    rule = {"priority": "by priority", "random": "at random"}.get(conflicts, "by one joint rule")
-    reason = (
-        "agents don't observe others' actions of the same round before acting, and a tick is "
-        f"resolved {rule}"
-    )
-    if len(stages) > 1:
-        reason += ", group after group inside it"
-    elif order in ORDER_TEXTS:
-        reason += f", in {ORDER_TEXTS[order]} inside it"
-    return Advice("parallel", reason, (reason,))
 
 
 def _forms(roles: Sequence[RolePlan], texts: Iterable[str], option: str) -> Mapping[str, Form]:

@@ -96,7 +96,8 @@ def test_penalty_on_the_one_that_earned_it_is_right() -> None:
 def test_penalty_in_turns_is_of_whom_it_comes_from(fair) -> None:
     """In an AEC game the cause is looked for among what everybody did last."""
     policies = {"*": games.step, "robot_2": games.shove_at_times}
-    contract = gk.Contract.parse(games.SHOVING.to_toml().replace("parallel", "aec"))
+    declared = games.SHOVING.to_toml().replace("parallel", "aec")
+    contract = gk.Contract.parse(declared.replace("shoving_v0", "shoving_turns_v0"))
     evidence = gk.rollout(
         games.ShovingInTurns,
         policies=policies,

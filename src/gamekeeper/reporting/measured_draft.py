@@ -1,0 +1,90 @@
+"""Drafts of contracts with what an audit measured: proposals to take over, nothing declared."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any, Final
+
+from gamekeeper.contract import Question
+from gamekeeper.contract.sections import CONFLICTS, OBSERVE, ORDERS
+from gamekeeper.contract.toml import value_text
+from gamekeeper.reporting.measured_text import ORDER_MATTERS, words
+
+Measured = Mapping[str, Any]
+
+WORDS: Final = {"order": ORDERS, "observe": OBSERVE, "conflicts": CONFLICTS}
+"""Declarations of a schedule that can be measured, with the words of a contract for them."""
+LONGEST: Final = 200
+"""Characters of a measured value in a comment."""
+
+
+def measured_questions(questions: Iterable[Question], measured: Measured) -> tuple[Question, ...]:
+    """Adds measured values to questions, as their answers or as hints.
+
+    An answer is taken over only where it was measured as such: the order of turns that an AEC
+    environment has anyway is a hint, no answer to the question for the order of the game.
+
+    Args:
+        questions: declarations that are missing.
+        measured: as the audit's document has it.
+    """
+    return tuple(_measured(each, measured) for each in questions)
+
+
+def draft_note(*, steps: int, seed: int) -> str:
+    """The comment at the top of a measured draft."""
+    lines = (
+        f"A draft: values marked as measured come from {steps:,} steps with seed {seed}.",
+        "They are not declarations. Only you know the intended game: remove the # from a line",
+        "whose value is intended, and audits check the environment against it from then on.",
+    )
+    return "".join(f"## {line}\n" for line in lines) + "\n"
+
+
+def _measured(question: Question, measured: Measured) -> Question:
+    value = _answer(question.path, measured)
+    if value is not None:
+        return replace(question, measured=value_text(value))
+    text = _hint(question.path, measured)
+    if not text:
+        return question
+    text = text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+    return replace(question, hint="; ".join(filter(None, [question.hint, f"measured: {text}"])))
+
+
+def _answer(path: tuple[str, ...], measured: Measured) -> Any:
+    """The measured value in the words of a contract; None where it doesn't answer the question."""
+    match path:
+        case ("seeds", "deterministic"):
+            return _plain(measured.get("deterministic"), bool)
+        case ("schedule", "horizon"):
+            return _plain(measured.get("horizon"), int)
+        case ("schedule", key) if key in WORDS:
+            value = measured.get(key)
+            return value if value in WORDS[key] else None
+    return None
+
+
+def _hint(path: tuple[str, ...], measured: Measured) -> str:
+    """A measured value that helps with the answer; empty where there is none."""
+    match path:
+        case ("why",):
+            return str(measured.get("why") or "")
+        case ("roles", role, "symmetric"):
+            by_role = measured.get("symmetric")
+            return words(by_role.get(role)) if isinstance(by_role, Mapping) else ""
+        case ("schedule", "stages" | "order"):
+            return words(measured.get("schedule"))
+        case ("schedule", "conflicts"):
+            effect = ORDER_MATTERS.get(str(measured.get("order_sensitive")))
+            return f"effect of the order of the action dictionary: {effect}" if effect else ""
+        case ("rewards" | "endings" as section, _):
+            return words(measured.get("reward" if section == "rewards" else section))
+    return ""
+
+
+def _plain(value: Any, kind: type) -> Any:
+    """The value where it is of that type; a bool isn't taken for a number."""
+    is_meant = kind is bool or not isinstance(value, bool)
+    return value if isinstance(value, kind) and is_meant else None
