@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from evaluation_cells import CELLS, interval_of
 from numpy.random import Generator
 
 from gamekeeper.errors import EvidenceError
@@ -354,6 +355,18 @@ def stopped(repeats: int) -> Iterator[Line]:
         yield line | {"false": percent(false), "stopped": round(float(np.mean(played)))}
 
 
+def cells(repeats: int) -> Iterator[Line]:
+    """Cells by lot (`evaluation_cells.py`); `off`: how many standard errors held is from 95 %."""
+    for place, cell in enumerate(json.loads(CELLS.read_text())):
+        make, truth = interval_of(cell)
+        line = judged(make, truth, repeats, 17 + place)
+        many = repeats * (100 - line["refused"]) / 100
+        off = None if line["held"] is None else (line["held"] / 100 - 0.95) * (many / 0.0475) ** 0.5
+        of = f"{cell['shape']}, {', '.join(f'{k} {v}' for k, v in cell['given'].items())}"
+        line |= {"off": None if off is None else round(off, 1)}
+        yield {"claim": cell["kind"], "of": of, "n": cell["n"]} | line
+
+
 PARTS: dict[str, Callable[[int], Iterator[Line]]] = {
     "meetings": meetings,
     "overall": overall,
@@ -364,6 +377,7 @@ PARTS: dict[str, Callable[[int], Iterator[Line]]] = {
     "resets": resets,
     "chosen": chosen,
     "stopped": stopped,
+    "cells": cells,
 }
 
 
