@@ -1,10 +1,10 @@
 """Cells of evaluation's coverage that were drawn by lot, not chosen: a figure, a shape, an n.
 
-    python benchmarks/evaluation_cells.py SEED > benchmarks/evaluation_cells.json
+    python benchmarks/evaluation_cells.py SEED... > benchmarks/evaluation_cells.json
 
-Writes 40 cells: each kind of interval in turn, with a shape and its parameters, and a number of
-episodes or runs, all by lot. `evaluation_truths.py --only cells` measures them, by the functions
-that make the intervals which `gamekeeper evaluate` prints.
+Prints 40 cells for each seed: each kind of interval in turn, with a shape and its parameters, and a
+number of episodes or runs, all by lot. `evaluation_truths.py --only cells --lot SEED` measures
+those of one seed, by the functions that make the intervals which `gamekeeper evaluate` prints.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ def by_lot(seed: int) -> list[dict[str, Any]]:
         shape = "success" if kind.startswith("success") else lot
         given = {name: np.round(value, 3).tolist() for name, value in SHAPES[shape][1](rng).items()}
         n = int(rng.choice(RUNS if kind in OF_RUNS else SIZES))
-        found.append({"kind": kind, "shape": shape, "given": given, "n": n})
+        found.append({"lot": seed, "kind": kind, "shape": shape, "given": given, "n": n})
     return found
 
 
@@ -251,7 +251,7 @@ def held(found: Mapping[str, Any] | None) -> Bounds:
 
 def main() -> None:
     """Prints the cells."""
-    cells = by_lot(int(sys.argv[1]))
+    cells = [cell for seed in sys.argv[1:] for cell in by_lot(int(seed))]
     print("[\n" + ",\n".join(json.dumps(cell) for cell in cells) + "\n]")
 
 

@@ -355,16 +355,17 @@ def stopped(repeats: int) -> Iterator[Line]:
         yield line | {"false": percent(false), "stopped": round(float(np.mean(played)))}
 
 
-def cells(repeats: int) -> Iterator[Line]:
+def cells(repeats: int, lot: int = 1) -> Iterator[Line]:
     """Cells by lot (`evaluation_cells.py`); `off`: how many standard errors held is from 95 %."""
-    for place, cell in enumerate(json.loads(CELLS.read_text())):
+    all_cells = json.loads(CELLS.read_text())
+    for place, cell in enumerate(each for each in all_cells if each["lot"] == lot):
         make, truth = interval_of(cell)
         line = judged(make, truth, repeats, 17 + place)
         many = repeats * (100 - line["refused"]) / 100
         off = None if line["held"] is None else (line["held"] / 100 - 0.95) * (many / 0.0475) ** 0.5
         of = f"{cell['shape']}, {', '.join(f'{k} {v}' for k, v in cell['given'].items())}"
         line |= {"off": None if off is None else round(off, 1)}
-        yield {"claim": cell["kind"], "of": of, "n": cell["n"]} | line
+        yield {"lot": lot, "claim": cell["kind"], "of": of, "n": cell["n"]} | line
 
 
 PARTS: dict[str, Callable[[int], Iterator[Line]]] = {
@@ -387,10 +388,12 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="100 repetitions")
     parser.add_argument("--only", choices=PARTS, action="append", help="these parts alone")
     parser.add_argument("--repeats", type=int, default=1_000)
+    parser.add_argument("--lot", type=int, default=1, help="seed of the cells that lots drew")
     options = parser.parse_args()
     resampling.RESAMPLES = 1_999  # in place of 4,999
-    for part in options.only or PARTS:
-        for line in PARTS[part](100 if options.quick else options.repeats):
+    parts = PARTS | {"cells": partial(cells, lot=options.lot)}
+    for part in options.only or parts:
+        for line in parts[part](100 if options.quick else options.repeats):
             spent = {"seconds": round(time.process_time(), 1)}
             print(json.dumps({"part": part} | line | spent), flush=True)
 
