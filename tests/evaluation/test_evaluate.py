@@ -170,6 +170,29 @@ def test_evaluate_leaves_other_folders_alone(tmp_path: Path) -> None:
         evaluate("tictactoe", policies={"random": "random"}, episodes=1, out=tmp_path / "e")
 
 
+def test_evaluate_refuses_to_lose_results(tmp_path: Path) -> None:
+    """Another seed, fewer episodes or policies, other arguments; more of them are added."""
+    at = {"env_kwargs": SHORT, "out": tmp_path / "e"}
+    evaluate("two_robot_line", policies=BOTH, episodes=4, crossplay=True, **at)  # type: ignore[arg-type]  # a dict of any
+    before = (tmp_path / "e" / "evaluation.json").read_bytes()
+    one = {name: BOTH[name] for name in list(BOTH)[:1]}
+    for changed, said in (
+        ({"policies": BOTH, "episodes": 4, "seed": 1}, "seed 0, now 1"),
+        ({"policies": BOTH, "episodes": 3}, "4 episodes, now 3"),
+        ({"policies": one, "episodes": 4}, "now without it"),
+        ({"policies": dict.fromkeys(BOTH, "noop"), "episodes": 4}, "policy .* as .*, now "),
+        ({"policies": BOTH, "episodes": 4, "env_kwargs": {"n": 7}}, "kwargs of two_robot_line"),
+        ({"policies": BOTH, "episodes": 4}, "cross-play in two_robot_line"),
+    ):
+        with pytest.raises(RunError, match=said) as refused:
+            evaluate("two_robot_line", **{**at, **changed})  # type: ignore[arg-type]  # a dict of any
+        assert "--out" in str(refused.value)
+        assert before == (tmp_path / "e" / "evaluation.json").read_bytes()
+    more = {**BOTH, "more": "noop"}
+    found = evaluate("two_robot_line", policies=more, episodes=5, crossplay=True, **at)  # type: ignore[arg-type]  # a dict of any
+    assert (found.episodes, set(found.policies)) == (5, set(more))
+
+
 def test_evaluate_counts_broken_episodes_as_failed() -> None:
     """They have no return; how many there were, and why, is said."""
     policies = {"bad": "tests.evaluation.policies:failing", "random": "random"}
