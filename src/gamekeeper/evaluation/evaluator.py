@@ -18,7 +18,7 @@ from gamekeeper.errors import RunError
 from gamekeeper.evaluation.comparisons import comparisons_of
 from gamekeeper.evaluation.continuation import RESULT, document_in, settle_plan
 from gamekeeper.evaluation.crossplay import CrossplayTable, crossplay_of
-from gamekeeper.evaluation.episode_rows import SUCCESS, Sheet, sheets_of
+from gamekeeper.evaluation.episode_rows import NOT_FINITE, SUCCESS, Sheet, sheets_of
 from gamekeeper.evaluation.estimates import Judge
 from gamekeeper.evaluation.evaluation import Evaluation, marl_eval_of
 from gamekeeper.evaluation.execution import SILENCE_S, EvaluationRun, InProcessExecutor
@@ -323,7 +323,9 @@ def failures_of(table: pa.Table) -> list[str]:
     for (environment, pairing, error), turns in places.items():
         first = min(turns)
         count = "1 episode" if len(turns) == 1 else f"{len(turns)} episodes, the first"
-        where = f"{count}: episode {first}, turn {turns[first]}"
+        where = f"{count}: episode {first}"
+        if not error.startswith(NOT_FINITE):
+            where += f", turn {turns[first]}"
         found.append(f"{pairing} in {environment}, {where}: {error}")
     return found
 

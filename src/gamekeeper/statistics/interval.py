@@ -61,14 +61,13 @@ def rounded(value: float, low: float, high: float, *, sign: str = "") -> str:
     """
     half = (high - low) / 2
     if not 0.0 < half < float("inf"):
-        return f"{value:{sign}.4g}"
+        return f"{value:{sign}z.4g}"
     decimals = ceil(-log10(half / 3))
     largest = max(abs(low), abs(high))
     if decimals > _MOST_DECIMALS or largest >= _LARGEST:
         digits = max(floor(log10(largest)) + 1 + decimals, 1)
-        return f"{value:{sign}.{digits}g}"
-    nearest = round(value, decimals)
-    return f"{0.0 if nearest == 0 else nearest:{sign}.{max(decimals, 0)}f}"
+        return f"{value:{sign}z.{digits}g}"
+    return f"{round(value, decimals):{sign}z.{max(decimals, 0)}f}"
 
 
 def figures(values: Sequence[float] | FloatArray, where: str) -> FloatArray:
@@ -213,10 +212,10 @@ def no_spread(value: float, n: int, unit: str, *, where: str) -> EvidenceError:
     Source: Hanley & Lippman-Hand 1983, "If nothing goes wrong, is everything all right?"
     """
     return EvidenceError(
-        f"all {n} {unit} have the same figure, so that nothing is known of its spread",
+        f"all {n} {unit} have the same figure, so that nothing is known of its spread: an outcome "
+        f"of 1 in {max(n // 3, 1)}, or a rarer one, may not have been seen",
         where=where,
-        expected=f"figures that differ; an outcome of 1 in {max(n // 3, 1)} {unit}, or a rarer "
-        "one, may not have been seen",
+        expected="figures that differ",
         actual=f"{value:g}",
         fix=f"show the figure without an interval, or add {unit}",
     )
