@@ -57,8 +57,8 @@ def test_evaluate_claims_about_a_checkpoint_say_so_and_need_episodes() -> None:
     mean = rows(found, policy="random", scope="team", metric="length")[0]["mean"]
     assert mean["value"] > 0
     assert mean["low"] is None
-    assert any("at least 50 episodes" in row["why"] for row in found.refused)
-    assert any("not about a training method" in claim for claim in found.notes)
+    assert any("at least 95 episodes" in row["why"] for row in found.refused)
+    assert any("not about how it was trained" in claim for claim in found.notes)
 
 
 def test_evaluate_compares_on_shared_seeds_with_correction() -> None:
@@ -80,15 +80,15 @@ def test_evaluate_compares_on_shared_seeds_with_correction() -> None:
 
 
 def test_evaluate_takes_training_runs_as_the_unit() -> None:
-    """Twenty runs have an interval over runs; three are listed, without one."""
+    """Thirty runs have an interval over runs; three are listed, without one."""
     many = evaluate(
         "two_robot_line",
-        policies={"method": names(20), "still": "noop"},
+        policies={"method": names(30), "still": "noop"},
         episodes=20,
         env_kwargs=SHORT,
     )
     (over,) = rows(many, run=None, scope="team", metric="length")
-    assert (over["runs"], over["episodes"]) == (20, 20)
+    assert (over["runs"], over["episodes"]) == (30, 20)
     assert over["mean"]["low"] < over["mean"]["value"] < over["mean"]["high"]
     assert (
         len(
@@ -98,10 +98,10 @@ def test_evaluate_takes_training_runs_as_the_unit() -> None:
                 if r["run"] is not None
             ]
         )
-        == 20
+        == 30
     )
     compared = next(row for row in many.comparisons if row["who"] == "team")
-    assert (compared["unit"], compared["n"]) == ("run", 20)
+    assert (compared["unit"], compared["n"]) == ("run", 30)
     few = evaluate("two_robot_line", policies={"method": names(3)}, episodes=20, env_kwargs=SHORT)
     (over,) = rows(few, run=None, scope="team", metric="length")
     assert over["mean"]["low"] is None

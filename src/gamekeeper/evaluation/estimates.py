@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gamekeeper.errors import EvidenceError
 from gamekeeper.statistics.aggregates import Aggregate, aggregate, improvement, over_environments
-from gamekeeper.statistics.interval import Interval, Statistic, no_spread
+from gamekeeper.statistics.interval import FEWEST_EPISODES, Interval, Statistic, no_spread
 from gamekeeper.statistics.one_sample import one_sample
 from gamekeeper.statistics.paired import FEWEST, PairedEffect, paired_effect
 from gamekeeper.statistics.resampling import interquartile_mean
@@ -192,7 +192,9 @@ class Judge:
         try:
             _enough_left(lost, total)
             chance = self.improvement(a, b, paired=True, of=of)
-            effect = paired_effect(b, a, rng=rng, level=self.level, is_share=is_share)
+            effect = paired_effect(
+                b, a, rng=rng, level=self.level, is_share=is_share, fewest=FEWEST_EPISODES["mean"]
+            )
             difference = {**_effect(effect), "effect_size": _in_spreads(a - b)}
         except EvidenceError as error:
             what = "interval of a difference over episodes"
