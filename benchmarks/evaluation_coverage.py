@@ -128,19 +128,19 @@ def one_samples(
 
 def episodes(repeats: int) -> Iterator[Line]:
     """Claims about one checkpoint, over its episodes."""
-    sizes = {"mean": (50, 100), "iqm": (20, 50), "median": (10, 50)}
+    sizes = {"mean": (100, 200), "iqm": (20, 50), "median": (10, 50)}
     yield from one_samples("episodes", sizes, 1, repeats)
 
 
 def runs(repeats: int) -> Iterator[Line]:
     """Claims about a method, over the scores of its training runs."""
-    sizes = {"mean": (20, 40), "iqm": (12, 20), "median": (10, 20)}
+    sizes = {"mean": (30, 50), "iqm": (12, 20), "median": (10, 20)}
     yield from one_samples("runs", sizes, 3, repeats)
 
 
 def fresh(repeats: int) -> Iterator[Line]:
     """Means and IQM at the fewest values, of distributions that no constant was chosen on."""
-    asked = (("episodes", {"mean": (50,), "iqm": (20,)}), ("runs", {"mean": (20,), "iqm": (12,)}))
+    asked = (("episodes", {"mean": (100,), "iqm": (20,)}), ("runs", {"mean": (30,), "iqm": (12,)}))
     for unit, sizes in asked:
         for line in one_samples(unit, sizes, 11, repeats, FRESH):
             yield {"held_fresh" if name == "held" else name: line[name] for name in line}
@@ -178,7 +178,7 @@ def hierarchy(repeats: int) -> Iterator[Line]:
     """
     for shared in (False, True):
         for apart in (0.0, 0.1, 0.3, 1.0, 2.0):
-            for statistic, n in {"mean": 20, "iqm": 12, "median": 10}.items():
+            for statistic, n in {"mean": 30, "iqm": 12, "median": 10}.items():
                 hits, usual = [], []
                 for rng, many in batches([4, n], repeats):
                     seeds = rng.normal(0, 0.5**0.5, (many, 1, 30)) if shared else 0.0

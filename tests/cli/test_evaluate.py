@@ -57,7 +57,7 @@ def test_evaluate_says_what_was_found_and_how_far_it_goes(
         "Supported claims",
     ):
         assert part in text
-    assert "one policy each" in text
+    assert "about one checkpoint each" in " ".join(text.split())
     claims = text.partition("Supported claims\n")[2].partition("\n\n")[0]
     starts = [line for line in claims.splitlines() if line[2] != " "]
     assert all(line.startswith("  line: ") for line in starts), starts

@@ -21,7 +21,7 @@ def failing(observation: Any, agent: Any, info: Any, rng: Any) -> Any:
     raise RuntimeError("no idea")
 
 
-RUNS = {f"run_{number}": Lucky(number) for number in range(20)}
+RUNS = {f"run_{number}": Lucky(number) for number in range(30)}
 """Training runs of one method."""
 globals().update(RUNS)
 

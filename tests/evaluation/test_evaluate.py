@@ -57,8 +57,8 @@ def test_evaluate_claims_about_a_checkpoint_say_so_and_need_episodes() -> None:
     mean = rows(found, policy="random", scope="team", metric="length")[0]["mean"]
     assert mean["value"] > 0
     assert mean["low"] is None
-    assert any("at least 50 episodes" in row["why"] for row in found.refused)
-    assert any("not about a training method" in claim for claim in found.notes)
+    assert any("at least 95 episodes" in row["why"] for row in found.refused)
+    assert any("not about how it was trained" in claim for claim in found.notes)
 
 
 def test_evaluate_compares_on_shared_seeds_with_correction() -> None:
@@ -80,15 +80,15 @@ def test_evaluate_compares_on_shared_seeds_with_correction() -> None:
 
 
 def test_evaluate_takes_training_runs_as_the_unit() -> None:
-    """Twenty runs have an interval over runs; three are listed, without one."""
+    """Thirty runs have an interval over runs; three are listed, without one."""
     many = evaluate(
         "two_robot_line",
-        policies={"method": names(20), "still": "noop"},
+        policies={"method": names(30), "still": "noop"},
         episodes=20,
         env_kwargs=SHORT,
     )
     (over,) = rows(many, run=None, scope="team", metric="length")
-    assert (over["runs"], over["episodes"]) == (20, 20)
+    assert (over["runs"], over["episodes"]) == (30, 20)
     assert over["mean"]["low"] < over["mean"]["value"] < over["mean"]["high"]
     assert (
         len(
@@ -98,10 +98,10 @@ def test_evaluate_takes_training_runs_as_the_unit() -> None:
                 if r["run"] is not None
             ]
         )
-        == 20
+        == 30
     )
     compared = next(row for row in many.comparisons if row["who"] == "team")
-    assert (compared["unit"], compared["n"]) == ("run", 20)
+    assert (compared["unit"], compared["n"]) == ("run", 30)
     few = evaluate("two_robot_line", policies={"method": names(3)}, episodes=20, env_kwargs=SHORT)
     (over,) = rows(few, run=None, scope="team", metric="length")
     assert over["mean"]["low"] is None
@@ -168,6 +168,29 @@ def test_evaluate_leaves_other_folders_alone(tmp_path: Path) -> None:
     evaluate("two_robot_line", policies=BOTH, episodes=1, out=tmp_path / "e")
     with pytest.raises(RunError, match="two_robot_line"):
         evaluate("tictactoe", policies={"random": "random"}, episodes=1, out=tmp_path / "e")
+
+
+def test_evaluate_refuses_to_lose_results(tmp_path: Path) -> None:
+    """Another seed, fewer episodes or policies, other arguments; more of them are added."""
+    at = {"env_kwargs": SHORT, "out": tmp_path / "e"}
+    evaluate("two_robot_line", policies=BOTH, episodes=4, crossplay=True, **at)  # type: ignore[arg-type]  # a dict of any
+    before = (tmp_path / "e" / "evaluation.json").read_bytes()
+    one = {name: BOTH[name] for name in list(BOTH)[:1]}
+    for changed, said in (
+        ({"policies": BOTH, "episodes": 4, "seed": 1}, "seed 0, now 1"),
+        ({"policies": BOTH, "episodes": 3}, "4 episodes, now 3"),
+        ({"policies": one, "episodes": 4}, "now without it"),
+        ({"policies": dict.fromkeys(BOTH, "noop"), "episodes": 4}, "policy .* as .*, now "),
+        ({"policies": BOTH, "episodes": 4, "env_kwargs": {"n": 7}}, "kwargs of two_robot_line"),
+        ({"policies": BOTH, "episodes": 4}, "cross-play in two_robot_line"),
+    ):
+        with pytest.raises(RunError, match=said) as refused:
+            evaluate("two_robot_line", **{**at, **changed})  # type: ignore[arg-type]  # a dict of any
+        assert "--out" in str(refused.value)
+        assert before == (tmp_path / "e" / "evaluation.json").read_bytes()
+    more = {**BOTH, "more": "noop"}
+    found = evaluate("two_robot_line", policies=more, episodes=5, crossplay=True, **at)  # type: ignore[arg-type]  # a dict of any
+    assert (found.episodes, set(found.policies)) == (5, set(more))
 
 
 def test_evaluate_counts_broken_episodes_as_failed() -> None:

@@ -14,7 +14,7 @@ from tests.evaluation.duel import Duel, Rock, Strength
 
 
 def played(
-    policies: dict[str, Any], *, episodes: int = 60, crossplay: Any = None, **told: Any
+    policies: dict[str, Any], *, episodes: int = 100, crossplay: Any = None, **told: Any
 ) -> Evaluation:
     """An evaluation of the duel; `failed_return` is the environment's in the specification."""
     failed = {"failed_return": told.pop("failed_return")} if "failed_return" in told else {}
@@ -89,7 +89,7 @@ def test_claims_are_of_the_primary_family() -> None:
 
 def test_many_comparisons_leave_plain_differences_plain() -> None:
     """Fourteen policies far apart: 91 pairs, all claimed, by p-values that have no floor."""
-    found = played({f"q{k}": Strength(5 * k) for k in range(14)}, is_team=True, episodes=50)
+    found = played({f"q{k}": Strength(5 * k) for k in range(14)}, is_team=True)
     assert len(found.claims) == 91
     assert all("is below" in claim for claim in found.claims)
 
@@ -98,7 +98,7 @@ def test_an_interval_without_0_that_is_no_claim_is_explained() -> None:
     """Alone it would be one; corrected it isn't, and the sentence says so."""
     rng = np.random.default_rng(1)
     policies = {f"q{k}": Strength(50) for k in range(3)}
-    found = played(policies, is_team=True, is_seeded=False, episodes=50)
+    found = played(policies, is_team=True, is_seeded=False)
     row = dict(primary(found)[0])
     row["difference"] = {**row["difference"], "low": 0.1, "high": 0.9, "p": 0.2, "p_alone": 0.03}
     from gamekeeper.evaluation.comparisons import claim_of
@@ -126,7 +126,7 @@ def test_many_episodes_that_broke_off_are_no_sample() -> None:
     assert row["difference"]["low"] is None
     assert any("no sample of all" in each["why"] for each in found.refused)
     (row,) = primary(played(TWO, is_team=True, crash=0.3, failed_return=0.0))
-    assert (row["n"], row["broken"]) == (60, 0)
+    assert (row["n"], row["broken"]) == (100, 0)
     assert row["difference"]["low"] is not None
 
 
@@ -151,7 +151,7 @@ def test_a_reward_that_is_not_finite_breaks_its_episode_off() -> None:
     assert "a in duel" in note
     assert "'p1' add up to nan" in note
     (team,) = (r for r in found.results if (r["scope"], r["metric"]) == ("team", "return"))
-    assert team["episodes"] + team["broken"] == 60
+    assert team["episodes"] + team["broken"] == 100
     assert team["mean"]["value"] > 95  # the sum of two, in every episode that counts
 
 
@@ -173,7 +173,7 @@ def test_medians_have_intervals_and_notes_say_how_many_runs() -> None:
     )
     assert row["median"]["low"] < row["median"]["value"] < row["median"]["high"]
     (note,) = (note for note in found.notes if note.startswith("m has 10"))
-    assert "20 for the mean, 12 for the interquartile mean" in note
+    assert "30 for the mean, 12 for the interquartile mean" in note
     assert "median" not in note
 
 
@@ -189,7 +189,7 @@ def test_a_cycle_has_no_ranking() -> None:
     """Rock, paper, scissors: the cycle is named, with its alpha-rank, and the matrix is there."""
     hands = {"rock": Strength(0), "paper": Strength(1), "scissors": Strength(2)}
     spec = {"environments": {"rps": {"spec": Rock}}, "policies": hands}
-    found = evaluate(spec, episodes=60, crossplay=True)
+    found = evaluate(spec, episodes=100, crossplay=True)
     ranking = found.crossplay["rps"]["ranking"]
     assert sorted(ranking["cycle"]) == sorted(hands)
     assert ranking["alpha_rank"]["rock"] == pytest.approx(1 / 3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
@@ -64,17 +65,37 @@ def test_evaluation_text_shows_figures_with_their_intervals() -> None:
 
 
 def test_evaluation_text_explains_its_columns_and_no_others() -> None:
-    """IQM, intervals and kinds of endings; a kind that no episode has isn't shown."""
+    """IQM and success, but no word of Gymnasium's; a kind of ending that is absent isn't shown."""
     text = evaluation_text(document(), width=80)
     columns = text.partition("Columns\n")[2]
-    for word in ("interval", "IQM", "episodes", "success", "terminated", "truncated", "reasons"):
+    for word in ("of", "IQM", "success"):
         assert f"  {word} " in columns
+    for word in ("terminated", "truncated", "episodes "):
+        assert f"  {word} " not in columns
     assert "cut" not in text
     assert "P(A > B)" not in text
     ends = {**ENDINGS, "cut": 2}
     text = evaluation_text(document(results=[row(endings=ends)]), width=80)
     assert "terminated  truncated  cut  reasons" in text
-    assert "  cut         number of episodes that were stopped while agents were live" in text
+    assert "  cut      episodes that were stopped while agents were live" in text
+
+
+def test_evaluation_text_has_no_negative_zero() -> None:
+    """Of figures without an interval, quantiles, cells of cross-play, and differences."""
+    none = {"value": -0.0, "low": None, "high": None, "method": None}
+    cell = {"roles": {"p": "mine", "c": "mine"}, "kind": "self", "n": 50, "mean": -0.0}
+    cell |= {"low": None, "high": None, "by_role": {"p": -0.0, "c": -1e-300}}
+    lead = {"policies": ["mine", "mine"], "roles": ["p", "c"], "n": 50, "first_mover": none}
+    crossed = {"roles": ["p", "c"], "who": "p", "cells": [cell], "best_response": []}
+    crossed["fairness"] = [{**lead, "difference": None}]
+    apart = {"environment": "line", "a": "mine", "b": "yours", "who": "team", "metric": "return"}
+    apart |= {"difference": {**none, "p": 1.0, "effect_size": -0.001}, "improvement": None}
+    low = row(mean=none, iqm=none, quantiles=dict.fromkeys(("0.05", "0.95"), -0.0))
+    found = document(results=[low], crossplay={"line": crossed}, comparisons=[apart])
+    text = evaluation_text(found, width=110)
+    assert re.search(r"-0(\.0*)?(?![\d.e])", text) is None, text
+    assert "P(A > B)  probability that A is above B" in text
+    assert "an equal pair counts half" in " ".join(text.split())
 
 
 def test_evaluation_text_keeps_notes_apart_from_claims() -> None:

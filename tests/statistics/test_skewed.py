@@ -5,6 +5,7 @@ import pytest
 
 from gamekeeper.statistics.one_sample import reach_of_mean, stretches
 from gamekeeper.statistics.resampling import reach, t_of_means
+from gamekeeper.statistics.significance import wilson
 from gamekeeper.statistics.student import student
 
 
@@ -21,10 +22,14 @@ def test_stretches_leave_upright_values_alone() -> None:
 
 
 def test_reach_of_mean_of_upright_values_is_the_bootstraps() -> None:
-    """Of values that don't lean and stand in one heap it is half way between the two kinds."""
+    """Of values without skew it is between the equal-tailed and the symmetric interval."""
     values = _standard(np.random.default_rng(0).normal(size=60))
     t = t_of_means(values, np.random.default_rng(1))
-    assert reach(t, 59)(0.95) == pytest.approx(tuple(map(float, reach_of_mean(t, values, 0.95))))
+    both = np.quantile(np.abs(t), 0.95)
+    least, most = reach_of_mean(t, values, 0.95)
+    equal = np.quantile(t, [0.025, 0.975])
+    assert float(least) == pytest.approx(0.75 * equal[0] - 0.25 * both, abs=1e-6)
+    assert float(most) == pytest.approx(0.75 * equal[1] + 0.25 * both, abs=1e-6)
 
 
 def test_reach_of_mean_goes_farther_where_values_lean_from() -> None:
@@ -36,14 +41,20 @@ def test_reach_of_mean_goes_farther_where_values_lean_from() -> None:
     plain = reach(t, 39)(0.95)
     assert lean > 0.25
     assert least < plain[0] < -student(0.95, 39)
-    assert most == pytest.approx(plain[1])
+    assert 0 < most < student(0.95, 39)
 
 
-def test_reach_of_mean_of_two_heaps_is_no_farther_than_students() -> None:
-    """Resamples with one heap alone have next to no spread; their t counts for nothing."""
-    values = _standard([0.0, 0.01] * 4 + [5.0, 5.01] * 8)
-    least, most = reach_of_mean(t_of_means(values, np.random.default_rng(1)), values, 0.95)
-    assert max(-least, most) <= student(0.95, 23) + 1e-9
+@pytest.mark.parametrize("hits", [8, 60, 95])
+def test_reach_of_mean_of_two_heaps_is_wilsons_at_most(hits: int) -> None:
+    """Two heaps are told apart from two outcomes by their width alone."""
+    rng = np.random.default_rng(0)
+    values = np.where(np.arange(100) < hits, 1.0, 0.0) + rng.normal(0, 1e-3, 100)
+    standard = _standard(values)
+    least, most = reach_of_mean(t_of_means(standard, rng), standard, 0.95)
+    error = values.std(ddof=1) / 10
+    share = wilson(hits, 100)
+    assert share.low - 0.003 <= values.mean() - most * error
+    assert values.mean() - least * error <= share.high + 0.003
 
 
 def test_reach_of_mean_takes_many_at_once() -> None:

@@ -79,8 +79,9 @@ OutOption = Annotated[
     typer.Option(
         "--out",
         metavar="FOLDER",
-        help="Folder of episodes and results; a second call continues there and plays only "
-        "missing episodes (default: runs/evaluation-NAME).",
+        help="Folder of episodes and results; a second call continues there, plays only missing "
+        "episodes, and is refused if results would be lost, as with another seed (default: "
+        "runs/evaluation-NAME).",
     ),
 ]
 CrossplayOption = Annotated[

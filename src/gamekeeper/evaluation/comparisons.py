@@ -249,7 +249,7 @@ def signed(found: dict[str, Any], *, is_share: bool = False) -> str:
     """`+0.12 (+0.03 to +0.21)`; of shares in percentage points."""
     unit, scale = (" percentage points", 100.0) if is_share else ("", 1.0)
     if found["low"] is None:
-        return f"{scale * found['value']:+.4g}{unit}"
+        return f"{scale * found['value']:+z.4g}{unit}"
     low, high = scale * found["low"], scale * found["high"]
     value, *bounds = (
         rounded(each, low, high, sign="+") for each in (scale * found["value"], low, high)

@@ -51,6 +51,10 @@ FAILED: Final = "failed"
 """The ending of an agent whose episode an exception broke off."""
 
 
+NOT_FINITE: Final = "NotFinite"
+"""Kind of error of an episode with a reward that is NaN or infinite; it breaks off at no turn."""
+
+
 class Success:
     """Conditions under which an episode succeeded, by scope."""
 
@@ -158,7 +162,7 @@ def finite_of(outcome: Outcome) -> Outcome:
     paid += [(a, term, x) for a, terms in outcome.terms.items() for term, x in terms.items()]
     for agent, what, value in paid:
         if not isfinite(value):
-            text = f"NotFinite: rewards of {agent!r} add up to {value} ({what})"
+            text = f"{NOT_FINITE}: rewards of {agent!r} add up to {value} ({what})"
             return replace(outcome, error=text)
     return outcome
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gamekeeper.errors import EvidenceError
 from gamekeeper.statistics.aggregates import Aggregate, aggregate, improvement, over_environments
-from gamekeeper.statistics.interval import Interval, Statistic, no_spread
+from gamekeeper.statistics.interval import FEWEST_EPISODES, Interval, Statistic, no_spread
 from gamekeeper.statistics.one_sample import one_sample
 from gamekeeper.statistics.paired import FEWEST, PairedEffect, paired_effect
 from gamekeeper.statistics.resampling import interquartile_mean
@@ -26,8 +26,8 @@ FloatArray = NDArray[np.float64]
 
 MOST_BROKEN: Final = 0.05
 """Part of the episodes that may have broken off where the others stand for all."""
-MOST_NAMED: Final = 6
-"""Episodes that a refusal names; the others are counted."""
+MOST_NAMED: Final = 4
+"""Subjects that a refusal names; the others are counted."""
 POINT: Final[dict[str, Callable[[FloatArray], Any]]] = {
     "mean": np.mean,
     "iqm": interquartile_mean,
@@ -46,23 +46,39 @@ class Judge:
 
     def __init__(self, level: float, seed: int) -> None:
         self.level, self._seed = level, seed
-        self._refused: dict[tuple[str, str], dict[str, None]] = {}
+        self._refused: dict[tuple[str, str], dict[str, dict[str, None]]] = {}
 
     @property
     def refused(self) -> list[dict[str, str]]:
-        """Refused claims, each with its reason."""
-        found = []
+        """Refused claims, each with its reason; those with the same reason and subjects as one."""
+        found: dict[tuple[str, str], list[str]] = {}
         for (what, why), whom in self._refused.items():
-            names = [name for name in whom if name]
+            names = [
+                f"{name} ({', '.join(seen)})" if seen else name
+                for name, seen in whom.items()
+                if name
+            ]
             named = ", ".join(names[:MOST_NAMED])
             more = len(names) - MOST_NAMED
             named += f" and {more} more" if more > 0 else ""
-            found.append({"what": f"{what}: {named}" if named else what, "why": why})
-        return found
+            found.setdefault((named, why), []).append(what)
+        return [
+            {"what": ", ".join(what) + (f": {named}" if named else ""), "why": why}
+            for (named, why), what in found.items()
+        ]
 
-    def refuse(self, what: str, why: str, whom: str = "") -> None:
-        """Notes a refusal."""
-        self._refused.setdefault((what, why), {}).setdefault(whom)
+    def refuse(self, what: str, why: str, whom: str = "", actual: str = "") -> None:
+        """Notes a refusal.
+
+        Args:
+            what: was asked for.
+            why: it is refused.
+            whom: it is about.
+            actual: what was there in place of what an interval asks for.
+        """
+        seen = self._refused.setdefault((what, why), {}).setdefault(whom, {})
+        if actual:
+            seen.setdefault(actual)
 
     def rng(self, *name: object) -> Generator:
         """The random stream of something that has a name."""
@@ -99,9 +115,9 @@ class Judge:
             return self._point(float(POINT[statistic](there)), error, what, of)
         return _plain(found)
 
-    def flat(self, value: float, n: int, *, of: str) -> dict[str, Any]:
+    def flat(self, value: float, n: int, unit: str, *, of: str) -> dict[str, Any]:
         """A figure that is one number everywhere, so that it has no interval."""
-        error = no_spread(value, n, "figures", where=of)
+        error = no_spread(value, n, unit, where=of)
         return self._point(value, error, "intervals of figures that are all equal", of)
 
     def runs(
@@ -176,7 +192,9 @@ class Judge:
         try:
             _enough_left(lost, total)
             chance = self.improvement(a, b, paired=True, of=of)
-            effect = paired_effect(b, a, rng=rng, level=self.level, is_share=is_share)
+            effect = paired_effect(
+                b, a, rng=rng, level=self.level, is_share=is_share, fewest=FEWEST_EPISODES["mean"]
+            )
             difference = {**_effect(effect), "effect_size": _in_spreads(a - b)}
         except EvidenceError as error:
             what = "interval of a difference over episodes"
@@ -292,8 +310,8 @@ class Judge:
         return {"value": value, "low": None, "high": None, "method": None}
 
     def _note(self, error: EvidenceError, what: str, of: str) -> None:
-        asked = f"; {error.expected}" if error.expected else ""
-        self.refuse(what, f"{error.what}{asked}", f"{of} ({error.actual})" if error.actual else of)
+        asked = f" (asked for: {error.expected})" if error.expected else ""
+        self.refuse(what, f"{error.what}{asked}", of, error.actual or "")
 
 
 @dataclass(frozen=True, slots=True)

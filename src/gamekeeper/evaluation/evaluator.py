@@ -9,20 +9,21 @@ from contextlib import ExitStack
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import pyarrow as pa
 
 from gamekeeper.episodes.plain_json import finite
-from gamekeeper.errors import EvidenceError, RunError
+from gamekeeper.errors import RunError
 from gamekeeper.evaluation.comparisons import comparisons_of
+from gamekeeper.evaluation.continuation import RESULT, document_in, settle_plan
 from gamekeeper.evaluation.crossplay import CrossplayTable, crossplay_of
-from gamekeeper.evaluation.episode_rows import SUCCESS, Sheet, sheets_of
+from gamekeeper.evaluation.episode_rows import NOT_FINITE, SUCCESS, Sheet, sheets_of
 from gamekeeper.evaluation.estimates import Judge
 from gamekeeper.evaluation.evaluation import Evaluation, marl_eval_of
 from gamekeeper.evaluation.execution import SILENCE_S, EvaluationRun, InProcessExecutor
 from gamekeeper.evaluation.inspection import Inspection
-from gamekeeper.evaluation.matchups import SELF, Match, matches_of, settle_plan
+from gamekeeper.evaluation.matchups import SELF, Match, matches_of
 from gamekeeper.evaluation.notes import claims_of, notes_of
 from gamekeeper.evaluation.rankings import csv_of, payoffs_of, ranking_of
 from gamekeeper.evaluation.results import Ground, curves_of, ground_of, overall_of, results_of
@@ -41,9 +42,6 @@ from gamekeeper.evaluation.worker_tasks import EPISODES, folder_names
 from gamekeeper.rollouts.executors import executor_of
 from gamekeeper.rollouts.executors.storage import Storage
 from gamekeeper.rollouts.executors.task import Executor, Limits
-
-RESULT: Final = "evaluation.json"
-RESULT_BYTES: Final = 1 << 28
 
 
 def evaluate(
@@ -81,7 +79,8 @@ def evaluate(
         crossplay: every policy in every seat with every partner; or its section as plain data.
         env_kwargs, contract: of an environment.
         record: `digest` or `full` records a run of every pairing.
-        out: a folder for the raw episodes and the results; a second call goes on there.
+        out: a folder for the raw episodes and the results; a second call goes on there, with more
+            episodes or policies if asked, and is refused if results would be lost.
         storage: a folder or URL for parts and raw episodes, in place of `out`.
         workers: processes that play; 0: this one.
         executor: `local`, `ray`, `ray:ADDRESS`, or an executor.
@@ -95,7 +94,8 @@ def evaluate(
             installed isn't what a suite pins.
         PolicyError: a policy can't be found.
         EvidenceError: what is asked for is no evidence, or cross-play has too many pairings.
-        RunError: something else lies in `out`, or a file can't be written.
+        RunError: something else lies in `out`, or results that would be lost, or a file can't be
+            written.
         EnvError: a worker process died or hung; what was played until then is kept.
     """
     changed: dict[str, Any] = {"episodes": episodes, "seed": seed, "crossplay": crossplay}
@@ -170,18 +170,7 @@ def load_evaluation(folder: str | PathLike[str]) -> Evaluation:
         RunError: there is none.
         EvidenceError: the document there is another.
     """
-    text = Storage.at(folder).get(RESULT, most_bytes=RESULT_BYTES)
-    try:
-        document = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise EvidenceError(
-            "this is no evaluation",
-            where=str(folder),
-            expected="a JSON object",
-            actual=str(error)[:200],
-            fix="name a folder that gamekeeper evaluate wrote",
-        ) from error
-    return Evaluation.from_json(document)
+    return Evaluation.from_json(document_in(Storage.at(folder)))
 
 
 def _executor(executor: str | Executor, workers: int) -> Executor:
@@ -205,7 +194,7 @@ def _evaluated(
     if not unpinned:
         refuse_unpinned(spec, strange)
     matches = matches_of(spec, looks, is_here=course.is_here)
-    for text in settle_plan(spec, looks, course.storage):
+    for text in settle_plan(spec, looks, matches, course.storage):
         note(text)
     stopping = None if spec.stop is None else Stopping(spec, looks)
     episodes, played = _played(spec, course, matches, stopping)
@@ -334,7 +323,9 @@ def failures_of(table: pa.Table) -> list[str]:
     for (environment, pairing, error), turns in places.items():
         first = min(turns)
         count = "1 episode" if len(turns) == 1 else f"{len(turns)} episodes, the first"
-        where = f"{count}: episode {first}, turn {turns[first]}"
+        where = f"{count}: episode {first}"
+        if not error.startswith(NOT_FINITE):
+            where += f", turn {turns[first]}"
         found.append(f"{pairing} in {environment}, {where}: {error}")
     return found
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
-from gamekeeper.errors import EvidenceError, PolicyError, RunError
+from gamekeeper.errors import EvidenceError, PolicyError
 from gamekeeper.evaluation.inspection import Inspection, choices_of, digest_of, env_step, opening_of
 from gamekeeper.evaluation.spec import EVERYONE, MOST_CELLS, Choices, Spec
 from gamekeeper.evaluation.worker_tasks import PARTS, PLAY
@@ -206,7 +205,6 @@ def _choice(table: Mapping[str, Any], side: Checkpoint, *whom: str) -> Any:
 
 CHUNK: Final = 20
 """Episodes of a part: another number would give an environment that leaks other results."""
-PLAN: Final = "plan.json"
 
 
 @dataclass(frozen=True, slots=True)
@@ -299,84 +297,3 @@ def played_keys(storage: Storage) -> set[str]:
     """The parts that have a receipt."""
     names = storage.names(PARTS) if storage.exists(PARTS) else []
     return {name.removesuffix(".json") for name in names if name.endswith(".json")}
-
-
-def settle_plan(spec: Spec, looks: Mapping[str, Inspection], storage: Storage) -> list[str]:
-    """Notes what is played into a storage; says what has changed since it was noted last.
-
-    Raises:
-        RunError: something else lies there.
-    """
-    plan = {
-        "name": spec.name,
-        "settings": {"seed": spec.seed, "infos": list(spec.infos)},
-        "environments": {
-            name: {
-                "digest": look.digest,
-                "version": look.version,
-                "contract": digest_of(look.contract),
-            }
-            for name, look in looks.items()
-        },
-        "policies": {
-            policy: {name: list(look.policies.get(policy, ())) for name, look in looks.items()}
-            for policy in spec.policies
-        },
-    }
-    before: dict[str, Any] = {}
-    if storage.exists(PLAN):
-        before = _read_plan(storage)
-        if before.get("name") != spec.name:
-            raise _occupied(storage, f"the evaluation {before.get('name')!r}")
-    elif names := storage.names():
-        raise _occupied(storage, ", ".join(names[:3]))
-    storage.put(PLAN, json.dumps(plan, sort_keys=True, indent=1).encode())
-    return list(_changes(before, plan)) if before else []
-
-
-def _read_plan(storage: Storage) -> dict[str, Any]:
-    try:
-        plan = json.loads(storage.get(PLAN))
-    except ValueError:
-        plan = None
-    if not isinstance(plan, dict):
-        raise _occupied(storage, f"{PLAN} of something else")
-    return plan
-
-
-def _occupied(storage: Storage, seen: str) -> RunError:
-    return RunError(
-        "something else lies where the evaluation is to go",
-        where=str(storage),
-        expected="nothing, or an earlier call of this evaluation",
-        actual=seen,
-        fix="name another folder with --out (out=...)",
-    )
-
-
-def _changes(before: Mapping[str, Any], plan: Mapping[str, Any]) -> Iterator[str]:
-    """Stale parts, each with its reason."""
-    for key, value in plan["settings"].items():
-        was = before.get("settings", {}).get(key)
-        if was != value:
-            yield f"everything is stale: {key} was {was}, now it is {value}"
-    why = {
-        "digest": "its source or its arguments",
-        "version": "its version",
-        "contract": "its contract",
-    }
-    for name, now in plan["environments"].items():
-        was = before.get("environments", {}).get(name)
-        parts = [text for key, text in why.items() if was and was.get(key) != now[key]]
-        if parts:
-            yield f"environment {name} is stale: {' and '.join(parts)} changed"
-    for name, by_environment in plan["policies"].items():
-        was = before.get("policies", {}).get(name, {})
-        for environment, digests in by_environment.items():
-            then: Sequence[str] = was.get(environment, ())
-            runs = [
-                k for k, pair in enumerate(zip(then, digests, strict=False)) if len(set(pair)) > 1
-            ]
-            if runs:
-                which = "" if len(digests) == 1 else f", run {', '.join(map(str, runs))}"
-                yield f"policy {name} in {environment}{which} is stale: its file or source changed"

@@ -8,7 +8,7 @@ from typing import Any, Final
 from gamekeeper.evaluation.comparisons import ALPHA, PRIMARY
 from gamekeeper.evaluation.results import Ground
 from gamekeeper.evaluation.spec import Spec
-from gamekeeper.statistics.interval import FEWEST_RUNS, FEWEST_RUNS_APART
+from gamekeeper.statistics.interval import FEWEST_EPISODES, FEWEST_RUNS, FEWEST_RUNS_APART
 
 RULE_OF_THREE: Final = 3
 """An outcome of a chance over 3 / n is seen in 95 of 100 samples of n."""
@@ -44,9 +44,7 @@ def notes_of(
         *(f"Not the suite as it was pinned: {text}." for text in unpinned),
         *(f"Failed: {text}." for text in failures[:MOST_FAILURES]),
         *_about(spec),
-        f"All policies played episodes 0 to {episodes - 1} of seed {spec.seed}, with the same "
-        "random numbers for policies that draw them.",
-        *_begun(grounds),
+        *_begun(spec, grounds, episodes),
         *_rare(spec, episodes),
         *_stopped(stopping),
         *_unclaimed(comparisons),
@@ -54,30 +52,35 @@ def notes_of(
     ]
 
 
-def _begun(grounds: Sequence[Ground]) -> Iterator[str]:
-    """Tells whether episodes of one seed began alike for all policies."""
-    for ground in grounds:
+def _begun(spec: Spec, grounds: Sequence[Ground], episodes: int) -> Iterator[str]:
+    """Tells which episodes were played, and whether those of one seed began alike for all."""
+    differing = [ground for ground in grounds if ground.resets[0]]
+    alike = (
+        ""
+        if differing or not any(ground.resets[1] for ground in grounds)
+        else ("; first observations were the same")
+    )
+    yield (
+        f"All policies played episodes 0 to {episodes - 1} of seed {spec.seed}, with the same "
+        f"random numbers{alike}."
+    )
+    for ground in differing:
         differ, several = ground.resets
-        if differ:
-            yield (
-                f"{ground.name} began differently for different policies in {differ} of {several} "
-                "episodes of the same seed: its resets don't follow their seed, so that episodes "
-                "aren't paired and comparisons take more of them."
-            )
-        elif several:
-            yield (
-                f"{ground.name}: first observations were the same for all policies in each of "
-                f"{several} episodes."
-            )
+        yield (
+            f"{ground.name} began differently for different policies in {differ} of {several} "
+            "episodes of the same seed: its resets don't follow their seed, so that episodes "
+            "aren't paired and comparisons take more of them."
+        )
 
 
 def _rare(spec: Spec, episodes: int) -> Iterator[str]:
-    """Says what so many episodes may have missed."""
-    if any(not each.is_method for each in spec.policies.values()) and episodes > RULE_OF_THREE:
+    """Says what so many episodes may have missed, where means have intervals."""
+    is_single = any(not each.is_method for each in spec.policies.values())
+    if is_single and episodes >= FEWEST_EPISODES["mean"]:
         yield (
-            f"An outcome of 1 in {episodes // RULE_OF_THREE} episodes, or a rarer one, may not be "
-            f"among {episodes}: where it costs much (a rare crash), means are off by more than "
-            "their intervals tell. IQM and median don't hang on it."
+            f"An outcome rarer than 1 in {episodes // RULE_OF_THREE} episodes may not be among "
+            f"{episodes}: where it costs much, a mean is off by more than its interval tells; IQM "
+            "and median don't hang on it."
         )
 
 
@@ -85,13 +88,8 @@ def _about(spec: Spec) -> Iterator[str]:
     """Subjects of the claims."""
     single = [name for name, each in spec.policies.items() if not each.is_method]
     if single:
-        about = "is one policy: claims are about it as it is"
-        if len(single) > 1:
-            about = "are one policy each: claims are about them as they are"
-        yield (
-            f"{', '.join(single)} {about}, not about a training method; the statistical unit is "
-            "the episode."
-        )
+        names = "these policies" if len(single) == len(spec.policies) else ", ".join(single)
+        yield f"Claims about {names} are about one checkpoint each, not about how it was trained."
     for name, policy in spec.policies.items():
         if not policy.is_method:
             continue
@@ -126,16 +124,15 @@ def _unclaimed(comparisons: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     primary = [row for row in comparisons if row["family"] == PRIMARY]
     tested = sum(map(_tested, primary))
     secondary = len(comparisons) - len(primary)
-    if tested:
+    if tested > 1 or (tested and secondary):
         yield (
-            f"Claims are of the primary comparisons alone ({tested}), with p-values by Holm's "
-            f"correction: the chance that any claim is false is {100 * ALPHA:g} % at most."
+            f"Claims are of the {tested} primary comparisons: the chance that any is false is "
+            f"{100 * ALPHA:g} % at most."
         )
     if secondary:
         yield (
-            f"Secondary comparisons ({secondary}; roles, agents, and figures that follow from "
-            "another) stand in the tables, corrected for the number of all; no claim is made of "
-            "them."
+            f"No claim is made of the other comparisons ({secondary}; roles, agents, and figures "
+            "that follow from another), which are corrected for the number of all."
         )
     for row in primary:
         if not _tested(row):
@@ -156,10 +153,6 @@ def _stopped(stopping: Mapping[str, Any] | None) -> Iterator[str]:
 
 def _crossed(crossplay: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
     for name, found in crossplay.items():
-        kinds = [cell["kind"] for cell in found["cells"]]
-        counts = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
-        roles = ", ".join(found["roles"])
-        yield f"{name}: cross-play of {len(kinds)} pairings ({counts}) by {roles}."
         if found["ranking"]:
             cycle = found["ranking"]["cycle"]
             beaten = [*cycle[1:], cycle[0]]

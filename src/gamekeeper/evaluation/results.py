@@ -259,7 +259,9 @@ def _figures(
     found: dict[str, Any] = {}
     for statistic in STATISTICS:
         if float(np.ptp(means)) == 0.0:
-            found[statistic] = judge.flat(float(means[0]), len(means), of=f"{name[-1]} of {of}")
+            unit = "training runs" if run is None else "episodes"
+            whose = f"{name[-1]} of {of}"
+            found[statistic] = judge.flat(float(means[0]), len(means), unit, of=whose)
         elif run is None:
             found[statistic] = judge.runs(scores, statistic, of=of, name=name, lost=gone)
         else:

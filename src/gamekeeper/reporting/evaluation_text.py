@@ -21,29 +21,24 @@ MOST_RUNS: Final = 20
 RARE_ENDINGS: Final = ("cut", "failed", "mixed")
 """Endings that have a column only where there are any."""
 COLUMNS: Final = {
-    "of": "the team (sum over its agents), a role (mean over its agents), or one agent",
-    "interval": "confidence interval; none where there are too few episodes for one",
-    "IQM": "interquartile mean: the mean of the middle half of the episodes",
-    "5 to 95 %": "range in which 90 % of the episodes lie",
-    "episodes": "how many the row is about; of a method its training runs",
-    "success": "share of episodes in which the task was solved, as the contract's [failure] or the "
-    "specification's `success` says",
-    "terminated": "number of episodes that the rules ended",
-    "truncated": "number of episodes that a limit from outside ended, such as the horizon",
-    "cut": "number of episodes that were stopped while agents were live, after most_turns steps",
-    "failed": "number of episodes that an exception ended",
-    "mixed": "number of episodes in which agents ended in different ways",
-    "reasons": "names of the endings, with their number of episodes",
-    "p": "p-value of `no difference`, by Holm's correction: of primary comparisons (teams, rivals) "
-    "for their number, of the others for the number of all",
-    "d": "standardized difference: in standard deviations of runs (Cohen's d), of paired episodes "
-    "in those of their differences (d_z)",
-    "P(A > B)": "probability of improvement: that A is above B in an episode of the same seed, or "
-    "a training run of A above one of B",
+    "of": "team: sum over its agents; a role: mean over its agents; or one agent",
+    "IQM": "interquartile mean: the mean of the middle half",
+    "success": "share of episodes that the contract's [failure], or `success` in the "
+    "specification, counts as solved",
+    "cut": "episodes that were stopped while agents were live, after most_turns steps",
+    "failed": "episodes that an exception, or a reward that is NaN or infinite, ended",
+    "mixed": "episodes in which agents ended in different ways",
+    "kind": "self: one policy in all seats; fixed: different policies; zero-shot: training runs of "
+    "one method that never met in training",
+    "p": "p-value of no difference, corrected for the number of comparisons (Holm)",
+    "d": "difference in standard deviations: of the paired differences (d_z), or of training runs "
+    "(Cohen's d)",
+    "P(A > B)": "probability that A is above B: in an episode of the same seed, or a training run "
+    "of A above one of B; an equal pair counts half",
     "optimality gap": "mean amount by which scores are short of 1",
     "-": "undefined, or not declared",
 }
-"""Meaning of columns and signs; those that a text has are explained in it."""
+"""Meaning of columns and signs that neither Gymnasium nor PettingZoo names."""
 Row = Mapping[str, Any]
 
 
@@ -70,7 +65,8 @@ def evaluation_text(document: Mapping[str, Any], *, width: int) -> str:
             if len(lines) > 1
         ]
         if name in document["crossplay"]:
-            blocks.append("\n".join(_crossplay(name, document["crossplay"][name], width)))
+            found = document["crossplay"][name]
+            blocks.append("\n".join(_crossplay(name, found, document["level"], width)))
     for name, points in (document.get("curves") or {}).items():
         blocks += ["\n".join(lines) for lines in _curves(name, points, document["level"], width)]
     overall = document.get("overall") or {}
@@ -142,7 +138,7 @@ def _returns(rows: Sequence[Row], level: float, width: int) -> Iterator[str]:
                 row["who"],
                 _interval(row["mean"]),
                 _interval(row["iqm"]),
-                f"{quantiles['0.05']:.3g} to {quantiles['0.95']:.3g}",
+                f"{quantiles['0.05']:z.3g} to {quantiles['0.95']:z.3g}",
                 unit,
             )
         )
@@ -232,7 +228,7 @@ def _comparisons(rows: Sequence[Row], width: int) -> Iterator[str]:
                 row["metric"],
                 _interval(difference, sign="+"),
                 "-" if p is None else f"{p:.2g}",
-                "-" if size is None else f"{size:+.2f}",
+                "-" if size is None else f"{size:+z.2f}",
                 _share(improvement and {"p": improvement["value"], **improvement}),
             )
         )
@@ -277,27 +273,33 @@ def _overall(overall: Mapping[str, Any], width: int) -> Iterator[str]:
             yield from _item(text, width)
 
 
-def _crossplay(name: str, found: Mapping[str, Any], width: int) -> Iterator[str]:
+def _crossplay(name: str, found: Mapping[str, Any], level: float, width: int) -> Iterator[str]:
+    """Cells, then the best policies by seat, then both ways of sitting."""
     roles = found["roles"]
     yield f"Cross-play in {name}, return of {found['who']}"
-    cells = [(*roles, "kind", "episodes", "mean", "return of each role")]
+    share = f"mean ({100 * level:g} % interval)"
+    cells = [(*roles, "kind", "episodes", share, "return by seat")]
     for cell in found["cells"][:MOST_CELLS]:
         own = ", ".join(_number(cell["by_role"][role]) for role in roles)
         policies = (cell["roles"][role] for role in roles)
         mean = {"value": cell["mean"], "low": cell["low"], "high": cell["high"]}
-        cells.append((*policies, cell["kind"], str(cell["n"]), _interval(mean), own))
-    yield from table_lines(cells, width=width, right=(len(roles) + 1,))
+        n = f"{cell['n']} runs" if cell.get("unit") == "run" else str(cell["n"])
+        cells.append((*policies, cell["kind"], n, _interval(mean), own))
+    yield from _fitted(cells, width, right=(len(roles) + 1,), spare=())
     if len(found["cells"]) > MOST_CELLS:
         yield f"{INDENT}... and {len(found['cells']) - MOST_CELLS} more pairings (--json has them)"
     for row in found["best_response"]:
         against = next(iter(row["against"].values()), "")
-        gaps = [f"of {policy} by {_interval(gap)}" for policy, gap in row["gap"].items() if gap]
-        text = f"best {row['role']} with {against}: {row['policy']} {_number(row['value'])}; "
-        yield from _item(text + f"ahead {', '.join(gaps)}", width)
+        gaps = [f"{policy} {_interval(gap, sign='+')}" for policy, gap in row["gap"].items() if gap]
+        text = (
+            f"best as {row['role']} with {against}, chosen on half of the episodes: "
+            f"{row['policy']}; on the others {_number(row['value'])}, {MINUS} "
+        )
+        yield from _item(text + ", ".join(gaps), width)
     for row in found["fairness"]:
         a, b = row["policies"]
-        lead = _interval(row["first_mover"])
-        text = f"{a} with {b} in both roles: {row['roles'][0]} leads by {lead}"
+        pair = f"{a} with itself" if a == b else f"{a} with {b}, both ways"
+        text = f"{pair}: {row['roles'][0]} leads by {_interval(row['first_mover'])}"
         if row["difference"] is not None:
             text += f"; {a} {MINUS} {b} {_interval(row['difference'], sign='+')}"
         yield from _item(text, width)
@@ -327,7 +329,7 @@ def _value(found: Row | None) -> str:
 
 
 def _number(value: float | None, sign: str = "") -> str:
-    return "-" if value is None else f"{value:{sign}.4g}"
+    return "-" if value is None else f"{value:{sign}z.4g}"
 
 
 def _interval(found: Row | None, sign: str = "") -> str:

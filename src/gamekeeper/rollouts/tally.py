@@ -47,7 +47,8 @@ def tally(
         hooks.after(env)
     is_over = failed is None and not game.to_move
     error = None if failed is None else f"{failed.kind}: {failed.text}"
-    return count.outcome(play.seed, env, len(course.taken), is_over=is_over, error=error)
+    turns = len(course.taken) if failed is None else failed.turn
+    return count.outcome(play.seed, env, turns, is_over=is_over, error=error)
 
 
 class _Count:

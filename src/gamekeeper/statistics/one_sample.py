@@ -12,6 +12,7 @@ from numpy.random import Generator
 from gamekeeper.errors import EvidenceError
 from gamekeeper.statistics.interval import (
     FEWEST_EPISODES,
+    FEWEST_OF_TWO,
     LEVEL,
     FloatArray,
     Interval,
@@ -145,24 +146,27 @@ _UPRIGHT: Final = 0.2
 """Skewness / sqrt(n) up to which nothing is stretched: so much comes by chance."""
 _STRETCH: Final = 2.5
 """Gain of the far side for each unit of skewness / sqrt(n) beyond that."""
-_LONGEST: Final = (1.05, 3.0)
+_TAILED: Final = (0.8, 1.2)
+"""Values' distance from being two (`_shape`), from which on, and at which wholly, a side is
+stretched: a mass at zero, or a rare loss, is skewed and has no tail."""
+_EQUAL: Final = 0.75
+"""Part of the way from the symmetric to the equal-tailed interval."""
+_LONGEST: Final = (1.4, 0.6)
 """A bound is at most so many times as far out as Student's, and so much more for a unit of
 skewness / sqrt(n): resamples of a few rare values have next to no spread."""
 _LEAST_VARIANCE: Final = 1e-12
 """Least variance of values whose variance should be about 1."""
-_HEAPED: Final = (0.4, 0.8, 2.0)
-"""Limits on kurtosis - skewness^2 - 1.
-
-It is 0 for two values, 0.8 for uniform and 2 for normal ones: from where on, and how far, a bound
-may be beyond Student's; and how far for skewness / sqrt(n).
-"""
+_HEAPED: Final = (0.1, 0.25, 10.0)
+"""Distance from being two, from where on a bound may be beyond the score interval of two values as
+skewed; and how far for a unit of it, on the side that values lean from and on the other one."""
 
 
 def reach_of_mean(t: FloatArray, values: FloatArray, level: float) -> tuple[FloatArray, FloatArray]:
     """Reach of the t of a mean either way, from its resamples and the values' shape.
 
-    Half way between the equal-tailed and the symmetric interval; then stretched on the side where
-    values lean from, and cut where hardly any spread is left in resamples.
+    Between the equal-tailed and the symmetric interval; stretched on the side where values have a
+    tail; and no farther than the score interval of two values that are as skewed, as far as the
+    values are such: a few rare ones leave hardly any spread in resamples, or far too much.
 
     Args:
         t: [..., resamples] of Student's t.
@@ -172,28 +176,52 @@ def reach_of_mean(t: FloatArray, values: FloatArray, level: float) -> tuple[Floa
         [...] the least and the most that t is, in standard errors.
     Source: Efron & Tibshirani 1993, ch. 12.5 (bootstrap-t); Hall 1988, "On symmetric bootstrap
         confidence intervals"; Chen 1995, "Testing the mean of skewed distributions", for the side
-        that falls short; Pearson 1916 for kurtosis being skewness^2 + 1 at least.
+        that falls short; Wilson 1927, written in the skewness of a share; chosen by simulation
+        (benchmarks/evaluation_coverage.py, benchmarks/evaluation_truths.py).
     """
     ordered, both = np.sort(t, axis=-1), at(np.sort(np.abs(t), axis=-1), level)
+    n = values.shape[-1]
     lean, heaped = _shape(values)
-    under, above = stretches(lean, _STRETCH)
-    bound = student(level, values.shape[-1] - 1)
-    size = np.abs(lean)
-    apart = _HEAPED[1] * np.maximum(heaped - _HEAPED[0], 0.0)
-    far = _HEAPED[2] * np.maximum(size - _UPRIGHT, 0.0)
-    farthest = bound * np.minimum(_LONGEST[0] + _LONGEST[1] * size, 1 + apart + far)
-    least = under * (at(ordered, 0.5 - level / 2) - both) / 2
-    most = above * (at(ordered, 0.5 + level / 2) + both) / 2
-    return np.maximum(least, -farthest), np.minimum(most, farthest)
+    bound = student(level, n - 1)
+    tailed = np.clip((heaped - _TAILED[0]) / (_TAILED[1] - _TAILED[0]), 0.0, 1.0)
+    under, above = stretches(lean, _STRETCH * tailed)
+    low, high = _score_of_two(lean, n, bound)
+    beyond = np.maximum(heaped - _HEAPED[0], 0.0)
+    low *= 1 + np.where(lean > 0, *_HEAPED[1:]) * beyond
+    high *= 1 + np.where(lean < 0, *_HEAPED[1:]) * beyond
+    farthest = bound * (_LONGEST[0] + _LONGEST[1] * np.abs(lean))
+    least = under * (_EQUAL * at(ordered, 0.5 - level / 2) - (1 - _EQUAL) * both)
+    most = above * (_EQUAL * at(ordered, 0.5 + level / 2) + (1 - _EQUAL) * both)
+    return (
+        np.maximum(least, -np.minimum(low, farthest)),
+        np.minimum(most, np.minimum(high, farthest)),
+    )
 
 
-def stretches(lean: FloatArray, gain: float) -> tuple[FloatArray, FloatArray]:
+def _score_of_two(lean: FloatArray, n: int, bound: float) -> tuple[FloatArray, FloatArray]:
+    """Reach of the score interval of a share, down and up in standard errors, by its skewness.
+
+    A share p of n values has skewness / sqrt(n) = (1 - 2 p) / sqrt(n p (1 - p)), with which
+    Wilson's bounds can be written without p.
+
+    Args:
+        lean: [...] skewness / sqrt(n).
+        n: values.
+        bound: standard errors of a normal variable.
+    """
+    square = bound * bound
+    middle = square * lean / 2
+    half = bound * np.sqrt(1 + square * (lean * lean + 4 / n) / 4)
+    return (half + middle) / (1 + square / n), (half - middle) / (1 + square / n)
+
+
+def stretches(lean: FloatArray, gain: Any) -> tuple[FloatArray, FloatArray]:
     """By how much the least and the most that t is are stretched.
 
     Args:
         lean: [...] skewness / sqrt(n). Where it is over 0, rare high values are missing from most
             samples, and the mean is under the truth: the least that t is falls short.
-        gain: what the far side gains for each unit of it beyond what comes by chance.
+        gain: what the far side gains for each unit of it beyond what comes by chance, [...] or one.
     """
     return (
         1 + gain * np.maximum(lean - _UPRIGHT, 0.0),
@@ -202,7 +230,12 @@ def stretches(lean: FloatArray, gain: float) -> tuple[FloatArray, FloatArray]:
 
 
 def _shape(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Skewness / sqrt(n), and how far values are from being two."""
+    """Skewness / sqrt(n), and how far values are from being two: kurtosis - skewness^2 - 1.
+
+    This is 0 for two values, 0.8 for uniform and 2 for normal ones.
+
+    Source: Pearson 1916 for kurtosis being skewness^2 + 1 at least.
+    """
     off = values - values.mean(axis=-1, keepdims=True)
     square = off * off
     variance = np.maximum(square.mean(axis=-1), _LEAST_VARIANCE)
@@ -230,14 +263,17 @@ def one_sample(
         level: coverage, in [0.8, 0.99].
         is_share: values are failure and success, 0 and 1.
     Raises:
-        EvidenceError: fewer episodes than `FEWEST_EPISODES[statistic]`, one isn't finite, or all
-            are one number.
+        EvidenceError: fewer episodes than `FEWEST_EPISODES[statistic]` (of two outcomes
+            `FEWEST_OF_TWO`), one isn't finite, or all are one number.
     Source: `around` says which interval it is, and whose.
     """
     array = figures(values, "one_sample")
     check_statistic(statistic, "one_sample")
     check_level(level, "one_sample")
-    enough(len(array), FEWEST_EPISODES[statistic], "episodes", where="one_sample")
+    fewest = FEWEST_EPISODES[statistic]
+    if statistic == "mean" and (is_share or len(np.unique(array)) <= 2):
+        fewest = FEWEST_OF_TWO
+    enough(len(array), fewest, "episodes", where="one_sample")
     return around(array, statistic=statistic, rng=rng, level=level, is_share=is_share)
 
 
@@ -253,10 +289,9 @@ def around(
     """A statistic of independent values with its interval, however many there are.
 
     The mean of two outcomes gets Wilson's interval of their share; their IQM and median have none,
-    as these are one of the two for most shares. Else the mean gets a bootstrap-t interval
-    (half way between the equal-tailed and the symmetric one, farther on the side where values lean
-    from), the interquartile mean a t-expanded
-    percentile interval, the median the interval between order statistics.
+    as these are one of the two for most shares. Else the mean gets the bootstrap-t interval of
+    `reach_of_mean`, the interquartile mean a t-expanded percentile interval, the median the
+    interval between order statistics.
 
     Args:
         values: [n], two at least.

@@ -12,7 +12,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from gamekeeper.errors import EvidenceError
-from gamekeeper.statistics.interval import no_spread
+from gamekeeper.statistics.interval import enough, no_spread
 from gamekeeper.statistics.one_sample import reach_of_mean
 from gamekeeper.statistics.resampling import TRUSTED, Reach, extended, t_of_means
 from gamekeeper.statistics.student import env_step, student, student_p
@@ -53,13 +53,13 @@ def paired_effect(
     rng: Generator,
     level: float = 0.95,
     is_share: bool | None = None,
+    fewest: int = FEWEST,
 ) -> PairedEffect:
     """Mean of `changed - base` over paired episodes, with an interval.
 
     Differences that are all -d, 0 or d get Tango's score interval and McNemar's exact p, whatever
-    their unit. Others get a bootstrap-t interval half way between the equal-tailed one, which
-    follows a skew, and the symmetric one, which bears few distinct values, farther on the side
-    where differences lean from; its p-value is the least for which the interval leaves 0 out.
+    their unit. Others get the bootstrap-t interval of `reach_of_mean`; its p-value is the least for
+    which the interval leaves 0 out.
 
     Args:
         base: [episodes] a figure of each episode, unchanged, in its own units.
@@ -70,9 +70,11 @@ def paired_effect(
             differences are equal. False: figures have a unit, and where all differences are equal
             there is no interval. None: as the former where differences are -1, 0 and 1; else the
             interval of equal differences is that number.
+        fewest: pairs that differences of several sizes ask for, `FEWEST` or more: a claim about
+            episodes that are to come asks for more than one about what an intervention did.
     Raises:
-        EvidenceError: there are fewer than `FEWEST` pairs, the lengths differ, a figure isn't
-            finite, or all differences are equal and `is_share` is False.
+        EvidenceError: there are fewer than `FEWEST` pairs, or `fewest`, the lengths differ, a
+            figure isn't finite, or all differences are equal and `is_share` is False.
     Source: Tango 1998, "Equivalence test and confidence interval for the difference in proportions
         for the paired-sample design"; McNemar 1947; `reach_of_mean`.
     """
@@ -89,6 +91,7 @@ def paired_effect(
         return PairedEffect(value, unit * low, unit * high, _mcnemar(more, less), n)
     if is_flat:
         return PairedEffect(value, value, value, 1.0 if value == 0 else 2.0 ** (1 - n), n)
+    enough(n, fewest, "pairs", where="paired_effect")
     error = spread / sqrt(n)
     standard = (differences - value) / spread
     t = t_of_means(standard, rng)

@@ -15,6 +15,7 @@ from gamekeeper.errors import EvidenceError
 from gamekeeper.statistics.interval import (
     FEWEST_RUNS,
     FEWEST_RUNS_APART,
+    FEWEST_RUNS_SHARE,
     LEVEL,
     FloatArray,
     Interval,
@@ -193,15 +194,16 @@ def over_runs(
         level: coverage, in [0.8, 0.99].
         is_share: scores are shares of success.
     Raises:
-        EvidenceError: fewer runs than `FEWEST_RUNS[statistic]`, fewer shared seeds than
-            `FEWEST_SEEDS`, a figure isn't finite, or all runs have one score.
+        EvidenceError: fewer runs than `FEWEST_RUNS[statistic]` (shares: `FEWEST_RUNS_SHARE`), fewer
+            shared seeds than `FEWEST_SEEDS`, a figure isn't finite, or all runs have one score.
     Source: Davison & Hinkley 1997, 3.8 (resampling of clusters); `around` for the interval over
         runs; `with_seeds`.
     """
     run_means = run_scores(scores, where="over_runs")
     check_statistic(statistic, "over_runs")
     check_level(level, "over_runs")
-    enough(len(run_means), FEWEST_RUNS[statistic], "training runs", where="over_runs")
+    fewest = FEWEST_RUNS_SHARE if is_share and statistic == "mean" else FEWEST_RUNS[statistic]
+    enough(len(run_means), fewest, "training runs", where="over_runs")
     matrix = crossed(scores, where="over_runs") if shared_seeds else None
     blocks = [] if matrix is None else [Crossed(matrix, kept_runs(run_means, statistic), 1.0)]
     luck = reach_of_seeds(blocks, where="over_runs") if blocks else None
