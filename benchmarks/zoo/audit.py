@@ -26,6 +26,11 @@ AUDIT_S: Final = 60
 """Time limit that the audit is given (`--seconds`)."""
 OUTER_S: Final = 120
 """Time after which the process is ended: an audit that doesn't keep its limit."""
+SURROUNDINGS: Final = {
+    "SDL_VIDEODRIVER": "dummy",
+    "MPLBACKEND": "Agg",
+    "NUMBA_DISABLE_JIT": "1",  # what is compiled takes a minute of each process
+}
 
 
 def main() -> int:
@@ -54,7 +59,7 @@ def audited(each: Listed, command: Path) -> dict[str, Any]:
     """One audit's JSON, or what ended it without one."""
     words = [str(command), "audit", each.spec, "--quick", "--json", "--quiet"]
     words += ["--seconds", str(AUDIT_S), "--kwargs", json.dumps(dict(each.kwargs))]
-    surroundings = {**os.environ, "SDL_VIDEODRIVER": "dummy", "MPLBACKEND": "Agg"}
+    surroundings = {**os.environ, **SURROUNDINGS}
     result: dict[str, Any] = {"key": each.key, "half": each.half, "gamekeeper": _commit()}
     start = time.monotonic()
     try:

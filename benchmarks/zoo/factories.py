@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import os
 import sys
 from pathlib import Path
@@ -129,32 +130,6 @@ def mettagrid_rooms(agents: int = 4) -> Any:
     return MettaGridPettingZooEnv(Simulator(), config)
 
 
-def flatland(trains: int = 2) -> Any:
-    """A sparse rail network of Flatland's."""
-    from flatland.envs.line_generators import sparse_line_generator
-    from flatland.envs.rail_env import RailEnv
-    from flatland.envs.rail_generators import sparse_rail_generator
-    from flatland.ml.observations.flatten_tree_observation_for_rail_env import (
-        FlattenedNormalizedTreeObsForRailEnv,
-    )
-    from flatland.envs.predictions import ShortestPathPredictorForRailEnv
-    from flatland.ml.pettingzoo.pettingzoo_parallel_rail_env import PettingZooParallelEnvWrapper
-
-    observer = FlattenedNormalizedTreeObsForRailEnv(
-        max_depth=2, predictor=ShortestPathPredictorForRailEnv(max_depth=20)
-    )
-    rail = RailEnv(
-        width=25,
-        height=25,
-        rail_generator=sparse_rail_generator(max_num_cities=2, seed=1),
-        line_generator=sparse_line_generator(seed=1),
-        number_of_agents=trains,
-        obs_builder_object=observer,
-    )
-    rail.reset(random_seed=1)
-    return PettingZooParallelEnvWrapper(rail)
-
-
 def pymarl_overcooked(layout: str = "cramped_room", horizon: int = 60) -> Any:
     """The Overcooked that pymarlzooplus carries, through its Parallel class."""
     from pymarlzooplus.envs.overcooked_ai.src.overcooked_ai_py.agents.agent import (
@@ -180,13 +155,19 @@ def pymarl_overcooked(layout: str = "cramped_room", horizon: int = 60) -> Any:
 
 def sumo(parallel: bool = True) -> Any:
     """A junction of SUMO's that sumo-rl carries."""
-    import sumo_rl
+    import sumo as simulator
 
-    folder = Path(sumo_rl.__file__).parent / "nets" / "4x4-Lucas"
+    os.environ.setdefault("SUMO_HOME", simulator.SUMO_HOME)
+    found = importlib.util.find_spec("sumo_rl")
+    assert found is not None and found.origin is not None
+    folder = Path(found.origin).parent / "nets" / "4x4-Lucas"
     files = {"net_file": "4x4.net.xml", "route_file": "4x4c1c2c1c2.rou.xml"}
-    make = sumo_rl.parallel_env if parallel else sumo_rl.env
-    return make(
-        **{key: str(folder / name) for key, name in files.items()}, num_seconds=300, use_gui=False
+    return older(
+        "sumo_rl",
+        "parallel_env" if parallel else "env",
+        **{key: str(folder / name) for key, name in files.items()},
+        num_seconds=300,
+        use_gui=False,
     )
 
 
@@ -300,7 +281,10 @@ def cooking(level: str = "coop_test", agents: int = 2) -> Any:
 
 
 def wolfpack(predators: int = 2) -> Any:
-    """Wolfpack of the same author."""
+    """Wolfpack of the same author, made for the old Gym's spaces."""
+    import gymnasium
+
+    sys.modules.setdefault("gym", gymnasium)
     return of_repository(
         "DavidRother+pettingzoo_wolfpack",
         "pettingzoo_wolfpack.wolfpack.wolfpack_zoo_env",
@@ -338,23 +322,8 @@ def mosaic(name: str) -> Any:
     return to_pettingzoo_env(getattr(mosaic_multigrid.envs, name))()
 
 
-
 def battlesnake() -> Any:
     """Two snakes of pypzbattlesnake, without a window."""
     from pypzbattlesnake import BattleSnake
 
     return BattleSnake(teams_count=2, team_snakes_count=1, render_mode=None)
-
-
-def building() -> Any:
-    """A building of sustaingym's."""
-    from sustaingym.envs.building import MultiAgentBuildingEnv, ParameterGenerator
-
-    return MultiAgentBuildingEnv(ParameterGenerator("OfficeSmall", "Hot_Dry", "Tucson"))
-
-
-def charging() -> Any:
-    """Charging stations of sustaingym's, with traces that its model generates."""
-    from sustaingym.envs.evcharging import GMMsTraceGenerator, MultiAgentEVChargingEnv
-
-    return MultiAgentEVChargingEnv(GMMsTraceGenerator("caltech", "Summer 2021", seed=1))
