@@ -16,6 +16,8 @@ import os
 import subprocess
 import sys
 import time
+from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Final
 
@@ -40,7 +42,7 @@ def main() -> int:
     parser.add_argument("--results", type=Path, required=True)
     parser.add_argument("--only", nargs="*", default=[], help="words, one of which a key must hold")
     asked = parser.parse_args()
-    for each in catalogue():
+    for each in one_of_each_first(catalogue()):
         path = asked.results / f"{each.key.replace('/', '+')}.json"
         if path.exists() or (asked.only and not any(word in each.key for word in asked.only)):
             continue
@@ -53,6 +55,16 @@ def main() -> int:
         path.write_text(json.dumps(result, indent=1))
         print(f"{each.key}: {summary(result)}", flush=True)
     return 0
+
+
+def one_of_each_first(listed: Iterable[Listed]) -> list[Listed]:
+    """The first environment of every package, then the second, and so on."""
+    met: Counter[str] = Counter()
+    places: list[tuple[int, Listed]] = []
+    for each in listed:
+        places.append((met[each.package], each))
+        met[each.package] += 1
+    return [each for _, each in sorted(places, key=lambda place: place[0])]
 
 
 def audited(each: Listed, command: Path) -> dict[str, Any]:
