@@ -1,4 +1,4 @@
-"""Which foreign environments replay bit for bit: each row of the table in docs/zoo.md.
+"""Which foreign environments replay bit for bit: each row of the table in docs/shapes.md.
 
 Prints a JSON line for each row: package and version, environment, API, and `verified` or the cause.
 A row whose package isn't installed says so. Packages that can't live together have lists of

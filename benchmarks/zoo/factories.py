@@ -113,9 +113,9 @@ def of_repository(repository: str, module: str, factory: str, **kwargs: Any) -> 
 def multigrid(name: str, **kwargs: Any) -> Any:
     """A multigrid environment through its Parallel interface."""
     import gymnasium
-    import multigrid.envs  # registers them
     from multigrid.pettingzoo import PettingZooWrapper
 
+    importlib.import_module("multigrid.envs")  # registers them
     return PettingZooWrapper(gymnasium.make(name, **kwargs).unwrapped)
 
 
@@ -159,7 +159,8 @@ def sumo(parallel: bool = True) -> Any:
 
     os.environ.setdefault("SUMO_HOME", simulator.SUMO_HOME)
     found = importlib.util.find_spec("sumo_rl")
-    assert found is not None and found.origin is not None
+    assert found is not None
+    assert found.origin is not None
     folder = Path(found.origin).parent / "nets" / "4x4-Lucas"
     files = {"net_file": "4x4.net.xml", "route_file": "4x4c1c2c1c2.rou.xml"}
     return older(

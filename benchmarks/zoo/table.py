@@ -1,7 +1,7 @@
-"""The page docs/zoo.md: the catalogue's audits, what was judged of them, and how often each check is right.
+"""The page docs/zoo.md: audits of the catalogue, judgements, and how often each check is right.
 
-Reads the results that audit.py kept, and judgements.toml: of each failed verdict of severity high or
-medium that is a cause, whether the environment's source shows the fault.
+Reads the results that audit.py kept, and judgements.toml: whether an environment's source shows the
+fault, for each failed verdict of severity high or medium that is a cause.
 
     python benchmarks/zoo/table.py --results FOLDER > docs/zoo.md
 """
@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, Final
 
 sys.path.insert(0, str(Path(__file__).parent))
-from catalogue import HERE, Listed, catalogue
+from catalogue import CATALOGUE, HERE, Listed, catalogue
 
 JUDGED: Final = ("true", "same cause", "pedantic", "false")
 Judgements = Mapping[str, Mapping[str, str]]
@@ -63,7 +63,11 @@ def main() -> int:
     asked = parser.parse_args()
     rows = [Row(each, _result(asked.results, each)) for each in catalogue()]
     judged = tomllib.loads(asked.judgements.read_text())
-    print("\n".join([*opening(rows), *precision(rows, judged), *table(rows, judged), *rest(rows)]))
+    print(
+        "\n".join(
+            [*opening(rows), *precision(rows, judged), *table(rows, judged), *rest(rows, judged)]
+        )
+    )
     return 0
 
 
@@ -112,7 +116,7 @@ def _precision_row(half: str, check: str, counts: Mapping[tuple[str, str], int])
 def table(rows: list[Row], judged: Judgements) -> Iterator[str]:
     """A row for each environment."""
     yield "## The environments"
-    yield "A cause of severity high or medium stands with its judgement; *follow* counts what follows from one.\n"
+    yield "A cause stands with its judgement; *follow* counts what follows from one.\n"
     yield "| package | environment | half | causes | follow | minor | suspected | s |"
     yield "|---|---|---|---|---|---|---|---|"
     for package, several in groupby(rows, key=lambda row: row.listed.package):
@@ -145,16 +149,18 @@ def _ended(result: Mapping[str, Any]) -> str:
     return "no audit: " + " ".join(said.splitlines()[-1:])[-120:].replace("|", "/")
 
 
-def rest(rows: list[Row]) -> Iterator[str]:
+def rest(rows: list[Row], judged: Judgements) -> Iterator[str]:
     """Judgements in words, and what can't be had."""
-    judged = tomllib.loads((HERE / "judgements.toml").read_text())
     yield "## What was judged, and where the source says so"
     for row in rows:
         for check in row.causes:
             word, reason = _judgement(judged, row, check)
             if word:
                 yield f"- **{row.listed.key}** {check}, {word}: {reason}"
-    yield ""
+    yield "\n## What can't be had"
+    yield "| package | why |\n|---|---|"
+    for name, why in tomllib.loads(CATALOGUE.read_text())["left_out"].items():
+        yield f"| {name} | {why} |"
 
 
 def _judgement(judged: Judgements, row: Row, check: str) -> tuple[str, str]:
