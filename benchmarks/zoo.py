@@ -1,4 +1,4 @@
-"""Which foreign environments replay bit for bit: each row of the table in docs/zoo.md.
+"""Which foreign environments replay bit for bit: each row of the table in docs/shapes.md.
 
 Prints a JSON line for each row: package and version, environment, API, and `verified` or the cause.
 A row whose package isn't installed says so. Packages that can't live together have lists of
@@ -31,7 +31,7 @@ EPISODES: Final = 2
 MOST_TURNS: Final = 60
 HASH_SEED: Final = 1  # of the recording; the replay has a random one, as any process
 SILENCE_S: Final = 300.0  # XLA compiles for a minute on a busy processor
-DRAMATIS: Final = str(Path(__file__).with_name("zoo_factories.py"))
+DRAMATIS: Final = str(Path(__file__).with_name("zoo/factories.py"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ ROWS: Final = (
     Row("overcooked", "overcooked", "overcooked:cramped_room"),
     Row("lle", "lle", f"marlenv:{DRAMATIS}:laser_learning"),
     Row("ma_gym", "ma_gym", "gym:ma_gym:Switch2-v0"),
-    Row("highway", "highway_env", f"gymnasium:{DRAMATIS}:highway", contract="zoo_highway.toml"),
+    Row("highway", "highway_env", f"gymnasium:{DRAMATIS}:highway", contract="zoo/highway.toml"),
     Row("dsse", "DSSE", "DSSE:DroneSwarmSearch"),
     Row("cogrid", "cogrid", f"{DRAMATIS}:cogrid_overcooked"),
     Row("generals", "generals", f"{DRAMATIS}:generals"),
@@ -103,7 +103,7 @@ def main() -> int:
 
 def played(row: Row) -> dict[str, Any]:
     """One row, recorded and replayed where its package is there."""
-    shown = row.spec.replace(DRAMATIS, "benchmarks/zoo_factories.py")
+    shown = row.spec.replace(DRAMATIS, "benchmarks/zoo/factories.py")
     line: dict[str, Any] = {"packages": row.packages, "env": shown, "kwargs": dict(row.kwargs)}
     if importlib.util.find_spec(row.module) is None:
         cause = f"{row.module} isn't installed: requirements/zoo/{row.packages}.in"

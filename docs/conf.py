@@ -36,7 +36,7 @@ intersphinx_mapping = {
 
 LINK = re.compile(r"\[([^\]]+)\]\(([\w./-]+)\.md[)#]")
 HEADING = re.compile(r"^(##+) (.+)$", re.M)
-HOMES = {"checks/index": "checks/GK", "zoo-other": "findings/"}
+HOMES = {"checks/index": "checks/GK", "zoo": "findings/"}
 """Pages whose side bar lists a folder of their own: the folder, or how its pages' names begin."""
 ANY_LINK = re.compile(r"\[([^\]]*)\]\(([\w./-]+)(#[\w-]*)?\)")
 

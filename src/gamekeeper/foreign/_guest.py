@@ -221,7 +221,7 @@ def wrong_shape(what: str, *, expected: str, actual: object) -> EnvError:
         where=what,
         expected=expected,
         actual=f"{type(actual).__name__} {actual!r}"[:200],
-        fix="open it in the shape that it has; docs/zoo.md lists them",
+        fix="open it in the shape that it has; docs/shapes.md lists them",
     )
 
 

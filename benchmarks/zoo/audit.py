@@ -1,0 +1,110 @@
+"""Audits of the catalogue's public environments, one after another, each in its own environment.
+
+Keeps each audit's JSON in a folder and goes on where it was stopped: what has a result isn't
+audited again. Virtual environments lie in one folder, named as the lists in requirements/zoo/ that
+they are made from; public repositories lie in the folder ZOO_REPOSITORIES as `owner+name`, at the
+commit of the catalogue. An environment whose virtual environment is missing is left out.
+
+    python benchmarks/zoo/audit.py --venvs FOLDER --results FOLDER [--only WORD ...]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, Final
+
+sys.path.insert(0, str(Path(__file__).parent))
+from catalogue import Listed, catalogue
+
+AUDIT_S: Final = 60
+"""Time limit that the audit is given (`--seconds`)."""
+OUTER_S: Final = 120
+"""Time after which the process is ended: an audit that doesn't keep its limit."""
+SURROUNDINGS: Final = {
+    "SDL_VIDEODRIVER": "dummy",
+    "MPLBACKEND": "Agg",
+    "NUMBA_DISABLE_JIT": "1",  # what is compiled takes a minute of each process
+}
+
+
+def main() -> int:
+    """Audits what has no result yet; 0 in any case but wrong use."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--venvs", type=Path, required=True)
+    parser.add_argument("--results", type=Path, required=True)
+    parser.add_argument("--only", nargs="*", default=[], help="words, one of which a key must hold")
+    asked = parser.parse_args()
+    for each in one_of_each_first(catalogue()):
+        path = asked.results / f"{each.key.replace('/', '+')}.json"
+        if path.exists() or (asked.only and not any(word in each.key for word in asked.only)):
+            continue
+        command = asked.venvs / each.requirements / "bin" / "gamekeeper"
+        if not command.exists():
+            print(f"{each.key}: no {command}", flush=True)
+            continue
+        result = audited(each, command)
+        asked.results.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(result, indent=1))
+        print(f"{each.key}: {summary(result)}", flush=True)
+    return 0
+
+
+def one_of_each_first(listed: Iterable[Listed]) -> list[Listed]:
+    """The first environment of every package, then the second, and so on."""
+    met: Counter[str] = Counter()
+    places: list[tuple[int, Listed]] = []
+    for each in listed:
+        places.append((met[each.package], each))
+        met[each.package] += 1
+    return [each for _, each in sorted(places, key=lambda place: place[0])]
+
+
+def audited(each: Listed, command: Path) -> dict[str, Any]:
+    """One audit's JSON, or what ended it without one."""
+    words = [str(command), "audit", each.spec, "--quick", "--json", "--quiet"]
+    words += ["--seconds", str(AUDIT_S), "--kwargs", json.dumps(dict(each.kwargs))]
+    surroundings = {**os.environ, **SURROUNDINGS}
+    result: dict[str, Any] = {"key": each.key, "half": each.half, "gamekeeper": _commit()}
+    start = time.monotonic()
+    try:
+        done = subprocess.run(
+            words, capture_output=True, text=True, timeout=OUTER_S, env=surroundings
+        )
+    except subprocess.TimeoutExpired:
+        return {**result, "ended": f"no answer in {OUTER_S} s", "seconds": OUTER_S}
+    result |= {"returncode": done.returncode, "seconds": round(time.monotonic() - start, 1)}
+    try:
+        return {**result, "audit": json.loads(done.stdout)}
+    except json.JSONDecodeError:
+        return {**result, "ended": done.stderr.strip()[-2000:]}
+
+
+def summary(result: dict[str, Any]) -> str:
+    """One line: what failed, what is suspected, how long it took."""
+    if "audit" not in result:
+        return f"{result['seconds']} s, {result['ended'].splitlines()[-1:]}"
+    verdicts = result["audit"].get("verdicts", [])
+    failed = [
+        f"{each['id']}{'' if each.get('follows_from') is None else '*'}"
+        for each in verdicts
+        if each["outcome"] == "failed"
+    ]
+    suspected = [each["id"] for each in verdicts if each["outcome"] == "suspected"]
+    return f"{result['seconds']} s, failed {' '.join(failed)}, suspected {' '.join(suspected)}"
+
+
+def _commit() -> str:
+    words = ["git", "-C", str(Path(__file__).parent), "rev-parse", "--short", "HEAD"]
+    return subprocess.run(words, capture_output=True, text=True).stdout.strip()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

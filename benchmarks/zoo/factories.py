@@ -1,0 +1,330 @@
+"""Factories for environments of the zoo that take more than names and numbers to build."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import os
+import sys
+from pathlib import Path
+from typing import Any
+
+
+def laser_learning(level: int = 6) -> Any:
+    """A level of the Laser Learning Environment."""
+    import lle
+
+    return lle.level(level).build()
+
+
+def highway(cars: int = 2) -> Any:
+    """Several cars of ours on the highway: tuples of actions and observations."""
+    import gymnasium
+    import highway_env
+
+    highway_env.register_highway_envs() if hasattr(highway_env, "register_highway_envs") else None
+    each = {"type": "Kinematics", "vehicles_count": 5}
+    config = {
+        "controlled_vehicles": cars,
+        "vehicles_count": 10,
+        "duration": 30,
+        "action": {"type": "MultiAgentAction", "action_config": {"type": "DiscreteMetaAction"}},
+        "observation": {"type": "MultiAgentObservation", "observation_config": each},
+    }
+    return gymnasium.make("highway-fast-v0", config=config, disable_env_checker=True)
+
+
+def cogrid_overcooked(layout: str = "Overcooked-CrampedRoom-V0") -> Any:
+    """Two cooks of CoGrid's."""
+    from cogrid.envs import registry
+
+    return registry.make(layout)
+
+
+def generals() -> Any:
+    """Two players of Generals.io; the roster carries names alone, the policies are ours."""
+    from generals.agents import RandomAgent
+    from generals.envs import PettingZooGenerals
+
+    players = {name: RandomAgent(id=name) for name in ("red", "blue")}
+    return PettingZooGenerals(agents=players)
+
+
+def football() -> Any:
+    """Frondori's football of two."""
+    from frondori_football import FootballEnv
+
+    return FootballEnv()
+
+
+def pymapf_parallel(agents: int = 3, width: int = 6, height: int = 6) -> Any:
+    """Path finding by PyMAPF: obstacles drawn at random, through its PettingZoo face."""
+    from pymapf.rl import MAPFEnv
+
+    return MAPFEnv("random_obstacles", n_agents=agents, width=width, height=height).to_pettingzoo()
+
+
+def mosaic_soccer(render_mode: str | None = None) -> Any:
+    """Soccer of two against two by Mosaic's grids, through its Parallel face."""
+    from mosaic_multigrid.envs import SoccerGame4HIndAgObsEnv16x11N2
+    from mosaic_multigrid.pettingzoo import to_pettingzoo_env
+
+    return to_pettingzoo_env(SoccerGame4HIndAgObsEnv16x11N2)(render_mode=render_mode)
+
+
+def mosaic_soccer_aec(render_mode: str | None = None) -> Any:
+    """The same through its AEC face."""
+    from mosaic_multigrid.envs import SoccerGame4HIndAgObsEnv16x11N2
+    from mosaic_multigrid.pettingzoo import to_pettingzoo_aec_env
+
+    return to_pettingzoo_aec_env(SoccerGame4HIndAgObsEnv16x11N2)(render_mode=render_mode)
+
+
+def sustainable_foraging(render_mode: str | None = None) -> Any:
+    """Foraging of two that have to leave something, by turns."""
+    from sustainable_foraging.foraging.aecEnvironment import ForagingEnv
+
+    return ForagingEnv(2, (6, 6), 3, 6, 50, render_mode=render_mode)
+
+
+# Packages of the index whose environments are built from parts.
+
+
+def older(module: str, factory: str, **kwargs: Any) -> Any:
+    """Calls a factory written for PettingZoo 1.24 or older.
+
+    `pettingzoo.utils.agent_selector` was the class there; today it is the module that holds it.
+    """
+    import pettingzoo.utils
+
+    pettingzoo.utils.agent_selector = pettingzoo.utils.AgentSelector  # type: ignore[assignment,misc]
+    return getattr(importlib.import_module(module), factory)(**kwargs)
+
+
+def of_repository(repository: str, module: str, factory: str, **kwargs: Any) -> Any:
+    """Calls a factory of a repository that lies in the folder ZOO_REPOSITORIES as `owner+name`."""
+    folder, _, inner = repository.partition(":")
+    path = Path(os.environ["ZOO_REPOSITORIES"], folder, inner)
+    if str(path) not in sys.path:
+        sys.path.insert(0, str(path))
+    return older(module, factory, **kwargs)
+
+
+def multigrid(name: str, **kwargs: Any) -> Any:
+    """A multigrid environment through its Parallel interface."""
+    import gymnasium
+    from multigrid.pettingzoo import PettingZooWrapper
+
+    importlib.import_module("multigrid.envs")  # registers them
+    return PettingZooWrapper(gymnasium.make(name, **kwargs).unwrapped)
+
+
+def mettagrid_rooms(agents: int = 4) -> Any:
+    """A room of MettaGrid's with its default rules."""
+    from mettagrid.config.mettagrid_config import MettaGridConfig
+    from mettagrid.envs.pettingzoo_env import MettaGridPettingZooEnv
+    from mettagrid.simulator import Simulator
+
+    config = MettaGridConfig.EmptyRoom(num_agents=agents)
+    config.game.max_steps = 100
+    return MettaGridPettingZooEnv(Simulator(), config)
+
+
+def pymarl_overcooked(layout: str = "cramped_room", horizon: int = 60) -> Any:
+    """The Overcooked that pymarlzooplus carries, through its Parallel class."""
+    from pymarlzooplus.envs.overcooked_ai.src.overcooked_ai_py.agents.agent import (
+        AgentPair,
+        StayAgent,
+    )
+    from pymarlzooplus.envs.overcooked_ai.src.overcooked_ai_py.mdp.overcooked_env import (
+        OvercookedEnv,
+        OvercookedEnvPettingZoo,
+    )
+    from pymarlzooplus.envs.overcooked_ai.src.overcooked_ai_py.mdp.overcooked_mdp import (
+        OvercookedGridworld,
+    )
+
+    base = OvercookedEnv.from_mdp(OvercookedGridworld.from_layout_name(layout), horizon=horizon)
+
+    class Featurized(StayAgent):
+        def featurize(self, state: Any) -> Any:
+            return base.featurize_state_mdp(state)
+
+    return OvercookedEnvPettingZoo(base, AgentPair(Featurized(), Featurized()))
+
+
+def sumo(parallel: bool = True) -> Any:
+    """A junction of SUMO's that sumo-rl carries."""
+    import sumo as simulator
+
+    os.environ.setdefault("SUMO_HOME", simulator.SUMO_HOME)
+    found = importlib.util.find_spec("sumo_rl")
+    assert found is not None
+    assert found.origin is not None
+    folder = Path(found.origin).parent / "nets" / "4x4-Lucas"
+    files = {"net_file": "4x4.net.xml", "route_file": "4x4c1c2c1c2.rou.xml"}
+    return older(
+        "sumo_rl",
+        "parallel_env" if parallel else "env",
+        **{key: str(folder / name) for key, name in files.items()},
+        num_seconds=300,
+        use_gui=False,
+    )
+
+
+# Packages made for older interfaces: `dones` in place of two flags, spaces of the old Gym.
+
+
+def with_dones(old: type) -> type:
+    """A class of before PettingZoo 1.22, `dones` and all, in the shape of today's AECEnv."""
+
+    class Today(old):  # type: ignore[misc, valid-type]
+        @property
+        def dones(self) -> dict[Any, bool]:
+            return self.terminations
+
+        @dones.setter
+        def dones(self, ended: dict[Any, bool]) -> None:
+            self.terminations = ended
+            self.truncations = dict.fromkeys(ended, False)
+
+        def reset(self, seed: int | None = None, options: Any = None) -> None:
+            if seed is not None:
+                self.seed(seed)
+            super().reset()
+
+        def _dones_step_first(self) -> Any:
+            return self._deads_step_first()
+
+        def _was_done_step(self, action: Any) -> None:
+            self._was_dead_step(action)
+
+    return Today
+
+
+def skyjo(players: int = 3) -> Any:
+    """The card game Skyjo of rlskyjo, made for PettingZoo 1.14 and the old Gym's spaces."""
+    import gymnasium
+
+    sys.modules.setdefault("gym", gymnasium)
+    from rlskyjo.environment.skyjo_env import DEFAULT_CONFIG, SimpleSkyjoEnv
+
+    return with_dones(SimpleSkyjoEnv)(**{**DEFAULT_CONFIG, "num_players": players})
+
+
+# Public repositories.
+
+
+def crazyrl(task: str, agents: int = 3) -> Any:
+    """A task of CrazyRL in its own simulation."""
+    import numpy as np
+
+    ids = np.arange(agents)
+    start = np.array([[0, 0, 1], [1, 1, 1], [0, 1, 1], [2, 2, 1]])[:agents]
+    target = np.array([[1, 1, 2.5]])
+    wanted: dict[str, dict[str, Any]] = {
+        "hover": {},
+        "circle": {},
+        "surround": {"target_location": target},
+        "catch": {"init_target_location": target, "target_speed": 0.1},
+        "escort": {"init_target_location": target, "final_target_location": -target},
+    }
+    return of_repository(
+        "ffelten+CrazyRL",
+        f"crazy_rl.multi_agent.numpy.{task}.{task}",
+        task.capitalize(),
+        drone_ids=ids,
+        init_flying_pos=start,
+        **wanted[task],
+    )
+
+
+def flocking() -> Any:
+    """Boids of Multi-Agent-Flocking, with mpe2 in the place of PettingZoo's mpe that it imports."""
+    import mpe2
+    import mpe2._mpe_utils.simple_env
+
+    sys.modules["pettingzoo.mpe"] = mpe2
+    sys.modules["pettingzoo.mpe._mpe_utils"] = mpe2._mpe_utils
+    for name in ("simple_env", "core", "scenario"):
+        module = importlib.import_module(f"mpe2._mpe_utils.{name}")
+        sys.modules[f"pettingzoo.mpe._mpe_utils.{name}"] = module
+    import yaml
+
+    where = Path(os.environ["ZOO_REPOSITORIES"], "NitishNaineni+Multi-Agent-Flocking")
+    config = yaml.safe_load((where / "config" / "env.yml").read_text())
+    return of_repository(where.name, "boids", "parallel_env", config=config)
+
+
+def tft(players: int = 4) -> Any:
+    """Teamfight Tactics of TFTMuZeroAgent."""
+    made = of_repository(
+        "silverlight6+TFTMuZeroAgent", "Simulator.tft_simulator", "TFTConfig", num_players=players
+    )
+    return of_repository(
+        "silverlight6+TFTMuZeroAgent", "Simulator.tft_simulator", "parallel_env", config=made
+    )
+
+
+def cooking(level: str = "coop_test", agents: int = 2) -> Any:
+    """A kitchen of cooking_zoo."""
+    return of_repository(
+        "DavidRother+cooking_zoo",
+        "cooking_zoo.environment.cooking_env",
+        "parallel_env",
+        level=level,
+        meta_file="example",
+        num_agents=agents,
+        max_steps=100,
+        recipes=["TomatoLettuceSalad", "CarrotBanana"][:agents],
+        obs_spaces=["feature_vector"] * agents,
+    )
+
+
+def wolfpack(predators: int = 2) -> Any:
+    """Wolfpack of the same author, made for the old Gym's spaces."""
+    import gymnasium
+
+    sys.modules.setdefault("gym", gymnasium)
+    return of_repository(
+        "DavidRother+pettingzoo_wolfpack",
+        "pettingzoo_wolfpack.wolfpack.wolfpack_zoo_env",
+        "parallel_env",
+        env_name="wolfpack",
+        ep_max_timesteps=50,
+        n_predator=predators,
+        prefix="",
+        seed=1,
+    )
+
+
+def matrix_game(game: str) -> Any:
+    """A matrix game of pettingzoo-dilemmas."""
+    module = f"pettingzoo_dilemmas.{game}.{game}_v0"
+    return of_repository("mrochk+pettingzoo-dilemmas", module, "env", nrounds=10)
+
+
+def network_game(name: str, agents: int = 4, **kwargs: Any) -> Any:
+    """A game of cognac's on a ring, each agent influenced by the two beside it."""
+    import cognac.env
+    import numpy as np
+
+    ring = np.zeros((agents, agents))
+    for agent in range(agents):
+        ring[agent, (agent + 1) % agents] = ring[agent, (agent - 1) % agents] = 0.5
+    return getattr(cognac.env, name)(adjacency_matrix=ring, **kwargs)
+
+
+def mosaic(name: str) -> Any:
+    """An environment of Mosaic's grids through its Parallel interface."""
+    import mosaic_multigrid.envs
+    from mosaic_multigrid.pettingzoo import to_pettingzoo_env
+
+    return to_pettingzoo_env(getattr(mosaic_multigrid.envs, name))()
+
+
+def battlesnake() -> Any:
+    """Two snakes of pypzbattlesnake, without a window."""
+    from pypzbattlesnake import BattleSnake
+
+    return BattleSnake(teams_count=2, team_snakes_count=1, render_mode=None)

@@ -1,0 +1,177 @@
+"""The page docs/zoo.md: audits of the catalogue, judgements, and how often each check is right.
+
+Reads the results that audit.py kept, and judgements.toml: whether an environment's source shows the
+fault, for each failed verdict of severity high or medium that is a cause.
+
+    python benchmarks/zoo/table.py --results FOLDER > docs/zoo.md
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tomllib
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+from typing import Any, Final
+
+sys.path.insert(0, str(Path(__file__).parent))
+from catalogue import CATALOGUE, HERE, Listed, catalogue
+
+JUDGED: Final = ("true", "same cause", "pedantic", "false")
+Judgements = Mapping[str, Mapping[str, str]]
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One environment of the table."""
+
+    listed: Listed
+    result: Mapping[str, Any] | None
+
+    @property
+    def verdicts(self) -> list[dict[str, Any]]:
+        """Verdicts of its audit, or none."""
+        audit = (self.result or {}).get("audit") or {}
+        return list(audit.get("verdicts", ()))
+
+    def failed(self, *severities: str, cause: bool) -> list[str]:
+        """Checks that failed, as causes or as what follows from one."""
+        return [
+            each["id"]
+            for each in self.verdicts
+            if each["outcome"] == "failed"
+            and each["severity"] in severities
+            and (each.get("follows_from") is None) == cause
+        ]
+
+    @property
+    def causes(self) -> list[str]:
+        """Checks that failed with severity high or medium and follow from nothing."""
+        return self.failed("high", "medium", cause=True)
+
+
+def main() -> int:
+    """Prints the page."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--results", type=Path, required=True)
+    parser.add_argument("--judgements", type=Path, default=HERE / "judgements.toml")
+    asked = parser.parse_args()
+    rows = [Row(each, _result(asked.results, each)) for each in catalogue()]
+    judged = tomllib.loads(asked.judgements.read_text())
+    print(
+        "\n".join(
+            [*opening(rows), *precision(rows, judged), *table(rows, judged), *rest(rows, judged)]
+        )
+    )
+    return 0
+
+
+def opening(rows: list[Row]) -> Iterator[str]:
+    """Heading, the rule of gathering, and counts."""
+    yield (HERE / "opening.md").read_text().rstrip()
+    yield ""
+    packages = {row.listed.package for row in rows}
+    audited = [row for row in rows if row.verdicts]
+    halves = Counter(row.listed.half for row in audited)
+    yield (
+        f"{len(rows)} environments of {len(packages)} packages, "
+        f"{sum('/' in each for each in packages)} of them public repositories. "
+        f"{len(audited)} gave an audit: {halves['tuned']} of the tuned half, "
+        f"{halves['held']} of the held one."
+    )
+    yield ""
+
+
+def precision(rows: list[Row], judged: Judgements) -> Iterator[str]:
+    """How many causes of each check are true, for both halves."""
+    yield "## How often a check is right"
+    yield "Failed verdicts of severity high or medium that are causes, as they were judged.\n"
+    yield "| half | check | failed | " + " | ".join(JUDGED) + " | not judged | true of judged |"
+    yield "|---|---|---|" + "---|" * (len(JUDGED) + 2)
+    for half in ("tuned", "held"):
+        counts: Counter[tuple[str, str]] = Counter()
+        for row in rows:
+            if row.listed.half == half:
+                for check in row.causes:
+                    counts[check, _judgement(judged, row, check)[0]] += 1
+                    counts["all", _judgement(judged, row, check)[0]] += 1
+        for check in sorted({check for check, _ in counts}):
+            yield _precision_row(half, check, counts)
+    yield ""
+
+
+def _precision_row(half: str, check: str, counts: Mapping[tuple[str, str], int]) -> str:
+    each = [counts[check, word] for word in JUDGED]
+    unjudged = counts[check, ""]
+    share = f"{100 * each[0] / sum(each):.0f} %" if sum(each) else ""
+    cells = [half, check, sum(each) + unjudged, *each, unjudged, share]
+    return "| " + " | ".join(str(cell) for cell in cells) + " |"
+
+
+def table(rows: list[Row], judged: Judgements) -> Iterator[str]:
+    """A row for each environment."""
+    yield "## The environments"
+    yield "A cause stands with its judgement; *follow* counts what follows from one.\n"
+    yield "| package | environment | half | causes | follow | minor | suspected | s |"
+    yield "|---|---|---|---|---|---|---|---|"
+    for package, several in groupby(rows, key=lambda row: row.listed.package):
+        for place, row in enumerate(several):
+            shown = f"{package} {row.listed.version[:10]}" if place == 0 else ""
+            yield f"| {shown} | {row.listed.name} | {row.listed.half} | {_cells(row, judged)} |"
+    yield ""
+
+
+def _cells(row: Row, judged: Judgements) -> str:
+    if row.result is None:
+        return "not audited | | | | "
+    if not row.verdicts:
+        return f"{_ended(row.result)} | | | | {row.result['seconds']}"
+    causes = [f"{check} {_judgement(judged, row, check)[0]}".strip() for check in row.causes]
+    follow = len(row.failed("high", "medium", "low", cause=False))
+    suspected = [each["id"] for each in row.verdicts if each["outcome"] == "suspected"]
+    cells = [
+        ", ".join(causes) or "none",
+        follow or "",
+        ", ".join(row.failed("low", cause=True)),
+        ", ".join(suspected),
+        round(row.result["seconds"]),
+    ]
+    return " | ".join(str(cell) for cell in cells)
+
+
+def _ended(result: Mapping[str, Any]) -> str:
+    said = str(result.get("ended") or result.get("audit", {}).get("error") or "no verdict")
+    return "no audit: " + " ".join(said.splitlines()[-1:])[-120:].replace("|", "/")
+
+
+def rest(rows: list[Row], judged: Judgements) -> Iterator[str]:
+    """Judgements in words, and what can't be had."""
+    yield "## What was judged, and where the source says so"
+    for row in rows:
+        for check in row.causes:
+            word, reason = _judgement(judged, row, check)
+            if word:
+                yield f"- **{row.listed.key}** {check}, {word}: {reason}"
+    yield "\n## What can't be had"
+    yield "| package | why |\n|---|---|"
+    for name, why in tomllib.loads(CATALOGUE.read_text())["left_out"].items():
+        yield f"| {name} | {why} |"
+
+
+def _judgement(judged: Judgements, row: Row, check: str) -> tuple[str, str]:
+    word, _, reason = judged.get(row.listed.key, {}).get(check, "").partition(": ")
+    return (word, reason.strip())
+
+
+def _result(folder: Path, each: Listed) -> Mapping[str, Any] | None:
+    path = folder / f"{each.key.replace('/', '+')}.json"
+    return json.loads(path.read_text()) if path.exists() else None
+
+
+if __name__ == "__main__":
+    sys.exit(main())
