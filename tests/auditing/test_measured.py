@@ -19,15 +19,25 @@ from tests.faults.tokens import Tokens
 
 FIELDS = {
     "schedule",
+    "stages",
+    "order",
+    "observe",
+    "conflicts",
+    "legality",
     "order_sensitive",
     "deterministic",
     "horizon",
     "symmetric",
     "reward",
     "endings",
+    "may_join",
+    "may_leave",
     "influence",
+    "looked_ahead",
     "advice",
+    "because",
     "why",
+    "not_measured",
 }
 
 
@@ -45,11 +55,13 @@ def test_measured_of_nothing_has_every_field() -> None:
     assert set(found) == FIELDS
     assert (found["advice"], found["schedule"], found["deterministic"]) == (None, None, None)
     assert found["why"]
+    nulls = {key for key, value in found.items() if value is None} - {"may_join", "may_leave"}
+    assert nulls - {"schedule", "order_sensitive", "looked_ahead"} == set(found["not_measured"])
 
 
 def test_measured_names_its_probes() -> None:
     """The audit gathers what the measurement reads."""
-    assert set(PROBES) == {"rollout", "order", "influence", "same_seed"}
+    assert set(PROBES) == {"rollout", "order", "form", "same_seed"}
 
 
 def test_measured_parallel_game(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -68,14 +80,19 @@ def test_measured_parallel_advice_names_its_evidence(monkeypatch: pytest.MonkeyP
     """Where no order changes anything Parallel is right, in so many ticks."""
     found = form_of(partial(Grab, "draw"), monkeypatch)
     assert (found["order_sensitive"], found["advice"]) == ("none", "parallel")
-    assert "ticks" in found["why"]
+    assert "looks" in found["why"]
 
 
 def test_measured_aec_that_hides_moves_is_parallel(monkeypatch: pytest.MonkeyPatch) -> None:
     """In turns, but nobody sees the tick's moves: a simultaneous game."""
-    found = form_of(HiddenHands, monkeypatch, 900)
+    found = form_of(HiddenHands, monkeypatch, 3_000)
     assert found["advice"] == "parallel", found["why"]
     assert found["schedule"]["order"] == "fixed"
+    assert (found["order"], found["observe"], found["conflicts"]) == (
+        "none",
+        "after tick",
+        "joint rule",
+    )
     assert found["horizon"] == 12
 
 

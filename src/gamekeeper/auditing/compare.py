@@ -90,7 +90,8 @@ def _measured(a: AuditResult, b: AuditResult) -> Iterator[Changed]:
     one, two = dict(a.measured), dict(b.measured)
     yield from _influence(one.pop("influence", None) or [], two.pop("influence", None) or [])
     for each in (one, two):
-        each.pop("why", None)  # the advice in words
+        for words in ("why", "not_measured"):  # they follow from the rest
+            each.pop(words, None)
     for path, left, right in _leaves(one, two):
         yield Changed("measured", path, left, right)
 

@@ -122,7 +122,9 @@ def gather(
     """
     found = probes(names)
     gathering = Gathering(lab, found)
-    total = left = sum(probe.share for probe in found.values())
+    total = sum(probe.share for probe in found.values()) or 1.0
+    parts = {name: probe.share / total + probe.on_top for name, probe in found.items()}
+    left = sum(parts.values())
     if until_s is not None:
         lab.ration = min(lab.ration, _steps_until(lab, until_s))
     order = sorted(found.items(), key=lambda pair: pair[0] != FIRST)
@@ -142,10 +144,10 @@ def gather(
             gathering.not_exercised[name] = reason
             continue
         begun_s = time.perf_counter()
-        part = probe.share / total
+        part = parts[name]
         if until_s is not None:
             now_s = time.monotonic()
-            lab.meter.until_s = now_s + max(until_s - now_s, 0.0) * probe.share / left
+            lab.meter.until_s = now_s + max(until_s - now_s, 0.0) * part / left
         try:
             _probe(gathering, name, probe, int(lab.ration * part), int(EVIDENCE_BYTES * part))
         except TimeUpError:
@@ -156,7 +158,7 @@ def gather(
                 raise
             gathering.stopped = INTERRUPTED
             gathering.not_exercised[name] = gathering.stopped
-        left -= probe.share
+        left -= parts[name]
         gathering.seconds[name] = time.perf_counter() - begun_s
         if name == ROLLOUT:
             _check_measured(gathering)

@@ -5,20 +5,36 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from gamekeeper.auditing.measure import form
-from gamekeeper.auditing.measure.advice import advice
-from gamekeeper.auditing.measure.influence import influence
+from gamekeeper.auditing.measure import comings, form, roles, trials, turns
+from gamekeeper.auditing.measure.advice import Advice, RoundSigns, advice
 from gamekeeper.auditing.measure.payments import payments
-from gamekeeper.checks.endings.role_symmetry import p_by_role
+from gamekeeper.checks.facts.form_facts import (
+    DrawnPriority,
+    EpisodeShape,
+    MoveTrial,
+    UnsettledMoves,
+)
 from gamekeeper.checks.facts.play_facts import OrderOutcome
-from gamekeeper.checks.probe_evidence import ProbeCounterfactual, ProbeEvidence
+from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.layout import role
 from gamekeeper.statistics.significance import holm
 
-PROBES: Final[tuple[str, ...]] = ("rollout", "order", "influence", "same_seed")
+PROBES: Final[tuple[str, ...]] = ("rollout", "order", "form", "same_seed")
 """Probes whose looks it reads."""
 LEVEL: Final = 0.01
+NOT_SEEN: Final[Mapping[str, str]] = {
+    "stages": "fewer than three rounds in which agents acted in an order that means something",
+    "order": "no round had two agents, or it isn't known whether moves are made together",
+    "observe": "too few looks at what later agents of a round observe",
+    "conflicts": "too few looks at what moves change of other agents",
+    "legality": "too few looks at masks of other agents",
+    "deterministic": "no rerun",
+    "horizon": "whole episodes were not truncated, at one length, twice at least",
+    "symmetric": "no role has two agents, or too few episodes began with two of them",
+    "advice": "too few looks",
+}
+"""Reasons why a field has no value."""
 
 
 def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
@@ -26,22 +42,114 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
 
     The contract only says which agents are of one role; nothing is judged here.
     """
-    traces, counterfactuals = evidence["rollout"], list(evidence.counterfactuals("influence"))
-    api = evidence.api
-    schedule, order = form.schedule(traces, api), _order(evidence)
-    advised, why = advice(api, schedule, order, counterfactuals)
-    return {
-        "schedule": schedule,
+    traces, api = evidence["rollout"], evidence.api
+    shapes = [fact.value for fact in evidence.facts(EpisodeShape)]
+    moves, order = evidence.facts(MoveTrial), _order(evidence)
+    within = trials.within_rounds(moves)
+    if not order and shapes and api == "parallel" and _most_movers(shapes) == 1:
+        order = {"result": "none"}  # of one action there is one order
+    priority, ranked = roles.priority(
+        [f.value for f in evidence.facts(DrawnPriority)], evidence.agents
+    )
+    advised = advice(_signs(evidence, shapes, within, priority, order))
+    turn_order = turns.order_of_turns(shapes, [fact.value for fact in moves])
+    play_order = _play_order(api, advised, turn_order, shapes)
+    by_role = roles_of(contract, evidence)
+    found = {
+        "schedule": form.schedule(traces, api),
+        "stages": turns.stages(shapes, by_role, play_order),
+        "order": play_order,
+        "observe": _observe(api, within, shapes),
+        "conflicts": _conflicts(api, advised, priority, order, play_order),
+        "legality": trials.legality(moves),
         "order_sensitive": order.get("result"),
-        "deterministic": _deterministic(evidence, counterfactuals),
-        "horizon": form.horizon(traces, api),
-        "symmetric": _symmetric(contract, evidence),
-        "reward": payments(traces),
-        "endings": form.endings(traces, api),
-        "influence": influence(counterfactuals),
-        "advice": advised,
-        "why": why,
+        "deterministic": _deterministic(evidence),
+        "horizon": comings.horizon(shapes),
+        "symmetric": roles.symmetric(shapes, by_role, _first_comes(within, ranked, play_order)),
+        "reward": {**payments(traces, api), "pairs": trials.pairs(moves)},
+        "endings": {**form.endings(traces, api), "kinds": comings.kinds_of_endings(shapes)},
+        "may_join": comings.joined(shapes) if shapes else None,
+        "may_leave": comings.left(shapes) if shapes else None,
+        "influence": trials.influence(moves),
+        "looked_ahead": trials.ahead(moves) or None,
+        "advice": advised.api,
+        "because": list(advised.because),
+        "why": advised.why,
     }
+    silent = {key: why for key, why in NOT_SEEN.items() if found[key] is None}
+    return {**found, "not_measured": silent}
+
+
+def _signs(
+    evidence: ProbeEvidence,
+    shapes: Sequence[EpisodeShape],
+    within: Mapping[str, trials.Within],
+    priority: str | None,
+    order: Mapping[str, Any],
+) -> RoundSigns:
+    hits, looks = trials.between_agents(evidence.facts(MoveTrial))
+    return RoundSigns(
+        api=evidence.api,
+        within=within,
+        hits=hits,
+        looks=looks,
+        most_in_a_round=_most_movers(shapes),
+        priority=priority,
+        dictionary=order.get("result"),
+        unsettled=bool(evidence.facts(UnsettledMoves)),
+    )
+
+
+def _most_movers(shapes: Sequence[EpisodeShape]) -> int:
+    """The most agents that acted in one round."""
+    return max((len(each) for shape in shapes for each in shape.rounds), default=0)
+
+
+def _play_order(
+    api: str, advised: Advice, order: str | None, shapes: Sequence[EpisodeShape]
+) -> str | None:
+    """Order of the contract's words: `none` where moves are made together, whatever the turns."""
+    if api == "parallel":
+        return "none" if shapes else None
+    return {"parallel": "none", None: None}.get(advised.api, order)
+
+
+def _observe(
+    api: str, within: Mapping[str, trials.Within], shapes: Sequence[EpisodeShape]
+) -> str | None:
+    if api == "parallel":
+        return "after tick" if shapes else None
+    if within["state"].hits or within["legality"].hits:
+        return "after turn"
+    return "after tick" if within["state"].looks >= trials.FEWEST else None
+
+
+def _conflicts(
+    api: str,
+    advised: Advice,
+    priority: str | None,
+    order: Mapping[str, Any],
+    play_order: str | None,
+) -> str | None:
+    if api == "parallel":
+        if order.get("result") == "outcome":
+            return "priority"
+        words = {"roster": "priority", "random": "random"}
+        return words.get(priority or "", "joint rule" if advised.api else None)
+    if advised.api == "aec":
+        return "ordered"
+    return "joint rule" if advised.api else None
+
+
+def _first_comes(
+    within: Mapping[str, trials.Within], ranked: frozenset[str], order: str | None
+) -> dict[str, str]:
+    """Roles in which an order of the names decides, and the reason."""
+    found = dict.fromkeys(sorted(ranked), "of two moves the first agent's in the roster counts")
+    if order == "fixed":
+        names = sorted({name for each in within.values() for name in each.roles})
+        found.update(dict.fromkeys(names, "its agents act in a fixed order that decides"))
+    return found
 
 
 def _order(evidence: ProbeEvidence) -> dict[str, Any]:
@@ -61,13 +169,11 @@ def _order(evidence: ProbeEvidence) -> dict[str, Any]:
     return found
 
 
-def _deterministic(
-    evidence: ProbeEvidence, counterfactuals: Sequence[ProbeCounterfactual]
-) -> bool | None:
+def _deterministic(evidence: ProbeEvidence) -> bool | None:
     """Tells whether seed and actions settled every rerun; None where there was none."""
     unchanged_reruns = {
         id(counterfactual.unchanged_rerun): counterfactual.noise is None
-        for counterfactual in counterfactuals
+        for counterfactual in evidence.counterfactuals("influence")
     }
     orders = [fact.value.result != "noise" for fact in evidence.facts(OrderOutcome)]
     again = [
@@ -77,17 +183,6 @@ def _deterministic(
     ]
     reruns = [*unchanged_reruns.values(), *orders, *again]
     return all(reruns) if reruns else None
-
-
-def _symmetric(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any] | None:
-    """By role, whether its agents fare alike under random play, with the p-value."""
-    traces = evidence["rollout"]
-    p_values = p_by_role(traces, roles_of(contract, evidence))
-    corrected = holm(list(p_values.values()))
-    return {
-        name: {"seems": bool(p > LEVEL), "p": round(p, 4), "n": len(traces)}
-        for name, p in zip(p_values, corrected, strict=True)
-    } or None
 
 
 def roles_of(contract: Contract, evidence: ProbeEvidence) -> Mapping[str, Sequence[str]]:

@@ -62,7 +62,7 @@ def digests(out: Any, volatile: Collection[str] = ()) -> dict[Key, bytes]:
     found = {}
     for key, value in entries(out, volatile).items():
         state = blake2b(digest_size=16)
-        for piece in _bytes(value):
+        for piece in value_bytes(value):
             state.update(piece)
         found[key] = state.digest()
     return found
@@ -79,7 +79,7 @@ def first_difference(one: Any, two: Any, volatile: Collection[str] = ()) -> Diff
     small: Difference | None = None
     for key in keys:
         values = left.get(key), right.get(key)
-        if key in left and key in right and [*_bytes(values[0])] == [*_bytes(values[1])]:
+        if key in left and key in right and [*value_bytes(values[0])] == [*value_bytes(values[1])]:
             continue
         is_rounding = key in left and key in right and _is_close(*values, scale)
         found = Difference(*key, *copy.deepcopy(values), is_rounding)
@@ -116,16 +116,16 @@ def stacked(samples: Sequence[Mapping[str, FloatArray]]) -> FloatArray:
     return np.asarray(varied[:, ::step])
 
 
-def _bytes(value: Any) -> Iterator[bytes]:
-    """Bytes that stand for a value; of objects of unknown kinds only their type."""
+def value_bytes(value: Any) -> Iterator[bytes]:
+    """Yields bytes that stand for a value; of objects of unknown kinds only their type."""
     if isinstance(value, Mapping):
         for key in sorted(value, key=str):
             yield str(key).encode()
-            yield from _bytes(value[key])
+            yield from value_bytes(value[key])
     elif isinstance(value, tuple | list):
         yield f"[{len(value)}".encode()
         for each in value:
-            yield from _bytes(each)
+            yield from value_bytes(each)
     elif isinstance(value, np.ndarray) and value.dtype != object:
         yield f"{value.dtype}{value.shape}".encode()
         yield value.tobytes()

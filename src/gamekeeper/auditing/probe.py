@@ -36,6 +36,7 @@ class Probe:
         fresh: needs more than one instance.
         against: says why it can't look here; None where it can.
         tries: shorter plays that are tried for one finding; None: as many as of any other.
+        on_top: part of the budget that it may take in addition, in place of a share.
     """
 
     name: str
@@ -47,6 +48,7 @@ class Probe:
     fresh: bool
     against: Callable[[ProbeSession], str | None] | None
     tries: int | None
+    on_top: float = 0.0
 
     def reason_against(self, lab: ProbeSession) -> str | None:
         """Says why it can't look at this environment; None where it can."""
@@ -66,6 +68,7 @@ def probe(
     fresh: bool = False,
     against: Callable[[ProbeSession], str | None] | None = None,
     tries: int | None = None,
+    on_top: float = 0.0,
 ) -> Callable[[Watcher], Probe]:
     """Makes a probe of a function that looks at one play; the arguments are `Probe`'s."""
 
@@ -81,6 +84,7 @@ def probe(
             fresh=fresh,
             against=against,
             tries=tries,
+            on_top=on_top,
         )
 
     return made

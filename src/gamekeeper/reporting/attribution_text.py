@@ -43,7 +43,7 @@ def attribution_text(document: Mapping[str, Any], *, width: int) -> str:
         _replaced(document, width),
         _repeated(document, width),
         _lazy(document, width),
-        influence_text(document["influence"], width=width, least=SHOWN_FROM),
+        influence_text(document["influence"], width=width, least=SHOWN_FROM, lag="turns"),
         _messages(document, width),
         _penalties(document, width),
         _not_tested(document, width),

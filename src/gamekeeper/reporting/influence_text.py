@@ -16,17 +16,20 @@ TITLE: Final = (
     "mask, observation, reward or ending of another agent"
 )
 LEGEND: Final = (
-    "turns later: 0 is the turn of the action; changed (low to high): share of the replaced "
-    "actions, with its 95 % confidence interval; n: replaced actions"
+    "0 {lag} later: in the same one; changed (low to high): share of the replaced actions, with its "
+    "95 % confidence interval; n: replaced actions"
 )
 
 
-def influence_text(influence: Iterable[Mapping[str, Any]], *, width: int, least: float = 0) -> str:
+def influence_text(
+    influence: Iterable[Mapping[str, Any]], *, width: int, least: float = 0, lag: str = "rounds"
+) -> str:
     """A row for each pair of agents and what was changed, at its strongest lag; maybe empty.
 
     Args:
         influence: rows with `from`, `to`, `on`, `lag`, `p`, `low`, `high`, `n`.
         width: columns that no line exceeds, as far as names allow.
+        lag: unit of the lags.
         least: lower end of the interval from which on an influence is shown, exclusive.
     """
     best: dict[tuple[str, str, str], Mapping[str, Any]] = {}
@@ -38,11 +41,11 @@ def influence_text(influence: Iterable[Mapping[str, Any]], *, width: int, least:
     shown = sorted(best.values(), key=lambda row: -float(row["p"]))
     if not shown:
         return ""
-    rows = [("from", "to", "on", "turns later", "changed", "n")]
+    rows = [("from", "to", "on", f"{lag} later", "changed", "n")]
     for row in shown[:MOST_ROWS]:
         interval = f"{row['p']:.0%} ({row['low']:.0%} to {row['high']:.0%})"
         rows.append((row["from"], row["to"], row["on"], str(row["lag"]), interval, str(row["n"])))
     lines = [*wrapped(TITLE, width, rest=INDENT), *table_lines(rows, width=max(width, 80))]
     if len(shown) > MOST_ROWS:
         lines.append(f"{INDENT}and {len(shown) - MOST_ROWS} more (--json shows them)")
-    return "\n".join([*lines, *wrapped(LEGEND, width, first=INDENT, rest=INDENT)])
+    return "\n".join([*lines, *wrapped(LEGEND.format(lag=lag), width, first=INDENT, rest=INDENT)])

@@ -13,16 +13,21 @@ from gamekeeper.reporting.text_columns import column_lines, wrapped
 Document = Mapping[str, Any]
 
 INDENT: Final = "  "
-APART: Final = ("influence", "advice", "why")
+APART: Final = ("influence", "looked_ahead", "advice", "because", "why", "not_measured")
 """Keys of `measured` that aren't rows of the table."""
 DECLARED: Final[Mapping[str, tuple[tuple[str, ...], ...]]] = {
-    "schedule": (("schedule", "stages"), ("schedule", "order"), ("schedule", "observe")),
-    "order_sensitive": (("schedule", "conflicts"),),
+    "schedule": (("api",),),
+    "stages": (("schedule", "stages"),),
+    "order": (("schedule", "order"),),
+    "observe": (("schedule", "observe"),),
+    "conflicts": (("schedule", "conflicts"),),
     "deterministic": (("seeds", "deterministic"),),
     "horizon": (("schedule", "horizon"),),
     "reward": (("rewards",),),
     "endings": (("endings",),),
     "symmetric": (("roles", "*", "symmetric"),),
+    "may_join": (("roles", "*", "may_join"),),
+    "may_leave": (("roles", "*", "may_leave"),),
 }
 """Places of a contract that declare a key of `measured`; `*`: each name."""
 BY_AGENT: Final = "by_agent"
@@ -32,7 +37,11 @@ LEFT_OUT: Final = ("positive", "negative")
 """Figures by agent that only the JSON document has."""
 SPOKEN: Final = {"zero_sum": "zero-sum", "after_end": "after the end"}
 """Keys that are shown in other words; names of agents and roles stay."""
-LABELS: Final = {"order_sensitive": "order matters"}
+LABELS: Final = {
+    "schedule": "turns",
+    "legality": "moves change masks",
+    "order_sensitive": "order matters",
+}
 """Rows of the table whose label is more than their key."""
 ORDER_MATTERS: Final = {
     "none": "no",
@@ -74,8 +83,7 @@ def measured_text(audit: Document, *, width: int) -> str:
     rows = [
         (
             LABELS.get(key, key.replace("_", " ")),
-            _cut(ORDER_MATTERS.get(value, "") if key == "order_sensitive" else words(value))
-            or "not measured",
+            _cut(_value(key, value)) or "not measured",
             _cut(words(declared_as(declared, key))) or "not declared",
         )
         for key, value in measured.items()
@@ -88,12 +96,26 @@ def measured_text(audit: Document, *, width: int) -> str:
             lines += wrapped(legend, width, first=INDENT, rest=INDENT)
         parts.append("\n".join(["Measured beside declared", *lines]))
     parts.append(agents_text(measured, width=width))
-    parts.append(influence_text(measured.get("influence") or (), width=width))
+    influence = influence_text(measured.get("influence") or (), width=width)
+    if influence and measured.get("looked_ahead"):
+        text = f"Effects later than {measured['looked_ahead']} rounds aren't looked for."
+        influence = "\n".join([influence, *wrapped(text, width, first=INDENT, rest=INDENT)])
+    parts.append(influence)
     if measured.get("advice"):
         api = FITS.get(measured["advice"], measured["advice"])
         why = one_line(f"{api}: {measured.get('why', '')}".removesuffix(": "))
         parts.append("\n".join([ADVICE, *wrapped(why, width, first=INDENT, rest=INDENT)]))
     return "\n\n".join(filter(None, parts))
+
+
+def _value(key: str, value: Any) -> str:
+    if key == "order_sensitive":
+        return ORDER_MATTERS.get(str(value), "")
+    if key in ("may_join", "may_leave") and value == []:
+        return "no agent did"
+    if key == "stages" and value:
+        return ", then ".join(" with ".join(stage) for stage in value)
+    return words(value)
 
 
 def agents_text(measured: Document, *, width: int) -> str:
@@ -170,7 +192,8 @@ def _sentence(value: Document) -> str | None:
 def _symmetry(value: Document) -> str:
     episodes = f", {value['n']} episodes" if "n" in value else ""
     seems = "seems so" if value["seems"] else "seems not"
-    return f"{seems}, p-value {words(value.get('p'))}{episodes}"
+    p = "" if value.get("p") is None else f", p-value {words(value['p'])}"
+    return f"{seems}{p}{episodes}" + (f": {value['why']}" if value.get("why") else "")
 
 
 def _schedule(value: Document) -> str:
@@ -205,12 +228,18 @@ def _payments(value: Document) -> str:
 def _lengths(value: Document) -> str:
     """Number of episodes that ended by themselves, and their length in ticks."""
     text = f"{value.get('ended', 0)} of {value['episodes']} episodes ended by themselves"
+    kinds = [f"{end['kind']} of {_owner(end['owner'])}" for end in value.get("kinds") or ()]
+    text = ": ".join(filter(None, [", ".join(kinds), text]))
     ticks = value.get("ticks")
     if not isinstance(ticks, Mapping):
         return text
     least, median, most = (words(ticks.get(key)) for key in ("least", "median", "most"))
     span = f"{least}" if least == most else f"{least} to {most} (median {median})"
     return f"{text}, after {span} ticks"
+
+
+def _owner(owner: str) -> str:
+    return "one agent" if owner == "agent" else owner
 
 
 SENTENCES: Final[Mapping[str, Callable[[Document], str]]] = {

@@ -1,66 +1,132 @@
-"""AEC or Parallel: which of the two the game is by itself, with the evidence."""
+"""AEC or Parallel: one of them or either, from what later agents of a round find otherwise. Pure.
+
+AEC fits where the order of a round decides state, legality or reward. Parallel fits where moves are
+made together: it says what an agent knew when it chose, and costs one step a round. Where agents of
+a round have nothing to do with each other both keep the game.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
 
-from gamekeeper.auditing.measure.influence import seen_in_the_tick
-from gamekeeper.checks.probe_evidence import ProbeCounterfactual
+from gamekeeper.auditing.measure.trials import FEWEST, Within
 from gamekeeper.statistics.significance import wilson
 
-FEWEST: Final = 12
-"""Looks; of fewer without a hit the upper bound of the share is above a quarter."""
+REASONS: Final = ("state", "legality", "reward")
+EITHER: Final = (
+    "agents of a round have nothing to do with each other: both APIs keep the game; Parallel takes "
+    "one step a round, AEC one for each agent"
+)
 
 
-def advice(
-    api: str,
-    schedule: Mapping[str, Any] | None,
-    order: Mapping[str, Any],
-    counterfactuals: Sequence[ProbeCounterfactual],
-) -> tuple[str | None, str]:
-    """The form that fits what was seen, and why; None where too little was seen.
+@dataclass(frozen=True, slots=True)
+class Advice:
+    """The API that fits, the reasons for AEC, and the evidence in words."""
 
-    Args:
+    api: str | None
+    because: tuple[str, ...]
+    why: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoundSigns:
+    """All that the advice reads.
+
+    Attributes:
         api: `aec` or `parallel`, which the environment has.
-        schedule: as `form.schedule` has it.
-        order: `result` and `ticks` of the plays with other orders of the action dictionary.
-        counterfactuals: with one replaced action each.
+        within: by reason, looks at later agents of the round of a replaced move.
+        hits: changes of anything of another agent, at any lag.
+        looks: at other agents.
+        most_in_a_round: agents; with one there is nothing to order.
+        priority: `roster`, `random` or None, as `roles.priority` has it.
+        dictionary: effect of other orders of the action dictionary: none, draws, outcome, None.
+        unsettled: the unchanged rerun differs, so that nothing can be said.
     """
-    if api == "parallel":
-        return _of_parallel(order)
-    if schedule is None or schedule["order"] is None:
-        return None, "no two agents acted in one round"
-    if schedule["order"] == "other":
-        return "aec", f"turns follow no fixed or rotating order in {schedule['rounds']} rounds"
-    hits, looks = seen_in_the_tick(counterfactuals)
-    share = wilson(hits, looks)
-    bounds = f"95 % interval {share.low:.2f} to {share.high:.2f}"
-    if hits:
-        return "aec", (
-            f"what an agent did was observed by a later one of the same round in {hits} of {looks} "
-            f"looks with one action replaced ({bounds})"
+
+    api: str
+    within: Mapping[str, Within]
+    hits: int
+    looks: int
+    most_in_a_round: int
+    priority: str | None
+    dictionary: str | None
+    unsettled: bool
+
+
+def advice(signs: RoundSigns) -> Advice:
+    """The API that fits what was seen; None where too little was."""
+    found = _of_aec(signs) if signs.api == "aec" else _of_parallel(signs)
+    if found is not None:
+        return found
+    if signs.most_in_a_round == 1:
+        return Advice("either", (), f"there is one agent; {EITHER}")
+    if signs.looks < FEWEST:
+        reason = "the unchanged rerun differs by itself" if signs.unsettled else "few could be made"
+        text = (
+            f"only {signs.looks} looks at other agents with one move replaced ({reason}): declare "
+            "schedule.order and schedule.observe"
         )
-    if looks < FEWEST:
-        return None, f"only {looks} looks at what later agents of a round observe"
-    return "parallel", (
-        f"in {looks} looks with one action replaced no later agent of the same round observed it "
-        f"({bounds}), and turns come in an order that is {schedule['order']}"
-    )
+        return Advice(None, (), text)
+    bound = wilson(0, signs.looks).high
+    if not signs.hits:
+        text = (
+            f"in {signs.looks} looks no move changed anything of another agent (below {bound:.3f})"
+        )
+        return Advice("either", (), f"{text}; {EITHER}")
+    return _together(signs)
 
 
-def _of_parallel(order: Mapping[str, Any]) -> tuple[str | None, str]:
-    result, ticks = order.get("result"), order.get("ticks", 0)
-    if result is None:
-        return None, "no tick was played with its actions in another order"
-    if result == "outcome":
-        return "aec", (
+def _of_aec(signs: RoundSigns) -> Advice | None:
+    because = tuple(reason for reason in REASONS if signs.within[reason].hits)
+    if not because:
+        return None
+    parts = []
+    for reason in because:
+        each = signs.within[reason]
+        share = wilson(each.hits, max(each.looks, each.hits))
+        parts.append(
+            f"{reason}: {each.shown} ({each.hits} of {each.looks} looks at later agents of a "
+            f"round, 95 % interval {share.low:.2f} to {share.high:.2f})"
+        )
+    return Advice("aec", because, f"the order of a round decides {'; '.join(parts)}")
+
+
+def _of_parallel(signs: RoundSigns) -> Advice | None:
+    if signs.dictionary == "outcome":
+        text = (
             "the order of the action dictionary decides the outcome; in turns the order is part of "
             "the game"
         )
-    if result == "draws":
-        return "parallel", (
-            f"in {ticks} ticks another order of the actions changed only who got which random "
-            "draw, not the chances"
+        return Advice("aec", ("reward",), text)
+    if signs.priority == "roster":
+        text = (
+            "of two agents of a role, the move of the one that stands first in the roster changes "
+            "what the other is paid in the same tick, and never the reverse, whatever is drawn: "
+            "ticks are resolved in turns, in an order that nobody declared"
         )
-    return "parallel", f"in {ticks} ticks another order of the actions changed nothing"
+        return Advice("aec", ("reward",), text)
+    return None
+
+
+def _together(signs: RoundSigns) -> Advice:
+    if signs.api == "parallel":
+        drawn = "; another order of the actions changed only which random draw was whose"
+        drawn = drawn if signs.dictionary == "draws" else ""
+        text = (
+            f"moves change other agents ({signs.hits} of {signs.looks} looks), and no order of "
+            f"moves within a tick was found to decide anything{drawn}"
+        )
+        return Advice("parallel", (), text)
+    looks = min(signs.within[reason].looks for reason in ("state", "reward"))
+    if looks < FEWEST:
+        text = f"only {looks} looks at later agents of a round: declare schedule.order and observe"
+        return Advice(None, (), text)
+    return Advice(
+        "parallel",
+        (),
+        f"in {looks} looks with one move replaced no later agent of the round found another "
+        f"observation, mask or reward for its own move (below {wilson(0, looks).high:.3f}): moves "
+        "are made together, though in turns",
+    )

@@ -42,20 +42,6 @@ def lengths(traces: Sequence[Episode], api: str) -> list[int]:
     ]
 
 
-def horizon(traces: Sequence[Episode], api: str) -> int | None:
-    """Ticks after which episodes are truncated, where two at least were, all after as many."""
-    found = set()
-    count = 0
-    for trace in traces:
-        if trace.header.get("end") != "ended":
-            continue
-        if not any(turn.truncated.get(agent) for turn in trace.turns for agent in turn.truncated):
-            continue
-        count += 1
-        found.add(_truncated_after(trace, api))
-    return found.pop() if count > 1 and len(found) == 1 else None
-
-
 def endings(traces: Sequence[Episode], api: str) -> dict[str, Any]:
     """Number of episodes in which each agent terminated, truncated, or was cut."""
     by_agent: dict[str, dict[str, int]] = {}
@@ -87,21 +73,3 @@ def _ends(trace: Episode) -> dict[str, str]:
             if found.get(agent) == "open" and turn.truncated.get(agent):
                 found[agent] = "truncated"
     return found
-
-
-def _truncated_after(trace: Episode, api: str) -> int:
-    """The tick at which the last truncation showed."""
-    last = max(
-        turn.index
-        for turn in trace.turns
-        if any(turn.truncated.get(agent) for agent in turn.agents)
-    )
-    if api == "parallel":
-        return last
-    # the first turn that shows it stands after the tick's last action
-    first = min(
-        turn.index
-        for turn in trace.turns
-        if any(turn.truncated.get(agent) for agent in turn.agents)
-    )
-    return sum(tick.start < first for tick in ticks(trace))

@@ -12,7 +12,7 @@ LEAST: Final = 5
 CLOSE: Final = 1e-9
 
 
-def payments(traces: Sequence[Episode]) -> dict[str, Any]:
+def payments(traces: Sequence[Episode], api: str) -> dict[str, Any]:
     """Per agent what was paid, and whether steps paid all alike or sum to zero.
 
     `shared` and `zero_sum` are None where fewer than five steps paid anything, or only one
@@ -24,7 +24,8 @@ def payments(traces: Sequence[Episode]) -> dict[str, Any]:
     for trace in traces:
         roster = frozenset[str]()
         for turn in trace.turns:
-            roster = (roster - turn.ended) | turn.live
+            # a tick has a row for every live agent, a turn for those alone that something befell
+            roster = turn.live if api == "parallel" else (roster - turn.ended) | turn.live
             if not turn.order:
                 continue
             names = roster | frozenset(turn.rewards)

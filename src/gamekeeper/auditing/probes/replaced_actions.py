@@ -27,7 +27,7 @@ INFLUENCE_MOST_PLAYS: Final = 40
 TRIALS: Final = 8
 """Replaced actions in one play."""
 LAGS: Final = 2
-"""Ticks (AEC: rounds) after the step that are looked at where no mask forbids it."""
+"""Ticks (AEC: rounds) after the step that are looked at, as far as masks allow the actions."""
 MOST_LATER: Final = 12
 TRIES: Final = 8
 
@@ -65,15 +65,30 @@ def influence(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         found, action = _other(lab, agent, turn.actions[agent], mask, turn.index)
         if not found:
             continue
-        later = 0 if turn.masks else _later(lab)
+        later = _later(lab)
         # in AEC what comes of the last step is only seen by whoever is asked next
         cut = (base.play.actions or ())[: turn.index + 1 + later + (lab.api == "aec")]
         trial = replace(base, play=replace(base.play, actions=cut, most_turns=len(cut)))
         change = ReplacedAction(turn.index, _own(base, agent), action)
         counterfactual = lab.counterfactual(trial, unchanged_rerun, change, env, state=False)
+        legal_for = _legal_for(lab, counterfactual.trace, turn.index, later)
         yield replace(
-            counterfactual, change={**counterfactual.change, "agent": agent, "later": later}
+            counterfactual, change={**counterfactual.change, "agent": agent, "later": legal_for}
         )
+
+
+def _legal_for(lab: ProbeSession, trace: Episode, start: int, later: int) -> int:
+    """Turns after `start` up to which masks allow what stands on paper, `later` at most."""
+    for turn in trace.turns:
+        if start < turn.index <= start + later:
+            for agent, mask in turn.masks.items():
+                space = None if agent not in lab.agents else lab.agents[agent].action_space
+                action = turn.actions.get(agent)
+                if action is None or not isinstance(space, Discrete):
+                    continue
+                if int(action) not in legal(space, mask):
+                    return turn.index - start - 1
+    return later
 
 
 def _later(lab: ProbeSession) -> int:

@@ -109,7 +109,7 @@ def _judged(verdict: Mapping[str, Any]) -> VerdictEntry:
     )
 
 
-KINDS: Final = ("observation", "reward", "ending")
+KINDS: Final = ("mask", "observation", "reward", "ending")
 MOST_AGENTS: Final = 40
 """Agents of a matrix; of more, the strongest pairs are listed."""
 MOST_PAIRS: Final = 30
@@ -129,7 +129,7 @@ def influence_blocks(rows: Sequence[Mapping[str, Any]], method: str) -> tuple[Pa
     note = (
         f"The share of replaced actions of one agent (row) that changed something for another "
         f"(column), at the lag with the largest share: {method}, compared with the unchanged "
-        "rerun. In brackets its 95 % interval; +1: one turn later."
+        "rerun. In brackets its 95 % interval; +1: one round later."
     )
     if len(agents) > MOST_AGENTS:
         table = _pairs(rows)
@@ -185,7 +185,11 @@ def _pairs(rows: Sequence[Mapping[str, Any]]) -> PageTable:
     return PageTable("Measured influences, the strongest first", columns, shown, note)
 
 
-APIS: Final = {"aec": "AEC, agents take turns", "parallel": "Parallel, agents act together"}
+APIS: Final = {
+    "aec": "AEC, agents take turns",
+    "parallel": "Parallel, agents act together",
+    "either": "AEC and Parallel keep the game alike",
+}
 FIRST_EPISODES: Final = 20
 """Episodes from which the order of turns is read."""
 

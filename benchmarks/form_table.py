@@ -1,0 +1,190 @@
+"""Measured game forms beside known ones: right, wrong and silent, by field.
+
+    python -m benchmarks.form_table [--budget 20000] [--seed 0] [--only NAME ...] [--held]
+
+Audits every environment of `benchmarks/forms` and compares each field of the measurement with the
+form that its author wrote down; doubtful fields aren't judged. `--held` takes the environments that
+are kept back, and prints sums alone. With `--only`, all of the measurement is printed.
+
+Rules: a field is *silent* where the measurement has no value. Roles are compared, not agents.
+`influence` is right where the pairs of roles, and the least lag of each, are those of the form;
+`links` counts single pairs. `earner and payee` is right where every part's pair is found with its
+lag, and nothing that the form doesn't have. `advice` of None (not judged) is passed over.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from benchmarks.forms.form import Form
+from gamekeeper.auditing.audit import audit_here
+from gamekeeper.episodes.layout import role
+
+RIGHT, WRONG, SILENT = "right", "wrong", "silent"
+Answer = tuple[str, str]
+"""A field and its result."""
+
+
+def told(is_right: bool) -> str:
+    """The word of a result."""
+    return RIGHT if is_right else WRONG
+
+
+def answers(form: Form, measured: Mapping[str, Any], roles: tuple[str, ...]) -> Iterator[Answer]:
+    """Yields each judged field with its result."""
+    for field, result in _answers(form, measured, roles):
+        if field.split()[0] not in form.doubtful and field not in form.doubtful:
+            yield field, result
+
+
+def _answers(form: Form, measured: Mapping[str, Any], roles: tuple[str, ...]) -> Iterator[Answer]:
+    yield "stages", _stages(form, measured.get("stages"))
+    for field in ("order", "observe", "conflicts", "legality", "deterministic"):
+        truth, value = getattr(form, field), measured.get(field)
+        if truth is not None:
+            yield field, SILENT if value is None else told(value == truth)
+    if form.api == "parallel" and form.order_sensitive is not None:
+        value = measured.get("order_sensitive")
+        yield "order_sensitive", SILENT if value is None else told(value == form.order_sensitive)
+    horizon = measured.get("horizon")
+    is_silent = horizon is None and form.horizon is not None
+    yield "horizon", SILENT if is_silent else told(horizon == form.horizon)
+    yield from _kinds(form, measured.get("reward") or {})
+    if "rewards" not in form.doubtful:
+        pairs = (measured.get("reward") or {}).get("pairs")
+        yield "earner and payee", _pairs(form, pairs, roles)
+    ends = (measured.get("endings") or {}).get("kinds")
+    truth = {(end.kind, end.owner) for end in form.endings.values()}
+    found = None if ends is None else {(end["kind"], end["owner"]) for end in ends}
+    yield "endings", SILENT if found is None else told(found == truth)
+    for field in ("may_join", "may_leave"):
+        value = measured.get(field)
+        yield field, SILENT if value is None else told(set(value) == set(getattr(form, field)))
+    by_role = measured.get("symmetric") or {}
+    for name, truth in form.symmetric.items():
+        if truth is not None:
+            seems = (by_role.get(name) or {}).get("seems")
+            yield "symmetric", SILENT if seems is None else told(seems == truth)
+    yield from _influence(form, measured.get("influence"))
+    yield from _advice(form, measured)
+
+
+def _stages(form: Form, value: Any) -> str:
+    if value is None:
+        return SILENT
+    return told([set(stage) for stage in value] == [set(stage) for stage in form.stages])
+
+
+def _kinds(form: Form, reward: Mapping[str, Any]) -> Iterator[Answer]:
+    kinds = {part.kind for part in form.rewards.values()}
+    many = sum(1 for _ in form.symmetric) > 1 or None not in form.symmetric.values()
+    for field, kind in (("shared", "shared"), ("zero_sum", "zero-sum")):
+        if many:
+            value = reward.get(field)
+            yield field, SILENT if value is None else told(value == (kinds == {kind}))
+
+
+def _pairs(form: Form, pairs: Any, roles: tuple[str, ...]) -> str:
+    """Earner and payee; a pair is (from, to, is the agent's own, lag)."""
+    if pairs is None:
+        return SILENT
+    found = {(each["from"], each["to"], each["own"]): each["lag"] for each in pairs}
+    allowed = {(one, to, False) for one, to, on, _ in form.influence if on == "reward"}
+    for part in form.rewards.values():
+        for earner in roles if part.earner == "all" else (part.earner,):
+            wanted = [(earner, earner, True)] if part.payee in ("earner", "all") else []
+            if part.payee == "all":
+                allowed |= {(earner, to, False) for to in roles}
+            elif part.payee != "earner":
+                wanted.append((earner, part.payee, False))
+            for key in wanted:
+                allowed.add(key)
+                if key not in found or (part.lag is not None and found[key] > part.lag):
+                    return WRONG
+    return told(all(own or (one, to, own) in allowed for one, to, own in found))
+
+
+def _influence(form: Form, rows: Any) -> Iterator[Answer]:
+    if rows is None:
+        yield "influence", SILENT
+        return
+    least: dict[tuple[str, str, str], int] = {}
+    for row in rows:
+        if row["p"] > 0 and row["from"] != row["to"]:
+            key = role(row["from"]), role(row["to"]), row["on"]
+            least[key] = min(row["lag"], least.get(key, row["lag"]))
+    truth = {(one, to, on): lag for one, to, on, lag in form.influence}
+    yield "influence", told(least == truth)
+    for key, lag in truth.items():
+        yield "links", SILENT if key not in least else told(least[key] == lag)
+    yield from (("links", WRONG) for key in least if key not in truth)
+
+
+def _advice(form: Form, measured: Mapping[str, Any]) -> Iterator[Answer]:
+    if form.advice is not None:
+        advice = measured.get("advice")
+        yield "advice", SILENT if advice is None else told(advice == form.advice)
+        if advice == form.advice == "aec":
+            because = measured.get("because")
+            yield "because", SILENT if because is None else told(set(form.because) <= set(because))
+
+
+def catalogue(is_held: bool) -> list[tuple[Any, Form]]:
+    """Factories with their forms."""
+    if is_held:
+        from benchmarks.forms.held.catalogue import forms as held
+
+        return held()
+    from benchmarks.forms.catalogue import forms
+
+    return forms()
+
+
+def table(by_field: Mapping[str, Counter[str]]) -> str:
+    """Counts by field, with the share that is answered, and of these the share that is right."""
+    lines = [f"{'field':18}{'right':>7}{'wrong':>7}{'silent':>7}{'answered':>10}{'right of':>10}"]
+    for field, counts in by_field.items():
+        given = counts[RIGHT] + counts[WRONG]
+        shares = given / (given + counts[SILENT]), counts[RIGHT] / max(given, 1)
+        numbers = "".join(f"{counts[each]:7}" for each in (RIGHT, WRONG, SILENT))
+        lines.append(f"{field:18}{numbers}{shares[0]:10.0%}{shares[1]:10.0%}")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Prints the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--budget", type=int, default=20_000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", nargs="*", default=())
+    parser.add_argument("--held", action="store_true")
+    options = parser.parse_args()
+    by_field: dict[str, Counter[str]] = {}
+    begun_s, count = time.perf_counter(), 0
+    for make, form in catalogue(options.held):
+        if options.only and form.name not in options.only:
+            continue
+        result = audit_here(make, budget=options.budget, seed=options.seed)
+        count += 1
+        if options.only:
+            print(json.dumps(result.measured, indent=1, default=str))
+        roles = tuple(dict.fromkeys(role(name) for name in result.agents))
+        faults = []
+        for field, answer in answers(form, result.measured, roles):
+            by_field.setdefault(field, Counter())[answer] += 1
+            faults += [f"{field} {answer}"] if answer != RIGHT else []
+        if not options.held:
+            print(f"{form.name} ({result.seconds:.1f} s): {', '.join(faults)}", file=sys.stderr)
+    print(table(by_field))
+    seconds = time.perf_counter() - begun_s
+    print(f"{count} environments, budget {options.budget}, seed {options.seed}, {seconds:.0f} s")
+
+
+if __name__ == "__main__":
+    main()

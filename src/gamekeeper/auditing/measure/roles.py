@@ -1,0 +1,77 @@
+"""Symmetry of roles, and whose move counts where two exclude each other. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from gamekeeper.checks.endings.role_symmetry import FEWEST, exchangeable
+from gamekeeper.checks.facts.form_facts import DrawnPriority, EpisodeShape
+from gamekeeper.episodes.layout import role
+from gamekeeper.statistics.significance import holm
+
+LEVEL: Final = 0.01
+"""Chance of calling interchangeable agents different, over all roles together."""
+ALIKE: Final = 10
+"""Effects one way, all along one order of the names: by chance with probability 2 / 1,024."""
+TURNED: Final = 2
+"""Effects that went the other way with another draw, for a word on random conflicts."""
+PART: Final = 0.05
+
+
+def symmetric(
+    shapes: Sequence[EpisodeShape],
+    roles: Mapping[str, Sequence[str]],
+    first_comes: Mapping[str, str],
+) -> dict[str, dict[str, Any]] | None:
+    """By role of two agents at least, whether its agents could exchange names.
+
+    Args:
+        shapes: episodes whose fares are permuted among the agents that were there at the start.
+        roles: the agents of each.
+        first_comes: roles in which an order of names decides, and the reason.
+    """
+    p_values: dict[str, float] = {}
+    for name, agents in roles.items():
+        there = np.array([[agent in s.fares for agent in agents] for s in shapes], np.bool_)
+        there = there.reshape(-1, len(agents))
+        if (there.sum(axis=1) > 1).sum() >= FEWEST:
+            blank = (0.0,) * 5
+            rows = np.array([[s.fares.get(agent, blank) for agent in agents] for s in shapes])
+            p_values[name] = exchangeable(rows, there)
+    corrected = dict(zip(p_values, holm(list(p_values.values())), strict=True))
+    found: dict[str, dict[str, Any]] = {}
+    for name, agents in roles.items():
+        if len(agents) < 2 or not (name in corrected or name in first_comes):
+            continue
+        p = corrected.get(name)
+        seems = name not in first_comes and p is not None and bool(p > LEVEL)
+        found[name] = {"seems": seems, "p": None if p is None else round(p, 4), "n": len(shapes)}
+        if name in first_comes:
+            found[name]["why"] = first_comes[name]
+    return found or None
+
+
+def priority(
+    facts: Sequence[DrawnPriority], agents: Collection[str]
+) -> tuple[str | None, frozenset[str]]:
+    """`roster` where the earlier agent's move always counts, `random` where a draw settles it.
+
+    With the roles in which it does; None where effects between agents of a role go both ways, or
+    too few were seen.
+
+    Args:
+        facts: pairs of one role of which one's move changes the other's reward.
+        agents: in the order of the roster.
+    """
+    place = {agent: at for at, agent in enumerate(agents)}
+    turned = sum({(True, False), (False, True)} <= set(fact.ways) for fact in facts)
+    if turned >= TURNED and turned >= PART * len(facts):
+        return "random", frozenset()
+    firm = [fact for fact in facts if set(fact.ways) == {(True, False)}]
+    ways = {place[fact.agents[0]] < place[fact.agents[1]] for fact in firm}
+    if len(firm) < ALIKE or len(ways) != 1 or turned:
+        return None, frozenset()
+    return "roster", frozenset(role(fact.agents[0]) for fact in firm)

@@ -1,0 +1,204 @@
+"""Replaced moves, read: influence between agents, and what later agents of a round find otherwise.
+
+Every look stands against the unchanged rerun, and stops where that differs. Pure.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+from gamekeeper.checks.effects import influence_rows
+from gamekeeper.checks.facts.form_facts import MoveLook, MoveTrial
+from gamekeeper.checks.probe_evidence import Fact
+from gamekeeper.episodes.layout import role
+
+FEWEST: Final = 30
+"""Looks without a hit that count as none: the share is below 0.12 then (Wilson, 95 %)."""
+ONE_WAY: Final = 3
+"""Hits one way, with none back, for a word on the order deciding rewards."""
+NEAR: Final = 1
+"""Lags up to which looks without a hit are listed too."""
+
+Trials = Sequence[Fact[MoveTrial]]
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """The two turns of an episode that show an effect.
+
+    Attributes:
+        source: agent whose move was replaced.
+        target: agent that found something otherwise.
+        on: what.
+        place: probe and number of the episode.
+        turns: of the move, and of the decision or payment.
+    """
+
+    source: str
+    target: str
+    on: str
+    place: str
+    turns: tuple[int, int]
+
+    def __str__(self) -> str:
+        one, two = self.turns
+        return (
+            f"{self.source}'s move at turn {one} of episode {self.place} changes {self.target}'s "
+            f"{self.on} at turn {two}"
+        )
+
+
+@dataclass(slots=True)
+class Within:
+    """Looks at later agents of the round of a replaced move, for one reason.
+
+    Attributes:
+        looks: how many.
+        hits: of them.
+        shown: the first.
+        roles: in which one agent's move reached another of the same role.
+    """
+
+    looks: int = 0
+    hits: int = 0
+    shown: Shown | None = None
+    roles: set[str] = field(default_factory=set)
+
+    def add(self, look: MoveLook, fact: Fact[MoveTrial]) -> None:
+        """Counts one look."""
+        self.looks += 1
+        if look.is_changed:
+            self.hit(look, fact)
+
+    def hit(self, look: MoveLook, fact: Fact[MoveTrial]) -> None:
+        """Notes that the move reached the target."""
+        trial = fact.value
+        self.hits += 1
+        if role(trial.agent) == role(look.target):
+            self.roles.add(role(trial.agent))
+        place = f"{fact.where.probe}/{fact.where.play}"
+        turns = trial.turn, look.turn
+        self.shown = self.shown or Shown(trial.agent, look.target, look.on, place, turns)
+
+
+def influence(trials: Trials) -> list[dict[str, Any]]:
+    """The share of replaced moves that changed something, by pair, place and lag in rounds."""
+    looks: Counter[tuple[str, str, str, int]] = Counter()
+    hits: Counter[tuple[str, str, str, int]] = Counter()
+    for trial, look in _all(trials):
+        key = trial.agent, look.target, str(look.on), look.lag
+        looks[key] += 1
+        hits[key] += look.is_changed
+    listed = {key: count for key, count in looks.items() if hits[key] or key[3] <= NEAR}
+    return influence_rows(listed, hits)
+
+
+def between_agents(trials: Trials) -> tuple[int, int]:
+    """Looks at other agents, and those that found a change."""
+    found = [look.is_changed for trial, look in _all(trials) if look.target != trial.agent]
+    return sum(found), len(found)
+
+
+def pairs(trials: Trials) -> list[dict[str, Any]] | None:
+    """Roles whose moves change rewards of which role, the least lag.
+
+    None of too few looks, or where moves were seen to change no reward.
+    """
+    least: dict[tuple[str, str, bool], int] = {}
+    count = 0
+    for trial, look in _all(trials):
+        if look.on == "reward":
+            count += 1
+            if look.is_changed:
+                key = role(trial.agent), role(look.target), trial.agent == look.target
+                least[key] = min(look.lag, least.get(key, look.lag))
+    if count < FEWEST or not least:
+        return None
+    return [
+        {"from": one, "to": two, "own": own, "lag": lag}
+        for (one, two, own), lag in sorted(least.items())
+    ]
+
+
+def legality(trials: Trials) -> bool | None:
+    """Tells whether moves change masks of others; None of too few looks."""
+    looks = [
+        look.is_changed
+        for trial, look in _all(trials)
+        if look.on == "mask" and look.target != trial.agent
+    ]
+    if any(looks):
+        return True
+    if not looks:
+        return False if len(trials) >= FEWEST else None
+    return None if len(looks) < FEWEST else False
+
+
+def within_rounds(trials: Trials) -> dict[str, Within]:
+    """What later agents of a round found otherwise: `state`, `legality` and `reward`.
+
+    Reward: only where the order decides it. A move is paid at a later agent's turn while others
+    are still to move, so moves take effect one by one; or it changes what a later agent is paid,
+    and never the reverse: between agents of a role, or where the first is paid at its own turn.
+    """
+    found = {"state": Within(), "legality": Within(), "reward": Within()}
+    names = {"observation": "state", "mask": "legality"}
+    for fact in trials:
+        trial = fact.value
+        for look in trial.looks:
+            if look.target == trial.agent or look.lag:
+                continue
+            if look.on in names:
+                found[names[look.on]].add(look, fact)
+            elif look.on == "reward" and look.turn > trial.turn and len(trial.movers) > 1:
+                found["reward"].looks += 1
+                if look.is_early and look.is_changed:
+                    found["reward"].hit(look, fact)
+    for fact, look in _one_way(trials):
+        found["reward"].hit(look, fact)
+    return found
+
+
+def _one_way(trials: Trials) -> Iterator[tuple[Fact[MoveTrial], MoveLook]]:
+    """Yields effects on what a later agent of a round is paid, of pairs without the reverse."""
+    there: dict[tuple[str, str], list[tuple[Fact[MoveTrial], MoveLook]]] = {}
+    back: dict[tuple[str, str], list[bool]] = {}
+    prompt: set[str] = set()
+    for fact in trials:
+        trial = fact.value
+        at = {name: place for place, name in enumerate(trial.movers)}
+        for look in trial.looks:
+            if look.on != "reward" or look.lag or look.target not in at:
+                continue
+            if look.target == trial.agent:
+                if look.is_changed and look.is_early and look.turn == trial.turn:
+                    prompt.add(trial.agent)
+            elif at[trial.agent] < at[look.target]:
+                if look.is_changed and look.turn > trial.turn:
+                    there.setdefault((trial.agent, look.target), []).append((fact, look))
+            else:
+                back.setdefault((look.target, trial.agent), []).append(look.is_changed)
+    for pair, effects in there.items():
+        is_one_way = len(back.get(pair, ())) >= FEWEST and not any(back[pair])
+        is_alike = role(pair[0]) == role(pair[1]) or pair[0] in prompt
+        if len(effects) >= ONE_WAY and is_one_way and is_alike:
+            yield from effects
+
+
+def _all(trials: Iterable[Fact[MoveTrial]]) -> Iterator[tuple[MoveTrial, MoveLook]]:
+    for fact in trials:
+        for look in fact.value.looks:
+            yield fact.value, look
+
+
+def ahead(trials: Trials) -> int:
+    """Rounds after a move that were looked at, at most."""
+    return max((fact.value.ahead for fact in trials), default=0)
+
+
+def shares(signs: Mapping[str, Within]) -> str:
+    """Looks and hits by reason, in words."""
+    return ", ".join(f"{name} {each.hits} of {each.looks}" for name, each in signs.items())

@@ -1,0 +1,361 @@
+"""Probe of the game form: whole episodes, and moves replaced along them, one at a time."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from gamekeeper.auditing.branches import (
+    Board,
+    BranchStep,
+    Paper,
+    branch,
+    legal_or_first,
+    other_action,
+    spaces_in,
+)
+from gamekeeper.auditing.probe import probe
+from gamekeeper.auditing.probe_session import ProbeSession, Saw
+from gamekeeper.auditing.probes.episode_shapes import rounds_of, shape
+from gamekeeper.checks.facts.form_facts import DrawnPriority, MoveLook, MoveTrial, UnsettledMoves
+from gamekeeper.episodes.layout import agent_name, role
+from gamekeeper.interface.generators import is_same_state
+from gamekeeper.rollouts.episode_loop import EpisodePlan
+from gamekeeper.rollouts.process_randomness import kept_global_generators, reseed, standing, states
+
+MOST_EPISODES: Final = 120
+LONGEST: Final = 1_000
+MOST_STEPS: Final = 5_000
+MOST_AGENT_STEPS: Final = 60_000
+"""Steps of the environment, times agents in a Parallel one: enough for shares of a percent."""
+EPISODES: Final = 8
+"""Episodes that the budget holds at least, however long; longer ones are cut."""
+PER_STEP: Final = 3
+"""Steps of branches for each step of an episode."""
+AHEAD: Final = 10
+"""Rounds after a move that are looked at, at every fourth episode; else the move's and the next."""
+LONG: Final = 4
+EVERY: Final = 3
+HABIT: Final = 0.8
+"""Chance of each agent's first action again, at every third episode."""
+MOST_MOVERS: Final = 6
+"""Moves of one round that are replaced, each by itself."""
+MOST_TARGETS: Final = 24
+"""Agents of a large roster at which effects are looked for."""
+FUTURES: Final = 4
+OFTEN: Final = 3
+"""Episodes for one pair that is tried against several futures."""
+
+
+def _form_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
+    """As many episodes as the budget holds; long ones are cut."""
+    each = len(lab.agents) if lab.api == "parallel" else 1
+    ration = min(lab.ration, MOST_STEPS, MOST_AGENT_STEPS // max(each, 1))
+    turns = max(ration // (EPISODES * (1 + PER_STEP)), 20)
+    begun = lab.meter.steps
+    for k in range(MOST_EPISODES):
+        if lab.meter.steps - begun >= ration:
+            return
+        yield EpisodePlan(seed=lab.seed + k, stream=k, most_turns=min(turns, LONGEST))
+
+
+@probe("form", share=0.0, on_top=0.5, plays=_form_plays)
+def form(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
+    """Whole episodes with random legal moves; at some rounds each move is replaced, by itself.
+
+    What differs from the unchanged rerun in the rounds after is that move's doing: masks and
+    observations that decisions are made with, rewards, endings, and the order of turns.
+
+    Nothing of the contract is read. Its steps are counted on top of the budget of the checks.
+
+    Facts:
+        `EpisodeShape`, `MoveTrial`, `DrawnPriority`, `UnsettledMoves`.
+    """
+    done = lab.call("play", _Forms, lab, play)
+    if done.failed is None:
+        forms = done.value
+        yield lab.fact(shape(forms.paper, is_over=forms.is_over, api=lab.api))
+        trials: list[Any] = []
+        with kept_global_generators():
+            lab.call("branches", lambda: trials.extend(forms.trials()))
+        yield from (lab.fact(each, turn=each.turn) for each in trials)
+
+
+class _Forms:
+    """One episode and its branches."""
+
+    def __init__(self, lab: ProbeSession, play: EpisodePlan) -> None:
+        self._lab, self._stream, self._seed = lab, play.stream, play.seed
+        self._rng = np.random.default_rng([23, lab.seed, play.stream])
+        self._spaces = _spaces(lab, play.stream)
+        self._env = lab.env()
+        self._can_copy = True
+        self._habits: dict[Any, Any] = {}
+        board = Board(lab, self._env)
+        board.reset(play.seed)
+        before = states()
+        first, steps = tuple(self._env.agents), list[BranchStep]()
+        while not board.is_over and len(steps) < play.most_turns:
+            steps.append(board.step(self._chosen(board)))
+        self.is_over = board.is_over
+        self._is_global = states() != before  # it draws from generators of the whole process
+        self.paper = Paper(play.seed, first, steps, rounds_of(steps, first, lab.api))
+
+    def trials(self) -> Iterator[MoveTrial | DrawnPriority | UnsettledMoves]:
+        """Yields what replaced moves changed, as far as the unchanged rerun agrees."""
+        ahead = AHEAD if self._stream % LONG == LONG - 1 else 1
+        spots = self._spots(ahead)
+        boards, settled = self._led({step for spot in spots for step in spot})
+        if settled < len(self.paper.steps):
+            yield UnsettledMoves(settled)
+        self._can_copy = self._can_copy and self._copies_well(boards, settled)
+        is_tried = self._lab.api == "aec" or self._stream % OFTEN > 0
+        for spot in spots:
+            found = []
+            for step in spot:
+                for agent in self._few(list(self.paper.steps[step].given)):
+                    trial = self._trial(boards, step, agent, ahead, settled)
+                    if trial is not None:
+                        found.append(trial)
+            yield from (trial for trial, _ in found)
+            if not is_tried and spot[0] < settled:
+                for priority in self._priorities(boards, spot[0], found):
+                    is_tried = True
+                    yield priority
+
+    def _chosen(self, board: Board) -> dict[Any, Any]:
+        """A legal action of each agent that decides; in some episodes often the one it began with.
+
+        So rare places are met that a random walk doesn't come to.
+        """
+        done = {}
+        for agent, given in board.given.items():
+            space = self._space(agent)
+            drawn = other_action(space, given.mask, None, self._rng)[1]
+            habit = self._habits.setdefault(agent, drawn)
+            if self._stream % EVERY == EVERY - 1 and self._rng.random() < HABIT:
+                drawn = legal_or_first(space, given.mask, habit)
+            done[agent] = drawn
+        return done
+
+    def _space(self, agent: Any) -> Any:
+        return self._spaces[agent_name(agent)]
+
+    def _few(self, agents: list[Any]) -> list[Any]:
+        if len(agents) <= MOST_MOVERS:
+            return agents
+        return [agents[at] for at in self._rng.permutation(len(agents))[:MOST_MOVERS]]
+
+    def _spots(self, ahead: int) -> list[list[int]]:
+        """The steps of some rounds, so many that branches take no more than their part."""
+        by_round: dict[int, list[int]] = {}
+        for step, number in enumerate(self.paper.rounds):
+            if self.paper.steps[step].given:
+                by_round.setdefault(number, []).append(step)
+        if not by_round:
+            return []
+        size = max(map(len, by_round.values()))
+        movers = max(len(each.given) for each in self.paper.steps) if size == 1 else size
+        cost = size * (ahead + 1) * min(movers, MOST_MOVERS)
+        count = max(PER_STEP * len(self.paper.steps) // max(cost, 1), 1)
+        numbers = self._rng.permutation(len(by_round))[:count]
+        spots = [by_round[sorted(by_round)[at]] for at in sorted(numbers)]
+        return [
+            spot
+            if len(spot) <= MOST_MOVERS
+            else [spot[at] for at in sorted(self._rng.permutation(len(spot))[:MOST_MOVERS])]
+            for spot in spots
+        ]
+
+    def _led(self, at: set[int]) -> tuple[dict[int, Board], int]:
+        """Copies of the environment before these steps, and the step at which the rerun differs."""
+        boards: dict[int, Board] = {}
+        board = Board(self._lab, self._env, shared=spaces_in(self._env))
+        board.reset(self._seed)
+        for place, written in enumerate(self.paper.steps):
+            if written.given.keys() != board.given.keys() or written.actions is None:
+                return boards, place
+            if place in at and self._can_copy:
+                copied = self._lab.call("deepcopy", board.waiting, with_globals=self._is_global)
+                self._can_copy = copied.failed is None
+                if self._can_copy:
+                    boards[place] = copied.value
+            if not _is_same(board.step(written.actions), written):
+                return boards, place
+        return boards, len(self.paper.steps)
+
+    def _copies_well(self, boards: Mapping[int, Board], settled: int) -> bool:
+        """Tells whether a copy goes on as its original did, for a round at least."""
+        for step, board in list(boards.items())[:1]:
+            done = self._lab.call("branch", board.taken_up)
+            steps = branch(done.value, self.paper, step, {}, 1, self._fitting) if done.value else ()
+            return done.failed is None and all(
+                _is_same(each, self.paper.steps[place]) for place, each in steps if place < settled
+            )
+        return True
+
+    def _arrived(self, boards: Mapping[int, Board], step: int) -> Board:
+        """The environment before a step: a copy, else led there from the reset."""
+        if self._can_copy and step in boards:
+            return boards[step].taken_up()
+        board = Board(self._lab, self._env)
+        board.reset(self._seed)
+        for written in self.paper.steps[:step]:
+            board.step(written.actions or {})
+        return board
+
+    def _fitting(self, agent: Any, mask: Any, action: Any) -> Any:
+        return legal_or_first(self._space(agent), mask, action)
+
+    def _trial(
+        self, boards: Mapping[int, Board], step: int, agent: Any, ahead: int, settled: int
+    ) -> tuple[MoveTrial, Any] | None:
+        """One move replaced; None where there is no other, or the rerun differs before it."""
+        written = self.paper.steps[step]
+        own = (written.actions or {})[agent]
+        is_found, action = other_action(
+            self._space(agent), written.given[agent].mask, own, self._rng
+        )
+        if not is_found or step >= settled:
+            return None
+        board = self._arrived(boards, step)
+        steps = branch(board, self.paper, step, {agent: action}, ahead, self._fitting)
+        looks: list[MoveLook] = []
+        is_moved = False
+        for place, changed in steps:
+            if place >= settled:
+                break
+            base = self.paper.steps[place]
+            if changed.actions is None:
+                before = self.paper.steps[place - 1]
+                is_alike = changed.ended == before.ended and bool(base.given and changed.given)
+                is_moved = is_alike and base.given.keys() != changed.given.keys()
+            looks += self._looks(step, place, changed)
+        movers = tuple(agent_name(each) for each in self._movers(step))
+        number = self.paper.rounds[step]
+        name = agent_name(agent)
+        trial = MoveTrial(name, number, step, movers, tuple(looks), ahead, is_moved, None)
+        return trial, action
+
+    def _last_of(self, number: int) -> int:
+        """The last step of a round at which an agent moved; ended ones step after it."""
+        steps = self.paper.steps
+        places = (k for k, each in enumerate(self.paper.rounds) if each == number)
+        return max(k for k in places if steps[k].given)
+
+    def _movers(self, step: int) -> list[Any]:
+        number = self.paper.rounds[step]
+        places = (k for k, each in enumerate(self.paper.rounds) if each == number)
+        return [agent for k in places for agent in self.paper.steps[k].given]
+
+    def _looks(self, step: int, place: int, changed: BranchStep) -> Iterator[MoveLook]:
+        base, rounds = self.paper.steps[place], self.paper.rounds
+        lag = rounds[place] - rounds[step]
+        is_early = place < self._last_of(rounds[step])
+
+        def look(agent: Any, on: Any, is_changed: bool) -> MoveLook:
+            early = is_early if on in ("reward", "ending") else lag == 0
+            return MoveLook(agent_name(agent), on, lag, is_changed, early, place)
+
+        if place > step:
+            for agent, one in base.given.items():
+                two = changed.given.get(agent)
+                if two is not None:
+                    yield look(agent, "observation", one.observation != two.observation)
+                    if one.mask is not None or two.mask is not None:
+                        yield look(agent, "mask", one.mask_digest != two.mask_digest)
+        if changed.actions is None:
+            return
+        for agent in self._targets(base):
+            paid = base.rewards.get(agent, 0.0), changed.rewards.get(agent, 0.0)
+            yield look(agent, "reward", paid[0] != paid[1] and paid[0] == paid[0])
+            yield look(agent, "ending", (agent in base.ended) != (agent in changed.ended))
+
+    def _targets(self, base: BranchStep) -> list[Any]:
+        agents = list(base.rewards)
+        step = max(len(agents) // MOST_TARGETS, 1)
+        return agents[::step]
+
+    def _priorities(
+        self, boards: Mapping[int, Board], step: int, trials: Sequence[tuple[MoveTrial, Any]]
+    ) -> Iterator[DrawnPriority]:
+        """Pairs of one role of which one's move changes the other's reward, in several futures."""
+        if step not in boards or not self._can_copy:
+            return
+        hits = {
+            (trial.agent, look.target)
+            for trial, _ in trials
+            for look in trial.looks
+            if look.on == "reward" and look.lag == 0 and look.is_changed
+        }
+        actions = {trial.agent: action for trial, action in trials}
+        pairs = [
+            (one, two)
+            for one, two in sorted(hits)
+            if one != two and two in actions and (two, one) not in hits and role(one) == role(two)
+        ]
+        if pairs:
+            pair = pairs[int(self._rng.integers(len(pairs)))]
+            found = self._ways(boards[step], step, pair, actions)
+            if found is not None:
+                yield found
+
+    def _ways(
+        self, board: Board, step: int, pair: tuple[str, str], actions: Mapping[str, Any]
+    ) -> DrawnPriority | None:
+        """Effects of both on each other by future; None: a move changes how many are drawn."""
+        written = self.paper.steps[step].actions or {}
+        names = {agent_name(agent): agent for agent in written}
+        ways = []
+        for future in range(FUTURES):
+            outs = []
+            for name in ("", *pair):
+                one = board.taken_up()
+                if future:
+                    reseed(one.env, future)
+                change = {names[name]: actions[name]} if name else {}
+                rewards = one.step({**written, **change}).rewards
+                outs.append((rewards, standing(one.env) if future == 0 else ()))
+            if future == 0 and not all(_alike(outs[0][1], each[1]) for each in outs[1:]):
+                return None
+            first, second = (names[name] for name in pair)
+            paid = [rewards for rewards, _ in outs]
+            ways.append(
+                (
+                    paid[1].get(second) != paid[0].get(second),
+                    paid[2].get(first) != paid[0].get(first),
+                )
+            )
+        return DrawnPriority(pair, step, tuple(ways))
+
+
+def _spaces(lab: ProbeSession, stream: int) -> dict[str, Any]:
+    """The action spaces by agent, copies of their own with a seed."""
+    found: dict[str, Any] = {}
+    for place, (name, spec) in enumerate(lab.agents.items()):
+        space = copy.deepcopy(spec.action_space)
+        if space is not None:
+            space.seed(int(np.random.default_rng([29, stream, place]).integers(1 << 31)))
+            found[name] = space
+    return found
+
+
+def _alike(one: Sequence[Any], two: Sequence[Any]) -> bool:
+    """Tells whether generators stand at the same places."""
+    return len(one) == len(two) and all(map(is_same_state, one, two))
+
+
+def _is_same(one: BranchStep, two: BranchStep) -> bool:
+    """Tells whether two steps gave, paid and ended the same."""
+    given = [
+        {agent: (each.observation, each.mask_digest) for agent, each in step.given.items()}
+        for step in (one, two)
+    ]
+    return given[0] == given[1] and (one.rewards, one.ended, one.roster) == (
+        two.rewards,
+        two.ended,
+        two.roster,
+    )
