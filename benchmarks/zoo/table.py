@@ -73,7 +73,7 @@ def main() -> int:
 
 def opening(rows: list[Row]) -> Iterator[str]:
     """Heading, the rule of gathering, and counts."""
-    yield (HERE / "opening.md").read_text().rstrip()
+    yield (HERE / "opening.txt").read_text().rstrip()
     yield ""
     packages = {row.listed.package for row in rows}
     audited = [row for row in rows if row.verdicts]

@@ -78,7 +78,7 @@ def test_no_interval_below_fifty_episodes() -> None:
 
 def test_learning_follows_versions() -> None:
     """A phase ends where a version changes; agents that kept theirs changed by the others."""
-    many = FEWEST
+    many = FEWEST + FEWEST % 2
     figures = played(
         {"a": [1.0] * many + [2.0, 3.0] * (many // 2), "b": [0.0] * many + [5.0] * many},
         [{"a": "1", "b": "1"}] * many + [{"a": "1", "b": "2"}] * many,
