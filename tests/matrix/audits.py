@@ -1,9 +1,9 @@
 """Audits of all faulty environments, each made once by two processes and kept for all readers.
 
 A process audits many environments one after the other, so that importing is paid for once; what an
-audit plays under another hash seed, it plays in a fork. An audit is kept in `build/audits`, under a
-digest of all that it depends on: both tiers of the tests and the pages of the checks read the same
-one.
+audit plays or shows in other processes, it does in forks. An audit is kept in `build/audits`, under
+a digest of all that it depends on: both tiers of the tests and the pages of the checks read the
+same one.
 """
 
 from __future__ import annotations
@@ -128,9 +128,9 @@ def _keep(name: str, audit: dict[str, Any]) -> None:
 
 
 def audit_task(report: Any, *, names: list[str]) -> None:
-    """Audits environments in this process; reproducers run in fresh ones."""
-    elsewhere.run_task = Forks().run_task  # type: ignore[assignment]  # this process is for this alone
-    confirm.TRIES = TRIES  # type: ignore[misc]  # this process is for this alone
+    """Audits environments in this process, which is for this alone; reproducers run in forks."""
+    elsewhere.run_task = confirm.run_task = Forks().run_task  # type: ignore[assignment]
+    confirm.TRIES = TRIES  # type: ignore[misc]
     for name in names:
         each = environments()[name]
         audit = audit_here(

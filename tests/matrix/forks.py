@@ -1,7 +1,8 @@
-"""Tasks in forks of warm processes, one for each hash seed: importing is paid for once.
+"""Tasks in forks of warm processes: importing is paid for once.
 
-An audit plays once more in a process under another hash seed. Over all environments, starting that
-process costs as much as the play; a fork has the hash seed, and nothing that an earlier task left.
+An audit plays once more in a process under another hash seed, and runs its reproducers in fresh
+processes. Over all environments, starting those costs as much as the play; a fork has the hash
+seed, and nothing that an earlier task left.
 """
 
 from __future__ import annotations
@@ -13,48 +14,71 @@ import signal
 import subprocess
 import sys
 import traceback
+from collections import defaultdict
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, NoReturn
 
 from gamekeeper.rollouts.pandas_later import pandas_can_wait
-from gamekeeper.rollouts.workers import Status, TaskOutcome
+from gamekeeper.rollouts.workers import TaskOutcome
 
 LIMIT_S = 60
-WARM = ("gamekeeper.auditing.elsewhere", "gamekeeper.auditing.set_order")
+WARM = (
+    "gamekeeper.auditing.elsewhere",
+    "gamekeeper.auditing.reproducer_process",
+    "gamekeeper.auditing.set_order",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class WarmProcess:
+    """A process that forks for each task, one after the other; it ends as its input does."""
+
+    process: subprocess.Popen[bytes]
+    answers: IO[bytes]
+
+    def outcome(self, task: str, arguments: Mapping[str, Any]) -> TaskOutcome:
+        """Result of a task in a fork."""
+        assert self.process.stdin is not None
+        self.process.stdin.write(json.dumps([task, dict(arguments)]).encode() + b"\n")
+        self.process.stdin.flush()
+        status, value, error = json.loads(self.answers.readline())
+        return TaskOutcome(status, value, error=error, traceback=None, seconds=0.0)
 
 
 class Forks:
-    """Stands in for `run_task`; the processes end with this one, as their input does."""
+    """Stands in for `run_task`.
+
+    Tasks that run beside each other have warm processes of their own, under hash seeds of their own
+    where none is asked for.
+    """
 
     def __init__(self) -> None:
-        self._warm: dict[int, tuple[subprocess.Popen[bytes], IO[bytes]]] = {}
+        self._idle: defaultdict[int | None, list[WarmProcess]] = defaultdict(list)
 
     def run_task(
-        self, task: str, arguments: Mapping[str, Any], *, silence_s: float, hash_seed: int
+        self, task: str, arguments: Mapping[str, Any], *, hash_seed: int | None = None, **_: Any
     ) -> TaskOutcome:
-        """What a task returned in a fork; a crash or a minute without an end is told as such."""
-        process, answers = self._process(hash_seed)
-        assert process.stdin is not None
-        process.stdin.write(json.dumps([task, dict(arguments)]).encode() + b"\n")
-        process.stdin.flush()
-        value, told = json.loads(answers.readline())
-        status: Status = "done" if told is None else "raised"
-        return TaskOutcome(status, value, error=told, traceback=None, seconds=0.0)
+        """Result of a task in a fork, which is killed after a minute."""
+        idle = self._idle[hash_seed]
+        warm = idle.pop() if idle else _started(hash_seed)
+        outcome = warm.outcome(task, arguments)
+        idle.append(warm)
+        return outcome
 
-    def _process(self, hash_seed: int) -> tuple[subprocess.Popen[bytes], IO[bytes]]:
-        if hash_seed not in self._warm:
-            here, there = os.pipe()
-            process = subprocess.Popen(
-                [sys.executable, "-P", "-B", str(Path(__file__)), str(there), *sys.path],
-                stdin=subprocess.PIPE,
-                stdout=2,  # what environments print goes where a worker's prints go
-                pass_fds=[there],
-                env={**os.environ, "PYTHONHASHSEED": str(hash_seed)},
-            )
-            os.close(there)
-            self._warm[hash_seed] = (process, os.fdopen(here, "rb"))
-        return self._warm[hash_seed]
+
+def _started(hash_seed: int | None) -> WarmProcess:
+    here, there = os.pipe()
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-B", str(Path(__file__)), str(there), *sys.path],
+        stdin=subprocess.PIPE,
+        stdout=2,  # what environments print goes where a worker's prints go
+        pass_fds=[there],
+        env=os.environ | ({} if hash_seed is None else {"PYTHONHASHSEED": str(hash_seed)}),
+    )
+    os.close(there)
+    return WarmProcess(process, os.fdopen(here, "rb"))
 
 
 def _perform(order: bytes, answers: int) -> NoReturn:
@@ -64,9 +88,9 @@ def _perform(order: bytes, answers: int) -> NoReturn:
         task, arguments = json.loads(order)
         module, _, name = task.partition(":")
         function = getattr(importlib.import_module(module), name)
-        answer = [function(lambda **fields: None, **arguments), None]
+        answer = ["done", function(lambda **fields: None, **arguments), None]
     except BaseException:  # SystemExit of foreign code is data too
-        answer = [None, traceback.format_exc()]
+        answer = ["raised", None, traceback.format_exc()]
     os.write(answers, json.dumps(answer).encode() + b"\n")
     os._exit(0)
 
@@ -85,8 +109,10 @@ def main() -> None:
             _perform(order, answers)
         _, status = os.waitpid(child, 0)
         if status:
-            told = [None, f"the fork ended with {os.waitstatus_to_exitcode(status)}"]
-            os.write(answers, json.dumps(told).encode() + b"\n")
+            code = os.waitstatus_to_exitcode(status)
+            ended = "hung" if code == -signal.SIGALRM else "died"
+            answer = [ended, None, f"the fork ended with {code}"]
+            os.write(answers, json.dumps(answer).encode() + b"\n")
 
 
 if __name__ == "__main__":
