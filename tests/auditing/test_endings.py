@@ -111,6 +111,39 @@ def test_a_rule_may_end_an_episode_in_its_last_tick() -> None:
     assert found.of("GK507").outcome == "passed"
 
 
+BATTERY = {"battery": {"kind": "truncation", "owner": "agent"}}
+GOAL = {"goal": {"kind": "termination", "owner": "agent"}}
+
+
+@pytest.mark.parametrize("is_over", [False, True], ids=["truncates", "terminates"])
+def test_another_limit_than_the_declared_one_is_found(is_over: bool) -> None:
+    """Every episode over after 15 ticks breaks a horizon of 20, whatever other endings exist."""
+
+    def bend(env: Any, out: Any) -> Any:
+        ended = {a: out[2][a] or out[3][a] for a in out[2]}
+        return (*out[:2], ended, dict.fromkeys(ended, False), out[4]) if is_over else out
+
+    def audits(endings: Any, **options: Any) -> set[str]:
+        contract = Contract.from_json({"schedule": {"horizon": 20}, "endings": endings})
+        game = {"ends": (900, 900, 900), "limit": 15, "bend": bend, **options}
+        return broken(lambda: Counting(**game), contract=contract, budget=700)
+
+    assert audits(BATTERY) == {"GK507"}
+    assert audits(GOAL if is_over else BATTERY, ends=(13, 900, 900)) == set()
+
+
+def test_a_declared_and_named_ending_may_come_early_every_time() -> None:
+    """A reason that the environment names and the contract declares explains an equal length."""
+
+    def bend(env: Any, out: Any) -> Any:
+        env.endings = {agent: "battery" for agent, is_late in out[3].items() if is_late}
+        return out
+
+    contract = Contract.from_json({"schedule": {"horizon": 20}, "endings": BATTERY})
+    game = {"ends": (900, 900, 900), "limit": 15, "bend": bend}
+    assert broken(lambda: Counting(**game), contract=contract, budget=700) == set()
+
+
 def test_ticks_of_turns_are_rounds() -> None:
     """In an AEC environment the horizon counts how often an agent has acted."""
     three = Contract.from_json({"schedule": {"horizon": 3}})

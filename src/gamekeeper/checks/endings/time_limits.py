@@ -14,6 +14,9 @@ from gamekeeper.checks.reproducers import no_termination_alone, no_truncation_al
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.episode import Episode, Turn
 
+WHOLE = 3
+"""Whole episodes of one length that tell of a limit; fewer may be equal by chance."""
+
 OVER = {
     "parallel": "assert not env.agents, 'the episode goes on beyond its horizon'",
     "aec": "going_on = [a for a in env.agents if not (env.terminations[a] or env.truncations[a])]\n"
@@ -43,11 +46,17 @@ def the_declared_horizon_truncates(contract: Contract, evidence: ProbeEvidence) 
     A time limit is no rule of the game: a learner that is told of a termination values the last
     state at nothing, and one that is cut early or late learns another game.
 
+    An agent that is cut early by an ending that the contract declares, and the environment names,
+    is right. Where no reason is named and a truncation is declared, or the early ending terminates,
+    it is another limit than the declared one only where every whole episode, three at least, ends
+    all of its agents in one and the same tick before the horizon, and no episode goes beyond it.
+
     Bad: `terminations = dict.fromkeys(self.agents, self.tick >= 200)`.
 
     Good: `truncations = dict.fromkeys(self.agents, self.tick >= 200)`.
     """
     horizon, api = contract.schedule.horizon or 0, evidence.api
+    yield from _other_limit(contract, evidence, horizon)
     by_rule = any(each.kind == "truncation" for each in contract.endings.values())
     ended_by_rule: list[Case] = []
     is_truncated = False
@@ -91,6 +100,43 @@ def the_declared_horizon_truncates(contract: Contract, evidence: ProbeEvidence) 
     # a rule may end one episode in its last tick by chance; not each of them
     if len(ended_by_rule) > 1 and not is_truncated:
         yield from ended_by_rule
+
+
+def _other_limit(contract: Contract, evidence: ProbeEvidence, horizon: int) -> Iterator[Case]:
+    """Whole episodes that all end in one tick before the horizon, for no declared reason."""
+    api = evidence.api
+    ends: list[tuple[Episode, Turn, int]] = []
+    longest = 0
+    for trace in evidence["rollout"]:
+        first = None
+        for turn, tick in ticks_before(trace, api):
+            if set(turn.order) - turn.ended:
+                longest = max(longest, tick + (api == "parallel"))
+            if first is None and turn.ended:
+                first = turn, tick
+        if first is not None and trace.header.get("end") == "ended":
+            ends.append((trace, *first))
+    limits = {tick for _, _, tick in ends}
+    if len(ends) < WHOLE or len(limits) > 1 or min(limits) >= horizon or longest > min(limits):
+        return
+    declared = {each.kind for each in contract.endings.values()}
+    for trace, turn, tick in ends:
+        is_cut = bool(_cut(turn))
+        is_explained = bool(trace.endings) and _are_reasons_declared(contract, trace, turn)
+        if is_explained or not _is_last(trace, turn):
+            continue
+        if is_cut and "truncation" not in declared:
+            continue  # judged as any early truncation
+        if not is_cut and "termination" in declared and tick not in _limits(evidence).values():
+            continue  # games of one length end so by their rules
+        yield Case(
+            trace.at(turn, sorted(turn.ended)[0], "truncations" if is_cut else "terminations"),
+            False,
+            f"a time limit of {horizon} ticks, as declared",
+            f"each of {len(ends)} whole episodes {'cut' if is_cut else 'over'} after {tick}",
+            proof=reproducer_of(no_truncation_alone if is_cut else no_termination_alone, api=api),
+            confidence=0.9,
+        )
 
 
 def _cut(turn: Turn) -> list[str]:
