@@ -35,7 +35,7 @@ from gamekeeper.statistics.one_sample import one_sample
 from gamekeeper.statistics.paired import paired_effect
 from gamekeeper.statistics.significance import holm
 from gamekeeper.statistics.student import student_p
-from gamekeeper.statistics.training_runs import over_meetings
+from gamekeeper.statistics.training_runs import luck_of_meetings, over_meetings
 
 Line = dict[str, Any]
 SEEDS = 50
@@ -87,13 +87,16 @@ def of_its_runs(met_ije: Any) -> Any:
 def two_meet(rng: Generator, runs: int, *spreads: float) -> Any:
     """The interval of two methods' meetings."""
     found = met(rng, runs, *spreads)
-    return over_meetings([found.mean(axis=1), found.mean(axis=0)])
+    luck = luck_of_meetings(list(np.ndindex(runs, runs)), found.mean(axis=2).ravel())
+    return over_meetings([found.mean(axis=1), found.mean(axis=0)], luck=luck)
 
 
 def zero_shot(game: Callable[..., Any], rng: Generator, runs: int, *spreads: float) -> Any:
     """The interval of the meetings of one method's runs."""
-    found = of_its_runs(game(rng, runs, *spreads))
-    return over_meetings([found], times=2 * (runs - 1) / (runs - 2))
+    met = game(rng, runs, *spreads)
+    pairs = [(i, j) for i, j in np.ndindex(runs, runs) if i != j]
+    luck = luck_of_meetings(pairs, np.array([met[pair].mean() for pair in pairs]))
+    return over_meetings([of_its_runs(met)], times=2 * (runs - 1) / (runs - 2), luck=luck)
 
 
 def meetings(repeats: int) -> Iterator[Line]:
@@ -196,7 +199,8 @@ def constant_sums(repeats: int) -> Iterator[Line]:
                 odds + luck + rng.normal(size=(12, 12, 20)) > 0 for luck in rng.normal(size=(2, 20))
             ]
             met = (won[0] * 2.0 - 1 + won[1] * 2.0 - 1) / 2
-            duel = over_meetings([met.mean(axis=1), met.mean(axis=0)])
+            luck = luck_of_meetings(list(np.ndindex(12, 12)), met.mean(axis=2).ravel())
+            duel = over_meetings([met.mean(axis=1), met.mean(axis=0)], luck=luck)
             found.append(duel.p <= ALPHA)
         kind = "found" if apart else "false"
         yield {"claim": "methods that are rivals", "of": f"{apart} sd apart", kind: percent(found)}
