@@ -151,8 +151,10 @@ _STRETCH: Final = 2.5
 _TAILED: Final = (0.8, 1.2)
 """Values' distance from being two (`_shape`), from which on, and at which wholly, a side is
 stretched: a mass at zero, or a rare loss, is skewed and has no tail."""
-_EQUAL: Final = 0.75
-"""Part of the way from the symmetric to the equal-tailed interval."""
+_EQUAL: Final = (0.75, 0.5)
+"""Part of the way from the symmetric to the equal-tailed interval: of values whose distance from
+being two is `_FAR[0]` and less (2: normal ones), and of those with tails as far as `_FAR[1]`."""
+_FAR: Final = (2.0, 4.0)
 _LONGEST: Final = (1.4, 0.6)
 """A bound is at most so many times as far out as Student's, and so much more for a unit of
 skewness / sqrt(n): resamples of a few rare values have next to no spread."""
@@ -192,8 +194,9 @@ def reach_of_mean(t: FloatArray, values: FloatArray, level: float) -> tuple[Floa
     low *= 1 + np.where(lean > 0, *_HEAPED[1:]) * beyond
     high *= 1 + np.where(lean < 0, *_HEAPED[1:]) * beyond
     farthest = bound * (_LONGEST[0] + _LONGEST[1] * np.abs(lean))
-    least = under * (_EQUAL * at(ordered, 0.5 - level / 2) - (1 - _EQUAL) * both)
-    most = above * (_EQUAL * at(ordered, 0.5 + level / 2) + (1 - _EQUAL) * both)
+    equal = np.interp(heaped, _FAR, _EQUAL)
+    least = under * (equal * at(ordered, 0.5 - level / 2) - (1 - equal) * both)
+    most = above * (equal * at(ordered, 0.5 + level / 2) + (1 - equal) * both)
     return (
         np.maximum(least, -np.minimum(low, farthest)),
         np.minimum(most, np.minimum(high, farthest)),
