@@ -16,7 +16,14 @@ from numpy.random import Generator
 from gamekeeper.errors import EvidenceError
 from gamekeeper.statistics.aggregates import over_environments
 from gamekeeper.statistics.interval import Statistic
-from gamekeeper.statistics.one_sample import MOST_TIED, around, quantile, ranks, reach_of_mean, ties
+from gamekeeper.statistics.one_sample import (
+    LEAST_DISTINCT,
+    around,
+    differing,
+    quantile,
+    ranks,
+    reach_of_mean,
+)
 from gamekeeper.statistics.resampling import expanded, interquartile_mean, reach
 from gamekeeper.statistics.student import hypotenuse
 from gamekeeper.statistics.training_runs import (
@@ -107,7 +114,7 @@ def means(values: Any, drawn: Any) -> Bounds:
 def quantiles(values: Any, part: float) -> Bounds:
     """The bounds of `quantile` for each row."""
     ordered = np.sort(values, axis=1)
-    refused = ties(ordered, part) > MOST_TIED * values.shape[1]
+    refused = differing(ordered, part, 0.025) < LEAST_DISTINCT
     low = _between(ordered, ranks(values.shape[1], part, 0.025))
     high = -_between(-ordered[:, ::-1], ranks(values.shape[1], 1 - part, 0.025))
     value = np.quantile(ordered, part, axis=1)

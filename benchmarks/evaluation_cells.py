@@ -20,6 +20,7 @@ from numpy.random import Generator
 
 from gamekeeper.errors import EvidenceError
 from gamekeeper.evaluation.estimates import Judge
+from gamekeeper.statistics.training_runs import luck_of_meetings
 
 Cell = Mapping[str, Any]
 Draw = Callable[[Generator, Any], Any]
@@ -214,13 +215,16 @@ def of_runs(kind: str, draw: Draw, n: int, spread: float, rng: Generator) -> Any
     if kind == "cross-play":
         met = draw(rng, (n, 1, 1)) + luck + rest
         met = met + spread * rng.normal(size=(1, n, 1))
-        return held(judge.meetings([met.mean(axis=1), met.mean(axis=0)], of=""))
+        luck = luck_of_meetings(list(np.ndindex(n, n)), met.mean(axis=2).ravel())
+        return held(judge.meetings([met.mean(axis=1), met.mean(axis=0)], luck=luck, of=""))
     own = draw(rng, n) * 1.0
     met = own[:, None, None] - own[None, :, None] + luck + rest
     others = ~np.eye(n, dtype=bool)
     its = [np.concatenate([met[k][others[k]], met[:, k][others[k]]]) for k in range(n)]
     block = np.stack([each.mean(axis=0) for each in its])
-    return held(judge.meetings([block], times=2 * (n - 1) / (n - 2), of=""))
+    pairs = [(i, j) for i, j in np.ndindex(n, n) if i != j]
+    luck = luck_of_meetings(pairs, np.array([met[pair].mean() for pair in pairs]))
+    return held(judge.meetings([block], times=2 * (n - 1) / (n - 2), luck=luck, of=""))
 
 
 def of_successes(part: float, n: int, rng: Generator) -> Any:

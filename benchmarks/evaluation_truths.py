@@ -35,7 +35,7 @@ from gamekeeper.statistics.one_sample import one_sample
 from gamekeeper.statistics.paired import paired_effect
 from gamekeeper.statistics.significance import holm
 from gamekeeper.statistics.student import student_p
-from gamekeeper.statistics.training_runs import over_meetings
+from gamekeeper.statistics.training_runs import luck_of_meetings, over_meetings
 
 Line = dict[str, Any]
 SEEDS = 50
@@ -87,13 +87,16 @@ def of_its_runs(met_ije: Any) -> Any:
 def two_meet(rng: Generator, runs: int, *spreads: float) -> Any:
     """The interval of two methods' meetings."""
     found = met(rng, runs, *spreads)
-    return over_meetings([found.mean(axis=1), found.mean(axis=0)])
+    luck = luck_of_meetings(list(np.ndindex(runs, runs)), found.mean(axis=2).ravel())
+    return over_meetings([found.mean(axis=1), found.mean(axis=0)], luck=luck)
 
 
 def zero_shot(game: Callable[..., Any], rng: Generator, runs: int, *spreads: float) -> Any:
     """The interval of the meetings of one method's runs."""
-    found = of_its_runs(game(rng, runs, *spreads))
-    return over_meetings([found], times=2 * (runs - 1) / (runs - 2))
+    met = game(rng, runs, *spreads)
+    pairs = [(i, j) for i, j in np.ndindex(runs, runs) if i != j]
+    luck = luck_of_meetings(pairs, np.array([met[pair].mean() for pair in pairs]))
+    return over_meetings([of_its_runs(met)], times=2 * (runs - 1) / (runs - 2), luck=luck)
 
 
 def meetings(repeats: int) -> Iterator[Line]:
@@ -196,7 +199,8 @@ def constant_sums(repeats: int) -> Iterator[Line]:
                 odds + luck + rng.normal(size=(12, 12, 20)) > 0 for luck in rng.normal(size=(2, 20))
             ]
             met = (won[0] * 2.0 - 1 + won[1] * 2.0 - 1) / 2
-            duel = over_meetings([met.mean(axis=1), met.mean(axis=0)])
+            luck = luck_of_meetings(list(np.ndindex(12, 12)), met.mean(axis=2).ravel())
+            duel = over_meetings([met.mean(axis=1), met.mean(axis=0)], luck=luck)
             found.append(duel.p <= ALPHA)
         kind = "found" if apart else "false"
         yield {"claim": "methods that are rivals", "of": f"{apart} sd apart", kind: percent(found)}
@@ -269,7 +273,7 @@ def units(repeats: int) -> Iterator[Line]:
         flat += found is not None and found["low"] is None
     yield {"claim": "p in other units", "of": "1, 2, 0.001, 1e6", "differs": percent(differ > 0)}
     yield {"claim": "equal returns", "of": "0, 1, 10", "refused": round(100 * flat / 3, 1)}
-    for far, n in ((10.0, 50), (10.0, 100), (10.0, 200), (100.0, 50), (100.0, 100), (100.0, 200)):
+    for far, n in ((10.0, 95), (10.0, 200), (100.0, 95), (100.0, 200)):
         line = judged(
             lambda rng, far=far, n=n: one_sample(
                 rng.normal(size=n) - far * (rng.random(n) < 0.02), rng=rng

@@ -11,6 +11,7 @@ from gamekeeper.evaluation.crossplay import _times
 from gamekeeper.evaluation.estimates import Judge
 from gamekeeper.evaluation.evaluation import Evaluation
 from gamekeeper.evaluation.evaluator import evaluate
+from gamekeeper.statistics.training_runs import luck_of_meetings, over_meetings
 from tests.evaluation.policies import names
 
 
@@ -150,3 +151,21 @@ def test_interval_over_meetings_of_runs_covers_new_seeds(luck: float, spread: fl
         assert found is not None
         hits += found["low"] <= 0.0 <= found["high"]
     assert 0.92 <= hits / rounds <= 0.98
+
+
+def test_luck_of_meetings_is_what_two_runs_do_not_add_up_to() -> None:
+    """It counts once: both runs' means hold it, and an interval that adds these is too wide."""
+    rng, pairs = np.random.default_rng(3), list(np.ndindex(12, 12))
+    own = rng.standard_normal((2, 12))
+    added = (own[0][:, None] + own[1]).ravel()
+    none, some = (luck_of_meetings(pairs, added + x * rng.standard_normal(144)) for x in (0, 1))
+    assert none is not None
+    assert some is not None
+    assert none.variance == pytest.approx(0.0, abs=1e-20)
+    assert some.variance == pytest.approx(1 / 144, rel=0.4)
+    assert (some.freedom, luck_of_meetings(pairs[:20], added[:20])) == (121, None)
+    noise = rng.standard_normal((12, 12, 30))
+    blocks = [noise.mean(axis=1), noise.mean(axis=0)]
+    luck = luck_of_meetings(pairs, noise.mean(axis=2).ravel())
+    wide, fair = over_meetings(blocks), over_meetings(blocks, luck=luck)
+    assert fair.high - fair.low < 0.9 * (wide.high - wide.low)

@@ -1,4 +1,4 @@
-"""What an earlier call of an evaluation left in a folder, and if this call continues it."""
+"""Results that an earlier call of an evaluation left in a folder, and if a call continues it."""
 
 from __future__ import annotations
 

@@ -15,6 +15,7 @@ from gamekeeper.evaluation.matchups import ZERO_SHOT, Checkpoint, Pairing
 from gamekeeper.evaluation.results import Ground
 from gamekeeper.evaluation.spec import EVERYONE, Spec
 from gamekeeper.statistics.significance import holm
+from gamekeeper.statistics.training_runs import MeetingLuck, luck_of_meetings
 
 Seated: TypeAlias = "tuple[tuple[str, str], ...]"
 """Policies by seat."""
@@ -125,7 +126,9 @@ def _cell(
         blocks = [np.stack(list(one.values())) for one in runs]
         n = min(map(len, blocks))
         times = _times(n, table.spec.crossplay.sample, kind)
-        found = table.judge.meetings(blocks, times=times, of=of, lost=gone)
+        runs_met = [[side.run for side in table.seated(pairing).values()] for pairing, _ in members]
+        luck = _luck([(met[0], met[-1]) for met in runs_met], values)
+        found = table.judge.meetings(blocks, times=times, luck=luck, of=of, lost=gone)
     mean = found or {"value": None, "low": None, "high": None}
     return {
         "roles": dict(seated),
@@ -140,6 +143,13 @@ def _cell(
         "high": mean["high"],
         "by_role": {seat: _mean([table.of_seat(s, seat) for _, s in members]) for seat in seated},
     }
+
+
+def _luck(pairs: Sequence[tuple[int, int]], values: Sequence[FloatArray]) -> MeetingLuck | None:
+    """The luck of single meetings, over the seeds that all of them have."""
+    figures = np.stack(values)
+    figures = figures[:, ~np.isnan(figures).any(axis=0)]
+    return luck_of_meetings(pairs, figures.mean(axis=1)) if figures.size else None
 
 
 def _lost(values: Sequence[FloatArray]) -> int:
@@ -296,7 +306,9 @@ class Duel:
             for side, is_method in zip(by_run, self.methods, strict=True)
             if is_method
         ]
-        found = judge.meetings(blocks, of=of, lost=gone)
+        leads = [one - two for one, two in pairs]
+        luck = _luck(list(self.meetings), leads) if all(self.methods) else None
+        found = judge.meetings(blocks, luck=luck, of=of, lost=gone)
         total = len(pairs[0][0])
         return Compared(found, None, min(map(len, blocks)), total, gone, total - gone)
 

@@ -20,7 +20,12 @@ from gamekeeper.statistics.paired import FEWEST, PairedEffect, paired_effect
 from gamekeeper.statistics.resampling import interquartile_mean
 from gamekeeper.statistics.significance import wilson
 from gamekeeper.statistics.student import student, student_p
-from gamekeeper.statistics.training_runs import difference_over_runs, over_meetings, over_runs
+from gamekeeper.statistics.training_runs import (
+    MeetingLuck,
+    difference_over_runs,
+    over_meetings,
+    over_runs,
+)
 
 FloatArray = NDArray[np.float64]
 
@@ -246,13 +251,20 @@ class Judge:
         return {**_plain(found), "p": _p_of(found, self.level)}
 
     def meetings(
-        self, blocks: Sequence[FloatArray], *, times: float = 1.0, of: str, lost: int = 0
+        self,
+        blocks: Sequence[FloatArray],
+        *,
+        times: float = 1.0,
+        luck: MeetingLuck | None = None,
+        of: str,
+        lost: int = 0,
     ) -> dict[str, Any] | None:
         """The mean over meetings of runs, about new runs and new seeds.
 
         Args:
             blocks: by method [runs, episodes], of each run the mean over its meetings.
             times: what a run's mean is enlarged by: in how many seats its method sits.
+            luck: of single meetings, where runs vary in both seats.
             of: whom a refusal names.
             lost: seeds on which a meeting broke off.
         """
@@ -263,7 +275,7 @@ class Judge:
             return None
         try:
             _enough_left(lost, total)
-            return _effect(over_meetings(kept, times=times, level=self.level))
+            return _effect(over_meetings(kept, times=times, luck=luck, level=self.level))
         except EvidenceError as error:
             value = float(np.mean([block.mean() for block in kept]))
             return self._point(value, error, "interval of meetings of training runs", of)

@@ -291,11 +291,10 @@ def _crossplay(name: str, found: Mapping[str, Any], level: float, width: int) ->
     for row in found["best_response"]:
         against = next(iter(row["against"].values()), "")
         gaps = [f"{policy} {_interval(gap, sign='+')}" for policy, gap in row["gap"].items() if gap]
-        text = (
-            f"best as {row['role']} with {against}, chosen on half of the episodes: "
-            f"{row['policy']}; on the others {_number(row['value'])}, {MINUS} "
-        )
-        yield from _item(text + ", ".join(gaps), width)
+        text = f"best as {row['role']} with {against}: {row['policy']} {_number(row['value'])}"
+        yield from _item(f"{text}; over {', '.join(gaps)}", width)
+    if found["best_response"]:
+        yield f"{INDENT}best: chosen on half of the episodes, measured on the others"
     for row in found["fairness"]:
         a, b = row["policies"]
         pair = f"{a} with itself" if a == b else f"{a} with {b}, both ways"

@@ -71,24 +71,24 @@ def quantile(
         part: in (0, 1); 0.5 is the median.
         level: coverage, in [0.8, 0.99].
     Raises:
-        EvidenceError: fewer than `fewest_for_quantile(part)` values, one isn't finite, or more than
-            `MOST_TIED` of them are the quantile.
+        EvidenceError: fewer than `fewest_for_quantile(part)` values, one isn't finite, or fewer
+            than `LEAST_DISTINCT` of those between the bounds differ.
     Source: Nyblom 1992, "Note on interpolated order statistics", which for the median is
         Hettmansperger & Sheather 1986; the estimate interpolates as NumPy does.
     """
     ordered = np.sort(figures(values, "quantile"))
     enough(len(ordered), fewest_for_quantile(part, level=level), "values", where="quantile")
-    tied = ties(ordered, part)
-    if tied > MOST_TIED * len(ordered):
+    tail = (1 - level) / 2
+    distinct = float(differing(ordered, part, tail))
+    if distinct < LEAST_DISTINCT:
         raise EvidenceError(
-            "many values are the quantile itself: they come in lumps, and no interval covers as "
-            "it says",
+            "values around the quantile come in lumps, so that its interval covers more than it "
+            "says",
             where="quantile",
-            expected=f"at most {100 * MOST_TIED:g} % of the values the same there",
-            actual=f"{tied} of {len(ordered)}",
+            expected=f"{100 * LEAST_DISTINCT:g} % of the values there that differ",
+            actual=f"{100 * distinct:.0f} %",
             fix="show the mean with its interval",
         )
-    tail = (1 - level) / 2
     value = float(np.quantile(ordered, part))
     low = _lower(ordered, part, tail)
     high = -_lower(-ordered[::-1], 1 - part, tail)
@@ -97,21 +97,23 @@ def quantile(
     )
 
 
-MOST_TIED: Final = 0.2
-"""Part of the values that may be equal to their quantile; found by simulation."""
+LEAST_DISTINCT: Final = 0.6
+"""Part of the values between a quantile's bounds that differ; found by simulation."""
 
 
-def ties(ordered: FloatArray, part: float) -> Any:
-    """Number of values that are equal to the order statistic at a quantile.
+def differing(ordered: FloatArray, part: float, tail: float) -> Any:
+    """Part of the values between the bounds of a quantile that differ from one another.
 
     Args:
         ordered: [..., n], sorted.
         part: in (0, 1).
+        tail: chance that the quantile is beyond either bound.
     Returns:
         [...].
     """
-    place = round(part * (ordered.shape[-1] - 1))
-    return (ordered == ordered[..., place, None]).sum(axis=-1)
+    n = ordered.shape[-1]
+    inner = ordered[..., ranks(n, part, tail)[0] - 1 : n + 1 - ranks(n, 1 - part, tail)[0]]
+    return (1 + (np.diff(inner, axis=-1) > 0).sum(axis=-1)) / inner.shape[-1]
 
 
 def ranks(n: int, part: float, tail: float) -> tuple[int, float]:
@@ -149,8 +151,10 @@ _STRETCH: Final = 2.5
 _TAILED: Final = (0.8, 1.2)
 """Values' distance from being two (`_shape`), from which on, and at which wholly, a side is
 stretched: a mass at zero, or a rare loss, is skewed and has no tail."""
-_EQUAL: Final = 0.75
-"""Part of the way from the symmetric to the equal-tailed interval."""
+_EQUAL: Final = (0.75, 0.5)
+"""Part of the way from the symmetric to the equal-tailed interval: of values whose distance from
+being two is `_FAR[0]` and less (2: normal ones), and of those with tails as far as `_FAR[1]`."""
+_FAR: Final = (2.0, 4.0)
 _LONGEST: Final = (1.4, 0.6)
 """A bound is at most so many times as far out as Student's, and so much more for a unit of
 skewness / sqrt(n): resamples of a few rare values have next to no spread."""
@@ -190,8 +194,9 @@ def reach_of_mean(t: FloatArray, values: FloatArray, level: float) -> tuple[Floa
     low *= 1 + np.where(lean > 0, *_HEAPED[1:]) * beyond
     high *= 1 + np.where(lean < 0, *_HEAPED[1:]) * beyond
     farthest = bound * (_LONGEST[0] + _LONGEST[1] * np.abs(lean))
-    least = under * (_EQUAL * at(ordered, 0.5 - level / 2) - (1 - _EQUAL) * both)
-    most = above * (_EQUAL * at(ordered, 0.5 + level / 2) + (1 - _EQUAL) * both)
+    equal = np.interp(heaped, _FAR, _EQUAL)
+    least = under * (equal * at(ordered, 0.5 - level / 2) - (1 - equal) * both)
+    most = above * (equal * at(ordered, 0.5 + level / 2) + (1 - equal) * both)
     return (
         np.maximum(least, -np.minimum(low, farthest)),
         np.minimum(most, np.minimum(high, farthest)),

@@ -282,8 +282,48 @@ def difference_over_runs(
     return PairedEffect(value, value - most, value - least, p, runs)
 
 
+@dataclass(frozen=True, slots=True)
+class MeetingLuck:
+    """Luck of single meetings, which the means of both runs hold that meet.
+
+    Attributes:
+        variance: of the mean over all meetings because of it.
+        freedom: degrees that it was estimated with.
+    """
+
+    variance: float
+    freedom: int
+
+
+FEWEST_FREE: Final = 10
+"""Degrees of freedom from which on the luck of single meetings can be told."""
+
+
+def luck_of_meetings(pairs: Sequence[tuple[int, int]], means: FloatArray) -> MeetingLuck | None:
+    """The residue of the means of meetings about what their two runs add; None of too few.
+
+    Args:
+        pairs: of each meeting, the run in one seat and the run in the other.
+        means: [meetings] over its episodes.
+    Source: Searle, Casella & McCulloch 1992, ch. 4 (the two-way crossed model).
+    """
+    seats = [sorted({pair[seat] for pair in pairs}) for seat in (0, 1)]
+    columns = [[pair[seat] == run for pair in pairs] for seat in (0, 1) for run in seats[seat]]
+    design = np.array(columns, np.float64).T
+    freedom = len(pairs) - int(np.linalg.matrix_rank(design))
+    if freedom < FEWEST_FREE:
+        return None
+    fitted = design @ np.linalg.lstsq(design, means, rcond=None)[0]
+    residue = float(((means - fitted) ** 2).sum()) / freedom
+    return MeetingLuck(residue / len(pairs), freedom)
+
+
 def over_meetings(
-    blocks: Sequence[FloatArray], *, times: float = 1.0, level: float = LEVEL
+    blocks: Sequence[FloatArray],
+    *,
+    times: float = 1.0,
+    luck: MeetingLuck | None = None,
+    level: float = LEVEL,
 ) -> PairedEffect:
     """The mean over meetings of runs on shared seeds, with an interval and the p-value of 0.
 
@@ -295,6 +335,8 @@ def over_meetings(
     Args:
         blocks: by method [runs, episodes], of each run the mean over its meetings.
         times: what a run's mean is enlarged by: in how many seats its method sits.
+        luck: of single meetings, where runs vary in both seats: it is in the means of both, and
+            counts once.
         level: coverage, in [0.8, 0.99].
     Raises:
         EvidenceError: fewer runs than `FEWEST_RUNS_APART` of a method, or fewer seeds than
@@ -314,8 +356,11 @@ def over_meetings(
     for block in blocks:
         parts.append((times**2 * float(block.mean(axis=1).var(ddof=1)) / len(block), len(block)))
         within += times**2 * _residue(block) / (len(block) * episodes)
+    if luck is not None and sum(part for part, _ in parts) < 2 * luck.variance:
+        parts, luck = [(luck.variance, luck.freedom + 1)], None  # runs don't differ but by it
     parts.append((max(float(by_seed.var(ddof=1)) / episodes - within, 0.0), episodes))
-    value, variance = float(by_seed.mean()), sum(part for part, _ in parts)
+    variance = sum(part for part, _ in parts) - (0.0 if luck is None else luck.variance)
+    value = float(by_seed.mean())
     n = min(map(len, blocks))
     if variance <= 1e-24 * max(float(np.abs(block).max()) for block in blocks) ** 2:
         raise no_spread(value, n, "training runs", where=where)
