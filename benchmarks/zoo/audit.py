@@ -26,7 +26,7 @@ from catalogue import Listed, catalogue
 
 AUDIT_S: Final = 60
 """Time limit that the audit is given (`--seconds`)."""
-OUTER_S: Final = 120
+OUTER_S: Final = 200
 """Time after which the process is ended: an audit that doesn't keep its limit."""
 SURROUNDINGS: Final = {
     "SDL_VIDEODRIVER": "dummy",

@@ -23,6 +23,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from catalogue import CATALOGUE, HERE, Listed, catalogue
 
 JUDGED: Final = ("true", "same cause", "pedantic", "false")
+EXERCISED: Final = ("passed", "failed", "suspected", "waived")
 Judgements = Mapping[str, Mapping[str, str]]
 
 
@@ -116,9 +117,10 @@ def _precision_row(half: str, check: str, counts: Mapping[tuple[str, str], int])
 def table(rows: list[Row], judged: Judgements) -> Iterator[str]:
     """A row for each environment."""
     yield "## The environments"
-    yield "A cause stands with its judgement; *follow* counts what follows from one.\n"
-    yield "| package | environment | half | causes | follow | minor | suspected | s |"
-    yield "|---|---|---|---|---|---|---|---|"
+    yield "A cause stands with its judgement; *checks* counts those that had something to judge within"
+    yield "the time, *follow* what follows from a cause.\n"
+    yield "| package | environment | half | checks | causes | follow | minor | suspected | s |"
+    yield "|---|---|---|---|---|---|---|---|---|"
     for package, several in groupby(rows, key=lambda row: row.listed.package):
         for place, row in enumerate(several):
             shown = f"{package} {row.listed.version[:10]}" if place == 0 else ""
@@ -128,13 +130,15 @@ def table(rows: list[Row], judged: Judgements) -> Iterator[str]:
 
 def _cells(row: Row, judged: Judgements) -> str:
     if row.result is None:
-        return "not audited | | | | "
+        return " | not audited | | | | "
     if not row.verdicts:
-        return f"{_ended(row.result)} | | | | {row.result['seconds']}"
+        return f" | {_ended(row.result)} | | | | {row.result['seconds']:.0f}"
+    judged_here = [each for each in row.verdicts if each["outcome"] in EXERCISED]
     causes = [f"{check} {_judgement(judged, row, check)[0]}".strip() for check in row.causes]
     follow = len(row.failed("high", "medium", "low", cause=False))
     suspected = [each["id"] for each in row.verdicts if each["outcome"] == "suspected"]
     cells = [
+        len(judged_here),
         ", ".join(causes) or "none",
         follow or "",
         ", ".join(row.failed("low", cause=True)),

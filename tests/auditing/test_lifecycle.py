@@ -49,6 +49,21 @@ def test_an_object_is_never_closed() -> None:
     assert env.closed == 0
 
 
+class Leaves(Counting):
+    """Ends the program when it is closed, as some that draw with pygame do."""
+
+    def close(self) -> None:
+        """Leaves."""
+        raise SystemExit
+
+
+def test_an_audit_outlives_a_close_that_ends_the_program() -> None:
+    """What was seen is given out, and the close itself is judged."""
+    found = audited(Leaves)
+    assert found.of("GK525").outcome == "failed"
+    assert found.of("GK520").outcome == "passed"
+
+
 class Refuses(Rovers):
     """Refuses steps after the end, with an error of its own."""
 

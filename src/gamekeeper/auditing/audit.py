@@ -112,7 +112,7 @@ def audit_here(
         return _judged(wanted, opened, bench, **asked, until_s=0.0)
     finally:
         if opened.make is not None:
-            with suppress(Exception):  # one that raises is a finding of a check's
+            with suppress(Exception, SystemExit):  # one that raises is a finding of a check's
                 opened.env.close()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -97,7 +98,8 @@ def play_task(
             keep=EvidenceOptions(number=play["number"]),
             on_step=report,
         )
-        env.close()
+        with suppress(Exception, SystemExit):  # the play is what is asked for
+            env.close()
     _write(Path(folder, "steps"), played.trace.steps)
     if played.trace.states is not None:
         _write(Path(folder, "states"), played.trace.states)
