@@ -324,12 +324,15 @@ class _Forms:
             first, second = (names[name] for name in pair)
             paid = [rewards for rewards, _ in outs]
             ways.append(
-                (
-                    paid[1].get(second) != paid[0].get(second),
-                    paid[2].get(first) != paid[0].get(first),
-                )
+                (_takes(paid[0], paid[1], first, second), _takes(paid[0], paid[2], second, first))
             )
-        return DrawnPriority(pair, step, tuple(ways))
+        return DrawnPriority(pair, step, tuple(ways)) if any(map(any, ways)) else None
+
+
+def _takes(base: Mapping[Any, float], changed: Mapping[Any, float], taker: Any, other: Any) -> bool:
+    """Tells whether one agent's move gave it what the other lost, or left the other what it had."""
+    own, its = (changed.get(each, 0.0) - base.get(each, 0.0) for each in (taker, other))
+    return own * its < 0
 
 
 def _spaces(lab: ProbeSession, stream: int) -> dict[str, Any]:
