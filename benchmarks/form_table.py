@@ -2,9 +2,10 @@
 
     python -m benchmarks.form_table [--budget 20000] [--seed 0] [--only NAME ...] [--held]
 
-Audits every environment of `benchmarks/forms` and compares each field of the measurement with the
-form that its author wrote down; doubtful fields aren't judged. `--held` takes the environments that
-are kept back, and prints sums alone. With `--only`, all of the measurement is printed.
+Measures every environment of `benchmarks/forms` with the probes that the measured form reads, each
+with the steps that it has in a whole audit of that budget, and compares each field with the form
+that its author wrote down; doubtful fields aren't judged. `--held` takes the environments that are
+kept back, and prints sums alone. With `--only`, all of the measurement is printed.
 
 Rules: a field is *silent* where the measurement has no value. Roles are compared, not agents.
 `influence` is right where the pairs of roles, and the least lag of each, are those of the form;
@@ -23,8 +24,13 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from benchmarks.forms.form import Form
-from gamekeeper.auditing.audit import audit_here
+from gamekeeper.auditing.gather import gather, lab_of
+from gamekeeper.auditing.measured import PROBES, measured
+from gamekeeper.auditing.probe import probes
+from gamekeeper.checks.probe_evidence import ProbeEvidence
+from gamekeeper.contract import Contract
 from gamekeeper.episodes.layout import role
+from gamekeeper.interface.opening import open_env
 
 RIGHT, WRONG, SILENT = "right", "wrong", "silent"
 Answer = tuple[str, str]
@@ -36,43 +42,43 @@ def told(is_right: bool) -> str:
     return RIGHT if is_right else WRONG
 
 
-def answers(form: Form, measured: Mapping[str, Any], roles: tuple[str, ...]) -> Iterator[Answer]:
+def answers(form: Form, found: Mapping[str, Any], roles: tuple[str, ...]) -> Iterator[Answer]:
     """Yields each judged field with its result."""
-    for field, result in _answers(form, measured, roles):
+    for field, result in _answers(form, found, roles):
         if field.split()[0] not in form.doubtful and field not in form.doubtful:
             yield field, result
 
 
-def _answers(form: Form, measured: Mapping[str, Any], roles: tuple[str, ...]) -> Iterator[Answer]:
-    yield "stages", _stages(form, measured.get("stages"))
+def _answers(form: Form, found: Mapping[str, Any], roles: tuple[str, ...]) -> Iterator[Answer]:
+    yield "stages", _stages(form, found.get("stages"))
     for field in ("order", "observe", "conflicts", "legality", "deterministic"):
-        truth, value = getattr(form, field), measured.get(field)
+        truth, value = getattr(form, field), found.get(field)
         if truth is not None:
             yield field, SILENT if value is None else told(value == truth)
     if form.api == "parallel" and form.order_sensitive is not None:
-        value = measured.get("order_sensitive")
+        value = found.get("order_sensitive")
         yield "order_sensitive", SILENT if value is None else told(value == form.order_sensitive)
-    horizon = measured.get("horizon")
+    horizon = found.get("horizon")
     is_silent = horizon is None and form.horizon is not None
     yield "horizon", SILENT if is_silent else told(horizon == form.horizon)
-    yield from _kinds(form, measured.get("reward") or {})
+    yield from _kinds(form, found.get("reward") or {})
     if "rewards" not in form.doubtful:
-        pairs = (measured.get("reward") or {}).get("pairs")
+        pairs = (found.get("reward") or {}).get("pairs")
         yield "earner and payee", _pairs(form, pairs, roles)
-    ends = (measured.get("endings") or {}).get("kinds")
+    ends = (found.get("endings") or {}).get("kinds")
     truth = {(end.kind, end.owner) for end in form.endings.values()}
-    found = None if ends is None else {(end["kind"], end["owner"]) for end in ends}
-    yield "endings", SILENT if found is None else told(found == truth)
+    kinds = None if ends is None else {(end["kind"], end["owner"]) for end in ends}
+    yield "endings", SILENT if kinds is None else told(kinds == truth)
     for field in ("may_join", "may_leave"):
-        value = measured.get(field)
+        value = found.get(field)
         yield field, SILENT if value is None else told(set(value) == set(getattr(form, field)))
-    by_role = measured.get("symmetric") or {}
+    by_role = found.get("symmetric") or {}
     for name, truth in form.symmetric.items():
         if truth is not None:
             seems = (by_role.get(name) or {}).get("seems")
             yield "symmetric", SILENT if seems is None else told(seems == truth)
-    yield from _influence(form, measured.get("influence"))
-    yield from _advice(form, measured)
+    yield from _influence(form, found.get("influence"))
+    yield from _advice(form, found)
 
 
 def _stages(form: Form, value: Any) -> str:
@@ -126,13 +132,31 @@ def _influence(form: Form, rows: Any) -> Iterator[Answer]:
     yield from (("links", WRONG) for key in least if key not in truth)
 
 
-def _advice(form: Form, measured: Mapping[str, Any]) -> Iterator[Answer]:
+def _advice(form: Form, found: Mapping[str, Any]) -> Iterator[Answer]:
     if form.advice is not None:
-        advice = measured.get("advice")
+        advice = found.get("advice")
         yield "advice", SILENT if advice is None else told(advice == form.advice)
         if advice == form.advice == "aec":
-            because = measured.get("because")
+            because = found.get("because")
             yield "because", SILENT if because is None else told(set(form.because) <= set(because))
+
+
+def measurement(make: Any, *, budget: int, seed: int) -> tuple[Mapping[str, Any], tuple[str, ...]]:
+    """The measured form as a whole audit has it, and the roles of the agents."""
+    shares = {name: each.share for name, each in probes().items()}
+    sharing = {name for name in PROBES if shares[name]}
+    part = sum(shares[name] for name in sharing) / sum(shares.values())
+    looks: dict[str, Any] = {}
+    holds_entropy = False
+    for names, steps in ((sharing, int(budget * part)), (set(PROBES) - sharing, budget)):
+        lab = lab_of(open_env(make), None, spec=make, kwargs={}, seed=seed, budget=steps)
+        lab.holds_entropy = holds_entropy
+        evidence = gather(lab, names, died={}, on_probe=lambda *_: None).gathered()
+        holds_entropy = lab.holds_entropy
+        looks.update(evidence.looks)
+    whole = ProbeEvidence(api=evidence.api, agents=evidence.agents, looks=looks)
+    roles = tuple(dict.fromkeys(role(name) for name in evidence.agents))
+    return measured(Contract(), whole), roles
 
 
 def catalogue(is_held: bool) -> list[tuple[Any, Form]]:
@@ -170,17 +194,16 @@ def main() -> None:
     for make, form in catalogue(options.held):
         if options.only and form.name not in options.only:
             continue
-        result = audit_here(make, budget=options.budget, seed=options.seed)
+        found, roles = measurement(make, budget=options.budget, seed=options.seed)
         count += 1
         if options.only:
-            print(json.dumps(result.measured, indent=1, default=str))
-        roles = tuple(dict.fromkeys(role(name) for name in result.agents))
+            print(json.dumps(found, indent=1, default=str))
         faults = []
-        for field, answer in answers(form, result.measured, roles):
+        for field, answer in answers(form, found, roles):
             by_field.setdefault(field, Counter())[answer] += 1
             faults += [f"{field} {answer}"] if answer != RIGHT else []
         if not options.held:
-            print(f"{form.name} ({result.seconds:.1f} s): {', '.join(faults)}", file=sys.stderr)
+            print(f"{form.name}: {', '.join(faults)}", file=sys.stderr)
     print(table(by_field))
     seconds = time.perf_counter() - begun_s
     print(f"{count} environments, budget {options.budget}, seed {options.seed}, {seconds:.0f} s")

@@ -77,8 +77,8 @@ class Board:
     globals: Mapping[str, Any] = field(default_factory=dict)
 
     def reset(self, seed: int | None) -> None:
-        """Starts the episode, with the generators of the process at one place."""
-        seed_all(HELD)
+        """Starts the episode, with the generators of the process at a place of that seed's."""
+        seed_all(HELD + (seed or 0))
         self.lab.meter.count()
         out = self.env.reset(seed=seed)
         self.ended = {}

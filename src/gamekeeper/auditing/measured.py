@@ -31,7 +31,7 @@ NOT_SEEN: Final[Mapping[str, str]] = {
     "legality": "too few looks at masks of other agents",
     "deterministic": "no rerun",
     "horizon": "whole episodes were not truncated, at one length, twice at least",
-    "symmetric": "no role has two agents, or too few episodes began with two of them",
+    "symmetric": "no role has two agents, too few episodes had, or draws aren't settled by seeds",
     "advice": "too few looks",
 }
 """Reasons why a field has no value."""
@@ -54,6 +54,7 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
     advised = advice(_signs(evidence, shapes, within, priority, order))
     turn_order = turns.order_of_turns(shapes, [fact.value for fact in moves])
     play_order = _play_order(api, advised, turn_order, shapes)
+    settled = _deterministic(evidence)  # else draws that no seed settles are held still, and equal
     by_role = roles_of(contract, evidence)
     found = {
         "schedule": form.schedule(traces, api),
@@ -63,9 +64,11 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
         "conflicts": _conflicts(api, advised, priority, order, play_order),
         "legality": trials.legality(moves),
         "order_sensitive": order.get("result"),
-        "deterministic": _deterministic(evidence),
+        "deterministic": settled,
         "horizon": comings.horizon(shapes),
-        "symmetric": roles.symmetric(shapes, by_role, _first_comes(within, ranked, play_order)),
+        "symmetric": roles.symmetric(
+            [] if settled is False else shapes, by_role, _first_comes(within, ranked, play_order)
+        ),
         "reward": {**payments(traces, api), "pairs": trials.pairs(moves)},
         "endings": {**form.endings(traces, api), "kinds": comings.kinds_of_endings(shapes)},
         "may_join": comings.joined(shapes) if shapes else None,

@@ -18,7 +18,8 @@ ALIKE: Final = 10
 """Effects one way, all along one order of the names: by chance with probability 2 / 1,024."""
 TURNED: Final = 2
 """Effects that went the other way with another draw, for a word on random conflicts."""
-PART: Final = 0.05
+PART: Final = 0.2
+"""Part of all pairs that were tried in which it has to be so."""
 
 
 def symmetric(

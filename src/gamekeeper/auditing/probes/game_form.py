@@ -111,7 +111,11 @@ class _Forms:
         boards, settled = self._led({step for spot in spots for step in spot})
         if settled < len(self.paper.steps):
             yield UnsettledMoves(settled)
-        self._can_copy = self._can_copy and self._copies_well(boards, settled)
+        if self._can_copy and spots:
+            done = self._lab.call("copies", self._copies_well, boards, settled, ahead)
+            self._can_copy = done.value is True
+        if not self._can_copy:
+            spots = spots[: self._affordable(spots, ahead)]
         is_tried = self._lab.api == "aec" or self._stream % OFTEN > 0
         for spot in spots:
             found = []
@@ -162,7 +166,7 @@ class _Forms:
         cost = size * (ahead + 1) * min(movers, MOST_MOVERS)
         count = max(PER_STEP * len(self.paper.steps) // max(cost, 1), 1)
         numbers = self._rng.permutation(len(by_round))[:count]
-        spots = [by_round[sorted(by_round)[at]] for at in sorted(numbers)]
+        spots = [by_round[sorted(by_round)[at]] for at in numbers]
         return [
             spot
             if len(spot) <= MOST_MOVERS
@@ -187,15 +191,22 @@ class _Forms:
                 return boards, place
         return boards, len(self.paper.steps)
 
-    def _copies_well(self, boards: Mapping[int, Board], settled: int) -> bool:
-        """Tells whether a copy goes on as its original did, for a round at least."""
-        for step, board in list(boards.items())[:1]:
-            done = self._lab.call("branch", board.taken_up)
-            steps = branch(done.value, self.paper, step, {}, 1, self._fitting) if done.value else ()
-            return done.failed is None and all(
-                _is_same(each, self.paper.steps[place]) for place, each in steps if place < settled
-            )
-        return True
+    def _copies_well(self, boards: Mapping[int, Board], settled: int, ahead: int) -> bool:
+        """Tells whether a copy goes on as its original did; many build themselves anew instead."""
+        step = min(boards)
+        steps = branch(boards[step].taken_up(), self.paper, step, {}, ahead, self._fitting)
+        return all(
+            _is_same(each, self.paper.steps[place]) for place, each in steps if place < settled
+        )
+
+    def _affordable(self, spots: Sequence[Sequence[int]], ahead: int) -> int:
+        """Number of the spots that branches afford which begin at the reset; one at least."""
+        left, count = float(PER_STEP * len(self.paper.steps)), 0
+        for spot in spots:
+            movers = max(len(spot), min(len(self.paper.steps[spot[0]].given), MOST_MOVERS))
+            left -= movers * (spot[0] + (ahead + 1) * len(spot))
+            count += left >= 0
+        return max(count, 1)
 
     def _arrived(self, boards: Mapping[int, Board], step: int) -> Board:
         """The environment before a step: a copy, else led there from the reset."""
@@ -283,8 +294,6 @@ class _Forms:
         self, boards: Mapping[int, Board], step: int, trials: Sequence[tuple[MoveTrial, Any]]
     ) -> Iterator[DrawnPriority]:
         """Pairs of one role of which one's move changes the other's reward, in several futures."""
-        if step not in boards or not self._can_copy:
-            return
         hits = {
             (trial.agent, look.target)
             for trial, _ in trials
@@ -299,12 +308,16 @@ class _Forms:
         ]
         if pairs:
             pair = pairs[int(self._rng.integers(len(pairs)))]
-            found = self._ways(boards[step], step, pair, actions)
+            found = self._ways(boards, step, pair, actions)
             if found is not None:
                 yield found
 
     def _ways(
-        self, board: Board, step: int, pair: tuple[str, str], actions: Mapping[str, Any]
+        self,
+        boards: Mapping[int, Board],
+        step: int,
+        pair: tuple[str, str],
+        actions: Mapping[str, Any],
     ) -> DrawnPriority | None:
         """Effects of both on each other by future; None: a move changes how many are drawn."""
         written = self.paper.steps[step].actions or {}
@@ -313,7 +326,7 @@ class _Forms:
         for future in range(FUTURES):
             outs = []
             for name in ("", *pair):
-                one = board.taken_up()
+                one = self._arrived(boards, step)
                 if future:
                     reseed(one.env, future)
                 change = {names[name]: actions[name]} if name else {}
@@ -324,12 +337,15 @@ class _Forms:
             first, second = (names[name] for name in pair)
             paid = [rewards for rewards, _ in outs]
             ways.append(
-                (
-                    paid[1].get(second) != paid[0].get(second),
-                    paid[2].get(first) != paid[0].get(first),
-                )
+                (_takes(paid[0], paid[1], first, second), _takes(paid[0], paid[2], second, first))
             )
-        return DrawnPriority(pair, step, tuple(ways))
+        return DrawnPriority(pair, step, tuple(ways)) if any(map(any, ways)) else None
+
+
+def _takes(base: Mapping[Any, float], changed: Mapping[Any, float], taker: Any, other: Any) -> bool:
+    """Tells whether one agent's move gave it what the other lost, or left the other what it had."""
+    own, its = (changed.get(each, 0.0) - base.get(each, 0.0) for each in (taker, other))
+    return own * its < 0
 
 
 def _spaces(lab: ProbeSession, stream: int) -> dict[str, Any]:

@@ -100,12 +100,14 @@ class MoveTrial:
 
 @dataclass(frozen=True, slots=True)
 class DrawnPriority:
-    """The same move of one tick against several random futures: which way its effect goes.
+    """Replaced moves of two agents in several random futures: which of them takes from the other.
+
+    A move takes where its agent gains what the other loses, or the reverse.
 
     Attributes:
         agents: two agents of which one's move changed the other's reward, and not the reverse.
         turn: of the tick.
-        ways: for each future, the effect of the first on the second and of the second on the first.
+        ways: for each future, the first takes from the second, and the second from the first.
     """
 
     agents: tuple[str, str]

@@ -1,0 +1,221 @@
+"""Each field of the measured form, on small games of known form and on hand-made facts."""
+
+from functools import partial
+from typing import Any
+
+import pytest
+
+from gamekeeper.auditing.gather import gather, lab_of
+from gamekeeper.auditing.measure import comings, roles, trials, turns
+from gamekeeper.auditing.measure.advice import RoundSigns, advice
+from gamekeeper.auditing.measured import measured
+from gamekeeper.checks.facts.form_facts import (
+    AgentEnding,
+    DrawnPriority,
+    EpisodeShape,
+    MoveLook,
+    MoveTrial,
+)
+from gamekeeper.checks.probe_evidence import Fact
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.where import Where
+from gamekeeper.interface.opening import open_env
+from tests.auditing.form_games import Beds, Ladle, Latch, Mail, Seats
+
+
+def form_of(spec: Any, budget: int = 2_000) -> dict[str, Any]:
+    """The measurement from the probe of the form alone; half of the budget are its steps."""
+    lab = lab_of(open_env(spec), None, spec=spec, kwargs={}, seed=0, budget=budget)
+    found = gather(lab, {"form"}, died={}, on_probe=lambda *_: None)
+    assert found.broken == {}
+    return measured(Contract(), found.gathered())
+
+
+def test_a_mask_that_a_move_opens_makes_it_aec() -> None:
+    """Legality decides where nothing is observed, and two turns of an episode show it."""
+    found = form_of(Latch)
+    assert (found["advice"], found["because"], found["legality"]) == ("aec", ["legality"], True)
+    assert "opener's move at turn" in found["why"]
+    assert "taker's mask at turn" in found["why"]
+    assert (found["stages"], found["observe"]) == ([["opener"], ["taker"]], "after turn")
+    assert {(row["from"], row["on"], row["lag"]) for row in found["influence"] if row["p"]} >= {
+        ("opener", "mask", 0),
+        ("opener", "reward", 0),
+    }
+
+
+def test_a_race_that_none_observes_makes_it_aec() -> None:
+    """The order decides rewards, and first comes first: names aren't interchangeable."""
+    found = form_of(Seats)
+    assert (found["advice"], found["because"]) == ("aec", ["reward"])
+    assert (found["order"], found["observe"], found["conflicts"]) == (
+        "fixed",
+        "after tick",
+        "ordered",
+    )
+    assert found["symmetric"]["guest"]["seems"] is False
+
+
+def test_sealed_moves_in_a_drawn_order_are_made_together() -> None:
+    """No order of turns is a reason where nothing takes effect before all have moved."""
+    found = form_of(partial(Seats, sealed=True), 4_000)
+    assert found["advice"] == "parallel", found["why"]
+    assert (found["order"], found["conflicts"]) == ("none", "joint rule")
+
+
+@pytest.mark.parametrize(
+    ("rule", "conflicts", "advised"),
+    [
+        ("roster", "priority", "aec"),
+        ("lot", "random", "parallel"),
+        ("joint", "joint rule", "parallel"),
+    ],
+)
+def test_conflicts_of_a_tick(rule: str, conflicts: str, advised: str) -> None:
+    """A roster's priority, a lot and a joint rule are told apart in a Parallel environment."""
+    found = form_of(partial(Ladle, rule), 6_000)
+    assert (found["conflicts"], found["advice"]) == (conflicts, advised), found["why"]
+
+
+def test_lags_endings_and_joining() -> None:
+    """Post is paid three ticks later; a battery is no horizon; the spare joins."""
+    found = form_of(Mail, 6_000)
+    assert {"from": "sender", "to": "reader", "own": False, "lag": 3} in found["reward"]["pairs"]
+    assert found["horizon"] == 15
+    kinds = {(end["kind"], end["owner"]) for end in found["endings"]["kinds"]}
+    assert kinds == {("truncation", "agent"), ("truncation", "all")}
+    assert (found["may_join"], found["may_leave"]) == (["spare"], [])
+
+
+def test_agents_apart_fit_either_api() -> None:
+    """Who have nothing to do with each other can act at once or in turn."""
+    found = form_of(Beds)
+    assert found["advice"] == "either"
+    assert found["not_measured"].get("horizon") is None
+    assert found["horizon"] == 7
+
+
+def shape(
+    *rounds: str, endings: tuple[AgentEnding, ...] = (), live: dict[int, int] | None = None
+) -> EpisodeShape:
+    """An episode that is over, of agents a, b, c with names of one letter."""
+    return EpisodeShape(
+        rounds=tuple(map(tuple, rounds)),
+        first=("a", "b", "c"),
+        endings=endings,
+        joined=(),
+        left=(),
+        live=live or {},
+        fares={},
+        is_over=True,
+    )
+
+
+def ended(kind: str, step: int, agents: str) -> tuple[AgentEnding, ...]:
+    """Agents that end in one step, which is a round."""
+    return tuple(AgentEnding(agent, step, step, kind) for agent in agents)
+
+
+def trial(*looks: MoveLook, agent: str = "a", is_moved: bool = False) -> MoveTrial:
+    """A replaced move of the first of three agents."""
+    return MoveTrial(agent, 0, 0, ("a", "b", "c"), looks, 1, is_moved, None)
+
+
+def test_the_order_of_turns() -> None:
+    """Fixed, rotating, by the state where a move changes it, else random."""
+    fixed, other = shape("abc", "abc"), shape("bac", "abc")
+    assert turns.order_of_turns([fixed], []) == "fixed"
+    assert turns.order_of_turns([shape("abc", "bca", "cab")], []) == "rotating"
+    assert turns.order_of_turns([other], [trial()]) == "random"
+    assert turns.order_of_turns([other], [trial(is_moved=True)]) == "state"
+    assert turns.order_of_turns([fixed, shape("cba", "cba")], []) == "random"
+    assert turns.order_of_turns([shape("a", "a")], []) is None
+
+
+def test_stages_are_roles_in_blocks() -> None:
+    """Roles that act apart in every round are stages; those that mix share one."""
+    names = {"a": ["a"], "b": ["b"], "c": ["c"]}
+    assert turns.stages([shape("abc", "bac", "abc")], names, "random") == [["a", "b"], ["c"]]
+    assert turns.stages([shape("abc", "abc", "abc")], names, "fixed") == [["a"], ["b"], ["c"]]
+    assert turns.stages([shape("abc", "abc", "abc")], names, "none") == [["a", "b", "c"]]
+    assert turns.stages([shape("abc")], names, "fixed") is None
+
+
+def test_one_agents_limit_is_no_horizon() -> None:
+    """Only where all that are left are truncated, twice at one length."""
+    whole = shape("abc", "abc", endings=ended("truncation", 1, "abc"), live={1: 3})
+    one = shape("abc", "abc", endings=ended("truncation", 1, "a"), live={1: 3})
+    assert comings.horizon([whole, whole]) == 2
+    assert comings.horizon([whole]) is None
+    assert comings.horizon([one, one]) is None
+    longer = shape("abc", "abc", "abc", endings=ended("termination", 2, "abc"), live={2: 3})
+    assert comings.horizon([whole, whole, longer]) is None
+
+
+def test_the_owner_of_endings() -> None:
+    """All that end as one own it together; two of several that fall on one step don't."""
+    whole = shape("abc", endings=ended("termination", 0, "abc"), live={0: 3})
+    assert comings.kinds_of_endings([whole]) is None
+    assert comings.kinds_of_endings([whole, whole]) == [
+        {"kind": "termination", "owner": "all", "seen": 2}
+    ]
+    alone = shape(
+        "abc",
+        "bc",
+        endings=ended("termination", 0, "a") + ended("termination", 1, "bc"),
+        live={0: 3, 1: 2},
+    )
+    assert comings.kinds_of_endings([alone, alone]) == [
+        {"kind": "termination", "owner": "agent", "seen": 4}
+    ]
+
+
+def test_priority_needs_one_way_whatever_is_drawn() -> None:
+    """Effects along the roster are a priority, effects that turn with the draw a lot."""
+    first = DrawnPriority(("a", "b"), 0, ((True, False),) * 4)
+    back = DrawnPriority(("b", "a"), 0, ((True, False),) * 4)
+    lot = DrawnPriority(("a", "b"), 0, ((True, False), (False, True)))
+    agents = ("a", "b", "c")
+    assert roles.priority([first] * roles.ALIKE, agents) == ("roster", frozenset({"a"}))
+    assert roles.priority([first] * (roles.ALIKE - 1), agents)[0] is None
+    assert roles.priority([first] * roles.ALIKE + [back], agents)[0] is None
+    assert roles.priority([first, lot, lot], agents)[0] == "random"
+
+
+def signs(**given: Any) -> RoundSigns:
+    """Signs of a game in turns in which enough was looked at and nothing found."""
+    blank = {reason: trials.Within(looks=100, hits=0) for reason in ("state", "legality", "reward")}
+    return RoundSigns(
+        **{
+            "api": "aec",
+            "within": blank,
+            "hits": 5,
+            "looks": 300,
+            "most_in_a_round": 3,
+            "priority": None,
+            "dictionary": None,
+            "unsettled": False,
+            **given,
+        }
+    )
+
+
+def test_advice_follows_from_the_signs() -> None:
+    """One pure function: aec with its reasons, parallel, either, or nothing to say."""
+    assert advice(signs()).api == "parallel"
+    assert advice(signs(hits=0)).api == "either"
+    assert advice(signs(looks=5, unsettled=True)).api is None
+    assert "differs by itself" in advice(signs(looks=5, unsettled=True)).why
+    assert advice(signs(api="parallel", priority="roster")).because == ("reward",)
+    assert advice(signs(api="parallel", dictionary="outcome")).api == "aec"
+    assert advice(signs(api="parallel", priority="random")).api == "parallel"
+
+
+def test_a_payment_at_the_end_of_a_round_is_no_sign_of_order() -> None:
+    """Only what is paid before all have moved, or goes one way alone, shows that order decides."""
+    late = MoveLook("b", "reward", 0, True, False, 2)
+    early = MoveLook("b", "reward", 0, True, True, 1)
+    facts = [Fact(Where("form", 0, 0), trial(look)) for look in (late, early)]
+    assert trials.within_rounds(facts[:1])["reward"].hits == 0
+    found = trials.within_rounds(facts[1:])["reward"]
+    assert (found.hits, found.shown.turns if found.shown else None) == (1, (0, 1))
