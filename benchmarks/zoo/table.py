@@ -117,8 +117,8 @@ def _precision_row(half: str, check: str, counts: Mapping[tuple[str, str], int])
 def table(rows: list[Row], judged: Judgements) -> Iterator[str]:
     """A row for each environment."""
     yield "## The environments"
-    yield "A cause stands with its judgement; *checks* counts those that had something to judge within"
-    yield "the time, *follow* what follows from a cause.\n"
+    yield "A cause stands with its judgement; *checks* counts those that had something to judge"
+    yield "within the time, *follow* what follows from a cause.\n"
     yield "| package | environment | half | checks | causes | follow | minor | suspected | s |"
     yield "|---|---|---|---|---|---|---|---|---|"
     for package, several in groupby(rows, key=lambda row: row.listed.package):
