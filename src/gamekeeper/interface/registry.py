@@ -106,7 +106,7 @@ def unknown(env_id: str, broken: Iterable[BrokenPlugin] = ()) -> NotHereError:
 
 
 def likely(env_id: str) -> list[str]:
-    """What an id that no registry has may have meant, at most three; the likeliest first.
+    """Names that may be meant by an id that no registry has, at most three; the likeliest first.
 
     The same name in another version or namespace, else a module of an installed package that is
     called so, else ids that are spelled alike.

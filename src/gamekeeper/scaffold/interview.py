@@ -21,7 +21,7 @@ from gamekeeper.scaffold.task_plan import (
     read_terms,
     with_forms,
 )
-from gamekeeper.scaffold.timing import Advice, Timing, advise, check_timing
+from gamekeeper.scaffold.timing import Timing, TimingAdvice, advise, check_timing
 
 T = TypeVar("T")
 
@@ -61,8 +61,11 @@ def usual(question: str, answer: str, read: Callable[[str], T]) -> T:
 
 
 def plan_of(
-    answers: Answers, ask: Ask = usual, *, advised: Callable[[Advice], None] = lambda advice: None
-) -> tuple[Plan, Advice]:
+    answers: Answers,
+    ask: Ask = usual,
+    *,
+    advised: Callable[[TimingAdvice], None] = lambda advice: None,
+) -> tuple[Plan, TimingAdvice]:
     """Returns the task that options and answers describe, and the advised API.
 
     Args:

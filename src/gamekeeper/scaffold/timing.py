@@ -113,7 +113,7 @@ def _contradiction(what: str, where: str, fix: str) -> SpecError:
 
 
 @dataclass(frozen=True, slots=True)
-class Advice:
+class TimingAdvice:
     """An API, and the reason for it in one sentence; `reasons` are all reasons for it."""
 
     api: str
@@ -121,7 +121,7 @@ class Advice:
     reasons: tuple[str, ...] = ()
 
 
-def advise(timing: Timing) -> Advice:
+def advise(timing: Timing) -> TimingAdvice:
     """Advises the API that fits a schedule.
 
     AEC where an agent's observation, its turn or its reward depends on the order of actions in a
@@ -146,7 +146,7 @@ def advise(timing: Timing) -> Advice:
         turns = f" in {ORDER_TEXTS[order]}" if order in ORDER_TEXTS else ""
         reasons.append(f"of two actions{turns} that exclude each other the earlier one counts")
     if reasons:
-        return Advice("aec", "; ".join(reasons), tuple(reasons))
+        return TimingAdvice("aec", "; ".join(reasons), tuple(reasons))
     rule = {"priority": "by priority", "random": "at random"}.get(
         conflicts or "", "by one joint rule"
     )
@@ -156,4 +156,4 @@ def advise(timing: Timing) -> Advice:
     )
     if len(stages) > 1:
         reason += ", group after group inside it"
-    return Advice("parallel", reason, (reason,))
+    return TimingAdvice("parallel", reason, (reason,))

@@ -20,7 +20,7 @@ from gamekeeper.errors import EvidenceError, GamekeeperError, RunError
 from gamekeeper.reporting.page.composition import (
     Documents,
     Pair,
-    Shown,
+    ShownRun,
     alerts_of,
     lead_of,
     pairs_of,
@@ -43,7 +43,7 @@ from gamekeeper.viewing.report_documents import Given, PathText, documents_of
 from gamekeeper.viewing.report_packer import LETTERS, Packer, Pictures
 
 
-def opened(path: str | PathLike[str], *, key: str, name: str | None = None) -> Shown:
+def opened(path: str | PathLike[str], *, key: str, name: str | None = None) -> ShownRun:
     """Opens a run with its figures and labels.
 
     Args:
@@ -65,8 +65,8 @@ UNCHANGED: Final = "unchanged"
 
 
 def counterfactuals_of(
-    run: Path, main: Shown, diagnosis: Mapping[str, Any] | None
-) -> Iterator[Shown]:
+    run: Path, main: ShownRun, diagnosis: Mapping[str, Any] | None
+) -> Iterator[ShownRun]:
     """The runs that a diagnosis recorded: unchanged, then with each intervention; maybe none.
 
     Args:
@@ -227,14 +227,14 @@ def report(
 
 @legible
 def _page(
-    runs: Sequence[Shown],
+    runs: Sequence[ShownRun],
     documents: Documents,
     *,
     title: str | None,
     named: tuple[int, ...],
     budget: Budget,
     frames: Budget,
-    counterfactuals: Sequence[Shown],
+    counterfactuals: Sequence[ShownRun],
 ) -> Page:
     main = runs[0]
     pairs = _pairs(runs, counterfactuals)
@@ -267,7 +267,7 @@ def _page(
 
 
 def _in_order(
-    entries: Iterable[dict[str, Any]], main: Shown, order: Sequence[int]
+    entries: Iterable[dict[str, Any]], main: ShownRun, order: Sequence[int]
 ) -> list[dict[str, Any]]:
     """Episodes of the main run that are on the page in the order of choice, then all others."""
     places = {number: place for place, number in enumerate(order)}
@@ -280,13 +280,13 @@ def _in_order(
     return sorted(entries, key=key)
 
 
-def _list_size(run: Shown) -> int:
+def _list_size(run: ShownRun) -> int:
     """Estimated size of the list of a run's episodes, in bytes."""
     few = min(len(run.figures.agents), MOST_AGENTS)
     return len(run.figures.headers) * (ENTRY_BYTES + few * RETURN_BYTES)
 
 
-def _pairs(runs: Sequence[Shown], counterfactuals: Sequence[Shown]) -> list[Pair]:
+def _pairs(runs: Sequence[ShownRun], counterfactuals: Sequence[ShownRun]) -> list[Pair]:
     main = runs[0]
     found = []
     for other in runs[1:]:
@@ -299,7 +299,7 @@ def _pairs(runs: Sequence[Shown], counterfactuals: Sequence[Shown]) -> list[Pair
     return found
 
 
-def _diverging(documents: Documents, pairs: Sequence[Pair], main: Shown) -> list[int]:
+def _diverging(documents: Documents, pairs: Sequence[Pair], main: ShownRun) -> list[int]:
     """Episodes with a diagnosis' counterfactuals, then those that diverge from another run's."""
     differing = [
         int(each["episode"])

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from gamekeeper.reporting.page.composition import Documents, Pair, Shown
+from gamekeeper.reporting.page.composition import Documents, Pair, ShownRun
 from gamekeeper.reporting.page.episode_list import Budget, entries_of, packed_of
 from gamekeeper.reporting.page.packed_episode import Mark, deflated
 from gamekeeper.reporting.page.packed_values import data_url
@@ -69,7 +69,7 @@ class Packer:
 
     def __init__(
         self,
-        runs: Sequence[Shown],
+        runs: Sequence[ShownRun],
         pairs: Sequence[Pair],
         budget: Budget,
         frames: Budget,
@@ -97,7 +97,7 @@ class Packer:
         return pair.left in self.packed and pair.right in self.packed
 
     def fill(
-        self, main: Shown, order: Sequence[tuple[int, tuple[str, ...]]]
+        self, main: ShownRun, order: Sequence[tuple[int, tuple[str, ...]]]
     ) -> list[tuple[int, tuple[str, ...]]]:
         """Packs episodes of the main run and counterfactuals, and returns those that fit."""
         counterfactuals = [pair for pair in self._pairs if pair.left[0] != main.key]
@@ -160,7 +160,7 @@ class Packer:
                 text = f"differs with {each['intervention']}: {each['field']}"
                 yield Mark(int(each["turn"]), "divergence", text, each["agent"])
 
-    def entries(self, run: Shown) -> Iterator[dict[str, Any]]:
+    def entries(self, run: ShownRun) -> Iterator[dict[str, Any]]:
         """Entries of the run's episodes; of counterfactuals only those that are on the page."""
         bases = {pair.right: pair for pair in self._pairs}
         is_counterfactual = run.key not in LETTERS

@@ -13,7 +13,7 @@ from gamekeeper.errors import GamekeeperError
 from gamekeeper.reporting.page.composition import (
     PLAYER,
     Documents,
-    Shown,
+    ShownRun,
     alerts_of,
     lead_of,
     sections_of,
@@ -79,7 +79,7 @@ def episode_of(edition: Edition, number: int) -> dict[str, Any]:
 
 
 def _answer(
-    runs: Sequence[Shown],
+    runs: Sequence[ShownRun],
     documents: Documents,
     sections: tuple[PageSection, ...],
     *,
@@ -116,7 +116,7 @@ def _states(editions: Sequence[Edition]) -> PageSection:
     return PageSection("runs", "Runs", (PageBlock(alerts=tuple(alerts), tables=(table,)),))
 
 
-def _lead(runs: Sequence[Shown], documents: Documents) -> str:
+def _lead(runs: Sequence[ShownRun], documents: Documents) -> str:
     """The summary at the top; of a run that grows, without figures that would be wrong soon."""
     main = runs[0].card
     if main.status != "open":
@@ -124,14 +124,14 @@ def _lead(runs: Sequence[Shown], documents: Documents) -> str:
     return f"{main.environment} ({main.api}), still recording or never finalized."
 
 
-def _apart(edition: Edition) -> Shown:
+def _apart(edition: Edition) -> ShownRun:
     """The run with files of its own, so that episodes needn't wait while all rows are read."""
     run = edition.shown
     is_open = edition.status == "open"  # then its rows are in memory, for any number of threads
     return run if is_open else replace(run, evidence=load(run.path, check=False))
 
 
-def _documents(run: Shown) -> Documents:
+def _documents(run: ShownRun) -> Documents:
     """The documents of the run's annotations; empty where they are damaged, as the index shows."""
     try:
         return documents_of(run.path)

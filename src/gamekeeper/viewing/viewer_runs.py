@@ -12,7 +12,7 @@ from typing import Any, Final
 from gamekeeper.diagnosis.labels import labels
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import GamekeeperError
-from gamekeeper.reporting.page.composition import Shown, shown
+from gamekeeper.reporting.page.composition import ShownRun, shown
 from gamekeeper.reporting.page.episode_list import entries_of
 from gamekeeper.runs.files.folder import MANIFEST
 from gamekeeper.runs.files.notes import NOTES
@@ -44,7 +44,7 @@ class Edition:
         written: time of the last change of the files, in seconds since 1970.
     """
 
-    shown: Shown
+    shown: ShownRun
     pictures: Pictures
     entries: Mapping[int, Mapping[str, Any]]
     since: Mapping[int, int]
@@ -134,7 +134,7 @@ class ServedRun:
         return now + max(SOONEST_S, SHARE * (now - start))
 
 
-def _entries(run: Shown) -> dict[int, dict[str, Any]]:
+def _entries(run: ShownRun) -> dict[int, dict[str, Any]]:
     """By episode, its entry in the index; all of them can be opened."""
     entries = entries_of(
         run.evidence, run=run.key, labels=run.labels, figures=run.figures, failed=run.failed

@@ -138,7 +138,7 @@ def legality(trials: Trials) -> bool | None:
 
 
 def within_rounds(trials: Trials) -> dict[str, Within]:
-    """What later agents of a round found otherwise: `state`, `legality` and `reward`.
+    """Looks at what later agents of a round found otherwise: `state`, `legality` and `reward`.
 
     Reward: only where the order decides it. A move is paid at a later agent's turn while others
     are still to move, so moves take effect one by one; or it changes what a later agent is paid,

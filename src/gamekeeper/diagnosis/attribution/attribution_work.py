@@ -16,7 +16,12 @@ from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.arms import kept_open, play_shares
 from gamekeeper.diagnosis.attribution.agent_measures import wanted
 from gamekeeper.diagnosis.attribution.message_influence import listened, said
-from gamekeeper.diagnosis.attribution.recorded_actions import ActionTrack, Paper, Swap, fingerprint
+from gamekeeper.diagnosis.attribution.recorded_actions import (
+    ActionTrack,
+    EpisodeActions,
+    Swap,
+    fingerprint,
+)
 from gamekeeper.diagnosis.attribution.replacement_runs import (
     ReplacementRunner,
     ReplacementTask,
@@ -37,7 +42,7 @@ PENALTIES: Final = 4
 """Payments of each agent, term and episode whose cause is looked for; of more they are drawn."""
 
 
-def scan(bench: ReplacementRunner, paper: Paper, *, seed: int) -> dict[str, Any]:
+def scan(bench: ReplacementRunner, paper: EpisodeActions, *, seed: int) -> dict[str, Any]:
     """Everything that is looked at in one episode, as plain data.
 
     `return`; `noise`: the first turn that differs although nothing was changed, or None; `all`: by
@@ -89,7 +94,7 @@ def _drawn(items: list[Any], most: int, rng: Generator) -> list[Any]:
 
 
 def _single(
-    bench: ReplacementRunner, paper: Paper, base: ActionTrack, agent: str, rng: Generator
+    bench: ReplacementRunner, paper: EpisodeActions, base: ActionTrack, agent: str, rng: Generator
 ) -> Iterator[float]:
     """Loss of the team where one action is replaced by the noop."""
     active = [turn for turn, name, is_noop in base.moves if name == agent and not is_noop]
@@ -99,7 +104,7 @@ def _single(
 
 def _influence(
     bench: ReplacementRunner,
-    paper: Paper,
+    paper: EpisodeActions,
     base: ActionTrack,
     agents: list[str],
     noise: int | None,
@@ -152,7 +157,11 @@ def changes(
 
 
 def _penalties(
-    bench: ReplacementRunner, paper: Paper, base: ActionTrack, noise: int | None, rng: Generator
+    bench: ReplacementRunner,
+    paper: EpisodeActions,
+    base: ActionTrack,
+    noise: int | None,
+    rng: Generator,
 ) -> list[dict[str, Any]]:
     """Penalties that a term's earner should have got, and the agent that caused them."""
     if paper.run != "recorded":
@@ -202,7 +211,7 @@ def payments(film: ActionTrack, contract: Contract) -> list[dict[str, dict[str, 
 
 def _causers(
     bench: ReplacementRunner,
-    paper: Paper,
+    paper: EpisodeActions,
     base: ActionTrack,
     what: tuple[str, str, int],
     cost: float,
@@ -276,7 +285,7 @@ class ContributionData:
 
 def gather(
     task: ReplacementTask,
-    papers: Sequence[Paper],
+    papers: Sequence[EpisodeActions],
     *,
     closed: int,
     fresh: int,
@@ -317,7 +326,7 @@ def gather(
 
 def play_share(
     bench: ReplacementRunner,
-    papers: Sequence[Paper],
+    papers: Sequence[EpisodeActions],
     closed: Sequence[int],
     fresh: Sequence[int],
     take: Callable[[Mapping[str, Any]], None],
@@ -350,7 +359,7 @@ def members(mask: int, players: Sequence[str]) -> list[str]:
 
 def _apart(
     task: ReplacementTask,
-    papers: Sequence[Paper],
+    papers: Sequence[EpisodeActions],
     closed: int,
     fresh: int,
     workers: int | Executor,
@@ -375,7 +384,7 @@ def _apart(
 
 
 def _shares(
-    task: ReplacementTask, papers: Sequence[Paper], closed: int, fresh: int
+    task: ReplacementTask, papers: Sequence[EpisodeActions], closed: int, fresh: int
 ) -> Iterator[dict[str, Any]]:
     plain = task.to_json()
     nothing: dict[str, Any] = {"task": plain, "papers": [], "closed": [], "fresh": []}

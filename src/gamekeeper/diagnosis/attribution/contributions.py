@@ -28,7 +28,7 @@ from gamekeeper.diagnosis.attribution.agent_measures import (
 from gamekeeper.diagnosis.attribution.attribution_result import AgentPart, Attribution
 from gamekeeper.diagnosis.attribution.attribution_work import SILENCE_S, ContributionData, gather
 from gamekeeper.diagnosis.attribution.message_influence import talk
-from gamekeeper.diagnosis.attribution.recorded_actions import Paper
+from gamekeeper.diagnosis.attribution.recorded_actions import EpisodeActions
 from gamekeeper.diagnosis.attribution.replacement_runs import (
     Baseline,
     ReplacementRunner,
@@ -113,7 +113,9 @@ def attribute(
     )
     with consent_to(evidence, setup, env=env, policies=policies, allow_import=allow_import):
         with ReplacementRunner(task) as bench:
-            recorded: list[Paper] = [bench.paper_of(trace) for trace in traces[:action_episodes]]
+            recorded: list[EpisodeActions] = [
+                bench.paper_of(trace) for trace in traces[:action_episodes]
+            ]
             roles = {name: bench.role_of(name) for name in players}
         fresh = min(max(action_episodes - len(recorded), 0), closed)
         found = gather(

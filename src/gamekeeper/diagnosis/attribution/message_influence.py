@@ -12,7 +12,11 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from gamekeeper.contract import Contract
-from gamekeeper.diagnosis.attribution.recorded_actions import ActionTrack, Paper, fingerprint
+from gamekeeper.diagnosis.attribution.recorded_actions import (
+    ActionTrack,
+    EpisodeActions,
+    fingerprint,
+)
 from gamekeeper.diagnosis.attribution.replacement_runs import ReplacementRunner
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.message_field import MessageField, message_field, path_in
@@ -88,7 +92,7 @@ def spoken_fields(contract: Contract, env: Any, agent: Any) -> tuple[MessageFiel
 # -- what was said
 
 
-def said(bench: ReplacementRunner, paper: Paper) -> Iterator[dict[str, Any]]:
+def said(bench: ReplacementRunner, paper: EpisodeActions) -> Iterator[dict[str, Any]]:
     """By speaker: its messages, the numbers it saw, and what others did at their next turn."""
     speakers = [
         agent
@@ -167,7 +171,9 @@ def _flat(value: Any) -> NDArray[np.float64]:
 # -- what was heard
 
 
-def listened(bench: ReplacementRunner, paper: Paper, *, seed: int) -> Iterator[dict[str, Any]]:
+def listened(
+    bench: ReplacementRunner, paper: EpisodeActions, *, seed: int
+) -> Iterator[dict[str, Any]]:
     """Looks at whether a listener, shown another message at one decision, decides otherwise.
 
     Its policy, its random stream and all else that it sees stay as they were. `unchanged`: it

@@ -29,7 +29,7 @@ Instead: TypeAlias = Literal["noop", "other"]
 
 
 @dataclass(frozen=True, slots=True)
-class Paper:
+class EpisodeActions:
     """Actions of an episode.
 
     Attributes:
@@ -84,7 +84,7 @@ class ActionTrack:
     env: Any
     contract: Contract
     cast: ActionChooser | None = None
-    paper: Paper | None = None
+    paper: EpisodeActions | None = None
     swap: Swap | None = None
     rng: Generator | None = None
     sees: bool = False

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias, TypeVar
 
 from gamekeeper.contract import Contract
-from gamekeeper.diagnosis.attribution.recorded_actions import ActionTrack, Paper, Swap
+from gamekeeper.diagnosis.attribution.recorded_actions import ActionTrack, EpisodeActions, Swap
 from gamekeeper.diagnosis.played_setup import Setup
 from gamekeeper.episodes.canonical import from_json, to_json
 from gamekeeper.episodes.episode import Episode
@@ -179,16 +179,16 @@ class ReplacementRunner:
         film = ActionTrack(self.env, self.contract, cast=cast, counts=True)
         return self._filmed(film, self._play(number))
 
-    def fresh(self, number: int) -> Paper:
+    def fresh(self, number: int) -> EpisodeActions:
         """Actions of all agents in a fresh episode."""
         play = self._play(number)
         film = self._filmed(ActionTrack(self.env, self.contract, cast=self.own), play)
         turns = len(film.rewards)
-        return Paper(play.seed, play.options, turns, film.actions, number, "fresh")
+        return EpisodeActions(play.seed, play.options, turns, film.actions, number, "fresh")
 
     def from_paper(
         self,
-        paper: Paper,
+        paper: EpisodeActions,
         swap: Swap | None = None,
         *,
         turns: int | None = None,
@@ -205,7 +205,9 @@ class ReplacementRunner:
         film = ActionTrack(self.env, self.contract, paper=paper, swap=swap, rng=rng, sees=sees)
         return self.watched(film, paper, turns=turns)
 
-    def watched(self, film: SomeFilm, paper: Paper, *, turns: int | None = None) -> SomeFilm:
+    def watched(
+        self, film: SomeFilm, paper: EpisodeActions, *, turns: int | None = None
+    ) -> SomeFilm:
         """A paper played again, for a film that knows what it looks for."""
         most = paper.turns if turns is None else min(turns, paper.turns)
         play = EpisodePlan(
@@ -223,7 +225,7 @@ class ReplacementRunner:
         most = play.most_turns if turns is None else min(turns, play.most_turns)
         return self._filmed(film, replace(play, most_turns=most))
 
-    def paper_of(self, trace: Episode) -> Paper:
+    def paper_of(self, trace: Episode) -> EpisodeActions:
         """Actions of a recorded episode."""
         play = play_of(trace, self.env)
         actions: dict[str, list[Any]] = {}
@@ -231,7 +233,9 @@ class ReplacementRunner:
             for agent, action in turn.items():
                 if action is not None:
                     actions.setdefault(agent_name(agent), []).append(action)
-        return Paper(play.seed, play.options, len(play.actions or ()), actions, trace.episode)
+        return EpisodeActions(
+            play.seed, play.options, len(play.actions or ()), actions, trace.episode
+        )
 
     def _filmed(self, film: SomeFilm, play: EpisodePlan) -> SomeFilm:
         course = EpisodeLoop(
@@ -269,17 +273,17 @@ class ReplacementRunner:
         return found
 
 
-def paper_to_json(paper: Paper) -> dict[str, Any]:
+def paper_to_json(paper: EpisodeActions) -> dict[str, Any]:
     """A paper as plain data, its actions in their very types."""
     given = [paper.seed, paper.options, paper.turns, {a: list(x) for a, x in paper.actions.items()}]
     return {"given": to_json(given), "number": paper.number, "run": paper.run}
 
 
-def paper_from_json(data: Mapping[str, Any]) -> Paper:
+def paper_from_json(data: Mapping[str, Any]) -> EpisodeActions:
     """Inverse of `paper_to_json`."""
     given: Any = from_json(data["given"])
     seed, options, turns, actions = given
-    return Paper(seed, options, turns, actions, data["number"], data["run"])
+    return EpisodeActions(seed, options, turns, actions, data["number"], data["run"])
 
 
 def _nothing() -> None:

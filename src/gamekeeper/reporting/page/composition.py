@@ -36,7 +36,7 @@ MOST_ALERTS: Final = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class ShownRun:
     """A run that stands on a page.
 
     Attributes:
@@ -80,11 +80,11 @@ class Shown:
 
 def shown(
     evidence: Evidence, *, key: str, path: str, name: str, labels: Sequence[Mapping[str, Any]] = ()
-) -> Shown:
+) -> ShownRun:
     """Computes the figures of a run that all sections share."""
     figures = figures_of(evidence)
     failed, condition = failing(evidence, figures)
-    return Shown(
+    return ShownRun(
         key, path, name, evidence, figures, failed, condition, packed_agents(evidence), labels
     )
 
@@ -104,7 +104,7 @@ class Documents:
 
 
 def sections_of(
-    runs: Sequence[Shown], documents: Documents, *, version: str, rng: Generator
+    runs: Sequence[ShownRun], documents: Documents, *, version: str, rng: Generator
 ) -> tuple[PageSection, ...]:
     """All sections in their order; the first run is the one that the documents are about.
 
@@ -157,7 +157,7 @@ def sections_of(
     )
 
 
-def continues(one: Shown, two: Shown) -> bool:
+def continues(one: ShownRun, two: ShownRun) -> bool:
     """Tells if two runs have the same game and policies, maybe in other versions, as in learning.
 
     Another policy, or other arguments of the environment, is another experiment.
@@ -175,12 +175,12 @@ def continues(one: Shown, two: Shown) -> bool:
     return games[0] == games[1] and policies[0] == policies[1]
 
 
-def alerts_of(runs: Sequence[Shown]) -> tuple[str, ...]:
+def alerts_of(runs: Sequence[ShownRun]) -> tuple[str, ...]:
     """Alerts of runs that are open, damaged or have unfinished episodes."""
     return tuple(text for run in runs for text in _alerts(run))
 
 
-def _alerts(run: Shown) -> Iterator[str]:
+def _alerts(run: ShownRun) -> Iterator[str]:
     is_open = run.card.status == "open"
     recover = f" If it was killed: `gamekeeper recover {run.path}`."
     if run.evidence.not_whole:
@@ -202,7 +202,7 @@ def _stopped(evidence: Evidence, header: Mapping[str, Any]) -> str:
     return f"is unfinished: its recording stopped after {evidence.turns_of(header)} steps"
 
 
-def lead_of(runs: Sequence[Shown], documents: Documents) -> str:
+def lead_of(runs: Sequence[ShownRun], documents: Documents) -> str:
     """The summary at the top of the page, in a sentence or two."""
     main = runs[0]
     card = main.card
@@ -255,7 +255,7 @@ class Pair:
         return {**sides, "text": self.text, "divergence": {**where, "values": values}}
 
 
-def pairs_of(one: Shown, two: Shown, *, text: str, most: int) -> list[Pair]:
+def pairs_of(one: ShownRun, two: ShownRun, *, text: str, most: int) -> list[Pair]:
     """Episodes of two runs with the same number and seed, failing ones first.
 
     Args:
