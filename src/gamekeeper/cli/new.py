@@ -17,7 +17,7 @@ from gamekeeper.import_guard import unguarded
 
 if TYPE_CHECKING:
     from gamekeeper.scaffold.task_plan import Plan
-    from gamekeeper.scaffold.timing import Advice
+    from gamekeeper.scaffold.timing import TimingAdvice
 
 ORDER: Final = 900
 T = TypeVar("T")
@@ -202,11 +202,11 @@ def _ask(question: str, answer: str, read: Callable[[str], T]) -> T:
             typer.echo(str(error), err=True)
 
 
-def _advise(screen: Screen, advice: Advice) -> None:
-    screen.note(f"Advice: {advice.api}, because {advice.why}.")
+def _advise(screen: Screen, advice: TimingAdvice) -> None:
+    screen.note(f"TimingAdvice: {advice.api}, because {advice.why}.")
 
 
-def _show(screen: Screen, plan: Plan, advice: Advice, folder: Path, files: list[str]) -> None:
+def _show(screen: Screen, plan: Plan, advice: TimingAdvice, folder: Path, files: list[str]) -> None:
     """Says what was written, why in this interface, and what to type next."""
     because = f"{advice.api}: {advice.why}"
     if plan.api != advice.api:
@@ -215,7 +215,7 @@ def _show(screen: Screen, plan: Plan, advice: Advice, folder: Path, files: list[
 
     indent = " " * 10
     told = textwrap.fill(
-        because, screen.width, initial_indent="Advice    ", subsequent_indent=indent
+        because, screen.width, initial_indent="TimingAdvice    ", subsequent_indent=indent
     )
     listed = "\n".join(f"  {file}" for file in files)
     next_lines = [
