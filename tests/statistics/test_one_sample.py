@@ -163,6 +163,14 @@ def test_quantile_of_lumps_is_refused() -> None:
         quantile(np.arange(50) % 20, 0.5)
 
 
+def test_iqm_of_one_heap_is_refused() -> None:
+    """Where nearly all of the middle half have one figure, whatever the others have."""
+    values = [10.0] * 80 + list(range(20))
+    with pytest.raises(EvidenceError, match="middle half"):
+        _interval(values, statistic="iqm")
+    assert _interval([10.0] * 40 + list(range(60)), statistic="iqm").n == 100
+
+
 @pytest.mark.parametrize("part", [0.0, 1.0, -2.0])
 def test_quantile_refuses_what_is_none(part) -> None:
     """There is no interval of the least and the most."""
