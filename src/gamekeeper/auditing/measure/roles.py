@@ -60,7 +60,11 @@ def symmetric(
             continue
         p = corrected.get(name)
         seems = name not in first_comes and p is not None and bool(p > LEVEL)
-        found[name] = {"seems": seems, "p": None if p is None else round(p, 4), "n": len(shapes)}
+        found[name] = {
+            "seems": seems,
+            "p": None if p is None else round(p, 4),
+            "n": len(shapes) + len(traces),
+        }
         if name in first_comes:
             found[name]["why"] = first_comes[name]
     return found or None
