@@ -172,14 +172,26 @@ def test_the_owner_of_endings() -> None:
 
 def test_priority_needs_one_way_whatever_is_drawn() -> None:
     """Effects along the roster are a priority, effects that turn with the draw a lot."""
-    first = DrawnPriority(("a", "b"), 0, ((True, False),) * 4)
-    back = DrawnPriority(("b", "a"), 0, ((True, False),) * 4)
-    lot = DrawnPriority(("a", "b"), 0, ((True, False), (False, True)))
-    agents = ("a", "b", "c")
-    assert roles.priority([first] * roles.ALIKE, agents) == ("roster", frozenset({"a"}))
-    assert roles.priority([first] * (roles.ALIKE - 1), agents)[0] is None
-    assert roles.priority([first] * roles.ALIKE + [back], agents)[0] is None
-    assert roles.priority([first, lot, lot], agents)[0] == "random"
+    first = DrawnPriority(("a_0", "a_1"), 0, ((True, False),) * 4)
+    lot = DrawnPriority(("a_0", "a_1"), 0, ((True, False), (False, True)))
+    agents = ("a_0", "a_1")
+
+    def decided(ahead: int, back: int, *facts: DrawnPriority) -> str | None:
+        looks = [("a_0", "a_1")] * ahead + [("a_1", "a_0")] * back
+        found = []
+        for number, (one, two) in enumerate(looks):
+            for agent in (one, two):
+                look = MoveLook(two, "reward", 0, agent == one, False, 0)
+                tried = MoveTrial(agent, number, number, agents, (look,), 1, False, None)
+                found.append(Fact(Where("form", 0, number), tried))
+        return roles.priority(facts, found, agents)[0]
+
+    assert decided(roles.ALIKE, 0, first, first) == "roster"
+    assert decided(roles.ALIKE, 0, first) == "unclear"
+    assert decided(roles.FEW, 0, first, first) == "unclear"
+    assert decided(roles.ALIKE, 1, first, first) is None
+    assert decided(roles.FEW - 1, 0, first, first) is None
+    assert decided(3, 3, first, lot, lot) == "random"
 
 
 def signs(**given: Any) -> RoundSigns:
@@ -208,6 +220,7 @@ def test_advice_follows_from_the_signs() -> None:
     assert "differs by itself" in advice(signs(looks=5, unsettled=True)).why
     assert advice(signs(api="parallel", priority="roster")).because == ("reward",)
     assert advice(signs(api="parallel", dictionary="outcome")).api == "aec"
+    assert advice(signs(api="parallel", priority="unclear")).api is None
     assert advice(signs(api="parallel", priority="random")).api == "parallel"
 
 

@@ -48,9 +48,9 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
     within = trials.within_rounds(moves)
     if not order and shapes and api == "parallel" and _most_movers(shapes) == 1:
         order = {"result": "none"}  # of one action there is one order
-    priority, ranked = roles.priority(
-        [f.value for f in evidence.facts(DrawnPriority)], evidence.agents
-    )
+    drawn = [fact.value for fact in evidence.facts(DrawnPriority)]
+    ticks = moves if api == "parallel" else ()
+    priority, ranked = roles.priority(drawn, ticks, list(evidence.agents))
     advised = advice(_signs(evidence, shapes, within, priority, order))
     turn_order = turns.order_of_turns(shapes, [fact.value for fact in moves])
     play_order = _play_order(api, advised, turn_order, shapes)
@@ -67,7 +67,10 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
         "deterministic": settled,
         "horizon": comings.horizon(shapes),
         "symmetric": roles.symmetric(
-            [] if settled is False else shapes, by_role, _first_comes(within, ranked, play_order)
+            [] if settled is False else shapes,
+            [] if settled is False else traces,
+            by_role,
+            _first_comes(within, ranked, play_order),
         ),
         "reward": {**payments(traces, api), "pairs": trials.pairs(moves)},
         "endings": {**form.endings(traces, api), "kinds": comings.kinds_of_endings(shapes)},
@@ -137,7 +140,7 @@ def _conflicts(
     if api == "parallel":
         if order.get("result") == "outcome":
             return "priority"
-        words = {"roster": "priority", "random": "random"}
+        words = {"roster": "priority", "random": "random", "unclear": None}
         return words.get(priority or "", "joint rule" if advised.api else None)
     if advised.api == "aec":
         return "ordered"

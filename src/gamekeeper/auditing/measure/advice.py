@@ -40,7 +40,7 @@ class RoundSigns:
         hits: changes of anything of another agent, at any lag.
         looks: at other agents.
         most_in_a_round: agents; with one there is nothing to order.
-        priority: `roster`, `random` or None, as `roles.priority` has it.
+        priority: `roster`, `random`, `unclear` or None, as `roles.priority` has it.
         dictionary: effect of other orders of the action dictionary: none, draws, outcome, None.
         unsettled: the unchanged rerun differs, so that nothing can be said.
     """
@@ -107,6 +107,13 @@ def _of_parallel(signs: RoundSigns) -> Advice | None:
             "ticks are resolved in turns, in an order that nobody declared"
         )
         return Advice("aec", ("reward",), text)
+    if signs.priority == "unclear":
+        text = (
+            "whenever a move changed what another agent of its role is paid in the same tick, and "
+            "not the reverse, it went one way along the roster; that was too rare to exclude "
+            "chance: declare schedule.conflicts, or raise the budget"
+        )
+        return Advice(None, (), text)
     return None
 
 

@@ -7,8 +7,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from gamekeeper.checks.endings.role_symmetry import FEWEST, exchangeable
-from gamekeeper.checks.facts.form_facts import DrawnPriority, EpisodeShape
+from gamekeeper.auditing.measure.trials import one_way_pairs
+from gamekeeper.checks.endings.role_symmetry import FEWEST, exchangeable, p_by_role
+from gamekeeper.checks.facts.form_facts import DrawnPriority, EpisodeShape, MoveTrial
+from gamekeeper.checks.probe_evidence import Fact
+from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import role
 from gamekeeper.statistics.significance import holm
 
@@ -16,6 +19,10 @@ LEVEL: Final = 0.01
 """Chance of calling interchangeable agents different, over all roles together."""
 ALIKE: Final = 10
 """Effects one way, all along one order of the names: by chance with probability 2 / 1,024."""
+FEW: Final = 5
+"""The same by chance with probability 2 / 32: fewer are no sign."""
+CONFIRMED: Final = 2
+"""Pairs of which the effect goes the same way in several futures."""
 TURNED: Final = 2
 """Effects that went the other way with another draw, for a word on random conflicts."""
 PART: Final = 0.2
@@ -24,6 +31,7 @@ PART: Final = 0.2
 
 def symmetric(
     shapes: Sequence[EpisodeShape],
+    traces: Sequence[Episode],
     roles: Mapping[str, Sequence[str]],
     first_comes: Mapping[str, str],
 ) -> dict[str, dict[str, Any]] | None:
@@ -31,6 +39,7 @@ def symmetric(
 
     Args:
         shapes: episodes whose fares are permuted among the agents that were there at the start.
+        traces: rollouts, likewise; each of the two has half of the level.
         roles: the agents of each.
         first_comes: roles in which an order of names decides, and the reason.
     """
@@ -42,6 +51,8 @@ def symmetric(
             blank = (0.0,) * 5
             rows = np.array([[s.fares.get(agent, blank) for agent in agents] for s in shapes])
             p_values[name] = exchangeable(rows, there)
+    for name, value in p_by_role(traces, roles).items():
+        p_values[name] = min(1.0, 2 * min(value, p_values.get(name, 1.0)))
     corrected = dict(zip(p_values, holm(list(p_values.values())), strict=True))
     found: dict[str, dict[str, Any]] = {}
     for name, agents in roles.items():
@@ -49,30 +60,38 @@ def symmetric(
             continue
         p = corrected.get(name)
         seems = name not in first_comes and p is not None and bool(p > LEVEL)
-        found[name] = {"seems": seems, "p": None if p is None else round(p, 4), "n": len(shapes)}
+        found[name] = {
+            "seems": seems,
+            "p": None if p is None else round(p, 4),
+            "n": len(shapes) + len(traces),
+        }
         if name in first_comes:
             found[name]["why"] = first_comes[name]
     return found or None
 
 
 def priority(
-    facts: Sequence[DrawnPriority], agents: Collection[str]
+    facts: Sequence[DrawnPriority], trials: Sequence[Fact[MoveTrial]], agents: Collection[str]
 ) -> tuple[str | None, frozenset[str]]:
     """`roster` where the earlier agent's move always counts, `random` where a draw settles it.
 
-    With the roles in which it does; None where effects between agents of a role go both ways, or
-    too few were seen.
+    With the roles in which it does. None where effects between agents of a role go both ways, or
+    there are none; `unclear` where all go one way, and too few were seen to exclude chance.
 
     Args:
-        facts: pairs of one role of which one's move changes the other's reward.
+        facts: pairs of one role of which one's move changes the other's reward, in several futures.
+        trials: moves that were replaced, those of a round against each other.
         agents: in the order of the roster.
     """
-    place = {agent: at for at, agent in enumerate(agents)}
     turned = sum({(True, False), (False, True)} <= set(fact.ways) for fact in facts)
     if turned >= TURNED and turned >= PART * len(facts):
         return "random", frozenset()
-    firm = [fact for fact in facts if set(fact.ways) == {(True, False)}]
-    ways = {place[fact.agents[0]] < place[fact.agents[1]] for fact in firm}
-    if len(firm) < ALIKE or len(ways) != 1 or turned:
+    place = {agent: at for at, agent in enumerate(agents)}
+    pairs = [pair for pair in one_way_pairs(trials) if pair[0] in place and pair[1] in place]
+    ways = {place[one] < place[two] for one, two in pairs}
+    if len(pairs) < FEW or len(ways) != 1 or turned:
         return None, frozenset()
-    return "roster", frozenset(role(fact.agents[0]) for fact in firm)
+    firm = sum(set(fact.ways) == {(True, False)} for fact in facts)
+    if len(pairs) < ALIKE or firm < CONFIRMED:
+        return "unclear", frozenset()
+    return "roster", frozenset(role(one) for one, _ in pairs)

@@ -188,6 +188,26 @@ def _one_way(trials: Trials) -> Iterator[tuple[Fact[MoveTrial], MoveLook]]:
             yield from effects
 
 
+def one_way_pairs(trials: Trials) -> list[tuple[str, str]]:
+    """Pairs of a role of which, in one round, one's move changed the other's reward alone."""
+    rounds: dict[tuple[int, int], dict[str, set[str]]] = {}
+    for fact in trials:
+        trial = fact.value
+        reached = {
+            look.target
+            for look in trial.looks
+            if look.on == "reward" and look.lag == 0 and look.is_changed
+        }
+        rounds.setdefault((fact.where.play, trial.round), {})[trial.agent] = reached
+    return [
+        (one, two)
+        for tried in rounds.values()
+        for one, reached in tried.items()
+        for two in sorted(reached)
+        if two != one and two in tried and one not in tried[two] and role(one) == role(two)
+    ]
+
+
 def _all(trials: Iterable[Fact[MoveTrial]]) -> Iterator[tuple[MoveTrial, MoveLook]]:
     for fact in trials:
         for look in fact.value.looks:
