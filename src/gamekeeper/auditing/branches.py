@@ -29,7 +29,7 @@ TRIES: Final = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Given:
+class DecisionInput:
     """Digests of what an agent decides with, and its mask as it is."""
 
     observation: bytes
@@ -49,7 +49,7 @@ class BranchStep:
         roster: `agents` after it.
     """
 
-    given: Mapping[Any, Given]
+    given: Mapping[Any, DecisionInput]
     actions: Mapping[Any, Any] | None = None
     rewards: Mapping[Any, float] = field(default_factory=dict)
     ended: Mapping[Any, str] = field(default_factory=dict)
@@ -71,7 +71,7 @@ class Board:
 
     lab: ProbeSession
     env: Any
-    given: dict[Any, Given] = field(default_factory=dict)
+    given: dict[Any, DecisionInput] = field(default_factory=dict)
     ended: dict[Any, str] = field(default_factory=dict)
     shared: Sequence[Any] = ()
     globals: Mapping[str, Any] = field(default_factory=dict)
@@ -148,7 +148,7 @@ class Board:
 
 
 @dataclass(frozen=True, slots=True)
-class Paper:
+class EpisodeSteps:
     """An episode that was played, to be played again up to any of its steps.
 
     Attributes:
@@ -166,7 +166,7 @@ class Paper:
 
 def branch(
     board: Board,
-    paper: Paper,
+    paper: EpisodeSteps,
     start: int,
     change: Mapping[Any, Any],
     ahead: int,
@@ -255,7 +255,7 @@ def value_digest(value: Any) -> bytes:
     return found.digest()
 
 
-def _given(observation: Any, info: Any) -> Given:
+def _given(observation: Any, info: Any) -> DecisionInput:
     mask = next(
         (each[MASK] for each in (observation, info) if isinstance(each, Mapping) and MASK in each),
         None,
@@ -263,5 +263,5 @@ def _given(observation: Any, info: Any) -> Given:
     if isinstance(observation, Mapping) and MASK in observation:
         observation = {key: value for key, value in observation.items() if key != MASK}
     if mask is None:
-        return Given(value_digest(observation), b"", None)
-    return Given(value_digest(observation), value_digest(mask), copy.deepcopy(mask))
+        return DecisionInput(value_digest(observation), b"", None)
+    return DecisionInput(value_digest(observation), value_digest(mask), copy.deepcopy(mask))

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from gamekeeper.auditing.measure import comings, form, roles, trials, turns
-from gamekeeper.auditing.measure.advice import Advice, RoundSigns, advice
+from gamekeeper.auditing.measure.advice import FormAdvice, RoundSigns, advice
 from gamekeeper.auditing.measure.payments import payments
 from gamekeeper.checks.facts.form_facts import (
     DrawnPriority,
@@ -112,7 +112,7 @@ def _most_movers(shapes: Sequence[EpisodeShape]) -> int:
 
 
 def _play_order(
-    api: str, advised: Advice, order: str | None, shapes: Sequence[EpisodeShape]
+    api: str, advised: FormAdvice, order: str | None, shapes: Sequence[EpisodeShape]
 ) -> str | None:
     """Order of the contract's words: `none` where moves are made together, whatever the turns."""
     if api == "parallel":
@@ -132,7 +132,7 @@ def _observe(
 
 def _conflicts(
     api: str,
-    advised: Advice,
+    advised: FormAdvice,
     priority: str | None,
     order: Mapping[str, Any],
     play_order: str | None,

@@ -26,7 +26,7 @@ Trials = Sequence[Fact[MoveTrial]]
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class ShownEffect:
     """The two turns of an episode that show an effect.
 
     Attributes:
@@ -64,7 +64,7 @@ class Within:
 
     looks: int = 0
     hits: int = 0
-    shown: Shown | None = None
+    shown: ShownEffect | None = None
     roles: set[str] = field(default_factory=set)
 
     def add(self, look: MoveLook, fact: Fact[MoveTrial]) -> None:
@@ -81,7 +81,7 @@ class Within:
             self.roles.add(role(trial.agent))
         place = f"{fact.where.probe}/{fact.where.play}"
         turns = trial.turn, look.turn
-        self.shown = self.shown or Shown(trial.agent, look.target, look.on, place, turns)
+        self.shown = self.shown or ShownEffect(trial.agent, look.target, look.on, place, turns)
 
 
 def influence(trials: Trials) -> list[dict[str, Any]]:
@@ -138,7 +138,7 @@ def legality(trials: Trials) -> bool | None:
 
 
 def within_rounds(trials: Trials) -> dict[str, Within]:
-    """Looks at what later agents of a round found otherwise: `state`, `legality` and `reward`.
+    """Looks at later agents of a round by reason: `state`, `legality` and `reward`.
 
     Reward: only where the order decides it. A move is paid at a later agent's turn while others
     are still to move, so moves take effect one by one; or it changes what a later agent is paid,

@@ -11,7 +11,7 @@ import numpy as np
 from gamekeeper.auditing.branches import (
     Board,
     BranchStep,
-    Paper,
+    EpisodeSteps,
     branch,
     legal_or_first,
     other_action,
@@ -102,7 +102,7 @@ class _Forms:
             steps.append(board.step(self._chosen(board)))
         self.is_over = board.is_over
         self._is_global = states() != before  # it draws from generators of the whole process
-        self.paper = Paper(play.seed, first, steps, rounds_of(steps, first, lab.api))
+        self.paper = EpisodeSteps(play.seed, first, steps, rounds_of(steps, first, lab.api))
 
     def trials(self) -> Iterator[MoveTrial | DrawnPriority | UnsettledMoves]:
         """Yields what replaced moves changed, as far as the unchanged rerun agrees."""
