@@ -141,6 +141,37 @@ def test_draft_proposes_what_was_measured_and_declares_nothing() -> None:
     assert Contract.parse(text) == contract
 
 
+def test_draft_takes_over_the_form_only_where_it_was_measured() -> None:
+    """Fields in a contract's words are proposed; silence proposes nothing."""
+    questions = tuple(
+        Question(path, "which?", "X")
+        for path in (
+            ("schedule", "stages"),
+            ("schedule", "order"),
+            ("schedule", "observe"),
+            ("schedule", "conflicts"),
+            ("roles", "rover", "may_join"),
+            ("roles", "rover", "may_leave"),
+        )
+    )
+    form = {
+        "schedule": {"acts": "in turns", "order": "fixed"},
+        "stages": [["rover"]],
+        "order": "rotating",
+        "observe": "after turn",
+        "conflicts": "ordered",
+        "may_join": ["rover"],
+        "may_leave": [],
+    }
+    answers = [each.measured for each in measured_questions(questions, form)]
+    assert answers == ['[["rover"]]', '"rotating"', '"after turn"', '"ordered"', "true", ""]
+    silent: dict[str, Any] = {**dict.fromkeys(form), "schedule": form["schedule"]}
+    silent |= {"order_sensitive": "none", "stages": [["truck"]]}
+    asked = measured_questions(questions, silent)
+    assert [each.measured for each in asked] == [""] * 6
+    assert "in a fixed order" in asked[1].hint
+
+
 def test_changes_stand_by_kind() -> None:
     """What it was and what it is now; of promises what broke first."""
     changes = [
