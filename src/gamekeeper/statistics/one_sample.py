@@ -339,7 +339,7 @@ def around(
     return Interval(value, value - most * error, value - least * error, n, "bootstrap-t")
 
 
-MOST_EQUAL: Final = 0.8
+MOST_EQUAL: Final = 0.9
 """Part of the middle half that may have one figure; found by simulation."""
 
 
