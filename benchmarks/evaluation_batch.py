@@ -18,10 +18,8 @@ from gamekeeper.statistics.aggregates import over_environments
 from gamekeeper.statistics.interval import Statistic
 from gamekeeper.statistics.one_sample import (
     LEAST_DISTINCT,
-    MOST_EQUAL,
     around,
     differing,
-    most_equal,
     quantile,
     ranks,
     reach_of_mean,
@@ -85,7 +83,7 @@ def one_sample(values: Any, statistic: Statistic, drawn: Any) -> Bounds:
         low, high = expanded(resampled(values, drawn, "iqm"), n - 1, 0.95)
         middle = np.sort(values, axis=1)[:, n // 4 : n - n // 4].mean(axis=1)
         low, high = np.minimum(low, middle), np.maximum(high, middle)
-        heaped = np.array([most_equal(row) > MOST_EQUAL for row in values])
+        heaped = high - low <= 1e-12 * np.abs(values).max(axis=1)
         low[heaped] = high[heaped] = np.nan
     else:
         low, high = means(values, drawn)

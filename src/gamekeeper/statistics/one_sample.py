@@ -27,7 +27,6 @@ from gamekeeper.statistics.resampling import (
     at,
     expanded,
     interquartile_mean,
-    middle,
     resampled_iqm,
     t_of_means,
 )
@@ -330,40 +329,21 @@ def around(
         return quantile(values, 0.5, level=level)
     value = mean if statistic == "mean" else interquartile_mean(values)
     if statistic == "iqm":
-        _refuse_one_heap(values)
         low, high = map(float, expanded(resampled_iqm(values, rng), n - 1, level))
+        if high - low <= 1e-12 * float(np.abs(values).max()):
+            raise EvidenceError(
+                "nearly all of the middle half have one figure, so that nothing is known of its "
+                "spread",
+                where=statistic,
+                expected="a middle half of figures that differ",
+                actual=f"{value:g}",
+                fix="show the mean with its interval",
+            )
         return Interval(value, min(low, value), max(high, value), n, "t-expanded percentile")
     standard = (values - mean) / spread
     least, most = map(float, reach_of_mean(t_of_means(standard, rng), standard, level))
     error = spread / sqrt(n)
     return Interval(value, value - most * error, value - least * error, n, "bootstrap-t")
-
-
-MOST_EQUAL: Final = 0.8
-"""Part of the middle half that may have one figure; found by simulation."""
-
-
-def most_equal(values: FloatArray) -> float:
-    """Part of the middle half that has its most frequent figure."""
-    kept = middle(values)
-    return float(np.unique(kept, return_counts=True)[1].max()) / len(kept)
-
-
-def _refuse_one_heap(values: FloatArray) -> None:
-    """Refuses an interquartile mean that is one number in most samples.
-
-    Raises:
-        EvidenceError: more than `MOST_EQUAL` of the middle half are equal.
-    """
-    part = most_equal(values)
-    if part > MOST_EQUAL:
-        raise EvidenceError(
-            "most of the middle half have one figure, so that little is known of its spread",
-            where="iqm",
-            expected=f"at most {100 * MOST_EQUAL:g} % of the middle half equal",
-            actual=f"{100 * part:.0f} %",
-            fix="show the mean with its interval",
-        )
 
 
 def _of_two(values: FloatArray, level: float) -> Interval:
