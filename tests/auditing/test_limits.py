@@ -3,7 +3,9 @@
 from typing import Any, Final
 
 import numpy as np
+import pytest
 
+from gamekeeper.auditing.probe_session import ProbeSession, TimeUpError
 from gamekeeper.auditing.probes.surface import limits_of
 from tests.auditing.roster_games import Counting
 from tests.auditing.test_rosters import audited, broken
@@ -79,3 +81,13 @@ def test_limits_are_found_wherever_they_are_named() -> None:
         "horizon": 15,
         "TICK_LIMIT": 6,
     }
+
+
+def test_the_end_of_the_time_is_no_fault_of_the_environment() -> None:
+    """Time that ends within a probe's call ends the probe, and isn't what the call raised."""
+
+    def out_of_time() -> None:
+        raise TimeUpError
+
+    with pytest.raises(TimeUpError):
+        ProbeSession.call(None, "look", out_of_time)  # type: ignore[arg-type]

@@ -238,7 +238,7 @@ class ProbeSession:
         """Calls into the environment; what it raises is data."""
         try:
             return Called(function(*arguments, **named))
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, TimeUpError):
             raise
         except BaseException as error:  # whatever foreign code raises is evidence
             text = traceback_text(error, limit=-12)
