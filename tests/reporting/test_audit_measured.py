@@ -57,7 +57,7 @@ def test_measured_values_are_sentences() -> None:
         "schedule": "agents act all at once; 4 agents per tick (518 seen)",
         "symmetric": "rover: seems so, p-value 0.52, 24 episodes",
         "reward": "not the same for all agents",
-        "endings": "0 of 8 episodes ended by themselves",
+        "endings": "0 of 8 episodes ended",
     }
     turns = {"acts": "in turns", "order": "fixed", "most_in_a_round": 3, "fewest_in_a_round": 1}
     assert words(turns) == (
@@ -67,7 +67,7 @@ def test_measured_values_are_sentences() -> None:
     paid = {"shared": True, "zero_sum": False, "n": 1_193}
     assert words(paid).endswith("doesn't sum to 0 over them; 1,193 steps paid something")
     ended = {"episodes": 9, "ended": 8, "ticks": {"least": 3, "median": 4, "most": 25}}
-    assert words(ended) == "8 of 9 episodes ended by themselves, after 3 to 25 (median 4) ticks"
+    assert words(ended) == "8 of 9 episodes ended, after 3 to 25 (median 4) ticks"
 
 
 def test_legends_explain_ticks_and_p_values() -> None:

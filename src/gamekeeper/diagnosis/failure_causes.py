@@ -30,6 +30,7 @@ from gamekeeper.diagnosis.played_setup import (
     SetupTraits,
     consent_to,
     contract_of,
+    other_policies,
     setup_of,
     traits_of,
 )
@@ -176,7 +177,8 @@ def _diagnosis(
     contract, conditions = experiment.contract, experiment.conditions
     agents = _present(evidence, experiment, seen)
     fresh = {scope: experiment.fresh(scope) for scope in experiment.scopes}
-    doubts = contradictions(recorded, fresh)
+    others = other_policies(evidence, experiment.setup)
+    doubts = {} if others else contradictions(recorded, fresh)
     findings = {s: _doubted(experiment.finding(s), doubts.get(s)) for s in experiment.scopes}
     found = _counterfactuals(evidence, experiment, findings, recorded)
     repeated = experiment.extra
@@ -214,6 +216,7 @@ def _diagnosis(
         conditions={name: each.text for name, each in conditions.items()},
         budget=experiment.budget,
         not_played=tuple(experiment.not_played),
+        policies=others,
     )
 
 

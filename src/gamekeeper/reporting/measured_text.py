@@ -39,7 +39,7 @@ SPOKEN: Final = {"zero_sum": "zero-sum", "after_end": "after the end"}
 """Keys that are shown in other words; names of agents and roles stay."""
 LABELS: Final = {
     "schedule": "turns",
-    "legality": "moves change masks",
+    "legality": "moves change masks of others",
     "order_sensitive": "order matters",
 }
 """Rows of the table whose label is more than their key."""
@@ -227,7 +227,7 @@ def _payments(value: Document) -> str:
 
 def _lengths(value: Document) -> str:
     """Number of episodes that ended by themselves, and their length in ticks."""
-    text = f"{value.get('ended', 0)} of {value['episodes']} episodes ended by themselves"
+    text = f"{value.get('ended', 0)} of {value['episodes']} episodes ended"
     kinds = [f"{end['kind']} of {_owner(end['owner'])}" for end in value.get("kinds") or ()]
     text = ": ".join(filter(None, [", ".join(kinds), text]))
     ticks = value.get("ticks")
