@@ -45,7 +45,7 @@ def test_agents_meet_more_often_than_by_chance() -> None:
 def test_masks_are_obeyed_on_the_way() -> None:
     """An action that the mask forbids is left to the usual policy."""
     base = _Random()
-    base.act = lambda agent, observation, info: np.int64(1)  # type: ignore[method-assign]
+    base.act = lambda agent, observation, info: np.int64(1)  # type: ignore[method-assign]  # stub
     policies = MeetingPolicies(base, lambda agent: SPACE, lambda agent: reader(None))
     policies.begin(0, 0)
     mask = np.array([0, 1, 0], np.int8)

@@ -12,20 +12,16 @@ from hashlib import blake2b
 from typing import Any, Final
 
 import numpy as np
-from gymnasium.spaces import Discrete, Space
-from numpy.random import Generator
+from gymnasium.spaces import Space
 
 from gamekeeper.auditing.outcomes import value_bytes
 from gamekeeper.auditing.probe_session import ProbeSession
-from gamekeeper.auditing.probes.moves import legal
 from gamekeeper.episodes.episode import MASK
 from gamekeeper.rollouts.process_randomness import HELD, restore, seed_all, states
 
 SHORT: Final = 64
 """Bytes that are no longer than what stands for them."""
 MOST_SPACES: Final = 20_000
-TRIES: Final = 8
-"""Draws of another action from a space that isn't Discrete."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,41 +192,6 @@ def branch(
             place,
             board.step({a: fitting(a, each.mask, actions[a]) for a, each in board.given.items()}),
         )
-
-
-def other_action(space: Any, mask: Any, own: Any, rng: Generator) -> tuple[bool, Any]:
-    """Another legal action, drawn; False where none is found. Without an own one: any.
-
-    Args:
-        space: of the agent; one that isn't Discrete draws by itself.
-        mask: None: all are legal.
-        own: the action that is to be another one; None: there is none.
-        rng: draws from a Discrete one.
-    """
-    if isinstance(space, Discrete):
-        choices = legal(space, mask)
-        place = choices.index(int(own)) if own is not None and int(own) in choices else None
-        count = len(choices) - (place is not None)
-        if count < 1:
-            return False, None
-        at = int(rng.integers(count))
-        return True, space.dtype.type(choices[at + (place is not None and at >= place)])
-    for _ in range(TRIES):
-        drawn = space.sample() if mask is None else space.sample(mask)
-        if own is None or value_digest(drawn) != value_digest(own):
-            return True, drawn
-    return False, None
-
-
-def legal_or_first(space: Any, mask: Any, action: Any) -> Any:
-    """The action where the mask allows it, else the first that it allows.
-
-    Of spaces that aren't Discrete any is taken for legal.
-    """
-    if mask is None or not isinstance(space, Discrete):
-        return action
-    choices = legal(space, mask)
-    return action if not choices or int(action) in choices else space.dtype.type(choices[0])
 
 
 def spaces_in(env: Any) -> list[Any]:

@@ -8,18 +8,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from gamekeeper.auditing.branches import (
-    Board,
-    BranchStep,
-    EpisodeSteps,
-    branch,
-    legal_or_first,
-    other_action,
-    spaces_in,
-)
+from gamekeeper.auditing.branches import Board, BranchStep, EpisodeSteps, branch, spaces_in
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
 from gamekeeper.auditing.probes.episode_shapes import rounds_of, shape
+from gamekeeper.auditing.probes.moves import legal_or_first, other_action
 from gamekeeper.checks.facts.form_facts import DrawnPriority, MoveLook, MoveTrial, UnsettledMoves
 from gamekeeper.episodes.layout import agent_name, role
 from gamekeeper.interface.generators import is_same_state
