@@ -241,7 +241,7 @@ class _Forms:
         movers = tuple(agent_name(each) for each in self._movers(step))
         number = self.paper.rounds[step]
         name = agent_name(agent)
-        trial = MoveTrial(name, number, step, movers, tuple(looks), ahead, is_moved, None)
+        trial = MoveTrial(name, number, step, movers, tuple(looks), ahead, is_moved)
         return trial, action
 
     def _last_of(self, number: int) -> int:

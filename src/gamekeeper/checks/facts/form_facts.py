@@ -85,7 +85,6 @@ class MoveTrial:
         looks: at all that could be compared.
         ahead: rounds that were looked ahead.
         is_order_moved: afterwards agents acted in another order, though none ended or joined.
-        is_drawing: the move changed how many random numbers were drawn; None: it wasn't looked at.
     """
 
     agent: str
@@ -95,7 +94,6 @@ class MoveTrial:
     looks: tuple[MoveLook, ...]
     ahead: int
     is_order_moved: bool
-    is_drawing: bool | None
 
 
 @dataclass(frozen=True, slots=True)
