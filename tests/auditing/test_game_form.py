@@ -95,6 +95,32 @@ def test_agents_apart_fit_either_api() -> None:
     assert found["horizon"] == 7
 
 
+class Brittle(Ladle):
+    """A tick in which both do nothing, or the first one, raises an exception."""
+
+    def __init__(self, *, at_once: bool = False) -> None:
+        super().__init__("joint")
+        self.at_once = at_once
+
+    def tick(self, actions: Any) -> None:
+        """Raises it."""
+        if self.at_once or not any(map(int, actions.values())):
+            raise KeyError("ladle")
+        super().tick(actions)
+
+
+def test_exceptions_of_the_environment_are_said() -> None:
+    """Episodes and replaced moves that an exception ended stand in the form, with the exception."""
+    found = form_of(partial(Brittle, at_once=True))
+    (error,) = found["errors"]
+    assert (error["during"], found["advice"]) == ("an episode", None)
+    assert "KeyError" in error["error"]
+    assert {"an episode", "replaced moves"} == {
+        each["during"] for each in form_of(Brittle, 1_000)["errors"]
+    }
+    assert form_of(partial(Ladle, "joint"), 300)["errors"] == []
+
+
 def shape(
     *rounds: str, endings: tuple[AgentEnding, ...] = (), live: dict[int, int] | None = None
 ) -> EpisodeShape:
@@ -188,10 +214,12 @@ def test_priority_needs_one_way_whatever_is_drawn() -> None:
 
     assert decided(roles.ALIKE, 0, first, first) == "roster"
     assert decided(roles.ALIKE, 0, first) == "unclear"
-    assert decided(roles.FEW, 0, first, first) == "unclear"
+    assert decided(1, 0, first, first) == "unclear"
     assert decided(roles.ALIKE, 1, first, first) is None
-    assert decided(roles.FEW - 1, 0, first, first) is None
+    assert decided(0, 0) is None
     assert decided(3, 3, first, lot, lot) == "random"
+    assert decided(3, 3, *[first] * 9, lot) == "noisy"
+    assert decided(3, 3, first, first) is None
 
 
 def signs(**given: Any) -> RoundSigns:

@@ -9,13 +9,8 @@ from gamekeeper.reporting.measured_text import measured_text, words
 from tests.reporting.audits import audit
 
 MEASURED: dict[str, Any] = {
-    "schedule": {
-        "acts": "together",
-        "order": "none",
-        "rounds": 518,
-        "most_in_a_round": 4,
-        "fewest_in_a_round": 4,
-    },
+    "stages": [["rover", "base"]],
+    "order": "none",
     "order_sensitive": "none",
     "deterministic": True,
     "horizon": 20,
@@ -52,18 +47,13 @@ def test_measured_stands_beside_declared() -> None:
 
 def test_measured_values_are_sentences() -> None:
     """A reader who knows PettingZoo needs no key: who acts with whom, what was paid, what ended."""
-    found = {key: words(MEASURED[key]) for key in ("schedule", "symmetric", "reward", "endings")}
+    found = {key: words(MEASURED[key]) for key in ("order", "symmetric", "reward", "endings")}
     assert found == {
-        "schedule": "agents act all at once; 4 agents per tick (518 seen)",
+        "order": "none",
         "symmetric": "rover: seems so, p-value 0.52, 24 episodes",
         "reward": "not the same for all agents",
         "endings": "0 of 8 episodes ended",
     }
-    turns = {"acts": "in turns", "order": "fixed", "most_in_a_round": 3, "fewest_in_a_round": 1}
-    assert words(turns) == (
-        "agents act one after the other in a fixed order; 1 to 3 agents per round, in which each "
-        "acts once"
-    )
     paid = {"shared": True, "zero_sum": False, "n": 1_193}
     assert words(paid).endswith("doesn't sum to 0 over them; 1,193 steps paid something")
     ended = {"episodes": 9, "ended": 8, "ticks": {"least": 3, "median": 4, "most": 25}}
@@ -155,7 +145,6 @@ def test_draft_takes_over_the_form_only_where_it_was_measured() -> None:
         )
     )
     form = {
-        "schedule": {"acts": "in turns", "order": "fixed"},
         "stages": [["rover"]],
         "order": "rotating",
         "observe": "after turn",
@@ -165,11 +154,11 @@ def test_draft_takes_over_the_form_only_where_it_was_measured() -> None:
     }
     answers = [each.measured for each in measured_questions(questions, form)]
     assert answers == ['[["rover"]]', '"rotating"', '"after turn"', '"ordered"', "true", ""]
-    silent: dict[str, Any] = {**dict.fromkeys(form), "schedule": form["schedule"]}
+    silent: dict[str, Any] = dict.fromkeys(form)
     silent |= {"order_sensitive": "none", "stages": [["truck"]]}
     asked = measured_questions(questions, silent)
     assert [each.measured for each in asked] == [""] * 6
-    assert "in a fixed order" in asked[1].hint
+    assert [each.hint for each in asked[:2]] == ["", ""]
 
 
 def test_changes_stand_by_kind() -> None:

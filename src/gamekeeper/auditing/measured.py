@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -11,6 +12,7 @@ from gamekeeper.auditing.measure.payments import payments
 from gamekeeper.checks.facts.form_facts import (
     DrawnPriority,
     EpisodeShape,
+    FormError,
     MoveTrial,
     UnsettledMoves,
 )
@@ -27,7 +29,7 @@ NOT_SEEN: Final[Mapping[str, str]] = {
     "stages": "fewer than three rounds in which agents acted in an order that means something",
     "order": "no round had two agents, or it isn't known whether moves are made together",
     "observe": "too few looks at what later agents of a round observe",
-    "conflicts": "too few looks at what moves change of other agents",
+    "conflicts": "too few looks at what moves change of other agents of a role, or draws blur it",
     "legality": "too few looks at masks of other agents",
     "deterministic": "no rerun",
     "horizon": "whole episodes were not truncated, at one length, twice at least",
@@ -57,7 +59,6 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
     settled = _deterministic(evidence)  # else draws that no seed settles are held still, and equal
     by_role = roles_of(contract, evidence)
     found = {
-        "schedule": form.schedule(traces, api),
         "stages": turns.stages(shapes, by_role, play_order),
         "order": play_order,
         "observe": _observe(api, within, shapes),
@@ -81,6 +82,7 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
         "advice": advised.api,
         "because": list(advised.because),
         "why": advised.why,
+        "errors": _errors(evidence),
     }
     silent = {key: why for key, why in NOT_SEEN.items() if found[key] is None}
     return {**found, "not_measured": silent}
@@ -104,6 +106,15 @@ def _signs(
         dictionary=order.get("result"),
         unsettled=bool(evidence.facts(UnsettledMoves)),
     )
+
+
+def _errors(evidence: ProbeEvidence) -> list[dict[str, Any]]:
+    """Exceptions of the environment that kept episodes or replaced moves from being looked at."""
+    counts = Counter((fact.value.during, fact.value.error) for fact in evidence.facts(FormError))
+    return [
+        {"during": during, "error": error, "episodes": count}
+        for (during, error), count in counts.most_common()
+    ]
 
 
 def _most_movers(shapes: Sequence[EpisodeShape]) -> int:
@@ -140,7 +151,7 @@ def _conflicts(
     if api == "parallel":
         if order.get("result") == "outcome":
             return "priority"
-        words = {"roster": "priority", "random": "random", "unclear": None}
+        words = {"roster": "priority", "random": "random", "unclear": None, "noisy": None}
         return words.get(priority or "", "joint rule" if advised.api else None)
     if advised.api == "aec":
         return "ordered"

@@ -86,8 +86,6 @@ def _hint(path: tuple[str, ...], measured: Measured) -> str:
         case ("roles", role, "symmetric"):
             by_role = measured.get("symmetric")
             return words(by_role.get(role)) if isinstance(by_role, Mapping) else ""
-        case ("schedule", "stages" | "order"):
-            return words(measured.get("schedule"))
         case ("schedule", "conflicts"):
             effect = ORDER_MATTERS.get(str(measured.get("order_sensitive")))
             return f"effect of the order of the action dictionary: {effect}" if effect else ""

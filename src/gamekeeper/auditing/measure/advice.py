@@ -40,7 +40,7 @@ class RoundSigns:
         hits: changes of anything of another agent, at any lag.
         looks: at other agents.
         most_in_a_round: agents; with one there is nothing to order.
-        priority: `roster`, `random`, `unclear` or None, as `roles.priority` has it.
+        priority: `roster`, `random`, `unclear`, `noisy` or None, as `roles.priority` has it.
         dictionary: effect of other orders of the action dictionary: none, draws, outcome, None.
         unsettled: the unchanged rerun differs, so that nothing can be said.
     """

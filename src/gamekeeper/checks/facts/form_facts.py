@@ -114,6 +114,19 @@ class DrawnPriority:
 
 
 @dataclass(frozen=True, slots=True)
+class FormError:
+    """An exception of the environment that ended an episode of the form, or its replaced moves.
+
+    Attributes:
+        during: `an episode` or `replaced moves`.
+        error: its class and message.
+    """
+
+    during: str
+    error: str
+
+
+@dataclass(frozen=True, slots=True)
 class UnsettledMoves:
     """An unchanged rerun that differs, so nothing could be said of moves from there on.
 
