@@ -23,6 +23,7 @@ FIELDS = {
     "observe",
     "conflicts",
     "legality",
+    "messages",
     "order_sensitive",
     "deterministic",
     "horizon",

@@ -123,6 +123,36 @@ def pairs(trials: Trials) -> list[dict[str, Any]] | None:
     ]
 
 
+def messages(trials: Trials) -> dict[str, dict[str, Any]] | None:
+    """By role, whether its whole action is a message: it changes what others observe, no more.
+
+    A role's moves are messages where replaced ones changed observations of another agent, and, in
+    30 looks at least at rewards, endings and masks (the agent's own among them), nothing else. One
+    part of an action isn't replaced by itself, so words beside a move aren't seen. None of a role
+    with too few looks; None at all where no role has enough.
+    """
+    others: Counter[str] = Counter()
+    effects: Counter[str] = Counter()
+    heard: dict[str, set[str]] = {}
+    for trial, look in _all(trials):
+        name = role(trial.agent)
+        if look.on != "observation":
+            others[name] += 1
+            effects[name] += look.is_changed
+        elif look.is_changed:
+            heard.setdefault(name, set()).add(look.target)
+            effects[name] += look.target == trial.agent
+    return {
+        name: {
+            "message": not effects[name] and name in heard,
+            "to": sorted({role(each) for each in heard.get(name, ())}),
+            "n": count,
+        }
+        for name, count in sorted(others.items())
+        if count >= FEWEST
+    } or None
+
+
 def legality(trials: Trials) -> bool | None:
     """Tells whether moves change masks of others; None of too few looks."""
     looks = [

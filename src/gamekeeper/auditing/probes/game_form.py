@@ -338,7 +338,8 @@ class _Forms:
         # what made way for the other is likely to do so for the other's move too
         yields = self._fitting(second, self.paper.steps[step].given[second].mask, actions[pair[0]])
         is_other = value_digest(yields) != value_digest(written[second])
-        changes = {}, {first: actions[pair[0]]}, {second: yields if is_other else actions[pair[1]]}
+        its = yields if is_other else actions[pair[1]]
+        changes: tuple[dict[Any, Any], ...] = ({}, {first: actions[pair[0]]}, {second: its})
         ways = []
         for future in range(FUTURES):
             outs = []
