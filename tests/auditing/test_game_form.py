@@ -109,6 +109,19 @@ class Brittle(Ladle):
         super().tick(actions)
 
 
+def test_an_action_that_is_only_observed_is_a_message() -> None:
+    """Heard by another and without any other effect; a reward that it changes makes it a move."""
+    heard = MoveLook("b", "observation", 1, True, False, 3)
+    own = [MoveLook("a", on, 1, False, False, 3) for on in ("observation", "reward")]
+    paid = MoveLook("b", "reward", 1, True, False, 3)
+    facts = [Fact(Where("form", 0, 0), trial(heard, *own)) for _ in range(trials.FEWEST)]
+    assert trials.messages(facts[:3]) is None
+    assert trials.messages(facts) == {"a": {"message": True, "to": ["b"], "n": 60}}
+    moved = [*facts, Fact(Where("form", 0, 1), trial(heard, paid))]
+    assert trials.messages(moved) == {"a": {"message": False, "to": ["b"], "n": 61}}
+    assert not form_of(Latch)["messages"]["opener"]["message"]
+
+
 def test_exceptions_of_the_environment_are_said() -> None:
     """Episodes and replaced moves that an exception ended stand in the form, with the exception."""
     found = form_of(partial(Brittle, at_once=True))

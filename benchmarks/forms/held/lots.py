@@ -22,15 +22,15 @@ class Podium(Turns):
 
     def _start(self, rng: Any) -> None:
         self.pace = dict(zip(self.possible_agents, rng.permutation(3).tolist(), strict=True))
-        self.last, self.is_won = -1, False
+        self.shown, self.is_won = -1, False
 
     def _order(self) -> list[str]:
         return sorted(self._live(), key=lambda agent: -self.pace[agent])
 
     def _act(self, agent: str, action: Any) -> None:
-        self.pace[agent] = self.last = int(action)
-        self._pay(agent, -self.last / 2)
-        if self.last >= 2 and not self.is_won:
+        self.pace[agent] = self.shown = int(action)
+        self._pay(agent, -self.shown / 2)
+        if self.shown >= 2 and not self.is_won:
             self.is_won = True
             self._pay(agent, 2.0)
 
@@ -38,7 +38,7 @@ class Podium(Turns):
         self.is_won = False
 
     def _look(self, agent: str) -> Any:
-        return vector(self.pace[agent], self.last)
+        return vector(self.pace[agent], self.shown)
 
 
 PODIUM = Form(
@@ -225,10 +225,4 @@ CHAIRS = Form(
     advice="parallel",
 )
 
-FORMS = (
-    (Podium, PODIUM),
-    (Jury, JURY),
-    (Hammer, HAMMER),
-    (Pump, PUMP),
-    (Chairs, CHAIRS),
-)
+FORMS = ((Podium, PODIUM), (Jury, JURY), (Hammer, HAMMER), (Pump, PUMP), (Chairs, CHAIRS))

@@ -272,10 +272,4 @@ LOCKERS = Form(
     advice="parallel",
 )
 
-FORMS = (
-    (Strait, STRAIT),
-    (Smog, SMOG),
-    (Budding, BUDDING),
-    (Fists, FISTS),
-    (Lockers, LOCKERS),
-)
+FORMS = ((Strait, STRAIT), (Smog, SMOG), (Budding, BUDDING), (Fists, FISTS), (Lockers, LOCKERS))

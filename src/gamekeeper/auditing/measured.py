@@ -72,7 +72,11 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
         "symmetric": roles.symmetric(
             [] if settled is False else shapes,
             [] if settled is False else traces,
-            by_role,
+            {
+                name: by_role[name]
+                for name in by_role
+                if priority != "unclear" or name not in ranked
+            },
             _first_comes(within, ranked, play_order),
         ),
         "reward": {**payments(traces, api), "pairs": trials.pairs(moves)},

@@ -20,6 +20,7 @@ DECLARED: Final[Mapping[str, tuple[tuple[str, ...], ...]]] = {
     "order": (("schedule", "order"),),
     "observe": (("schedule", "observe"),),
     "conflicts": (("schedule", "conflicts"),),
+    "messages": (("roles", "*", "messages"),),
     "deterministic": (("seeds", "deterministic"),),
     "horizon": (("schedule", "horizon"),),
     "reward": (("rewards",),),
@@ -196,6 +197,13 @@ def _symmetry(value: Document) -> str:
     return f"{seems}{p}{episodes}" + (f": {value['why']}" if value.get("why") else "")
 
 
+def _message(value: Document) -> str:
+    """Whether a role's action is a message, the roles that observe it, and the looks."""
+    if not value["message"]:
+        return f"its action is more than a message, {value['n']:,} looks"
+    return f"its action is a message to {words(value['to'])}, {value['n']:,} looks"
+
+
 def _payments(value: Document) -> str:
     """Rewards: the same for all agents or not, summing to zero or not."""
     parts = []
@@ -229,6 +237,7 @@ def _owner(owner: str) -> str:
 
 SENTENCES: Final[Mapping[str, Callable[[Document], str]]] = {
     "seems": _symmetry,
+    "message": _message,
     "shared": _payments,
     "episodes": _lengths,
 }

@@ -92,7 +92,8 @@ def priority(
     if len(ways) != 1 or turned:
         is_noisy = turned or (varied and varied >= PART * len(facts))
         return "noisy" if is_noisy else None, frozenset()
+    ranked = frozenset(role(one) for one, _ in pairs)
     firm = sum(set(fact.ways) == {(True, False)} for fact in facts)
     if len(pairs) < ALIKE or firm < CONFIRMED:
-        return "unclear", frozenset()
-    return "roster", frozenset(role(one) for one, _ in pairs)
+        return "unclear", ranked
+    return "roster", ranked

@@ -126,31 +126,33 @@ def pairs(trials: Trials) -> list[dict[str, Any]] | None:
 def messages(trials: Trials) -> dict[str, dict[str, Any]] | None:
     """By role, whether its whole action is a message: it changes what others observe, no more.
 
-    A role's moves are messages where replaced ones changed observations of another agent, and, in
-    30 looks at least at rewards, endings and masks (the agent's own among them), nothing else. One
-    part of an action isn't replaced by itself, so words beside a move aren't seen. None of a role
-    with too few looks; None at all where no role has enough.
+    A role's moves are messages where replaced ones changed observations of another agent, and
+    nothing else: no reward, ending or mask, and no observation of their own agent. `n` counts the
+    looks at these in the round in which the message was first observed; a role with fewer than 30
+    has no entry. One part of an action isn't replaced by itself, so that words beside a move aren't
+    seen, nor are effects later than the rounds that are looked ahead.
     """
-    others: Counter[str] = Counter()
-    effects: Counter[str] = Counter()
+    looks: Counter[tuple[str, int]] = Counter()
+    acted: set[str] = set()
     heard: dict[str, set[str]] = {}
+    first: dict[str, int] = {}
     for trial, look in _all(trials):
         name = role(trial.agent)
-        if look.on != "observation":
-            others[name] += 1
-            effects[name] += look.is_changed
+        is_heard = look.on == "observation" and look.target != trial.agent
+        if not is_heard:
+            looks[name, look.lag] += 1
+        if is_heard and look.is_changed:
+            heard.setdefault(name, set()).add(role(look.target))
+            first[name] = min(look.lag, first.get(name, look.lag))
         elif look.is_changed:
-            heard.setdefault(name, set()).add(look.target)
-            effects[name] += look.target == trial.agent
-    return {
-        name: {
-            "message": not effects[name] and name in heard,
-            "to": sorted({role(each) for each in heard.get(name, ())}),
-            "n": count,
-        }
-        for name, count in sorted(others.items())
-        if count >= FEWEST
-    } or None
+            acted.add(name)
+    found = {}
+    for name in sorted({name for name, _ in looks}):
+        count = looks[name, first.get(name, 0)]
+        if count >= FEWEST:
+            to = sorted(heard.get(name, ()))
+            found[name] = {"message": bool(to) and name not in acted, "to": to, "n": count}
+    return found or None
 
 
 def legality(trials: Trials) -> bool | None:

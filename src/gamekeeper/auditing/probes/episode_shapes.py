@@ -40,7 +40,7 @@ def shape(paper: EpisodeSteps, *, is_over: bool, api: str) -> EpisodeShape:
         movers.setdefault(number, []).extend(map(agent_name, step.given))
         new = [agent for agent in step.ended if agent not in ended]
         if new:
-            live[place] = len(roster - ended)
+            live[place] = len((roster | set(step.roster)) - ended)
         endings += [AgentEnding(agent_name(a), number, place, step.ended[a]) for a in new]
         joined += [(agent_name(agent), number) for agent in step.roster if agent not in roster]
         gone = roster - set(step.roster) - set(step.ended)

@@ -295,7 +295,8 @@ class _Forms:
         for agent in self._targets(base):
             paid = base.rewards.get(agent, 0.0), changed.rewards.get(agent, 0.0)
             yield look(agent, "reward", paid[0] != paid[1] and paid[0] == paid[0])
-            yield look(agent, "ending", (agent in base.ended) != (agent in changed.ended))
+            if agent in changed.rewards or agent in changed.ended:  # else it hasn't joined there
+                yield look(agent, "ending", (agent in base.ended) != (agent in changed.ended))
 
     def _targets(self, base: BranchStep) -> list[Any]:
         agents = list(base.rewards)
