@@ -5,10 +5,12 @@ from typing import Any
 
 import pytest
 
+from gamekeeper.auditing.branches import BranchStep, DecisionInput, EpisodeSteps
 from gamekeeper.auditing.gather import gather, lab_of
 from gamekeeper.auditing.measure import comings, roles, trials, turns
 from gamekeeper.auditing.measure.advice import RoundSigns, advice
 from gamekeeper.auditing.measured import measured
+from gamekeeper.auditing.probes import episode_shapes
 from gamekeeper.checks.facts.form_facts import (
     AgentEnding,
     DrawnPriority,
@@ -189,6 +191,17 @@ def test_one_agents_limit_is_no_horizon() -> None:
     assert comings.horizon([one, one]) is None
     longer = shape("abc", "abc", "abc", endings=ended("termination", 2, "abc"), live={2: 3})
     assert comings.horizon([whole, whole, longer]) is None
+
+
+def test_an_agent_that_joins_in_the_last_step_ends_with_all() -> None:
+    """It counts as live in the step in which it came and all were truncated."""
+    given = {"a": DecisionInput(b"", b"", None)}
+    step = BranchStep(given, {"a": 0}, {}, dict.fromkeys("ab", "truncation"), ("a", "b"))
+    found = episode_shapes.shape(EpisodeSteps(0, ("a",), [step], [0]), is_over=True, api="aec")
+    assert (found.live, found.joined) == ({0: 2}, (("b", 0),))
+    assert comings.kinds_of_endings([found, found]) == [
+        {"kind": "truncation", "owner": "all", "seen": 2}
+    ]
 
 
 def test_the_owner_of_endings() -> None:

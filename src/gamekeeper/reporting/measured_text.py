@@ -198,7 +198,7 @@ def _symmetry(value: Document) -> str:
 
 
 def _message(value: Document) -> str:
-    """Whether a role's action is a message, the roles that observe it, and the looks."""
+    """A role's action as a message or as more, the roles that observe it, and the looks."""
     if not value["message"]:
         return f"its action is more than a message, {value['n']:,} looks"
     return f"its action is a message to {words(value['to'])}, {value['n']:,} looks"

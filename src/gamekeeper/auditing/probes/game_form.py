@@ -52,8 +52,7 @@ MOST_MOVERS: Final = 6
 MOST_TARGETS: Final = 24
 """Agents of a large roster at which effects are looked for."""
 FUTURES: Final = 12
-"""Of six agents whose order is drawn two come first and second, one way or the other, in one of 15.
-"""
+"""Random draws for one pair: two of six agents in a drawn order come first in one of 15."""
 OFTEN: Final = 3
 """Episodes for one pair that is tried against several futures."""
 
