@@ -292,9 +292,9 @@ def one_difference(name: str, shift: float, repeats: int) -> Line:
         a = DRAWS[name](rng, (many, 10)) * 1.0
         b = 0.5 * (DRAWS[name](rng, (many, 10)) - mean) + mean + shift
         drawn = [batch.counts(10, rng), batch.counts(10, rng)]
-        hits.append(held(*batch.weighted_means([a, b], drawn, [-1.0, 1.0]), shift, 1e-3))
+        hits.append(held(*batch.differences(a, b, drawn), shift, 1e-3))
     line = {"claim": "difference over runs", "of": f"{name}, + {shift}" if shift else name, "n": 10}
-    return line | {"held": percent(np.concatenate(hits))}
+    return line | tally(np.concatenate(hits))
 
 
 def stopping(repeats: int) -> Iterator[Line]:
@@ -387,7 +387,7 @@ def main() -> None:
         lines = [json.loads(line) for line in options.table.read_text().splitlines()]
         print("\n".join([*table(lines), *outside(lines)]))
         return
-    for module in (resampling, resampling, resampling, environments_module):
+    for module in (resampling, environments_module):
         module.RESAMPLES = 999
     batch.same()
     for part in options.only or PARTS:
