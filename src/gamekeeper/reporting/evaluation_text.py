@@ -59,7 +59,7 @@ def evaluation_text(document: Mapping[str, Any], *, width: int) -> str:
             "\n".join(lines)
             for lines in (
                 [f"Returns in {name}", *_returns(rows, document["level"], width)],
-                [f"Endings in {name}, in episodes", *_endings(rows, width)],
+                [f"Endings in {name}, {_counted(rows)}", *_endings(rows, width)],
                 [f"Mean return of each agent in {name}", *_agents(rows, width)],
             )
             if len(lines) > 1
@@ -165,6 +165,12 @@ def _runs(rows: Sequence[Row], width: int) -> Iterator[str]:
         yield from wrapped(text, width, first=INDENT, rest=INDENT * 2)
 
 
+def _counted(rows: Sequence[Row]) -> str:
+    """The unit in which endings are counted."""
+    has_roles = any(row["scope"] == "role" for row in _shown(rows))
+    return "in episodes" + (" (of a role: episodes of each of its agents)" if has_roles else "")
+
+
 def _endings(rows: Sequence[Row], width: int) -> Iterator[str]:
     shown = _shown([row for row in rows if row["endings"] is not None])
     if not shown:
@@ -184,7 +190,8 @@ def _endings(rows: Sequence[Row], width: int) -> Iterator[str]:
                 reasons,
             )
         )
-    yield from _fitted(cells, width, right=range(3, 3 + len(kinds)), spare=(4,))
+    spare = 2 + len(kinds) if "mixed" in rare else 4  # reasons have the mixed ones, too
+    yield from _fitted(cells, width, right=range(3, 3 + len(kinds)), spare=(spare,))
 
 
 def _agents(rows: Sequence[Row], width: int) -> Iterator[str]:

@@ -82,10 +82,10 @@ def quantile(
     distinct = float(differing(ordered, part, tail))
     if distinct < LEAST_DISTINCT:
         raise EvidenceError(
-            "values around the quantile come in lumps, so that its interval covers more than it "
-            "says",
+            "many values around the quantile are equal, so that its interval would cover more than "
+            "it says",
             where="quantile",
-            expected=f"{100 * LEAST_DISTINCT:g} % of the values there that differ",
+            expected=f"at least {100 * LEAST_DISTINCT:g} % of the values there different",
             actual=f"{100 * distinct:.0f} %",
             fix="show the mean with its interval",
         )
@@ -356,9 +356,9 @@ def around(
         return _of_two(values, level)
     if len(seen) == 2:
         raise EvidenceError(
-            "of two outcomes the mean tells all",
+            "all values are one of two numbers, so that their mean tells all",
             where=statistic,
-            expected="values of which more than two are different",
+            expected="three different values or more",
             actual=f"{seen[0]:g} and {seen[1]:g}",
             fix="show the mean with its interval",
         )
