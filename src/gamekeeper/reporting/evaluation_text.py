@@ -297,18 +297,29 @@ def _crossplay(name: str, found: Mapping[str, Any], level: float, width: int) ->
         yield f"{INDENT}... and {len(found['cells']) - MOST_CELLS} more pairings (--json has them)"
     for row in found["best_response"]:
         against = next(iter(row["against"].values()), "")
-        gaps = [f"{policy} {_interval(gap, sign='+')}" for policy, gap in row["gap"].items() if gap]
-        text = f"best as {row['role']} with {against}: {row['policy']} {_number(row['value'])}"
-        yield from _item(f"{text}; over {', '.join(gaps)}", width)
+        gaps = [
+            f"{policy} by {_interval(gap, sign='+')}" for policy, gap in row["gap"].items() if gap
+        ]
+        text = f"best as {row['role']} with {against}: {row['policy']}, {_number(row['value'])}"
+        yield from _item(f"{text}; ahead of {', '.join(gaps)}", width)
     if found["best_response"]:
         yield f"{INDENT}best: chosen on half of the episodes, measured on the others"
     for row in found["fairness"]:
         a, b = row["policies"]
         pair = f"{a} with itself" if a == b else f"{a} with {b}, both ways"
-        text = f"{pair}: {row['roles'][0]} leads by {_interval(row['first_mover'])}"
+        leader, lead = _leader(row["roles"], row["first_mover"])
+        text = f"{pair}: {leader} leads by {_interval(lead)}"
         if row["difference"] is not None:
             text += f"; {a} {MINUS} {b} {_interval(row['difference'], sign='+')}"
         yield from _item(text, width)
+
+
+def _leader(roles: Sequence[str], lead: Row | None) -> tuple[str, Row | None]:
+    """The role that is ahead, and by how much; `lead` is that of the first."""
+    if lead is None or (lead["value"] or 0.0) >= 0.0:
+        return roles[0], lead
+    low, high = (None if lead[key] is None else -lead[key] for key in ("high", "low"))
+    return roles[1], {"value": -lead["value"], "low": low, "high": high}
 
 
 def _fitted(
