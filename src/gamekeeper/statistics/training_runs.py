@@ -239,7 +239,7 @@ def with_seeds(
     return Interval(found.value, low, high, found.n, f"{found.method}, and of shared seeds")
 
 
-ALIKE: Final = 0.2
+ALIKE: Final = 0.25
 """Runs are alike where half of them are within so much of the spread from the median of theirs:
 0.67 of normal scores, about 0.5 of exponential ones."""
 LEAST_CARRYING: Final = 4.0
