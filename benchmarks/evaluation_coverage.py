@@ -25,7 +25,7 @@ from typing import Any
 
 import evaluation_batch as batch
 import numpy as np
-from evaluation_draws import DRAWS, FRESH, STOPPED, Draw
+from evaluation_draws import DRAWS, FRESH, MEANS, STOPPED, TAILS, Draw
 from evaluation_lattice import of_estimates, of_iqm_of_two, of_quantile
 from evaluation_tables import outside, table
 from numpy.random import Generator
@@ -110,7 +110,7 @@ def one_samples(
     """Statistics of independent values; `usual` is the plain percentiles of the bootstrap."""
     for statistic, numbers in sizes.items():
         for name, draw in draws.items():
-            value = truth(draw, statistic)
+            value = MEANS.get(name) or truth(draw, statistic)
             for n in numbers:
                 hits, usual = [], []
                 for rng, many in batches([seed, n], repeats):
@@ -144,6 +144,12 @@ def fresh(repeats: int) -> Iterator[Line]:
     for unit, sizes in asked:
         for line in one_samples(unit, sizes, 11, repeats, FRESH):
             yield {"held_fresh" if name == "held" else name: line[name] for name in line}
+
+
+def tails(repeats: int) -> Iterator[Line]:
+    """Means of values with tails as long as log-normal ones of sigma 2 have, and longer."""
+    yield from one_samples("episodes", {"mean": (100, 200)}, 12, repeats, TAILS)
+    yield from one_samples("runs", {"mean": (30, 50)}, 13, repeats, TAILS)
 
 
 def quantiles(repeats: int) -> Iterator[Line]:
@@ -372,6 +378,7 @@ PARTS = {
     "stopping": stopping,
     "sequences": sequences,
     "fresh": fresh,
+    "tails": tails,
 }
 
 

@@ -25,6 +25,7 @@ TITLES = {
     "beats": "Comparisons of two",
     "stopping": "Stopping",
     "sequences": "Confidence sequences",
+    "tails": "Longer tails",
     "fresh": "Distributions that no constant was chosen on",
 }
 
