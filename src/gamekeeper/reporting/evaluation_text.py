@@ -18,6 +18,8 @@ MOST_POLICIES: Final = 5
 """Policies that have a column in a table of agents."""
 MOST_CELLS: Final = 30
 MOST_RUNS: Final = 20
+PROFILED: Final = (0.0, 0.25, 0.5, 0.75, 0.9)
+"""Scores at which the text shows performance profiles; the document has more."""
 RARE_ENDINGS: Final = ("cut", "failed", "mixed")
 """Endings that have a column only where there are any."""
 COLUMNS: Final = {
@@ -273,11 +275,26 @@ def _overall(overall: Mapping[str, Any], width: int) -> Iterator[str]:
         more = [_value(row[key]) for key in ("median", "optimality_gap")]
         cells.append((row["policy"], row["metric"], *figures, *more, str(row["runs"])))
     yield from _fitted(cells, width, right=(4, 5, 6), spare=(5, 4, 2))
+    yield from _profiles([row for row in overall["results"] if row["unit"] == "run"], width)
     for row in overall["comparisons"]:
         if row["improvement"] is not None:
             chance = {k: 100 * row["improvement"][k] for k in ("value", "low", "high")}
             text = f"P({row['a']} > {row['b']}) in {row['metric']}: {_interval(chance)} %"
             yield from _item(text, width)
+
+
+def _profiles(rows: Sequence[Row], width: int) -> Iterator[str]:
+    """Performance profiles: the part of the runs above each of a few scores."""
+    if not rows:
+        return
+    taus = rows[0]["profile"]["tau"]
+    places = [taus.index(tau) for tau in PROFILED if tau in taus]
+    head = ("share of runs above", "metric", *(f"{taus[place]:g}" for place in places))
+    cells: list[tuple[str, ...]] = [head]
+    for row in rows:
+        shares = (f"{100 * row['profile']['share'][place]:.0f} %" for place in places)
+        cells.append((row["policy"], row["metric"], *shares))
+    yield from _fitted(cells, width, right=range(2, len(head)), spare=())
 
 
 def _crossplay(name: str, found: Mapping[str, Any], level: float, width: int) -> Iterator[str]:
