@@ -217,7 +217,7 @@ def families(repeats: int) -> Iterator[Line]:
         ("-1, 0, 1", lambda rng, size: rng.integers(-1, 2, size) * 1.0),
     ):
         false = []
-        for repeat in range(repeats // 2):
+        for repeat in range(repeats):
             rng = np.random.default_rng([7, repeat])
             values = draw(rng, (4, 100)) + draw(rng, 100)
             pairs = [(i, j) for i in range(4) for j in range(i)]
@@ -227,7 +227,7 @@ def families(repeats: int) -> Iterator[Line]:
             false.append(any(claims([each.difference for each in made])))
         yield {"claim": "4 equal checkpoints", "of": name, "false": percent(false)}
     false = []
-    for repeat in range(repeats // 2):
+    for repeat in range(repeats):
         rng = np.random.default_rng([8, repeat])
         values = (
             rng.normal(size=(3, 10, 1)) + rng.normal(size=(3, 1, 30)) + rng.normal(size=(3, 10, 30))
