@@ -175,7 +175,7 @@ def _refuse_pooling(ground: Ground, judge: Judge) -> None:
     for role in ground.look.role_names:
         if role not in ground.pooled:
             judge.refuse(
-                f"{role} as one figure",
+                f"one figure for the role {role}",
                 "its agents aren't interchangeable, or no contract says that they are: "
                 "they are shown one by one",
                 ground.name,
