@@ -244,7 +244,7 @@ ALIKE: Final = 0.25
 0.67 of normal scores, about 0.5 of exponential ones."""
 LEAST_CARRYING: Final = 4.0
 """Runs that carry the spread of two methods of runs that are alike, for an interval."""
-FEWEST_TOLD: Final = 20
+FEWEST_TO_TELL: Final = 20
 """Runs of each from which on that is told; of fewer, ordinary ones look like it by chance, and to
 refuse these leaves intervals that cover too little."""
 
@@ -264,7 +264,7 @@ def carrying(one: FloatArray, two: FloatArray) -> FloatArray:
 
 
 def rests_on_few(one: FloatArray, two: FloatArray) -> NDArray[np.bool_]:
-    """Tells if `FEWEST_TOLD` runs of two methods that overlap are alike, but for a few.
+    """Tells if `FEWEST_TO_TELL` runs of two methods that overlap are alike, but for a few.
 
     Their difference hangs on how many such runs were among those that were trained, and its
     interval would cover up to 99 %.
@@ -272,7 +272,7 @@ def rests_on_few(one: FloatArray, two: FloatArray) -> NDArray[np.bool_]:
     Args:
         one: [..., runs] scores of the one method, two: of the other.
     """
-    if min(one.shape[-1], two.shape[-1]) < FEWEST_TOLD:
+    if min(one.shape[-1], two.shape[-1]) < FEWEST_TO_TELL:
         return np.zeros(one.shape[:-1], bool)
     spread = np.sqrt((_off(np.mean, one, two) ** 2).mean(axis=-1))
     is_alike = np.median(np.abs(_off(np.median, one, two)), axis=-1) < ALIKE * spread
