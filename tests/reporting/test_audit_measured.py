@@ -97,6 +97,14 @@ def test_influence_has_a_row_for_each_pair_and_effect() -> None:
     assert influence_text(found[:1], width=80) == ""
 
 
+def test_influence_of_few_tries_is_not_the_one_that_is_shown() -> None:
+    """A lag at which 1 of 2 tries changed something gives way to one where 40 of 100 did."""
+    lucky = influence("a", "b", "reward", 3, 0.5) | {"low": 0.01, "n": 2}
+    found = [lucky, influence("a", "b", "reward", 1, 0.4) | {"low": 0.3, "n": 100}]
+    rows = [influence_text(each, width=80).split("low to high")[0] for each in (found, found[:1])]
+    assert ["40%" in rows[0], "50%" in rows[0], "50%" in rows[1]] == [True, False, True]
+
+
 def test_influence_of_many_agents_is_cut() -> None:
     """Of 132 pairs twelve are shown, and the others counted."""
     names = [f"agent_{k}" for k in range(12)]

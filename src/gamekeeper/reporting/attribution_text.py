@@ -80,9 +80,15 @@ def _replaced(document: Mapping[str, Any], width: int) -> str:
     ]
     parts = [part[key] for part in agents.values() for key in ("difference", "shapley")]
     absent = "-: not measured, as the agent joins late or others were drawn"
-    title = f"Agents replaced: {_episodes(document['fresh'], 'new')}"
+    title = f"Agents replaced: {_episodes(document['fresh'], 'new')}{_named(document)}"
     legend = [*REPLACED, *_signs(parts, absent)]
     return _group(title, rows, legend, width, above=team_sentence(document))
+
+
+def _named(document: Mapping[str, Any]) -> str:
+    """The policies that new episodes play in place of the recorded ones."""
+    named = [f"{name} = {policy}" for name, policy in document["policies"].items()]
+    return f", with {', '.join(named)} in place of what was recorded" if named else ""
 
 
 def _repeated(document: Mapping[str, Any], width: int) -> str:
@@ -96,7 +102,7 @@ def _repeated(document: Mapping[str, Any], width: int) -> str:
     recorded, every = document["episodes"], document["replayed"]
     which = _episodes(recorded, "recorded")
     if every > recorded:
-        which = f"{recorded:,} recorded and {_episodes(every - recorded, 'new')}"
+        which = f"{recorded:,} recorded and {_episodes(every - recorded, 'new')}{_named(document)}"
     title = f"Actions of one agent replaced, while the others repeat theirs: {which}"
     absent = "-: the agent had no action to replace"
     legend = [*REPEATED, *_signs(parts, absent), *_stand_ins(document)]

@@ -35,7 +35,13 @@ from gamekeeper.diagnosis.attribution.replacement_runs import (
     ReplacementTask,
 )
 from gamekeeper.diagnosis.experiment import fresh_seed
-from gamekeeper.diagnosis.played_setup import Setup, consent_to, contract_of, setup_of
+from gamekeeper.diagnosis.played_setup import (
+    Setup,
+    consent_to,
+    contract_of,
+    other_policies,
+    setup_of,
+)
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.outcome import outcome_of
@@ -192,6 +198,7 @@ def _attributed(
         recorded=evidence.episode_table.num_rows,
         replayed=len(found.scans),
         loop="closed" if task.is_closed else "open",
+        policies=other_policies(evidence, task.setup),
         baseline=baseline,
         method=None if not shapley else _method(task),
         everyone=_mean([values[whole] for values in found.closed.values()]),
