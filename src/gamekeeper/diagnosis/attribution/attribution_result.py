@@ -57,7 +57,7 @@ class Attribution:
         recorded: all of the run, of which the agents' own figures are.
         replayed: recorded and fresh ones that were looked into.
         loop: `closed`: policies react. `open`: only recorded actions could be played.
-        policies: named in place of the recorded ones, by agent, role or `*`; new episodes play them.
+        policies: named in place of the recorded ones, by agent, role or `*`.
         baseline: what was asked to take agents' places; what did is named with each figure.
         method: of the Shapley values: `exact` or `sampled`.
         everyone: mean team return where all play their policies; None where none can.
