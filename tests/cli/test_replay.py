@@ -135,3 +135,22 @@ def test_exit_code_says_what_came_out(fields: Mapping[str, Any], code: int) -> N
     """0 the same, 2 nobody can tell; 1 is seen where a replay diverges."""
     blank = {"verified": False, "within_tolerance": None, "divergence": None}
     assert replay_code(Replay(run="x", fingerprint="f", **{**blank, **fields})) == code
+
+
+def test_verified_replay_says_which_source_differs(capfd: pytest.CaptureFixture[str]) -> None:
+    """Another file that plays the same is no divergence, and isn't hidden."""
+    replayed = Replay(
+        run="x",
+        verified=True,
+        within_tolerance=None,
+        fingerprint="f",
+        divergence=None,
+        versions={"source": ["aa", "bb"]},
+    )
+    show_replayed(Screen(sys.stdout), replayed)
+    assert capfd.readouterr().out.splitlines() == [
+        "verified: fingerprint f",
+        "Versions that differ",
+        "  source  aa when recorded, bb now",
+        "(no turn differs for it)",
+    ]

@@ -178,7 +178,7 @@ def test_a_contradiction_is_said_first_and_is_no_all_clear(
         assert "no all-clear" in text
     shown = diagnosis_text(json.loads(json.dumps(fair.to_json())), width=80)
     assert shown.startswith("Contradiction  team: 20 of 20 recorded episodes failed and 0 of 64")
-    assert "isn't surely less than" not in shown
+    assert "not significantly below" not in shown
     line = ["diagnose", "run", "--failed", FAILED, "--env", "generous.py:Agree", "--budget", "100"]
     code = run_line([*line, "--no-perturbations", "--workers", "0", "--allow-import"])
     assert code == 2

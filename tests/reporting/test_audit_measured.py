@@ -57,7 +57,7 @@ def test_measured_values_are_sentences() -> None:
     paid = {"shared": True, "zero_sum": False, "n": 1_193}
     assert words(paid).endswith("doesn't sum to 0 over them; 1,193 steps paid something")
     said = {"message": True, "to": ["rover"], "n": 40}
-    assert words(said) == "its action is a message to rover, 40 looks"
+    assert words(said) == "its action is a message to rover, 40 comparisons"
     ended = {"episodes": 9, "ended": 8, "ticks": {"least": 3, "median": 4, "most": 25}}
     assert words(ended) == "8 of 9 episodes ended, after 3 to 25 (median 4) ticks"
 

@@ -447,8 +447,8 @@ def _why_not(
     if is_anothers:
         return "what could be made ideal isn't this agent's" if experiment.fails else SOUND
     if knobs:
-        are = "is at its ideal" if len(knobs) == 1 else "are at their ideal"
-        return f"{_joined(knobs)} {are}"
+        have = "has its ideal value" if len(knobs) == 1 else "have their ideal values"
+        return f"{_joined(knobs)} {have} already"
     if label == "planning" and seen.has_reference:
         return "the reference policy plays already"
     if label == "planning":

@@ -176,8 +176,8 @@ def _refuse_pooling(ground: Ground, judge: Judge) -> None:
         if role not in ground.pooled:
             judge.refuse(
                 f"one figure for the role {role}",
-                "its agents aren't interchangeable, or no contract says that they are: "
-                "they are shown one by one",
+                "no contract declares its agents interchangeable "
+                f"(roles.{role}.symmetric = true): they are shown one by one",
                 ground.name,
             )
     if ground.is_rivalry:

@@ -79,7 +79,7 @@ def _replaced(document: Mapping[str, Any], width: int) -> str:
         for name, part in agents.items()
     ]
     parts = [part[key] for part in agents.values() for key in ("difference", "shapley")]
-    absent = "-: not measured, as the agent joins late or others were drawn"
+    absent = "-: not measured, as the agent joins late or isn't among those drawn to be replaced"
     title = f"Agents replaced: {_episodes(document['fresh'], 'new')}{_named(document)}"
     legend = [*REPLACED, *_signs(parts, absent)]
     return _group(title, rows, legend, width, above=team_sentence(document))
@@ -184,7 +184,7 @@ def _lazy(document: Mapping[str, Any], width: int) -> str:
         for name, part in lazy.items()
         for line in wrapped(f"{name}: {part['lazy_why']}", width, first=INDENT, rest=INDENT * 2)
     ]
-    title = "Lazy: surely less than half of a fair share, the mean of the others of its role"
+    title = "Lazy: significantly less than half of a fair share, the mean of the others of its role"
     return "\n".join([*wrapped(title, width, rest=INDENT), *lines]) if lines else ""
 
 

@@ -158,8 +158,8 @@ def _perturbations(document: Mapping[str, Any], width: int) -> str:
     if not played:
         return ""
     text = (
-        "Perturbations (one thing made worse), and the change of the team's mean return with its "
-        "95 % interval. They show what the return depends on, never a cause."
+        "Perturbations (one thing disturbed or cut short), and the change of the team's mean "
+        "return with its 95 % interval. They show what the return depends on, never a cause."
     )
     lines = wrapped(text, width, rest=INDENT)
     shown = [each for each in played if each.get("depends")]

@@ -16,8 +16,8 @@ TITLE: Final = (
     "mask, observation, reward or ending of another agent"
 )
 LEGEND: Final = (
-    "0 {lag} later: in the same one; changed (low to high): share of the replaced actions, with "
-    "its 95 % confidence interval; n: replaced actions"
+    "0 {lag} later: in the same one; of several lags the surest is shown; changed (low to high): "
+    "share of the replaced actions, with its 95 % confidence interval; n: replaced actions"
 )
 
 

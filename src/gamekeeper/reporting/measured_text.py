@@ -200,8 +200,8 @@ def _symmetry(value: Document) -> str:
 def _message(value: Document) -> str:
     """A role's action as a message or as more, the roles that observe it, and the looks."""
     if not value["message"]:
-        return f"its action is more than a message, {value['n']:,} looks"
-    return f"its action is a message to {words(value['to'])}, {value['n']:,} looks"
+        return f"none: its action changes more than what others observe, {value['n']:,} comparisons"
+    return f"its action is a message to {words(value['to'])}, {value['n']:,} comparisons"
 
 
 def _payments(value: Document) -> str:
