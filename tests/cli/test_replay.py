@@ -152,5 +152,5 @@ def test_verified_replay_says_which_source_differs(capfd: pytest.CaptureFixture[
         "verified: fingerprint f",
         "Versions that differ",
         "  source  aa when recorded, bb now",
-        "(no turn differs for it)",
+        "(every turn is equal nevertheless)",
     ]

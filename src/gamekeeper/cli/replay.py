@@ -86,7 +86,7 @@ def show_replayed(
         screen.verdict(f"verified: fingerprint {shown}", "good", indent=indent)
         if replayed.versions:
             differ = versions_text(replayed.versions, width=width)
-            screen.show(textwrap.indent(f"{differ}\n(no turn differs for it)", indent))
+            screen.show(textwrap.indent(f"{differ}\n(every turn is equal nevertheless)", indent))
     elif replayed.divergence is not None:
         text = divergence_text(replayed.divergence, width=width)
         screen.verdict(f"diverged at {text}", "bad", indent=indent)
