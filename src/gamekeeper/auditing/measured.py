@@ -73,8 +73,8 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
             [] if settled is False else shapes,
             [] if settled is False else traces,
             {
-                name: by_role[name]
-                for name in by_role
+                name: agents
+                for name, agents in by_role.items()
                 if priority != "unclear" or name not in ranked
             },
             _first_comes(within, ranked, play_order),
