@@ -154,3 +154,14 @@ def test_verified_replay_says_which_source_differs(capfd: pytest.CaptureFixture[
         "  source  aa when recorded, bb now",
         "(every turn is equal nevertheless)",
     ]
+
+
+def test_source_that_differs_is_in_the_document_of_a_verified_replay(
+    line_run: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A copy of the environment with one more comment plays the same, and is another source."""
+    original = Path(LINE.rpartition(":")[0])
+    copy = tmp_path / original.name
+    copy.write_text(original.read_text(encoding="utf-8") + "# one more\n", encoding="utf-8")
+    code, found = document(capfd, "replay", line_run, "--env", f"{copy}:make")
+    assert (code, found["verified"], list(found["versions"])) == (0, True, ["source"])
