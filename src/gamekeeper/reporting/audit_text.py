@@ -141,8 +141,8 @@ def _finding(verdict: Document, width: int) -> str:
 
 
 def _cases(verdict: Document) -> str:
-    """`in 80 of 80 places looked at; the program below failed in 5 of 5 runs, ...`."""
-    text = f"in {verdict['failed']:,} of {verdict['cases']:,} places looked at"
+    """`broken in 80 of 80 cases; its program failed in 5 of 5 new processes, ...`."""
+    text = f"broken in {verdict['failed']:,} of {verdict['cases']:,} cases looked at"
     how = verdict["reproduced"]
     if how is not None:
         text += f"; its program failed in {how['failed']} of {how['tried']} new processes"
