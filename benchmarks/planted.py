@@ -42,10 +42,10 @@ def diagnosed(planted: Planted, number: int) -> dict[str, Any]:
     found = gk.diagnose(evidence, failed=planted.failed, perturbations=False)
     seconds = time.perf_counter() - began
     assert found.team is not None
-    whom = {name for name, each in found.agents.items() if each.labels}
+    whom = {name for name, each in found.agents.items() if each.component}
     told = {
         "answer": found.team.answer,
-        "said": list(found.team.labels),
+        "said": list(found.team.labels) or _whole(found.team.component),
         "why": found.team.why,
         "whom": sorted(whom),
         "seconds": round(seconds, 2),
@@ -56,6 +56,13 @@ def diagnosed(planted: Planted, number: int) -> dict[str, Any]:
         strangers = {a for a in whom if planted.agents and not _is_meant(a, planted.agents)}
         told["right"] = is_right and not strangers
     return told
+
+
+def _whole(component: str | None) -> list[str]:
+    """A whole policy or memory in place of a label."""
+    if component is None:
+        return []
+    return ["policy" if component.endswith("'s policy") else "memory"]
 
 
 def _is_meant(agent: str, whom: tuple[str, ...]) -> bool:
@@ -135,13 +142,15 @@ def page(rows: list[dict[str, Any]], command: str) -> str:
     labels = [
         "perception",
         "state estimation",
-        "planning",
+        "policy",
+        "memory",
         "control",
         "timing",
         "data coverage",
         "evaluation",
     ]
-    across = [*labels, "joint", "joint, wrong", "compatible", "untested"]
+    nothing = ["elsewhere", "healthy", "not_failing", "unexplained", "not_tried"]
+    across = [*labels, "joint", "joint, wrong", "ambiguous", *nothing]
     across = [name for name in across if any(said == name for _, said in cells)]
     down = [*labels, "joint", "no handle", "healthy"]
     lines = [

@@ -153,7 +153,7 @@ def _singles(rng: random.Random) -> Iterator[Planted]:
             "single",
             policies={whom: rng.choice(WORSE)},
             agents=(whom,),
-            cures={"planning": {"policies": {whom: "reference"}}},
+            cures={"policy": {"policies": {whom: "reference"}}},
         )
         kwargs = {**BASES[task], **_decoys(rng, task, ())}
         if task != "two_robot_line" and rng.random() < 0.5:

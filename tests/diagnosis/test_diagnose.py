@@ -33,7 +33,7 @@ def test_a_knob_of_one_agent_is_isolated_and_is_that_agents() -> None:
     assert found.team is not None
     assert (found.team.answer, found.team.labels) == ("isolated", ("timing",))
     assert found.agents["giver_0"].labels == ("timing",)
-    assert found.agents["receiver_0"].answer == "untested"
+    assert found.agents["receiver_0"].answer == "elsewhere"
     assert "latency[giver_0] = 0" in found.agents["receiver_0"].why
     tested = {each.intervention: each for each in found.agents["giver_0"].tested}
     assert tested["latency[giver_0] = 0"].restores
@@ -52,11 +52,13 @@ def test_two_knobs_that_only_cure_together_are_joint() -> None:
     assert (found.team.answer, found.team.labels) == ("joint", ("perception", "control"))
 
 
-def test_a_policy_is_cured_by_the_reference() -> None:
-    """Planning is isolated to the agent whose policy it is."""
+def test_a_policy_that_is_replaced_has_no_label() -> None:
+    """It is isolated to its agent; which part of it isn't shown."""
     found = plainly(run(policies={"giver": "noop", "receiver": "reference"}))
-    assert found.agents["giver_0"].labels == ("planning",)
-    assert found.agents["receiver_0"].labels == ()
+    giver = found.agents["giver_0"]
+    assert (giver.answer, giver.labels, giver.component) == ("isolated", (), "giver_0's policy")
+    assert "which part of it can't be told apart" in giver.why
+    assert found.agents["receiver_0"].answer == "elsewhere"
 
 
 def test_a_horizon_shorter_than_declared_is_evaluation() -> None:
@@ -77,7 +79,7 @@ def test_a_fault_without_a_handle_is_not_named() -> None:
     """The condition can't be met by any ideal substitute, so nothing is."""
     found = plainly(run(occlusion=0.02), failed="length > 0")
     assert found.team is not None
-    assert (found.team.answer, found.team.labels) == ("untested", ())
+    assert (found.team.answer, found.team.labels) == ("unexplained", ())
     assert "no ideal substitute restores" in found.team.why
 
 
@@ -214,7 +216,7 @@ def test_objects_of_this_process_play_here_alone() -> None:
     evidence = run(policies={"giver": still, "receiver": "reference"})
     policies = {"giver": still, "receiver": "reference"}
     found = plainly(evidence, policies=policies)
-    assert found.agents["giver_0"].labels == ("planning",)
+    assert found.agents["giver_0"].component == "giver_0's policy"
     with pytest.raises(EvidenceError, match="an object of this process"):
         plainly(evidence, policies=policies, workers=2)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gamekeeper.diagnosis.judgement import ScopeFinding, is_failing, judged, recovered
-from gamekeeper.diagnosis.trials import IdealSubstitute, joined
+from gamekeeper.diagnosis.trials import POLICY, IdealSubstitute, joined
 
 N = 64
 NOISE = IdealSubstitute("noise = 0", "perception", ("a",), (("argument", "", "noise", 0),))
@@ -59,10 +59,24 @@ def test_a_containing_substitute_that_restores_alone_is_the_cause() -> None:
 
 
 def test_two_that_restore_each_cannot_be_told_apart() -> None:
-    """Of different labels: compatible. Of one label: that label is isolated."""
-    assert found(0.1, noise=0.95, slip=0.95).answer == "compatible"
+    """Of different labels: ambiguous. Of one label: that label is isolated."""
+    assert found(0.1, noise=0.95, slip=0.95).answer == "ambiguous"
     answer = found(0.1, noise=0.95, blur=0.95)
     assert (answer.answer, answer.labels) == ("isolated", ("perception",))
+
+
+def test_either_of_two_agents_cannot_be_told_apart() -> None:
+    """The same component of both restores by itself: whose fault it is stays open."""
+    names = [
+        IdealSubstitute(f"policy[{a}] = reference", POLICY, (a,), (("policies", a, "", "x"),))
+        for a in "ab"
+    ]
+    arms = {one: share(0.95) for one in names}
+    either = judged(share(0.1), arms, rng=np.random.default_rng(0))
+    assert (either.answer, either.labels) == ("ambiguous", ())
+    one = judged(share(0.1), {names[0]: share(0.95)}, rng=np.random.default_rng(0))
+    assert (one.answer, one.labels) == ("isolated", ())
+    assert "it is a's policy; which part of it can't be told apart" in one.why
 
 
 def test_a_pair_that_neither_part_replaces_is_joint() -> None:
@@ -81,19 +95,19 @@ def test_a_pair_that_needs_less_goes_before_one_that_does_more() -> None:
 def test_a_pair_no_better_than_its_part_is_not_joint() -> None:
     """One part nearly restores: more episodes have to tell."""
     answer = found(0.1, noise=0.64, slip=0.1, pair=0.68)
-    assert answer.answer == "compatible"
+    assert answer.answer == "ambiguous"
     assert "more episodes would tell" in answer.why
 
 
-def test_all_at_once_without_a_pair_is_compatible() -> None:
+def test_all_at_once_without_a_pair_is_ambiguous() -> None:
     """Something among them is it."""
-    assert found(0.1, 0.95, noise=0.1, slip=0.1).answer == "compatible"
+    assert found(0.1, 0.95, noise=0.1, slip=0.1).answer == "ambiguous"
 
 
-def test_nothing_that_restores_is_untested() -> None:
+def test_nothing_that_restores_is_unexplained() -> None:
     """The cause has no handle; no label is named."""
     answer = found(0.1, 0.1, noise=0.15, slip=0.1)
-    assert (answer.answer, answer.labels) == ("untested", ())
+    assert (answer.answer, answer.labels) == ("unexplained", ())
     assert "no ideal substitute restores" in answer.why
 
 
@@ -101,7 +115,8 @@ def test_nothing_that_restores_is_untested() -> None:
 def test_who_does_not_fail_beyond_chance_has_no_cause(unchanged: float) -> None:
     """However good an ideal substitute looks, there is nothing to restore."""
     answer = found(unchanged, noise=1.0)
-    assert (answer.answer, answer.labels) == ("untested", ())
+    assert answer.answer == ("healthy" if unchanged >= 0.9 else "not_failing")
+    assert answer.labels == ()
     assert not is_failing(share(unchanged), 0.9)
 
 

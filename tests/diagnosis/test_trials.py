@@ -89,7 +89,7 @@ def test_agents_of_one_object_have_its_handles_together() -> None:
     memory = found["memory[picker_0, picker_1] reset"]
     assert memory.applied(setup).forgets == pair
     assert memory.name not in found["policy[picker_0] = reference"].contains
-    assert memory.name in found["planning: all"].contains
+    assert memory.name in found["policy: all"].contains
 
 
 def test_a_shorter_horizon_is_a_question_of_evaluation() -> None:
@@ -105,7 +105,7 @@ def test_joined_does_all_and_contains_all() -> None:
     setup = Setup("env", {"noise": 1.0, "drift": 3})
     found = named(setup)
     pair = joined([found["noise = 0.0"], found["drift = 0"]])
-    assert pair.label == "perception + state estimation"
+    assert pair.component == "perception + state estimation"
     assert pair.applied(setup).kwargs == {"noise": 0.0, "drift": 0}
     assert weakened(found["noise = 0.0"], 0.5).applied(setup).kwargs["noise"] == 0.5
 

@@ -36,6 +36,7 @@ def _answer(**given: Any) -> dict[str, Any]:
     answer = {
         "answer": "isolated",
         "labels": ["perception"],
+        "component": "a_0's perception",
         "why": "noise = 0 restores success, and no other ideal substitute that was played does",
         "scope": "team",
         "success": {"share": 0.0, "low": 0.0, "high": 0.06},
@@ -112,9 +113,11 @@ def test_agents_with_another_answer_say_so() -> None:
     """Only what differs from the team: the answer, and its own labels that weren't tested."""
     own = {"label": "perception", "why": "what could be made ideal isn't this agent's"}
     why = "what restores success is noise = 0, which isn't this agent's"
-    other = _answer(answer="untested", labels=[], why=why, not_tested=[own, NOTHING], tested=[])
+    other = _answer(
+        answer="elsewhere", labels=[], component=None, why=why, not_tested=[own, NOTHING], tested=[]
+    )
     text = _text(agents={"a_0": _answer(), "b_0": other})
-    assert f"b_0: no cause is named: {why}." in text
+    assert f"b_0: another agent's: {why}." in text
     assert "perception for b_0: what could be made ideal isn't this agent's" in text
 
 
@@ -134,15 +137,23 @@ def test_conditions_of_agents_have_a_block_each() -> None:
 
 
 def test_answers_are_sentences() -> None:
-    """Joint, compatible and untested."""
+    """Causes, a whole policy without a label, and reasons why no cause is named."""
     both = ["perception", "control"]
     joint = _text(team=_answer(answer="joint", labels=both, why="together"))
     assert "The causes are perception and control together (joint): together." in joint
-    either = _text(team=_answer(answer="compatible", labels=both, why="either"))
-    assert "Possible causes: perception and control (compatible): either." in either
-    assert "No cause is named: none." in _text(
-        team=_answer(answer="untested", labels=[], why="none"), agents={}
-    )
+    either = _text(team=_answer(answer="ambiguous", labels=both, why="either"))
+    assert "Possible causes: perception and control (ambiguous): either." in either
+    policy = _text(team=_answer(labels=[], component="a_0's policy", why="swapped"), agents={})
+    assert "The cause is a_0's policy (isolated): swapped." in policy
+    words = {
+        "healthy": "Healthy",
+        "not_failing": "Not failing beyond chance",
+        "unexplained": "Unexplained",
+        "not_tried": "Not tried",
+    }
+    for answer, word in words.items():
+        nothing = _answer(answer=answer, labels=[], component=None, why="none")
+        assert f"{word}: none." in _text(team=nothing, agents={})
 
 
 def test_counterfactuals_are_sentences() -> None:

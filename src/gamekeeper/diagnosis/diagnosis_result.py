@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import Any
 
-from gamekeeper.diagnosis.judgement import Answer, Contradiction
+from gamekeeper.diagnosis.judgement import CAUSES, Answer, Contradiction
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,7 +15,7 @@ class Tested:
     """One change that was played, against the same seeds with nothing changed.
 
     Attributes:
-        label: the failure that it stands for.
+        label: the failure that it stands for; None: it touches a whole policy or memory.
         intervention: what was done.
         kind: `ideal` or `perturbation`.
         effect: on the `measure`, with its 95 % interval low to high.
@@ -29,7 +29,7 @@ class Tested:
             fail.
     """
 
-    label: str
+    label: str | None
     intervention: str
     kind: str
     effect: float
@@ -45,7 +45,7 @@ class Tested:
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
         found = {name: getattr(self, name) for name in self.__slots__}
-        return {name: value for name, value in found.items() if value is not None}
+        return {name: x for name, x in found.items() if x is not None or name == "label"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,14 +53,16 @@ class AgentDiagnosis:
     """Answer for one agent, a role or the team.
 
     Attributes:
-        answer: `isolated`, `joint`, `compatible` or `untested`.
-        labels: the causes it names.
+        answer: `isolated`, `joint` or `ambiguous` where a cause is named; else `healthy`,
+            `not_failing` beyond chance, `elsewhere` (another agent's), `unexplained` or `not_tried`.
+        labels: the causes it names; none where no more than a whole policy or memory was shown.
         why: in a sentence.
         scope: whose condition was judged: the agent's own, its role's or the team's.
         tested: every change that concerns it.
         not_tested: labels that no change was played for, and why.
         success: share of successes on fresh seeds with its interval: (share, low, high).
         substitutes: the least ideal substitutes that restore.
+        component: the place of the fault, as far as it was shown; None where no cause is named.
     """
 
     answer: Answer
@@ -71,6 +73,7 @@ class AgentDiagnosis:
     not_tested: tuple[tuple[str, str], ...] = ()
     success: tuple[float, float, float] = (0.0, 0.0, 1.0)
     substitutes: tuple[str, ...] = ()
+    component: str | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
@@ -78,6 +81,7 @@ class AgentDiagnosis:
         return {
             "answer": self.answer,
             "labels": list(self.labels),
+            "component": self.component,
             "why": self.why,
             "scope": self.scope,
             "success": {"share": share, "low": low, "high": high},
@@ -163,7 +167,7 @@ class Diagnosis:
     def has_cause(self) -> bool:
         """Some agent's failure has a named cause."""
         everybody = [*self.agents.values(), *([self.team] if self.team else [])]
-        return any(each.labels for each in everybody)
+        return any(each.answer in CAUSES for each in everybody)
 
     def to_json(self) -> dict[str, Any]:
         """The document that `gamekeeper diagnose --json` prints."""
@@ -199,7 +203,7 @@ class Diagnosis:
                 [
                     name,
                     each.answer,
-                    ", ".join(each.labels) or "-",
+                    ", ".join(each.labels) or each.component or "-",
                     f"{each.success[0]:.0%}",
                     each.why,
                 ]

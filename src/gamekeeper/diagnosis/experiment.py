@@ -20,8 +20,14 @@ from gamekeeper.contract.failure import Failure
 from gamekeeper.diagnosis.arms import ArmOrder, ArmRunner
 from gamekeeper.diagnosis.judgement import ScopeFinding, is_failing, judged, recovered
 from gamekeeper.diagnosis.played_setup import Setup
-from gamekeeper.diagnosis.trials import IdealSubstitute, PerturbationArm, joined, weakened
-from gamekeeper.episodes.outcome import LABELS, Outcome, failed
+from gamekeeper.diagnosis.trials import (
+    COMPONENTS,
+    IdealSubstitute,
+    PerturbationArm,
+    joined,
+    weakened,
+)
+from gamekeeper.episodes.outcome import Outcome, failed
 from gamekeeper.rollouts.interventions.perturbation import Perturbation as Strong
 
 UNCHANGED: Final = "unchanged"
@@ -48,7 +54,7 @@ class Experiment:
 
     Attributes:
         setup: as it was recorded.
-        substitutes: the handles, and those of each label together.
+        substitutes: the handles, and those of each component together.
         conditions: when an episode failed, by scope.
         runner: plays.
         expected, part: as `judged` has them.
@@ -136,11 +142,11 @@ class Experiment:
         self.pairs = self._best(few)
 
     def _first_singles(self, most: int) -> list[str]:
-        """So many ideal substitutes: first the widest one of each label, then the next."""
+        """So many ideal substitutes: first the widest one of each component, then the next."""
         places: dict[str, int] = {}
         place = {}
         for one in sorted(self.substitutes, key=lambda one: -len(one.steps)):
-            place[one.name] = places[one.label] = places.get(one.label, -1) + 1
+            place[one.name] = places[one.component] = places.get(one.component, -1) + 1
         ranked = sorted(self.substitutes, key=lambda one: place[one.name])
         self.skipped = ranked[most:]
         if self.skipped:
@@ -178,14 +184,14 @@ class Experiment:
         return False
 
     def _possible_pairs(self) -> list[IdealSubstitute]:
-        """Pairs of labels: each as a whole, and where it has several handles each of those too."""
+        """Pairs of components: each as a whole, and where it has several handles each of those."""
         units: dict[str, list[IdealSubstitute]] = {}
         for one in self.substitutes:
-            units.setdefault(one.label, []).append(one)
-        labels = [label for label in LABELS if label in units]
+            units.setdefault(one.component, []).append(one)
+        known = [component for component in COMPONENTS if component in units]
         pairs = [
             joined(pair)
-            for one, two in combinations(labels, 2)
+            for one, two in combinations(known, 2)
             for pair in product(units[one], units[two])
         ]
         return sorted(pairs, key=lambda pair: -len(pair.steps))[:MOST_PAIRS]
@@ -340,7 +346,7 @@ class Experiment:
         for scope in self.scopes:
             finding = self.finding(scope)
             near = any(abs(one.recovered - self.part) < NEAR for one in finding.tried)
-            if near and finding.answer in ("compatible", "joint", "untested"):
+            if near and finding.answer in ("ambiguous", "joint", "unexplained"):
                 return self._is_failing(scope)
         return False
 

@@ -18,6 +18,7 @@ from gamekeeper.diagnosis.counterfactuals import KEPT, MOST, counterfactuals, ke
 from gamekeeper.diagnosis.diagnosis_result import AgentDiagnosis, Counterfactual, Diagnosis, Tested
 from gamekeeper.diagnosis.experiment import LEAST, UNCHANGED, Experiment
 from gamekeeper.diagnosis.judgement import (
+    CAUSES,
     EXPECTED,
     PART,
     Contradiction,
@@ -36,6 +37,7 @@ from gamekeeper.diagnosis.played_setup import (
 )
 from gamekeeper.diagnosis.trials import (
     EVERYBODY,
+    POLICY,
     IdealSubstitute,
     PerturbationArm,
     perturbations_of,
@@ -265,7 +267,8 @@ def _reserve(experiment: Experiment, findings: Mapping[str, ScopeFinding]) -> No
 
 def _doubted(finding: ScopeFinding, doubt: Contradiction | None) -> ScopeFinding:
     """The answer; where it names no cause, a contradiction is why."""
-    return finding if doubt is None or finding.labels else replace(finding, why=str(doubt))
+    is_named = finding.answer in CAUSES
+    return finding if doubt is None or is_named else replace(finding, why=str(doubt))
 
 
 def _recorded(
@@ -382,7 +385,7 @@ def _answer(
     tested += [
         each for one, each in perturbed.items() if agent is None or one.agent in (agent, EVERYBODY)
     ]
-    tested.sort(key=lambda each: _place(each.label))
+    tested.sort(key=lambda each: _place(each.label or ""))
     found = AgentDiagnosis(
         finding.answer,
         finding.labels,
@@ -392,19 +395,43 @@ def _answer(
         tuple(_not_tested(agent, mine, experiment, seen)),
         finding.success,
         tuple(substitute.name for substitute in finding.substitutes),
+        _shown(finding, finding.substitutes),
     )
     concerned = {a for substitute in finding.substitutes for a in substitute.agents}
-    if agent is None or finding.answer == "untested" or not concerned or agent in concerned:
+    if agent is None or finding.answer not in CAUSES or not concerned:
         return found
+    if agent in concerned:
+        return _own_part(agent, found, finding)
     names = ", ".join(substitute.name for substitute in finding.substitutes)
     why = f"what restores success is {names}, which isn't this agent's"
-    return replace(found, answer="untested", labels=(), why=why, substitutes=())
+    return replace(found, answer="elsewhere", labels=(), why=why, substitutes=(), component=None)
+
+
+def _shown(finding: ScopeFinding, substitutes: Sequence[IdealSubstitute]) -> str | None:
+    """The place of the fault, as far as these substitutes show it."""
+    if finding.answer not in CAUSES:
+        return None
+    substitutes = substitutes or [one.substitute for one in finding.tried]
+    between = " or " if finding.answer == "ambiguous" else " and "
+    return between.join(dict.fromkeys(one.shown for one in substitutes))
+
+
+def _own_part(agent: str, found: AgentDiagnosis, finding: ScopeFinding) -> AgentDiagnosis:
+    """The answer for an agent of several: of a pair only its own part."""
+    inner = {name for one in finding.substitutes for name in one.contains}
+    parts = [one.substitute for one in finding.tried if one.substitute.name in inner]
+    mine = [one for one in parts if agent in one.agents]
+    if finding.answer != "joint" or not mine or len(mine) == len(parts):
+        return found
+    named = {label for one in mine for label in one.labels}
+    labels = tuple(label for label in found.labels if label in named)
+    return replace(found, labels=labels, component=_shown(finding, mine))
 
 
 def _tested(one: Tried, n: int, flips: Mapping[str, float]) -> Tested:
     effect = one.effect
     return Tested(
-        one.substitute.label,
+        " + ".join(one.substitute.labels) or None,
         one.substitute.name,
         "ideal",
         effect.value,
@@ -425,12 +452,12 @@ def _place(label: str) -> int:
 def _not_tested(
     agent: str | None, mine: Sequence[Tried], experiment: Experiment, seen: SetupTraits
 ) -> list[tuple[str, str]]:
-    """Labels for which no ideal substitute was played, and why."""
-    tested = {label for one in mine for label in one.substitute.label.split(" + ")}
-    handles = {one.label: one.name for one in experiment.substitutes if _is_of(one, agent)}
+    """Labels, and whole policies, for which no ideal substitute was played, and why."""
+    tested = {each for one in mine for each in one.substitute.component.split(" + ")}
+    handles = {one.component: one.name for one in experiment.substitutes if _is_of(one, agent)}
     return [
         (label, _why_not(label, handles.get(label), agent, experiment, seen))
-        for label in LABELS
+        for label in (*LABELS, POLICY)
         if label not in tested
     ]
 
@@ -443,15 +470,15 @@ def _why_not(
         spent = f"the budget of {experiment.budget} episodes was spent"
         return broken or (spent if experiment.fails else SOUND)
     knobs = [name for name, knob in experiment.contract.knobs.items() if knob.label == label]
-    is_anothers = any(one.label == label for one in experiment.substitutes)
+    is_anothers = any(one.component == label for one in experiment.substitutes)
     if is_anothers:
         return "what could be made ideal isn't this agent's" if experiment.fails else SOUND
     if knobs:
         have = "has its ideal value" if len(knobs) == 1 else "have their ideal values"
         return f"{_joined(knobs)} {have} already"
-    if label == "planning" and seen.has_reference:
+    if label == POLICY and seen.has_reference:
         return "the reference policy plays already"
-    if label == "planning":
+    if label == POLICY:
         return "the environment has no reference policy"
     return "the contract declares no knob with this label"
 

@@ -15,7 +15,18 @@ from gamekeeper.episodes.outcome import LABELS
 from gamekeeper.statistics.paired import PairedEffect, paired_effect
 from gamekeeper.statistics.significance import fisher_exact, holm, p_text, wilson
 
-Answer = Literal["isolated", "joint", "compatible", "untested"]
+Answer = Literal[
+    "healthy",
+    "not_failing",
+    "isolated",
+    "joint",
+    "ambiguous",
+    "elsewhere",
+    "unexplained",
+    "not_tried",
+]
+CAUSES: Final = ("isolated", "joint", "ambiguous")
+"""The answers that name a cause."""
 Successes = NDArray[np.float64]
 """[episodes] 1 where the episode didn't fail, paired by seed between arms."""
 
@@ -50,8 +61,8 @@ class ScopeFinding:
     """Answer for one scope: the team, a role or an agent.
 
     Attributes:
-        answer: `isolated`, `joint`, `compatible` or `untested`.
-        labels: the causes that it names, none where untested.
+        answer: as the glossary of `docs/diagnosis.md` has them; never `elsewhere`.
+        labels: the causes that it names; none for a whole policy, or for all that it keeps.
         substitutes: the least ideal substitutes that restore.
         tried: everything that was tried on fresh seeds.
         success: the share of successes as it is: (share, low, high).
@@ -108,9 +119,10 @@ def judged(
             f"{share.p:.0%} of new episodes succeed (95 % interval {share.low:.0%} to "
             f"{share.high:.0%}), not significantly below the expected {expected:.0%}"
         )
-        return ScopeFinding("untested", (), (), tried, success, why)
+        answer: Answer = "healthy" if share.p >= expected else "not_failing"
+        return ScopeFinding(answer, (), (), tried, success, why)
     least = _least(tried)
-    singles = [one for one in least if "+" not in one.substitute.label]
+    singles = [one for one in least if "+" not in one.substitute.component]
     if singles:
         return _of_singles(singles, tried, success, skipped)
     better = [one for one in least if _beats_its_parts(one, arms, rng)]
@@ -122,7 +134,7 @@ def judged(
         )
         labels = _labels([one.substitute for one in least])
         return ScopeFinding(
-            "compatible", labels, tuple(o.substitute for o in least), tried, success, why
+            "ambiguous", labels, tuple(o.substitute for o in least), tried, success, why
         )
     if everything is not None and recovered(unchanged, everything, expected) >= part:
         labels = _labels(arms)
@@ -130,10 +142,9 @@ def judged(
             "all ideal substitutes at once restore success, and no single one or pair that was "
             "played does"
         )
-        return ScopeFinding("compatible", labels, (), tried, success, why)
-    return ScopeFinding(
-        "untested", (), (), tried, success, _why_none(arms, everything, skipped, budget)
-    )
+        return ScopeFinding("ambiguous", labels, (), tried, success, why)
+    why = _why_none(arms, everything, skipped, budget)
+    return ScopeFinding("unexplained" if arms else "not_tried", (), (), tried, success, why)
 
 
 def _why_none(
@@ -200,7 +211,7 @@ def _least(tried: Sequence[Tried]) -> list[Tried]:
 
 def _is_within(part: IdealSubstitute, whole: IdealSubstitute) -> bool:
     """One makes up for another, or a pair for all that another pair does and for more."""
-    is_pair = "+" in part.label and "+" in whole.label
+    is_pair = "+" in part.component and "+" in whole.component
     return part.name in whole.contains or (is_pair and part.contains < whole.contains)
 
 
@@ -231,12 +242,14 @@ def _of_singles(
             f"{names} restores success, and {len(rivals)} other ideal substitutes weren't played, "
             "as the budget was spent: they may restore it too"
         )
-        return ScopeFinding("compatible", labels, substitutes, tried, success, why)
-    if len(labels) == 1:
+        return ScopeFinding("ambiguous", labels, substitutes, tried, success, why)
+    if len({(one.component, one.agents) for one in substitutes}) == 1:
         why = f"{names} restores success, and no other ideal substitute that was played does"
+        if not labels:
+            why += f": it is {substitutes[0].shown}; which part of it can't be told apart by this"
         return ScopeFinding("isolated", labels, substitutes, tried, success, why)
     why = f"each of {names} restores success, so these causes can't be told apart"
-    return ScopeFinding("compatible", labels, substitutes, tried, success, why)
+    return ScopeFinding("ambiguous", labels, substitutes, tried, success, why)
 
 
 def _of_pairs(
@@ -250,11 +263,11 @@ def _of_pairs(
         why = f"{names}: both together restore success, neither does alone"
         return ScopeFinding("joint", labels, substitutes, tried, success, why)
     why = f"several pairs restore success ({names}), so these causes can't be told apart"
-    return ScopeFinding("compatible", labels, substitutes, tried, success, why)
+    return ScopeFinding("ambiguous", labels, substitutes, tried, success, why)
 
 
 def _labels(substitutes: Any) -> tuple[str, ...]:
-    named = {label for substitute in substitutes for label in substitute.label.split(" + ")}
+    named = {label for substitute in substitutes for label in substitute.labels}
     return tuple(label for label in LABELS if label in named)
 
 

@@ -18,6 +18,11 @@ from gamekeeper.rollouts.intervention import Intervention
 from gamekeeper.rollouts.rollout_plan import MOST_TURNS
 
 PERCEPTION, ESTIMATION, PLANNING, CONTROL, TIMING, DATA, EVALUATION = LABELS
+POLICY: Final = "policy"
+MEMORY: Final = "memory"
+COMPONENTS: Final = (*LABELS, POLICY, MEMORY)
+"""Components that are made ideal: a label where one boundary is touched; a whole policy, and all
+that it keeps between turns, have none, as several of their parts could be at fault."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,7 +31,7 @@ class IdealSubstitute:
 
     Attributes:
         name: what it does, as `observation_noise[carrier_0] = 0`.
-        label: the failure that it cures; of several parts, of all of them.
+        component: what is made ideal, one of `COMPONENTS`; of several, all of them joined by ` + `.
         agents: whose fault it cures; empty for a fault that is nobody's own.
         steps: what is set: (where, of whom, name, value).
         contains: names of the ideal substitutes that it makes up for.
@@ -34,11 +39,27 @@ class IdealSubstitute:
     """
 
     name: str
-    label: str
+    component: str
     agents: tuple[str, ...]
     steps: tuple[tuple[str, str, str, Any], ...]
     contains: frozenset[str] = frozenset()
     value: float | None = None
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """The failures that it cures; none of a component that has several parts."""
+        return tuple(each for each in self.component.split(" + ") if each in LABELS)
+
+    @property
+    def shown(self) -> str:
+        """The place of the fault, as far as this shows it."""
+        whose = f"{_joined(self.agents)}'s " if self.agents else ""
+        words = {
+            POLICY: f"{whose}policy",
+            MEMORY: f"something that {_joined(self.agents)} keeps between turns",
+        }
+        parts = self.component.split(" + ")
+        return " and ".join(words.get(part, f"{whose}{part}") for part in parts)
 
     def applied(self, setup: Setup) -> Setup:
         """The set-up with this at its ideal."""
@@ -50,7 +71,7 @@ class IdealSubstitute:
 def substitutes_of(
     setup: Setup, contract: Contract, traits: SetupTraits
 ) -> tuple[IdealSubstitute, ...]:
-    """Every knob that isn't at its ideal, and for labels with several of them all at once."""
+    """Every knob that isn't at its ideal, and for components with several of them all at once."""
     found: list[IdealSubstitute] = []
     for name, knob in contract.knobs.items():
         found += _of_knob(name, knob, setup, contract, traits)
@@ -61,7 +82,7 @@ def substitutes_of(
     for sharers in traits.resettable:
         steps = tuple(("forgets", agent, "", True) for agent in sharers)
         memories.append(
-            IdealSubstitute(f"memory[{', '.join(sharers)}] reset", ESTIMATION, sharers, steps)
+            IdealSubstitute(f"memory[{', '.join(sharers)}] reset", MEMORY, sharers, steps)
         )
     nested = tuple(_nested([*found, *memories], contract))
     return tuple(_forgetting([*nested, *_together(nested)], memories))
@@ -130,7 +151,7 @@ def _of_policies(
         policy = setup.policy_of(agent, contract)
         if policy is not None and policy != REFERENCE:
             step = ("policies", agent, "", REFERENCE)
-            yield IdealSubstitute(f"policy[{agent}] = {REFERENCE}", PLANNING, (agent,), (step,))
+            yield IdealSubstitute(f"policy[{agent}] = {REFERENCE}", POLICY, (agent,), (step,))
 
 
 def _forgetting(
@@ -157,21 +178,21 @@ def _nested(found: Sequence[IdealSubstitute], contract: Contract) -> Iterator[Id
 
 
 def _together(found: Sequence[IdealSubstitute]) -> Iterator[IdealSubstitute]:
-    """For each label with several handles, all of them at once."""
-    for label in LABELS:
-        parts = [one for one in found if one.label == label]
+    """For each component with several handles, all of them at once."""
+    for component in COMPONENTS:
+        parts = [one for one in found if one.component == component]
         if len(parts) > 1:
-            yield joined(parts, f"{label}: all")
+            yield joined(parts, f"{component}: all")
 
 
 def joined(parts: Sequence[IdealSubstitute], name: str | None = None) -> IdealSubstitute:
     """Several ideal substitutes at once; they are what it contains."""
     agents = dict.fromkeys(agent for part in parts for agent in part.agents)
     inner = {part.name for part in parts} | {name for part in parts for name in part.contains}
-    labels = dict.fromkeys(part.label for part in parts)
+    components = dict.fromkeys(part.component for part in parts)
     return IdealSubstitute(
         name or " + ".join(part.name for part in parts),
-        " + ".join(labels),
+        " + ".join(components),
         tuple(agents),
         tuple(step for part in parts for step in part.steps),
         frozenset(inner),
@@ -200,6 +221,11 @@ def _applied(setup: Setup, where: str, whom: str, name: str, value: Any) -> Setu
     if where == "forgets":
         return replace(setup, forgets=(*setup.forgets, whom))
     return replace(setup, most_turns=value)
+
+
+def _joined(names: Sequence[str]) -> str:
+    *most, last = names
+    return f"{', '.join(most)} and {last}" if most else last
 
 
 def _part(given: Mapping[str, Any], whom: str, name: str, value: Any) -> Any:

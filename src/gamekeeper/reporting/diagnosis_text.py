@@ -75,7 +75,7 @@ def _name(scope: str) -> str:
 def _of_scope(document: Mapping[str, Any], scope: str) -> Mapping[str, Any]:
     """The answer for a scope: one that names a cause, if any does."""
     mine = [each for each in _answers(document).values() if each["scope"] == scope]
-    return next((each for each in mine if each["labels"]), mine[0])
+    return next((each for each in mine if each["component"]), mine[0])
 
 
 def _scope(document: Mapping[str, Any], scope: str, width: int) -> Iterator[str]:
@@ -103,12 +103,17 @@ def _scope(document: Mapping[str, Any], scope: str, width: int) -> Iterator[str]
 
 def answer_sentence(found: Mapping[str, Any]) -> str:
     """The answer with its reason, without a full stop: the cause, the causes, or none."""
-    labels = " and ".join(found["labels"])
+    cause = " and ".join(found["labels"]) or found["component"]
     begin = {
-        "isolated": f"The cause is {labels} (isolated)",
-        "joint": f"The causes are {labels} together (joint)",
-        "compatible": f"Possible causes: {labels} (compatible)",
-    }.get(found["answer"], "No cause is named")
+        "healthy": "Healthy",
+        "not_failing": "Not failing beyond chance",
+        "isolated": f"The cause is {cause} (isolated)",
+        "joint": f"The causes are {cause} together (joint)",
+        "ambiguous": f"Possible causes: {cause} (ambiguous)",
+        "elsewhere": "Another agent's",
+        "unexplained": "Unexplained",
+        "not_tried": "Not tried",
+    }[found["answer"]]
     return f"{begin}: {found['why']}"
 
 

@@ -67,7 +67,7 @@ def audit(word: str, agents: tuple[str, str]) -> dict[str, Any]:
 
 
 def diagnosis(word: str, agents: tuple[str, str]) -> dict[str, Any]:
-    """One isolated cause, one untested agent, one counterfactual."""
+    """One isolated cause, one agent without a cause, one counterfactual."""
     tested = {
         "label": "control",
         "intervention": word,
@@ -92,6 +92,7 @@ def diagnosis(word: str, agents: tuple[str, str]) -> dict[str, Any]:
     answer = {
         "answer": "isolated",
         "labels": ["control"],
+        "component": "its control",
         "why": word,
         "scope": "team",
         "success": {"share": 0.1, "low": 0.0, "high": 0.2},
@@ -99,11 +100,11 @@ def diagnosis(word: str, agents: tuple[str, str]) -> dict[str, Any]:
         "tested": [tested, perturbation],
         "not_tested": [{"label": "timing", "why": word}],
     }
-    untested = {**answer, "answer": "untested", "labels": [], "tested": []}
+    other = {**answer, "answer": "elsewhere", "component": None, "labels": [], "tested": []}
     return {
         "run": word,
         "fingerprint": "0",
-        "agents": {agents[0]: answer, agents[1]: untested},
+        "agents": {agents[0]: answer, agents[1]: other},
         "team": None,
         "recorded": {"team": {"failed": 1, "episodes": 3}},
         "counterfactuals": [

@@ -218,7 +218,10 @@ def lead_of(runs: Sequence[ShownRun], documents: Documents) -> str:
         text += f" Audit: {outcomes.count('failed')} checks failed."
     if documents.diagnosis is not None:
         causes = {
-            label for each in documents.diagnosis["agents"].values() for label in each["labels"]
+            cause
+            for each in documents.diagnosis["agents"].values()
+            for cause in (each["labels"] or [each["component"]])
+            if cause
         }
         text += f" Diagnosis: {', '.join(sorted(causes)) or 'no cause named'}."
     if len(runs) > 1:

@@ -33,7 +33,7 @@ from gamekeeper.reporting.results_text import few
 
 Document = Mapping[str, Any]
 
-ANSWERS: Final = {"isolated": "failed", "joint": "failed", "compatible": "warn"}
+ANSWERS: Final = {"isolated": "failed", "joint": "failed", "ambiguous": "warn"}
 """The badge of an answer; others are plain."""
 WORDS: Final = {"success": "share of successes", "return": "team's return"}
 
@@ -78,7 +78,7 @@ def _answers(answers: Mapping[str, Document]) -> PageTable:
         (
             name(agent),
             badge(found["answer"], ANSWERS.get(found["answer"], "plain")),
-            Cell(" and ".join(found["labels"]) or "-"),
+            Cell(" and ".join(found["labels"]) or found["component"] or "-"),
             Cell(found["why"]),
             Cell(f"{found['success']['share']:.0%}", "number"),
             Cell(f"{found['success']['low']:.0%} to {found['success']['high']:.0%}", "number"),
@@ -125,12 +125,12 @@ def _effects(names: Sequence[str], tested: Sequence[Document], measure: str) -> 
     rows = [
         {
             "name": each["intervention"],
-            "group": f"{each['kind']}: {each['label']}",
+            "group": f"{each['kind']}: {each['label'] or 'policy'}",
             **{key: each.get(key) for key in ("low", "high", "p")},
             "value": each["effect"],
             "text": effect_word(each),
         }
-        for each in sorted(tested, key=lambda each: (each["kind"], each["label"]))
+        for each in sorted(tested, key=lambda each: (each["kind"], each["label"] or ""))
         if _measure(each) == measure
     ]
     return forest(
