@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from gamekeeper.diagnosis.attribution.contributions import attribute
     from gamekeeper.diagnosis.diagnosis_result import Diagnosis
     from gamekeeper.diagnosis.failure_causes import diagnose
+    from gamekeeper.diagnosis.response_tests import ResponseTest
+    from gamekeeper.diagnosis.responses import responses
     from gamekeeper.episodes.divergence import Divergence
     from gamekeeper.episodes.episode import Episode, Turn
     from gamekeeper.episodes.evidence import Evidence
@@ -70,6 +72,7 @@ __all__ = [
     "OrderError",
     "PolicyError",
     "Replay",
+    "ResponseTest",
     "Resumed",
     "RunError",
     "SpecError",
@@ -90,6 +93,7 @@ __all__ = [
     "record",
     "replay",
     "report",
+    "responses",
     "resume",
     "rollout",
     "to_aec",
@@ -107,6 +111,7 @@ _HOMES: Final = {
     "Evidence": "gamekeeper.episodes.evidence",
     "Finding": "gamekeeper.checks.verdict",
     "Replay": "gamekeeper.runs.comparison",
+    "ResponseTest": "gamekeeper.diagnosis.response_tests",
     "Resumed": "gamekeeper.runs.resuming",
     "TickEnv": "gamekeeper.interface.tick_env",
     "Episode": "gamekeeper.episodes.episode",
@@ -122,6 +127,7 @@ _HOMES: Final = {
     "record": "gamekeeper.runs.recording",
     "replay": "gamekeeper.runs.comparison",
     "report": "gamekeeper.viewing.report_file",
+    "responses": "gamekeeper.diagnosis.responses",
     "resume": "gamekeeper.runs.resuming",
     "rollout": "gamekeeper.runs.recording",
     "to_aec": "gamekeeper.interface.conversion",

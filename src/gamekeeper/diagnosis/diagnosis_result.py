@@ -54,7 +54,7 @@ class AgentDiagnosis:
 
     Attributes:
         answer: `isolated`, `joint` or `ambiguous` where a cause is named; else `healthy`,
-            `not_failing` beyond chance, `elsewhere` (another agent's), `unexplained` or `not_tried`.
+            `not_failing` beyond chance, `elsewhere` (another agent's), `unexplained`, `not_tried`.
         labels: the causes it names; none where no more than a whole policy or memory was shown.
         why: in a sentence.
         scope: whose condition was judged: the agent's own, its role's or the team's.

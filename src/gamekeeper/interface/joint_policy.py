@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import copy
 from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import replace
 from types import ModuleType
 from typing import Any, Final, TypeAlias
 
 from gymnasium.spaces import Space
+from numpy.random import Generator
 
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.errors import PolicyError
@@ -216,6 +220,29 @@ class JointPolicy:
         """Returns the name of the object that plays an agent; agents that share it have one."""
         return self._objects[self._place_of(agent)]
 
+    def apart(self, agent: Any, rng: Generator) -> Player:
+        """A player for an agent apart from the game, as at the beginning of an episode.
+
+        A policy with a `reset` is reset by it; of one without, a copy plays, or the object itself
+        where it can't be copied.
+
+        Args:
+            rng: stream of its draws; the seed of its reset is drawn from it.
+        Raises:
+            PolicyError: its `reset` raised.
+        """
+        chosen = self.chosen_for(agent)
+        policy: Any = chosen.policy
+        if callable(getattr(policy, "reset", None)):
+            try:
+                policy.reset(seed=int(rng.integers(1 << 31)))
+            except (Exception, SystemExit) as error:
+                raise raised(chosen, agent, error) from error
+        elif not isinstance(policy, ModuleType):
+            with contextlib.suppress(Exception):  # foreign code; then the object itself plays
+                policy = copy.deepcopy(policy)
+        return self._seat(agent, replace(chosen, policy=policy))(rng)
+
     def described(self, agents: Iterable[Any]) -> dict[str, dict[str, str | None]]:
         """Describes the policies by agent, as evidence keeps them.
 
@@ -245,11 +272,10 @@ class JointPolicy:
     def _enter(self, agent: Any) -> Player:
         start = self._starts.get(agent)
         if start is None:
-            start = self._starts[agent] = self._seat(agent)
+            start = self._starts[agent] = self._seat(agent, self.chosen_for(agent))
         return start(policy_rng(self._run_seed, self._episode, agent))
 
-    def _seat(self, agent: Any) -> Start:
-        chosen = self.chosen_for(agent)
+    def _seat(self, agent: Any, chosen: Chosen) -> Start:
         seat = AgentSlot(
             agent,
             self._action_space(agent),

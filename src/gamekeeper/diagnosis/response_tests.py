@@ -1,0 +1,239 @@
+"""Response tests: a policy as a black box, fed with recorded observations, one field changed.
+
+Nothing is declared and no environment steps: what an agent was given is given to its policy again,
+with one field changed at one decision, and the first and the last action that differ are noted.
+"""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+from gymnasium.spaces import Box, Space
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from gamekeeper.episodes import canonical
+from gamekeeper.episodes.episode import Episode
+from gamekeeper.rollouts.interventions.fields import NumberField
+from gamekeeper.rollouts.interventions.value_parts import numbers_of, parts_of
+
+Feed: TypeAlias = Sequence[tuple[Any, Any]]
+"""Observation and info of each decision of an agent in an episode."""
+FreshPlayer: TypeAlias = Callable[[int], Callable[[Any, Any], Any]]
+"""From the number of a random stream to the policy as at the beginning of an episode."""
+
+DECISIONS: Final = 50
+"""Decisions of an episode that are fed at most."""
+CHANGES: Final = 60
+"""Feeds with one field changed, at least; more where there are many fields."""
+EACH: Final = 4
+"""Changes of each field."""
+MOST_CHANGES: Final = 240
+COMMON: Final = 0.1
+"""A part of the reactions that a lag has to make up, to be called one."""
+
+
+@dataclass(frozen=True, slots=True)
+class ResponseTest:
+    """Reactions of one agent's policy to recorded observations with one field changed.
+
+    Attributes:
+        changes: feeds with one field changed at one decision.
+        reactions: those of them after which some action differed.
+        is_repeatable: the same feed with the same random stream gives the same actions; where it
+            doesn't, nothing but `randomness` is measured.
+        randomness: part of the actions that another random stream changes; 0: it draws nothing.
+        lags: number of reactions by lag of the first action that differed, in the agent's own
+            decisions.
+        memory: most decisions between a change and the last action that differed.
+        deaf: fields whose changes were never followed by another action.
+        sensitivity: by field, the part of its changes that were.
+        saturation: part of the Box numbers of its actions that stand at a bound; None: no Box.
+    """
+
+    changes: int
+    reactions: int
+    is_repeatable: bool
+    randomness: float
+    lags: Mapping[int, int]
+    memory: int
+    deaf: tuple[str, ...]
+    sensitivity: Mapping[str, float]
+    saturation: float | None
+
+    @property
+    def lag(self) -> int | None:
+        """Lag that most reactions have; None where there was no reaction."""
+        return max(self.lags, key=lambda lag: (self.lags[lag], -lag)) if self.lags else None
+
+    @property
+    def common_lags(self) -> tuple[int, ...]:
+        """The lags that a tenth of the reactions or more have, in order."""
+        total = sum(self.lags.values())
+        return tuple(lag for lag, count in sorted(self.lags.items()) if count >= COMMON * total)
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        found = {name: getattr(self, name) for name in self.__slots__}
+        lags = {str(lag): count for lag, count in sorted(self.lags.items())}
+        return {**found, "lags": lags, "lag": self.lag, "deaf": list(self.deaf)} | {
+            "sensitivity": dict(self.sensitivity)
+        }
+
+    def __str__(self) -> str:
+        if not self.is_repeatable:
+            return "can't be tested: the same observations and draws give other actions"
+        if not self.reactions:
+            return "reacts to no change of its observations"
+        lag = "at once" if self.lag == 0 else f"{self.lag} decisions late"
+        said = [f"reacts {lag}"]
+        if len(self.common_lags) > 1:
+            said[0] += f" (from {self.common_lags[0]} to {self.common_lags[-1]})"
+        if self.memory > (self.lag or 0):
+            said.append(f"a change lasts for up to {self.memory} decisions")
+        if self.randomness:
+            said.append(f"draws {self.randomness:.0%} of its actions")
+        if self.deaf:
+            said.append(f"deaf to {', '.join(self.deaf)}")
+        if self.saturation:
+            said.append(f"{self.saturation:.0%} of its action's numbers stand at a bound")
+        return "; ".join(said)
+
+
+def feed_of(episode: Episode, agent: str, *, most: int = DECISIONS) -> list[tuple[Any, Any]]:
+    """Observations and infos of an agent's decisions in a recorded episode, the first ones."""
+    found: list[tuple[Any, Any]] = []
+    for turn in episode.turns:
+        if len(found) == most:
+            break
+        if agent in turn.order and agent not in turn.ended and turn.has_observation(agent):
+            found.append((turn.observations[agent], turn.infos.get(agent) or {}))
+    return found
+
+
+def response_test(
+    fresh: FreshPlayer,
+    feeds: Sequence[Feed],
+    *,
+    fields: Sequence[NumberField],
+    space: Space[Any] | None = None,
+    rng: Generator,
+) -> ResponseTest:
+    """Feeds a policy with recorded observations, and again with one field changed at a time.
+
+    Args:
+        fresh: makes the policy new for each feed; equal streams draw the same.
+        feeds: what the agent was given, an episode each.
+        fields: numbers of its observation that may be changed.
+        space: of its actions.
+        rng: draws the decisions at which a field is changed, and the values.
+    """
+    feeds = [feed for feed in feeds if feed]
+    bases = [_fed(fresh, feed, 0) for feed in feeds]
+    again = [_fed(fresh, feed, 0) for feed in feeds]
+    others = [_fed(fresh, feed, 1) for feed in feeds]
+    lags: Counter[int] = Counter()
+    tried: Counter[str] = Counter()
+    reacted: Counter[str] = Counter()
+    memory, is_repeatable = 0, _keys(bases) == _keys(again)
+    for field, number, at, changed in _changes(feeds, fields, rng) if is_repeatable else ():
+        base = bases[number]
+        differing = _differing(base, _fed(fresh, changed, 0))
+        tried[str(field)] += 1
+        if differing:
+            lags[differing[0] - at] += 1
+            memory = max(memory, differing[-1] - at)
+            reacted[str(field)] += 1
+    pairs = list(zip(bases, others, strict=True))
+    decisions = max(sum(len(base) for base in bases), 1)
+    return ResponseTest(
+        changes=tried.total(),
+        reactions=reacted.total(),
+        is_repeatable=is_repeatable,
+        randomness=sum(len(_differing(*pair)) for pair in pairs) / decisions,
+        lags=dict(lags),
+        memory=memory,
+        deaf=tuple(name for name in tried if not reacted[name]),
+        sensitivity={name: reacted[name] / count for name, count in tried.items()},
+        saturation=_saturation([action for base in bases for action in base], space),
+    )
+
+
+def _fed(fresh: FreshPlayer, feed: Feed, stream: int) -> list[Any]:
+    """Actions that the policy chooses when it is given a feed."""
+    player = fresh(stream)
+    return [player(observation, info) for observation, info in feed]
+
+
+def _changes(
+    feeds: Sequence[Feed], fields: Sequence[NumberField], rng: Generator
+) -> list[tuple[NumberField, int, int, Feed]]:
+    """Feeds with one field changed at one decision, the fields in turn."""
+    if not fields or not feeds:
+        return []
+    pool = {field: _values(feeds, field) for field in fields}
+    count = min(max(CHANGES, EACH * len(fields)), MOST_CHANGES)
+    found: list[tuple[NumberField, int, int, Feed]] = []
+    for place in range(count):
+        field, number = fields[place % len(fields)], int(rng.integers(len(feeds)))
+        feed = list(feeds[number])
+        at = int(rng.integers(len(feed)))  # late changes see less of a lag; early ones make up
+        observation, info = feed[at]
+        value = field.read(observation)
+        other = None if value is None else _other(pool[field], value, field, rng)
+        if other is not None:
+            feed[at] = (field.write(observation, other), info)
+            found.append((field, number, at, feed))
+    return found
+
+
+def _values(feeds: Sequence[Feed], field: NumberField) -> NDArray[np.float64]:
+    read = [field.read(observation) for feed in feeds for observation, _ in feed]
+    return np.unique([value for value in read if value is not None])
+
+
+def _other(
+    pool: NDArray[np.float64], value: float, field: NumberField, rng: Generator
+) -> float | None:
+    """Another value that the field had, or, of a constant one, that its space has."""
+    others = pool[pool != value]
+    if others.size:
+        return float(others[int(rng.integers(others.size))])
+    near = [each for each in (value + 1.0, value - 1.0) if field.low <= each <= field.high]
+    ends = [each for each in (field.low, field.high) if np.isfinite(each) and each != value]
+    return next(iter([*near, *ends]), None)
+
+
+def _differing(one: Sequence[Any], two: Sequence[Any]) -> list[int]:
+    """Decisions at which the actions differ."""
+    pairs = zip(map(_key, one), map(_key, two), strict=True)
+    return [at for at, (a, b) in enumerate(pairs) if a != b]
+
+
+def _keys(actions: Sequence[Sequence[Any]]) -> list[list[Any]]:
+    return [[_key(action) for action in each] for each in actions]
+
+
+def _key(action: Any) -> Any:
+    """Equal for equal actions, whatever holds their numbers."""
+    if isinstance(action, int | np.integer):
+        return int(action)
+    if isinstance(action, np.ndarray | float | np.floating):
+        return np.asarray(action, np.float64).tobytes()
+    return json.dumps(canonical.to_json(action))
+
+
+def _saturation(actions: Sequence[Any], space: Space[Any] | None) -> float | None:
+    """Part of the Box numbers that stand at a declared bound."""
+    parts = [] if space is None else [p for p in parts_of(space) if isinstance(p.space, Box)]
+    numbers = [each for each in numbers_of(parts) if each.is_bounded.all()]
+    read = [(each, each.read(action)) for each in numbers for action in actions]
+    at_bound = [
+        (found <= each.low) | (found >= each.high) for each, found in read if found is not None
+    ]
+    return float(np.concatenate(at_bound).mean()) if at_bound else None
