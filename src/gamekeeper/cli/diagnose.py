@@ -33,6 +33,16 @@ EXPECTED: Final = 0.9
 PART: Final = 0.7
 """Defaults of `gk.diagnose`; importing it loads numpy, help doesn't."""
 
+TryOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--try",
+        metavar="AGENT=POLICY",
+        help="Policy that is tried in an agent's place, such as a checkpoint that worked, in the "
+        "forms of --policy. Repeatable (default: the reference policy, if there is one, and those "
+        "of others of its role).",
+    ),
+]
 FailedOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -131,6 +141,7 @@ def command(
     contract: ContractOption = None,
     env: ReopenOption = None,
     policy: PolicyOption = None,
+    try_: TryOption = None,
     expected: ExpectedOption = EXPECTED,
     part: PartOption = PART,
     seed: SeedOption = 0,
@@ -176,6 +187,7 @@ def command(
             **opening,
             contract=contract,
             policies=parse_choices(policy) if policy else None,
+            replace=parse_choices(try_) if try_ else None,
             expected=expected,
             part=part,
             seed=seed,

@@ -132,7 +132,7 @@ class ArmOrder:
     arm: str
     setup: Setup
     run_seed: int
-    episodes: range
+    episodes: Sequence[int]
 
 
 @dataclass(slots=True)
@@ -211,7 +211,7 @@ class ArmRunner:
         keys = ((o.arm, o.run_seed, k) for o in orders for k in o.episodes)
         self.used.update(key for key in keys if key in self.outcomes)
 
-    def of(self, arm: str, run_seed: int, episodes: range) -> list[Outcome]:
+    def of(self, arm: str, run_seed: int, episodes: Sequence[int]) -> list[Outcome]:
         """The outcomes of an arm, in the order of its episodes."""
         return [self.outcomes[arm, run_seed, k] for k in episodes]
 
@@ -272,7 +272,7 @@ class ArmRunner:
                         "arm": order.arm,
                         "setup": setup,
                         "run_seed": order.run_seed,
-                        "episodes": episodes[at : at + most],
+                        "episodes": list(episodes[at : at + most]),
                     },
                     "contract": contract,
                 }

@@ -181,7 +181,12 @@ def case_text(diagnosis: Diagnosis, run: str | PathLike[str], *, failed: str | N
     Raises:
         EvidenceError: no ideal substitute restores, so there is nothing to hold on to.
     """
-    if len(diagnosis.runs) < 2:
+    everybody = [*([diagnosis.team] if diagnosis.team else []), *diagnosis.agents.values()]
+    kinds = {each.intervention: each.kind for one in everybody for each in one.tested}
+    playable = {
+        arm: folder for arm, folder in diagnosis.runs.items() if kinds.get(arm) != "undo"
+    }  # a rollout's arguments can't say an undo
+    if len(playable) < 2:
         raise EvidenceError(
             "no ideal substitute restores, so there is no case to save",
             where="--save-case",
@@ -189,11 +194,10 @@ def case_text(diagnosis: Diagnosis, run: str | PathLike[str], *, failed: str | N
             actual="none",
             fix="declare more knobs in the contract, or play more episodes (--budget)",
         )
-    everybody = [*([diagnosis.team] if diagnosis.team else []), *diagnosis.agents.values()]
     found = next(each for each in everybody if each.substitutes)
     arms: dict[str, Any] = {}
     counts: list[int] = []
-    for arm, folder in diagnosis.runs.items():
+    for arm, folder in playable.items():
         evidence = load(folder)
         arms["as it is" if not arms else arm] = _arguments(evidence)
         counts.append(_failing(evidence, failed, found.scope))

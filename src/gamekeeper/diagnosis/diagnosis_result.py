@@ -8,6 +8,7 @@ from html import escape
 from typing import Any
 
 from gamekeeper.diagnosis.judgement import CAUSES, Answer, Contradiction
+from gamekeeper.diagnosis.response_tests import ResponseTest
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +18,7 @@ class Tested:
     Attributes:
         label: the failure that it stands for; None: it touches a whole policy or memory.
         intervention: what was done.
-        kind: `ideal` or `perturbation`.
+        kind: `ideal`, `swap` (another policy), `undo` (from outside) or `perturbation`.
         effect: on the `measure`, with its 95 % interval low to high.
         p: corrected for the number of changes of its kind (Holm).
         n: episodes, none of which took part in choosing.
@@ -143,6 +144,7 @@ class Diagnosis:
         not_played: what the budget didn't reach, in words.
         policies: those that played the new episodes in place of the recorded ones, by agent or
             role; then new and recorded episodes can't contradict each other.
+        responses: response tests of policies, by agent, where undos were tried.
     """
 
     run: str
@@ -162,6 +164,7 @@ class Diagnosis:
     budget: int = 2_000
     not_played: tuple[str, ...] = ()
     policies: Mapping[str, str] = field(default_factory=dict)
+    responses: Mapping[str, ResponseTest] = field(default_factory=dict)
 
     @property
     def has_cause(self) -> bool:
@@ -191,6 +194,7 @@ class Diagnosis:
             "budget": self.budget,
             "not_played": list(self.not_played),
             "policies": dict(self.policies),
+            "responses": {name: each.to_json() for name, each in self.responses.items()},
         }
 
     def rows(self) -> list[list[str]]:

@@ -25,6 +25,7 @@ from gamekeeper.diagnosis.trials import (
     IdealSubstitute,
     PerturbationArm,
     joined,
+    over_undos,
     weakened,
 )
 from gamekeeper.episodes.outcome import Outcome, failed
@@ -64,6 +65,8 @@ class Experiment:
         confirmed: names of the arms that the answers are given on.
         skipped: the ideal substitutes that the budget didn't reach.
         not_played: what the budget didn't reach, in words.
+        undos: undos from outside, and policies of peers, that are confirmed.
+        dropped: number of those that the search dropped.
         extra: episodes that were played, or are to be, outside of arms.
         recordings: episodes of each arm that are recorded into a run.
     """
@@ -81,6 +84,8 @@ class Experiment:
     confirm: int = CONFIRM
     pairs: list[IdealSubstitute] = field(default_factory=list)
     confirmed: list[str] = field(default_factory=list)
+    undos: list[IdealSubstitute] = field(default_factory=list)
+    dropped: int = 0
     skipped: list[IdealSubstitute] = field(default_factory=list)
     not_played: list[str] = field(default_factory=list)
     extra: int = 0
@@ -160,8 +165,12 @@ class Experiment:
         """Episodes that may still be played."""
         return max(self.budget - len(self.runner.used) - self.extra, 0)
 
+    def play(self, arms: Sequence[str], run_seed: int, episodes: Sequence[int]) -> None:
+        """Plays episodes of arms, as far as they aren't known yet."""
+        self.runner.play([ArmOrder(a, self.arm(a), run_seed, episodes) for a in arms])
+
     def _play(self, arms: Sequence[str], run_seed: int, episodes: int) -> None:
-        self.runner.play([ArmOrder(a, self.arm(a), run_seed, range(episodes)) for a in arms])
+        self.play(arms, run_seed, range(episodes))
 
     def arm(self, name: str) -> Setup:
         """The set-up of an arm."""
@@ -169,7 +178,8 @@ class Experiment:
             return self.setup
         if name == EVERYTHING:
             return joined(self.substitutes).applied(self.setup)
-        known = {one.name: one for one in (*self.substitutes, *self._possible_pairs())}
+        others = (*self._possible_pairs(), *self.undos)
+        known = {one.name: one for one in (*self.substitutes, *others)}
         return known[name].applied(self.setup)
 
     # -- pairs
@@ -222,25 +232,30 @@ class Experiment:
     def successes(self, arm: str, run_seed: int, episodes: int, scope: str) -> NDArray[np.float64]:
         """[episodes] 1 where an episode of the arm didn't fail for the scope."""
         outcomes = self.runner.of(arm, run_seed, range(episodes))
-        return np.array([self._success(each, scope) for each in outcomes], np.float64)
+        return np.array([self.success(each, scope) for each in outcomes], np.float64)
 
     def finding(self, scope: str) -> ScopeFinding:
         """The answer for a scope, on the seeds that took no part in the search."""
         seed, n = self.confirm_seed, self.confirm
         unchanged = self.successes(UNCHANGED, seed, n, scope)
         played = [one for one in (*self.substitutes, *self.pairs) if self._is_played(one.name)]
+        undos = [one for one in self.undos if self._is_played(one.name)]
         one_is_all = len(self.substitutes) == 1 and bool(played)
         whole = None
         if one_is_all or self._is_played(EVERYTHING):
             whole = self.successes(played[0].name if one_is_all else EVERYTHING, seed, n, scope)
         return judged(
             unchanged,
-            {one: self.successes(one.name, seed, n, scope) for one in played},
+            {
+                one: self.successes(one.name, seed, n, scope)
+                for one in over_undos((*played, *undos))
+            },
             expected=self.expected,
             part=self.part,
             everything=whole,
             skipped=self.skipped,
             budget=self.budget,
+            dropped=self.dropped,
             rng=np.random.default_rng([11, self.seed]),
         )
 
@@ -325,7 +340,8 @@ class Experiment:
             low, high = (low, middle) if breaks(middle) else (middle, high)
         return high
 
-    def _success(self, outcome: Outcome, scope: str) -> float:
+    def success(self, outcome: Outcome, scope: str) -> float:
+        """Returns 1 where an episode didn't fail for the scope."""
         return float(not failed(outcome, self.conditions, self.contract).get(scope, False))
 
     def _is_failing(self, scope: str) -> bool:

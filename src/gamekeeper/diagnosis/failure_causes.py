@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final
@@ -43,10 +43,12 @@ from gamekeeper.diagnosis.trials import (
     perturbations_of,
     substitutes_of,
 )
+from gamekeeper.diagnosis.undo_search import try_undos
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.outcome import LABELS, TEAM, Outcome, failed, failures, outcome_of
 from gamekeeper.errors import EvidenceError
+from gamekeeper.interface.policy import REFERENCE
 from gamekeeper.rollouts.executors.task import Executor
 from gamekeeper.rollouts.intervention import interventions
 from gamekeeper.runs.consent import evidence_of
@@ -69,6 +71,7 @@ def diagnose(
     contract: Contract | str | PathLike[str] | None = None,
     env: object | None = None,
     policies: Mapping[str, Any] | None = None,
+    replace: Mapping[str, Any] | None = None,
     expected: float = EXPECTED,
     part: float = PART,
     seed: int = 0,
@@ -94,6 +97,7 @@ def diagnose(
         contract: in place of the one of the recording.
         env: opened in place of what the evidence names, with the recorded arguments.
         policies: in place of the recorded ones, by agent, role or under `*`.
+        replace: policies that are tried in the place of single agents' own, as ideal substitutes.
         expected: the share of episodes that succeed where nothing is wrong.
         part: of the gap to the expected share that an ideal substitute has to close.
         seed: of the experiment; equal seeds give equal answers.
@@ -120,7 +124,10 @@ def diagnose(
     recorded = _recorded(evidence, conditions, declared)
     setup = setup_of(evidence, env=env, policies=policies)
     folder = None if out is None else Path(out)
-    with consent_to(evidence, setup, env=env, policies=policies, allow_import=allow_import):
+    tried = list((replace or {}).values())
+    with consent_to(
+        evidence, setup, env=env, policies=policies, allow_import=allow_import, tried=tried
+    ):
         kinds = {name: one for name, one in interventions().items() if one.kind == "perturbation"}
         with OpenSetup(setup, declared) as stage:
             seen, played = traits_of(stage, kinds), _played(stage)
@@ -132,14 +139,16 @@ def diagnose(
             notes=None if folder is None else folder / NOTES,
             head={"run": evidence.fingerprint, "seed": seed, **played},
         )
-        known = (setup, substitutes_of(setup, declared, seen), declared, conditions)
+        known = (setup, substitutes_of(setup, declared, seen, replace), declared, conditions)
         with runner:
             experiment = Experiment(
                 *known, runner, expected, part, budget, seed, evidence.fingerprint
             )
             experiment.run()
+            responses = try_undos(experiment)
             wanted = experiment.fails if perturbations is None else perturbations
             diagnosis = _diagnosis(evidence, experiment, seen, kinds if wanted else {}, recorded)
+            diagnosis = dataclasses.replace(diagnosis, responses=responses)
         return diagnosis if folder is None else _kept(diagnosis, experiment, folder)
 
 
@@ -268,7 +277,7 @@ def _reserve(experiment: Experiment, findings: Mapping[str, ScopeFinding]) -> No
 def _doubted(finding: ScopeFinding, doubt: Contradiction | None) -> ScopeFinding:
     """The answer; where it names no cause, a contradiction is why."""
     is_named = finding.answer in CAUSES
-    return finding if doubt is None or is_named else replace(finding, why=str(doubt))
+    return finding if doubt is None or is_named else dataclasses.replace(finding, why=str(doubt))
 
 
 def _recorded(
@@ -335,7 +344,7 @@ def _perturbed(
     scope = experiment.scopes[0]
     for one, each in tested.items():
         if each.depends and each.effect < 0:
-            tested[one] = replace(each, flips_at=experiment.breaks_at(one, scope))
+            tested[one] = dataclasses.replace(each, flips_at=experiment.breaks_at(one, scope))
     return tested
 
 
@@ -404,7 +413,9 @@ def _answer(
         return _own_part(agent, found, finding)
     names = ", ".join(substitute.name for substitute in finding.substitutes)
     why = f"what restores success is {names}, which isn't this agent's"
-    return replace(found, answer="elsewhere", labels=(), why=why, substitutes=(), component=None)
+    return dataclasses.replace(
+        found, answer="elsewhere", labels=(), why=why, substitutes=(), component=None
+    )
 
 
 def _shown(finding: ScopeFinding, substitutes: Sequence[IdealSubstitute]) -> str | None:
@@ -417,15 +428,17 @@ def _shown(finding: ScopeFinding, substitutes: Sequence[IdealSubstitute]) -> str
 
 
 def _own_part(agent: str, found: AgentDiagnosis, finding: ScopeFinding) -> AgentDiagnosis:
-    """The answer for an agent of several: of a pair only its own part."""
-    inner = {name for one in finding.substitutes for name in one.contains}
-    parts = [one.substitute for one in finding.tried if one.substitute.name in inner]
+    """The answer for an agent of several: of a pair, or of what may be it, only its own part."""
+    parts = list(finding.substitutes)
+    if finding.answer == "joint":
+        inner = {name for one in parts for name in one.contains}
+        parts = [one.substitute for one in finding.tried if one.substitute.name in inner]
     mine = [one for one in parts if agent in one.agents]
-    if finding.answer != "joint" or not mine or len(mine) == len(parts):
+    if not mine or len(mine) == len(parts):
         return found
     named = {label for one in mine for label in one.labels}
     labels = tuple(label for label in found.labels if label in named)
-    return replace(found, labels=labels, component=_shown(finding, mine))
+    return dataclasses.replace(found, labels=labels, component=_shown(finding, mine))
 
 
 def _tested(one: Tried, n: int, flips: Mapping[str, float]) -> Tested:
@@ -433,7 +446,7 @@ def _tested(one: Tried, n: int, flips: Mapping[str, float]) -> Tested:
     return Tested(
         " + ".join(one.substitute.labels) or None,
         one.substitute.name,
-        "ideal",
+        _kind(one.substitute),
         effect.value,
         effect.low,
         effect.high,
@@ -442,6 +455,14 @@ def _tested(one: Tried, n: int, flips: Mapping[str, float]) -> Tested:
         restores=one.restores,
         flips_at=flips.get(one.substitute.name),
     )
+
+
+def _kind(substitute: IdealSubstitute) -> str:
+    """The kind of a substitute: an undo from outside, a swapped policy, or an ideal."""
+    if substitute.undo is not None:
+        return "undo"
+    is_swap = substitute.component == POLICY and substitute.steps[0][3] != REFERENCE
+    return "swap" if is_swap else "ideal"
 
 
 def _place(label: str) -> int:
@@ -511,7 +532,7 @@ def _kept(diagnosis: Diagnosis, experiment: Experiment, folder: Path) -> Diagnos
             )
             played += experiment.recordings
         runs[arm] = str(place)
-    diagnosis = replace(diagnosis, runs=runs, episodes=diagnosis.episodes + played)
+    diagnosis = dataclasses.replace(diagnosis, runs=runs, episodes=diagnosis.episodes + played)
     text = json.dumps(diagnosis.to_json(), indent=2, ensure_ascii=False)
     (folder / RESULT).write_text(text + "\n", encoding="utf-8")
     return diagnosis

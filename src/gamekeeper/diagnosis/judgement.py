@@ -97,6 +97,7 @@ def judged(
     everything: Successes | None = None,
     skipped: Sequence[IdealSubstitute] = (),
     budget: int | None = None,
+    dropped: int = 0,
     rng: Generator,
 ) -> ScopeFinding:
     """The answer that fresh seeds give.
@@ -109,19 +110,21 @@ def judged(
         everything: all ideal substitutes at once, on the same seeds.
         skipped: ideal substitutes that weren't played, as the budget was spent.
         budget: episodes that could be played.
+        dropped: undos and policies of peers that the search tried and dropped.
         rng: for intervals that are drawn.
     """
+    answer: Answer
     share = wilson(int(unchanged.sum()), len(unchanged))
     success = (share.p, share.low, share.high)
-    tried = _tried(unchanged, arms, expected, part, rng)
+    tried = _tried(unchanged, arms, expected, part, dropped, rng)
     if not is_failing(unchanged, expected):
         why = (
             f"{share.p:.0%} of new episodes succeed (95 % interval {share.low:.0%} to "
             f"{share.high:.0%}), not significantly below the expected {expected:.0%}"
         )
-        answer: Answer = "healthy" if share.p >= expected else "not_failing"
+        answer = "healthy" if share.p >= expected else "not_failing"
         return ScopeFinding(answer, (), (), tried, success, why)
-    least = _least(tried)
+    least = _unbeaten(_least(tried), arms, rng)
     singles = [one for one in least if "+" not in one.substitute.component]
     if singles:
         return _of_singles(singles, tried, success, skipped)
@@ -143,8 +146,9 @@ def judged(
             "played does"
         )
         return ScopeFinding("ambiguous", labels, (), tried, success, why)
-    why = _why_none(arms, everything, skipped, budget)
-    return ScopeFinding("unexplained" if arms else "not_tried", (), (), tried, success, why)
+    why = _why_none(arms, everything, skipped, budget, dropped)
+    answer = "unexplained" if arms or dropped else "not_tried"
+    return ScopeFinding(answer, (), (), tried, success, why)
 
 
 def _why_none(
@@ -152,8 +156,15 @@ def _why_none(
     everything: Successes | None,
     skipped: Sequence[IdealSubstitute],
     budget: int | None,
+    dropped: int,
 ) -> str:
     """Reason why no cause is named although the set-up fails."""
+    if dropped:
+        count = dropped + sum(one.undo is not None for one in arms)
+        ideals = [one for one in arms if one.undo is None]
+        begin = "no ideal substitute restores success, nor does any" if ideals else "none"
+        end = "" if ideals else " restores success"
+        return f"{begin} of {count} undos from outside and policies of peers{end}"
     if skipped:
         played = f"none of {len(arms)} that were played restores success" if arms else "none was"
         return (
@@ -181,12 +192,14 @@ def _tried(
     arms: Mapping[IdealSubstitute, Successes],
     expected: float,
     part: float,
+    dropped: int,
     rng: Generator,
 ) -> tuple[Tried, ...]:
+    """Effects of the arms; p is corrected for those that the search dropped, too."""
     effects = {
         substitute: paired_effect(unchanged, arm, rng=rng) for substitute, arm in arms.items()
     }
-    corrected = holm([effect.p for effect in effects.values()])
+    corrected = holm([*(effect.p for effect in effects.values()), *[1.0] * dropped])
     return tuple(
         Tried(
             substitute,
@@ -195,7 +208,7 @@ def _tried(
             share := recovered(unchanged, arms[substitute], expected),
             restores=share >= part and effect.value > 0 and p < ALPHA,
         )
-        for (substitute, effect), p in zip(effects.items(), corrected, strict=True)
+        for (substitute, effect), p in zip(effects.items(), corrected, strict=False)
     )
 
 
@@ -207,6 +220,22 @@ def _least(tried: Sequence[Tried]) -> list[Tried]:
         for one in restoring
         if not any(_is_within(other.substitute, one.substitute) for other in restoring)
     ]
+
+
+def _unbeaten(
+    least: list[Tried], arms: Mapping[IdealSubstitute, Successes], rng: Generator
+) -> list[Tried]:
+    """Those that restore, without undos that another undo beats beyond chance."""
+    undos = [one for one in least if one.substitute.undo is not None]
+    if not undos:
+        return least
+    best = max(undos, key=lambda one: float(arms[one.substitute].mean()))
+    beaten = [
+        one
+        for one in undos
+        if paired_effect(arms[one.substitute], arms[best.substitute], rng=rng).low > 0
+    ]
+    return [one for one in least if one not in beaten]
 
 
 def _is_within(part: IdealSubstitute, whole: IdealSubstitute) -> bool:
@@ -245,7 +274,9 @@ def _of_singles(
         return ScopeFinding("ambiguous", labels, substitutes, tried, success, why)
     if len({(one.component, one.agents) for one in substitutes}) == 1:
         why = f"{names} restores success, and no other ideal substitute that was played does"
-        if not labels:
+        if substitutes[0].undo is not None:
+            why = f"undone by {' or '.join(one.name for one in substitutes)}"
+        elif not labels:
             why += f": it is {substitutes[0].shown}; which part of it can't be told apart by this"
         return ScopeFinding("isolated", labels, substitutes, tried, success, why)
     why = f"each of {names} restores success, so these causes can't be told apart"

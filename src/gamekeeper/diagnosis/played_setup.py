@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import partial
@@ -11,6 +11,7 @@ from os import PathLike
 from typing import Any, Final
 
 from gamekeeper.contract import Contract
+from gamekeeper.diagnosis.undos import Undo, UndoneCast
 from gamekeeper.episodes.canonical import from_json, is_exact, to_json
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import agent_name
@@ -46,6 +47,7 @@ class Setup:
         forgets: agents whose policy's memory is reset before each of its decisions.
         most_turns: episodes are cut there.
         change: what a rerun does otherwise.
+        undo: stands between the game and the policies of some agents.
         typical_turns: median length of the recorded episodes; nothing is played by it.
     """
 
@@ -58,6 +60,7 @@ class Setup:
     forgets: tuple[str, ...] = ()
     most_turns: int = MOST_TURNS
     change: Intervention | None = None
+    undo: Undo | None = None
     typical_turns: int | None = None
 
     def policy_of(self, agent: str, contract: Contract) -> Any:
@@ -83,6 +86,7 @@ class Setup:
             "forgets": list(self.forgets),
             "most_turns": self.most_turns,
             "change": None if self.change is None else self.change.to_json(),
+            "undo": None if self.undo is None else self.undo.to_json(),
         }
 
     @classmethod
@@ -90,7 +94,7 @@ class Setup:
         """Inverse of `to_json`."""
         given: Any = from_json(data["given"])
         kwargs, options, settings, layers = given
-        change = data["change"]
+        change, undo = data["change"], data["undo"]
         return cls(
             spec=data["spec"],
             kwargs=kwargs,
@@ -101,6 +105,7 @@ class Setup:
             forgets=tuple(data["forgets"]),
             most_turns=data["most_turns"],
             change=None if change is None else Intervention.from_json(change),
+            undo=None if undo is None else Undo.from_json(undo),
         )
 
 
@@ -152,6 +157,7 @@ def consent_to(
     env: object | None,
     policies: Mapping[str, Any] | None,
     allow_import: bool,
+    tried: Sequence[object] = (),
 ) -> AbstractContextManager[Consent]:
     """Consent to play a set-up meanwhile; see `consented`.
 
@@ -161,6 +167,7 @@ def consent_to(
         env: named by the user.
         policies: named by the user.
         allow_import: the user allows whatever the run names.
+        tried: further policies that the user named.
     """
     return consented(
         evidence,
@@ -168,7 +175,7 @@ def consent_to(
         env=env,
         allow_import=allow_import,
         policies=[str(x) for key, x in setup.policies.items() if key not in (policies or {})],
-        chosen=[] if policies is None else policies.values(),
+        chosen=[*(policies or {}).values(), *tried],
     )
 
 
@@ -251,6 +258,8 @@ class OpenSetup:
             self._set()
             if setup.forgets:
                 self.cast = _Forgetful(self.cast, setup.forgets)
+            if setup.undo is not None:
+                self.cast = UndoneCast(self.cast, setup.undo, self.env, contract)
         except BaseException:
             self.close()
             raise

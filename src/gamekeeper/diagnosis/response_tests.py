@@ -82,7 +82,8 @@ class ResponseTest:
         found = {name: getattr(self, name) for name in self.__slots__}
         lags = {str(lag): count for lag, count in sorted(self.lags.items())}
         return {**found, "lags": lags, "lag": self.lag, "deaf": list(self.deaf)} | {
-            "sensitivity": dict(self.sensitivity)
+            "sensitivity": dict(self.sensitivity),
+            "text": str(self),
         }
 
     def __str__(self) -> str:
@@ -99,7 +100,8 @@ class ResponseTest:
         if self.randomness:
             said.append(f"draws {self.randomness:.0%} of its actions")
         if self.deaf:
-            said.append(f"deaf to {', '.join(self.deaf)}")
+            names = ", ".join(name.removeprefix("field ") for name in self.deaf)
+            said.append(f"deaf to field{'s' * (len(self.deaf) > 1)} {names}")
         if self.saturation:
             said.append(f"{self.saturation:.0%} of its action's numbers stand at a bound")
         return "; ".join(said)
@@ -176,8 +178,10 @@ def _changes(
     """Feeds with one field changed at one decision, the fields in turn."""
     if not fields or not feeds:
         return []
-    pool = {field: _values(feeds, field) for field in fields}
     count = min(max(CHANGES, EACH * len(fields)), MOST_CHANGES)
+    if len(fields) > count:
+        fields = [fields[int(place)] for place in rng.choice(len(fields), count, replace=False)]
+    pool = {field: _values(feeds, field) for field in fields}
     found: list[tuple[NumberField, int, int, Feed]] = []
     for place in range(count):
         field, number = fields[place % len(fields)], int(rng.integers(len(feeds)))

@@ -5,6 +5,8 @@ An ideal substitute can isolate a cause; a perturbation shows dependence, never 
 
 from __future__ import annotations
 
+import contextlib
+import copy
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -12,15 +14,21 @@ from typing import Any, Final
 from gamekeeper.contract import Contract
 from gamekeeper.contract.sections import Knob
 from gamekeeper.diagnosis.played_setup import Setup, SetupTraits
+from gamekeeper.diagnosis.undos import DRAWS, Undo
+from gamekeeper.episodes.layout import role as role_in_name
 from gamekeeper.episodes.outcome import LABELS, members_of
+from gamekeeper.errors import EvidenceError
 from gamekeeper.interface.policy import REFERENCE
 from gamekeeper.rollouts.intervention import Intervention
 from gamekeeper.rollouts.rollout_plan import MOST_TURNS
 
 PERCEPTION, ESTIMATION, PLANNING, CONTROL, TIMING, DATA, EVALUATION = LABELS
+EVERYBODY: Final = "*"
 POLICY: Final = "policy"
 MEMORY: Final = "memory"
-COMPONENTS: Final = (*LABELS, POLICY, MEMORY)
+PEERS: Final = 2
+"""Policies of others of its role that are tried in an agent's place."""
+COMPONENTS: Final = (*LABELS, POLICY, MEMORY, DRAWS)
 """Components that are made ideal: a label where one boundary is touched; a whole policy, and all
 that it keeps between turns, have none, as several of their parts could be at fault."""
 
@@ -46,6 +54,12 @@ class IdealSubstitute:
     value: float | None = None
 
     @property
+    def undo(self) -> Undo | None:
+        """The undo that it is; None: something is at its ideal."""
+        value = self.steps[0][3]
+        return value if isinstance(value, Undo) else None
+
+    @property
     def labels(self) -> tuple[str, ...]:
         """The failures that it cures; none of a component that has several parts."""
         return tuple(each for each in self.component.split(" + ") if each in LABELS)
@@ -57,6 +71,7 @@ class IdealSubstitute:
         words = {
             POLICY: f"{whose}policy",
             MEMORY: f"something that {_joined(self.agents)} keeps between turns",
+            DRAWS: f"what {_joined(self.agents)} draws",
         }
         parts = self.component.split(" + ")
         return " and ".join(words.get(part, f"{whose}{part}") for part in parts)
@@ -69,15 +84,24 @@ class IdealSubstitute:
 
 
 def substitutes_of(
-    setup: Setup, contract: Contract, traits: SetupTraits
+    setup: Setup,
+    contract: Contract,
+    traits: SetupTraits,
+    replacements: Mapping[str, Any] | None = None,
 ) -> tuple[IdealSubstitute, ...]:
-    """Every knob that isn't at its ideal, and for components with several of them all at once."""
+    """Every knob that isn't at its ideal, and for components with several of them all at once.
+
+    Args:
+        replacements: policies to be tried in agents' places, by agent, role or under `*`.
+    """
     found: list[IdealSubstitute] = []
     for name, knob in contract.knobs.items():
         found += _of_knob(name, knob, setup, contract, traits)
     found += _of_protocol(setup, contract, traits.agents)
     if traits.has_reference:
         found += _of_policies(setup, contract, traits.agents)
+    found += swaps_of(replacements or {}, contract, traits.agents)
+    found = list({one.name: one for one in found}.values())
     memories = []
     for sharers in traits.resettable:
         steps = tuple(("forgets", agent, "", True) for agent in sharers)
@@ -154,6 +178,52 @@ def _of_policies(
             yield IdealSubstitute(f"policy[{agent}] = {REFERENCE}", POLICY, (agent,), (step,))
 
 
+def swaps_of(
+    replacements: Mapping[str, Any], contract: Contract, agents: Sequence[str]
+) -> Iterator[IdealSubstitute]:
+    """Policies that a user names in place of agents' own, an agent at a time.
+
+    Args:
+        replacements: by agent, by role, or under `*` for every agent.
+        agents: all of them.
+    Raises:
+        EvidenceError: a name is no agent and no role.
+    """
+    for whom, policy in replacements.items():
+        members = agents if whom == EVERYBODY else members_of(whom, agents, contract)
+        if not members:
+            raise EvidenceError(
+                f"a policy is to be tried for {whom!r}, which is no agent and no role here",
+                where="replace (--try)",
+                expected=", ".join(agents),
+                actual=whom,
+                fix="name an agent or a role of this environment",
+            )
+        shown = policy if isinstance(policy, str) else type(policy).__name__
+        yield from (_swap(agent, shown, policy) for agent in members)
+
+
+def peers_of(setup: Setup, contract: Contract, agents: Sequence[str]) -> Iterator[IdealSubstitute]:
+    """For each agent the policies of others of its role, where they have others; a few each."""
+    for agent in agents:
+        own = setup.policy_of(agent, contract)
+        role = contract.role_of(agent) or role_in_name(agent)
+        others = {
+            peer: setup.policy_of(peer, contract)
+            for peer in agents
+            if (contract.role_of(peer) or role_in_name(peer)) == role
+        }
+        unlike = [(peer, x) for peer, x in others.items() if x is not None and x != own]
+        for peer, policy in unlike[:PEERS]:
+            with contextlib.suppress(Exception):  # foreign code; what can't be copied isn't tried
+                yield _swap(agent, f"{peer}'s", copy.deepcopy(policy))
+
+
+def _swap(agent: str, shown: str, policy: Any) -> IdealSubstitute:
+    step = ("policies", agent, "", policy)
+    return IdealSubstitute(f"policy[{agent}] = {shown}", POLICY, (agent,), (step,))
+
+
 def _forgetting(
     found: Iterable[IdealSubstitute], memories: Sequence[IdealSubstitute]
 ) -> Iterator[IdealSubstitute]:
@@ -199,6 +269,30 @@ def joined(parts: Sequence[IdealSubstitute], name: str | None = None) -> IdealSu
     )
 
 
+def undone(undo: Undo, wider: Iterable[Undo] = ()) -> IdealSubstitute:
+    """An undo as a substitute; one of several agents makes up for the same one of each.
+
+    Args:
+        wider: the undos that may be such of fewer agents.
+    """
+    alone = [each for each in wider if set(each.agents) < set(undo.agents)]
+    inner = {str(each) for each in alone if replace(each, agents=undo.agents) == undo}
+    step = ("undo", "", "", undo)
+    return IdealSubstitute(str(undo), undo.component, undo.agents, (step,), frozenset(inner))
+
+
+def over_undos(substitutes: Sequence[IdealSubstitute]) -> Iterator[IdealSubstitute]:
+    """Yields substitutes; a whole policy makes up for undos at its agents, a memory for lags."""
+    undos = [one for one in substitutes if one.undo is not None]
+    for one in substitutes:
+        parts = one.component.split(" + ")
+        within = [u for u in undos if set(u.agents) <= set(one.agents)]
+        inner = {
+            u.name for u in within if POLICY in parts or (MEMORY in parts and u.component == TIMING)
+        }
+        yield replace(one, contains=one.contains | inner) if inner else one
+
+
 def weakened(substitute: IdealSubstitute, value: float) -> IdealSubstitute:
     """The ideal substitute of one knob, going only as far as `value`."""
     (where, whom, name, _), *_ = substitute.steps
@@ -220,6 +314,8 @@ def _applied(setup: Setup, where: str, whom: str, name: str, value: Any) -> Setu
         return replace(setup, policies={**setup.policies, whom: value})
     if where == "forgets":
         return replace(setup, forgets=(*setup.forgets, whom))
+    if where == "undo":
+        return replace(setup, undo=value)
     return replace(setup, most_turns=value)
 
 
@@ -232,7 +328,6 @@ def _part(given: Mapping[str, Any], whom: str, name: str, value: Any) -> Any:
     return {**given[name], whom: value} if whom else value
 
 
-EVERYBODY: Final = "*"
 WORSE: Final = ("noop", "random", "greedy")
 """Policies that may take an agent's place: two of ours, and one that tasks may bring."""
 

@@ -30,6 +30,7 @@ def diagnosis_text(document: Mapping[str, Any], *, width: int) -> str:
         _head(document, width),
         *_scopes(document, width),
         _agents(document, width),
+        _responses(document, width),
         _perturbations(document, width),
         _not_tested(document, width),
         _not_played(document, width),
@@ -117,27 +118,27 @@ def answer_sentence(found: Mapping[str, Any]) -> str:
     return f"{begin}: {found['why']}"
 
 
-def _tested(document: Mapping[str, Any], kind: str, scope: str | None = None) -> list[Any]:
-    """The interventions of a kind that were played, each once."""
+def _tested(document: Mapping[str, Any], *kinds: str, scope: str | None = None) -> list[Any]:
+    """The interventions of some kinds that were played, each once."""
     return list(
         {
             each["intervention"]: each
             for found in _answers(document).values()
             if scope in (None, found["scope"])
             for each in found["tested"]
-            if each["kind"] == kind
+            if each["kind"] in kinds
         }.values()
     )
 
 
 def _ideals(document: Mapping[str, Any], scope: str, width: int) -> Iterator[str]:
-    ideals = _tested(document, "ideal", scope)
+    ideals = _tested(document, "ideal", "swap", "undo", scope=scope)
     if not ideals:
         return
     ideals.sort(key=lambda each: not each.get("restores"))
     restores = any(each.get("restores") for each in ideals)
     text = (
-        "Ideal substitutes (one thing made ideal), and the change of the success rate with its "
+        f"{_kinds(ideals)}, and the change of the success rate with its "
         "95 % interval; +1.00: from 0% to 100%."
     )
     if restores:
@@ -148,6 +149,26 @@ def _ideals(document: Mapping[str, Any], scope: str, width: int) -> Iterator[str
     yield from _lines(text, width)
     rows = [[each["intervention"], _effect(each), _ideal_word(each)] for each in ideals]
     yield from _rows(rows, width)
+
+
+def _kinds(tested: Sequence[Mapping[str, Any]]) -> str:
+    words = {
+        "ideal": "ideal substitutes (one thing made ideal)",
+        "swap": "policies that were swapped",
+        "undo": "undos from outside (one thing done otherwise at an agent's boundary)",
+    }
+    kinds = {each["kind"] for each in tested}
+    text = ", ".join(word for kind, word in words.items() if kind in kinds)
+    return text[:1].upper() + text[1:]
+
+
+def _responses(document: Mapping[str, Any], width: int) -> str:
+    """The response tests, in sentences."""
+    rows = document.get("responses") or {}
+    lines = [
+        line for name, each in rows.items() for line in _lines(f"{name}: {each['text']}", width)
+    ]
+    return "\n".join(["Response tests", *lines]) if lines else ""
 
 
 def _ideal_word(tested: Mapping[str, Any]) -> str:

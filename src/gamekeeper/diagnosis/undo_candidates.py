@@ -1,0 +1,166 @@
+"""Undos that are worth trying on the agents of an opened set-up, and the order in which they are.
+
+Response tests leave out what they contradict: a lag that wasn't measured isn't settled, and fields
+to which a policy is deaf aren't exchanged.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Final, Literal, TypeAlias
+
+import numpy as np
+
+from gamekeeper.diagnosis.played_setup import OpenSetup
+from gamekeeper.diagnosis.response_tests import ResponseTest
+from gamekeeper.diagnosis.undos import Undo
+from gamekeeper.rollouts.interventions.fields import NumberField, acted_fields, observed_fields
+from gamekeeper.rollouts.interventions.perturbation import action_space, observation_space
+
+MOST_FIELDS: Final = 40
+"""Fields of an observation up to which single ones and pairs of them are tried."""
+MOST_SCALED: Final = 1_000
+"""Fields of an observation up to which it is rescaled."""
+MOST_VALUES: Final = 10
+"""Values of an axis up to which pairs of them are exchanged."""
+FACTORS: Final = (0.5, 2.0, 0.1, 10.0, 1 / 255, 255.0)
+HOLDS: Final = (2, 4)
+COMMONEST_OF: Final = 9
+Candidate: TypeAlias = tuple[int, Undo]
+"""An undo and its tier: lower ones are tried first."""
+
+
+def observation_undos(
+    agents: tuple[str, ...], fields: Sequence[NumberField], deaf: frozenset[str]
+) -> Iterator[Candidate]:
+    """Undos of what agents observe; what only touches fields they are deaf to is left out."""
+    shown = fields if len(fields) <= MOST_FIELDS else ()
+    for one in shown:
+        if one.name not in deaf and one.low != one.high:
+            yield 0, Undo(agents, "mirror field", (one.place,), names=(one.name,))
+            yield from _value_undos(agents, one, "exchange values", one.name)
+    for at, one in enumerate(shown):
+        for two in shown[at + 1 :]:
+            if {one.name, two.name} <= deaf or (one.low, one.high) != (two.low, two.high):
+                continue
+            apart = two.place - one.place
+            pair = Undo(
+                agents, "exchange fields", (one.place, two.place), names=(one.name, two.name)
+            )
+            yield (0 if apart == 1 else 1 + apart), pair
+            if apart == 1 and _has_middle(one):
+                for quarters in (1, 2, 3):
+                    yield 1, replace(pair, way="turn fields", amount=float(quarters))
+    if fields and len(fields) <= MOST_SCALED and all(map(_is_real, fields)):
+        for factor in FACTORS:
+            yield 0, Undo(agents, "rescale fields", amount=factor)
+        if all(
+            np.isfinite([each.low, each.high]).all() and each.low < each.high for each in fields
+        ):
+            for bottom in (0.0, -1.0):
+                yield 0, Undo(agents, "normalize fields", amount=bottom)
+
+
+def action_undos(agents: tuple[str, ...], axes: Sequence[NumberField]) -> Iterator[Candidate]:
+    """Undos of what agents do."""
+    for one in axes:
+        if one.low != one.high:
+            yield 0, Undo(agents, "mirror axis", (one.place,))
+    for at, one in enumerate(axes):
+        for two in axes[at + 1 :] if len(axes) <= MOST_FIELDS else ():
+            if (one.low, one.high) == (two.low, two.high):
+                apart = two.place - one.place
+                pair = Undo(agents, "exchange axes", (one.place, two.place))
+                yield (0 if apart == 1 else 1 + apart), pair
+                if apart == 1 and _has_middle(one):
+                    for quarters in (1, 2, 3):
+                        yield 1, replace(pair, way="turn axes", amount=float(quarters))
+        yield from _value_undos(agents, one, "exchange actions", f"axis {one.place}")
+    if axes and all(map(_is_real, axes)):
+        for factor in FACTORS[:4]:
+            yield 0, Undo(agents, "rescale axes", amount=factor)
+
+
+def _value_undos(
+    agents: tuple[str, ...],
+    axis: NumberField,
+    way: Literal["exchange values", "exchange actions"],
+    name: str,
+) -> Iterator[Candidate]:
+    """Whole numbers exchanged, and those of an action shifted."""
+    if _is_real(axis) or not np.isfinite([axis.low, axis.high]).all():
+        return
+    count = int(axis.high - axis.low) + 1
+    for one in range(count if 2 < count <= MOST_VALUES else 0):
+        for two in range(one + 1, count):
+            values = (int(axis.low) + one, int(axis.low) + two)
+            yield 0, Undo(agents, way, (axis.place, *values), names=(name,))
+    if count > 2 and way == "exchange actions":
+        for by in (1.0, -1.0):
+            yield 0, Undo(agents, "shift actions", (axis.place,), by)
+
+
+def call_undos(
+    agents: tuple[str, ...], lags: Sequence[int], randomness: float
+) -> Iterator[Candidate]:
+    """Undos of when policies are asked: a lag only where one was measured, draws where it draws."""
+    for lag in sorted({lag for lag in lags if lag > 0}):
+        yield 0, Undo(agents, "settle", amount=float(lag))
+    if randomness >= 0.05:
+        yield 0, Undo(agents, "commonest", amount=float(COMMONEST_OF))
+    for turns in HOLDS:
+        yield 0, Undo(agents, "hold", amount=float(turns))
+
+
+def _has_middle(field: NumberField) -> bool:
+    """Tells whether a field can be turned about a middle: without bounds 0, or between its ends."""
+    return bool(np.isfinite(field.low) == np.isfinite(field.high)) and field.low != field.high
+
+
+def _is_real(field: NumberField) -> bool:
+    dtype = field.part.space.dtype
+    return dtype is not None and dtype.kind == "f"
+
+
+def candidates_of(
+    stage: OpenSetup, responses: Mapping[str, ResponseTest], agents: Sequence[str]
+) -> list[Undo]:
+    """The undos of single agents and of agents that one policy object plays, likely ones first.
+
+    Args:
+        stage: the set-up as it is.
+        responses: response tests of its policies; of agents without one nothing is left out.
+        agents: those that are tried.
+    """
+    ranked: list[tuple[int, int, int, Undo]] = []
+    for number, group in enumerate(_groups(stage, agents)):
+        for place, (tier, undo) in enumerate(_of_group(stage, group, responses)):
+            ranked.append((tier, place, number, undo))
+    return [undo for *_, undo in sorted(ranked, key=lambda each: each[:3])]
+
+
+def _groups(stage: OpenSetup, agents: Sequence[str]) -> list[tuple[str, ...]]:
+    """Each agent, and agents with equal spaces that one object plays, together."""
+    together: dict[str, list[str]] = {}
+    for agent in agents:
+        spaces = (observation_space(stage.env, agent), action_space(stage.env, agent))
+        together.setdefault(f"{stage.cast.object_of(agent)} {spaces}", []).append(agent)
+    several = [tuple(group) for group in together.values() if len(group) > 1]
+    return [*several, *((agent,) for agent in agents)]
+
+
+def _of_group(
+    stage: OpenSetup, group: tuple[str, ...], responses: Mapping[str, ResponseTest]
+) -> Iterator[Candidate]:
+    known = [responses[agent] for agent in group if agent in responses]
+    tests = [each for each in known if each.is_repeatable]
+    observed, acted = observation_space(stage.env, group[0]), action_space(stage.env, group[0])
+    lags = [lag for each in tests for lag in (*each.common_lags[-1:], each.lag or 0)]
+    yield from call_undos(group, lags, max((each.randomness for each in known), default=0.0))
+    if observed is not None:
+        deaf = [frozenset(each.deaf) for each in tests] or [frozenset[str]()]
+        fields = observed_fields(stage.contract, group[0], observed)
+        yield from observation_undos(group, fields, frozenset.intersection(*deaf))
+    if acted is not None:
+        yield from action_undos(group, acted_fields(acted))

@@ -1,0 +1,136 @@
+"""The search for an undo from outside: screened on a few failing seeds, confirmed on fresh ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from gamekeeper.diagnosis.experiment import SEARCH, UNCHANGED, Experiment
+from gamekeeper.diagnosis.judgement import is_failing
+from gamekeeper.diagnosis.played_setup import OpenSetup
+from gamekeeper.diagnosis.response_tests import ResponseTest
+from gamekeeper.diagnosis.responses import responses_of
+from gamekeeper.diagnosis.trials import IdealSubstitute, peers_of, undone
+from gamekeeper.diagnosis.undo_candidates import candidates_of
+from gamekeeper.episodes.layout import agent_name
+
+FED: Final = 2
+"""Episodes whose observations the response tests feed."""
+SCREENED: Final = 2
+"""Failing episodes on which an undo has to succeed once to be looked at further."""
+LOOKED_AT: Final = 16
+"""Undos that are looked at further."""
+FURTHER: Final = 10
+"""Failing episodes on which they are."""
+HALF: Final = 0.5
+"""The part of those that has to succeed for an undo to be confirmed."""
+CONFIRMED: Final = 5
+"""Undos that are confirmed at most."""
+UNDONE: Final = 0.75
+"""The part of what is left of the budget that undos get."""
+
+
+def try_undos(experiment: Experiment) -> dict[str, ResponseTest]:
+    """Tries undos and peers' policies where it fails and no label was found, within the budget.
+
+    Args:
+        experiment: it has run; gets the undos that were confirmed.
+    Returns:
+        Response tests by agent, which left out the undos that they contradict; empty where no undo
+        was wanted.
+    """
+    scopes = _open_scopes(experiment)
+    failing = _failing(experiment, scopes)
+    if not failing or experiment.left < FED:
+        return {}
+    with OpenSetup(experiment.setup, experiment.contract) as stage:
+        fed = [stage.played(experiment.search_seed, episode).trace for episode in failing[:FED]]
+        experiment.extra += len(fed)
+        named = [agent_name(agent) for agent in getattr(stage.env, "possible_agents", ())]
+        agents = _suspects(experiment, scopes, named)
+        responses = responses_of(stage, fed, named, seed=experiment.seed)
+        undos = candidates_of(stage, responses, agents)
+    peers = peers_of(experiment.setup, experiment.contract, named)
+    candidates = [one for one in peers if one.agents[0] in agents]
+    candidates += [undone(undo, undos) for undo in undos]
+    search(experiment, candidates, failing, scopes)
+    return responses
+
+
+def _open_scopes(experiment: Experiment) -> list[str]:
+    """The scopes that fail beyond chance, and for which no label was found."""
+    found = []
+    for scope in experiment.scopes:
+        seed, n = experiment.confirm_seed, experiment.confirm
+        unchanged = experiment.successes(UNCHANGED, seed, n, scope)
+        if is_failing(unchanged, experiment.expected) and not experiment.finding(scope).labels:
+            found.append(scope)
+    return found
+
+
+def _failing(experiment: Experiment, scopes: Sequence[str]) -> list[int]:
+    """Searched episodes that failed for one of the scopes."""
+    seed = experiment.search_seed
+    rows = [experiment.successes(UNCHANGED, seed, SEARCH, scope) for scope in scopes]
+    return [episode for episode in range(SEARCH) if any(row[episode] == 0 for row in rows)]
+
+
+def _suspects(experiment: Experiment, scopes: Sequence[str], agents: Sequence[str]) -> list[str]:
+    """The agents whose whole policy or memory restores success; all where none does."""
+    found = [one for scope in scopes for one in experiment.finding(scope).substitutes]
+    concerned = {agent for one in found for agent in one.agents}
+    return [agent for agent in agents if agent in concerned or not concerned]
+
+
+def search(
+    experiment: Experiment,
+    candidates: Sequence[IdealSubstitute],
+    failing: Sequence[int],
+    scopes: Sequence[str],
+) -> None:
+    """Screens undos and swaps on failing seeds, looks at the best further, and confirms a few.
+
+    Args:
+        candidates: likely ones first.
+        failing: searched episodes that fail as it is.
+        scopes: for which a success counts.
+    """
+    few, more = failing[:SCREENED], failing[:FURTHER]
+    room = int(UNDONE * experiment.left)
+    later = CONFIRMED * experiment.confirm + LOOKED_AT * (len(more) - len(few))
+    most = max((room - later) // len(few), 0)
+    if most < len(candidates):
+        experiment.not_played.append(
+            f"{len(candidates) - most} of {len(candidates)} undos from outside"
+        )
+    experiment.undos = list(candidates[:most])
+    ranked = _ranked(experiment, experiment.undos, few, scopes)
+    better = [one for one, share in ranked.items() if share > 0]
+    ranked = _ranked(experiment, better[:LOOKED_AT], more, scopes)
+    best = [one for one, share in ranked.items() if share >= HALF]
+    experiment.dropped = len(experiment.undos) - len(best[:CONFIRMED])
+    experiment.undos = best[:CONFIRMED]
+    names = [one.name for one in experiment.undos]
+    experiment.confirmed = [*experiment.confirmed, *names]
+    experiment.play(names, experiment.confirm_seed, range(experiment.confirm))
+
+
+def _ranked(
+    experiment: Experiment,
+    undos: Sequence[IdealSubstitute],
+    episodes: Sequence[int],
+    scopes: Sequence[str],
+) -> Mapping[IdealSubstitute, float]:
+    """Shares of the episodes that succeed with each undo, the best first; returns break ties."""
+    seed, runner = experiment.search_seed, experiment.runner
+    experiment.play([one.name for one in undos], seed, episodes)
+    played = [one for one in undos if one.name not in runner.broken]
+    shares: dict[IdealSubstitute, tuple[float, float]] = {}
+    for one in played:
+        outcomes = runner.of(one.name, seed, episodes)
+        share = max(
+            sum(experiment.success(each, scope) for each in outcomes) / len(outcomes)
+            for scope in scopes
+        )
+        shares[one] = share, sum(each.team_return for each in outcomes)
+    return {one: shares[one][0] for one in sorted(played, key=lambda one: shares[one])[::-1]}

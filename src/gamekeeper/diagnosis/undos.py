@@ -1,0 +1,248 @@
+"""Undos: faults inside a policy undone from outside, at the boundary of the agents that it plays.
+
+An undo changes what a policy is given, what of its choice is carried out, or when it is asked, and
+nothing else; no knob, no reference and no access to its code is needed. One that restores success
+shows at which boundary the fault can be made up for.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Final, Literal, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.layout import agent_name
+from gamekeeper.episodes.outcome import Label
+from gamekeeper.interface.capture import AgentId
+from gamekeeper.rollouts.interventions.fields import NumberField, acted_fields, observed_fields
+from gamekeeper.rollouts.interventions.legal_actions import Offer, offer_of
+from gamekeeper.rollouts.interventions.perturbation import action_space, observation_space
+
+OnObservation = Literal[
+    "exchange fields",
+    "mirror field",
+    "turn fields",
+    "exchange values",
+    "rescale fields",
+    "normalize fields",
+]
+OnAction = Literal[
+    "exchange axes", "mirror axis", "turn axes", "rescale axes", "exchange actions", "shift actions"
+]
+OnCalls = Literal["settle", "hold", "commonest"]
+Way: TypeAlias = OnObservation | OnAction | OnCalls
+
+OBSERVATION: Final = get_args(OnObservation)
+ACTION: Final = get_args(OnAction)
+DRAWS: Final = "draws"
+"""Component of a policy whose draws are settled: no boundary of it is touched, so no label."""
+Numbers: TypeAlias = NDArray[np.float64]
+Passed: TypeAlias = Callable[[Any], Any]
+"""From an observation or action to what is passed on in its place."""
+
+
+@dataclass(frozen=True, slots=True)
+class Undo:
+    """One thing done otherwise at the boundary of some agents' policies.
+
+    Attributes:
+        agents: those agents; their spaces are equal.
+        way: what is done.
+        places: fields of the observation or axes of the action, by number; of `exchange values`
+            and `exchange actions` the field or axis and the two values.
+        amount: factor of `rescale`, quarter turns of `turn`, lower end of the range up to 1 of
+            `normalize`, values of `shift`, further calls of `settle`, turns of `hold`, draws of
+            `commonest`.
+        names: of the places, for people.
+    """
+
+    agents: tuple[str, ...]
+    way: Way
+    places: tuple[int, ...] = ()
+    amount: float = 0.0
+    names: tuple[str, ...] = ()
+
+    @property
+    def component(self) -> Label | Literal["draws"]:
+        """The label of the boundary that it touches."""
+        if self.way in OBSERVATION:
+            return "perception"
+        if self.way in ACTION:
+            return "control"
+        return DRAWS if self.way == "commonest" else "timing"
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return asdict(self)
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Undo:
+        """Inverse of `to_json`."""
+        lists = {key: tuple(x) for key, x in data.items() if isinstance(x, list | tuple)}
+        return cls(**{**data, **lists})
+
+    def __str__(self) -> str:
+        """The undo in words: `exchanging fields 0 and 1 of light's observation`."""
+        *most, last = self.agents
+        whose = f"{', '.join(most)} and {last}'s" if most else f"{last}'s"
+        n = f"{self.amount:g}"
+        what = " and ".join(name.removeprefix("field ") for name in self.names)
+        words = {
+            "exchange fields": f"exchanging fields {what} of {whose} observation",
+            "mirror field": f"mirroring field {what} of {whose} observation",
+            "turn fields": f"turning fields {what} of {whose} observation by "
+            f"{90 * self.amount:g} degrees",
+            "exchange values": f"exchanging values {self._values} of field {what} of {whose} "
+            "observation",
+            "rescale fields": f"multiplying {whose} observation by {n}",
+            "normalize fields": f"normalizing {whose} observation to {n} to 1",
+            "exchange axes": f"exchanging axes {self._axes} of {whose} action",
+            "mirror axis": f"mirroring axis {self._axes} of {whose} action",
+            "turn axes": f"turning axes {self._axes} of {whose} action by "
+            f"{90 * self.amount:g} degrees",
+            "rescale axes": f"multiplying {whose} action by {n}",
+            "exchange actions": f"exchanging values {self._values} of {what} of {whose} action",
+            "shift actions": f"shifting {whose} action by {self.amount:+g}",
+            "settle": f"asking {whose} policy {self.amount + 1:g} times a turn",
+            "hold": f"holding each of {whose} actions for {n} turns",
+            "commonest": f"taking the most frequent of {n} draws of {whose} policy",
+        }
+        return words[self.way]
+
+    @property
+    def _axes(self) -> str:
+        return " and ".join(map(str, self.places))
+
+    @property
+    def _values(self) -> str:
+        return " and ".join(map(str, self.places[1:]))
+
+
+VALUES: Final = ("exchange values", "exchange actions")
+
+
+class UndoneCast:
+    """A cast in which an undo stands between the game and the policies of some agents."""
+
+    def __init__(self, cast: Any, undo: Undo, env: Any, contract: Contract) -> None:
+        self._cast, self._undo, self._env, self._contract = cast, undo, env, contract
+        self._agents = frozenset(undo.agents)
+        self._boundaries: dict[AgentId, _Boundary] = {}
+        self._held: dict[AgentId, tuple[int, Any]] = {}
+
+    def begin(self, run_seed: int, episode: int) -> None:
+        """Begins an episode."""
+        self._held = {}
+        self._cast.begin(run_seed, episode)
+
+    def act(self, agent: AgentId, observation: Any, info: Any) -> Any:
+        """The action of a live agent; an illegal one gives way as `Offer.stand_in` says."""
+        if agent_name(agent) not in self._agents:
+            return self._cast.act(agent, observation, info)
+        boundary = self._boundaries.get(agent)
+        if boundary is None:
+            boundary = _boundary(self._undo, self._env, self._contract, agent)
+            self._boundaries[agent] = boundary
+        shown = boundary.seen(observation)
+        if boundary.offer is None:
+            return boundary.done(self._chosen(agent, shown, info))
+        boundary.offer.take(observation, info)
+        action = self._chosen(agent, shown, info)
+        done = boundary.done(action)
+        is_own = done is action and self._undo.way != "hold"
+        return done if is_own or boundary.offer.allows(done) else boundary.offer.stand_in(action)
+
+    def _chosen(self, agent: AgentId, observation: Any, info: Any) -> Any:
+        undo, act = self._undo, self._cast.act
+        if undo.way == "settle":
+            for _ in range(int(undo.amount)):
+                act(agent, observation, info)
+        if undo.way == "commonest":
+            return _commonest([act(agent, observation, info) for _ in range(int(undo.amount))])
+        if undo.way == "hold":
+            count, action = self._held.get(agent, (0, None))
+            if count % int(undo.amount) == 0:
+                action = act(agent, observation, info)
+            self._held[agent] = (count + 1, action)
+            return action
+        return act(agent, observation, info)
+
+
+def _commonest(draws: Sequence[Any]) -> Any:
+    """The action that was drawn most often; of equals the first."""
+    keys = [repr(np.asarray(each).tolist()) for each in draws]
+    return draws[keys.index(Counter(keys).most_common(1)[0][0])]
+
+
+@dataclass(frozen=True, slots=True)
+class _Boundary:
+    """What passes between the game and the policy of one agent."""
+
+    seen: Passed
+    done: Passed
+    offer: Offer | None
+
+
+def _boundary(undo: Undo, env: Any, contract: Contract, agent: AgentId) -> _Boundary:
+    observed, acted = observation_space(env, agent), action_space(env, agent)
+    seen: Passed = _same
+    done: Passed = _same
+    if undo.way in OBSERVATION and observed is not None:
+        seen = _passed(undo, observed_fields(contract, agent, observed), is_action=False)
+    if undo.way in ACTION and acted is not None:
+        done = _passed(undo, acted_fields(acted), is_action=True)
+    return _Boundary(seen, done, offer_of(contract, env, agent))
+
+
+def _same(value: Any) -> Any:
+    return value
+
+
+def _passed(undo: Undo, fields: Sequence[NumberField], *, is_action: bool) -> Passed:
+    """The function that writes other numbers at the places of an undo."""
+    places = undo.places[:1] if undo.way in VALUES else undo.places
+    chosen = [fields[place] for place in places] if places else list(fields)
+    low = np.array([each.low for each in chosen])
+    high = np.array([each.high for each in chosen])
+    rule = _rule(undo, low, high)
+
+    def passed(value: Any) -> Any:
+        read = [each.read(value) for each in chosen]
+        if any(number is None for number in read):
+            return value
+        numbers = rule(np.array(read, np.float64))
+        if is_action:
+            numbers = np.clip(numbers, low, high)
+        for each, number in zip(chosen, numbers.tolist(), strict=True):
+            value = each.write(value, number)
+        return value
+
+    return passed
+
+
+def _rule(undo: Undo, low: Numbers, high: Numbers) -> Callable[[Numbers], Numbers]:
+    """Other numbers in place of those at the undo's places; a span without bounds is around 0."""
+    is_bounded = bool(np.isfinite(low).all() and np.isfinite(high).all())
+    middle = (low + high) / 2 if is_bounded else np.zeros_like(low)
+    amount = undo.amount
+    if undo.way in ("exchange fields", "exchange axes"):
+        return lambda x: x[::-1]
+    if undo.way in ("mirror field", "mirror axis"):
+        return lambda x: 2 * middle - x
+    if undo.way in ("turn fields", "turn axes"):
+        cosine, sine = ((1, 0), (0, 1), (-1, 0), (0, -1))[int(amount) % 4]
+        turn = np.array([[cosine, -sine], [sine, cosine]], np.float64)
+        return lambda x: middle + turn @ (x - middle)
+    if undo.way == "normalize fields":
+        return lambda x: amount + (x - low) / (high - low) * (1 - amount)
+    if undo.way in VALUES:
+        one, two = undo.places[1:]
+        return lambda x: np.where(x == one, two, np.where(x == two, one, x))
+    if undo.way == "shift actions":
+        return lambda x: (x - low + amount) % (high - low + 1) + low
+    return lambda x: x * amount
