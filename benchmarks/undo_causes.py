@@ -333,7 +333,6 @@ LATE: list[Fault] = [
 ]
 UNDOABLE: dict[str, dict[str, list[Fault]]] = {
     "berth": {
-        "caller": [("acts 6 turns late", T, {"lag": 6})],
         "pilot": [
             ("field 0 mirrored", P, {"sees": mirrored(0, SIDE - 1)}),
             ("field 1 mirrored", P, {"sees": mirrored(1, SIDE - 1)}),
@@ -344,7 +343,7 @@ UNDOABLE: dict[str, dict[str, list[Fault]]] = {
             ("axes exchanged", C, {"does": swapped(0, 1)}),
             ("acts 4 turns late", T, {"lag": 4}),
             ("chooses every 6th turn", T, {"every": 6}),
-        ],
+        ]
     },
     "spread": {
         "agent_0": [*SPREAD_SIGHT, *NAMES, *LATE],

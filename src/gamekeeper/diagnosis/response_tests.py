@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from gamekeeper.episodes import canonical
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.rollouts.interventions.fields import NumberField
-from gamekeeper.rollouts.interventions.value_parts import numbers_of, parts_of
+from gamekeeper.rollouts.interventions.value_parts import WIDEST, numbers_of, parts_of
 
 Feed: TypeAlias = Sequence[tuple[Any, Any]]
 """Observation and info of each decision of an agent in an episode."""
@@ -204,13 +204,21 @@ def _values(feeds: Sequence[Feed], field: NumberField) -> NDArray[np.float64]:
 def _other(
     pool: NDArray[np.float64], value: float, field: NumberField, rng: Generator
 ) -> float | None:
-    """Another value that the field had, or, of a constant one, that its space has."""
+    """Another value: at every other time one that was recorded, else any between the bounds.
+
+    Runs that fail may hold one value for ever. Without bounds: a span more on both sides.
+    """
     others = pool[pool != value]
-    if others.size:
+    if others.size and rng.random() < 0.5:
         return float(others[int(rng.integers(others.size))])
-    near = [each for each in (value + 1.0, value - 1.0) if field.low <= each <= field.high]
-    ends = [each for each in (field.low, field.high) if np.isfinite(each) and each != value]
-    return next(iter([*near, *ends]), None)
+    low, high = field.low, field.high
+    if not (np.isfinite([low, high]).all() and high - low <= WIDEST):
+        span = max(float(pool[-1] - pool[0]), 1.0)
+        low, high = max(low, float(pool[0]) - span), min(high, float(pool[-1]) + span)
+    if field.is_whole:
+        whole = int(rng.integers(int(low), int(high) + 1))
+        return float(whole) if whole != value else None
+    return float(rng.uniform(low, high))
 
 
 def _differing(one: Sequence[Any], two: Sequence[Any]) -> list[int]:

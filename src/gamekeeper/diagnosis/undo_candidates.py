@@ -52,7 +52,7 @@ def observation_undos(
             if apart == 1 and _has_middle(one):
                 for quarters in (1, 2, 3):
                     yield 1, replace(pair, way="turn fields", amount=float(quarters))
-    if fields and len(fields) <= MOST_SCALED and all(map(_is_real, fields)):
+    if fields and len(fields) <= MOST_SCALED and not any(each.is_whole for each in fields):
         for factor in FACTORS:
             yield 0, Undo(agents, "rescale fields", amount=factor)
         if all(
@@ -77,7 +77,7 @@ def action_undos(agents: tuple[str, ...], axes: Sequence[NumberField]) -> Iterat
                     for quarters in (1, 2, 3):
                         yield 1, replace(pair, way="turn axes", amount=float(quarters))
         yield from _value_undos(agents, one, "exchange actions", f"axis {one.place}")
-    if axes and all(map(_is_real, axes)):
+    if axes and not any(each.is_whole for each in axes):
         for factor in FACTORS[:4]:
             yield 0, Undo(agents, "rescale axes", amount=factor)
 
@@ -89,7 +89,7 @@ def _value_undos(
     name: str,
 ) -> Iterator[Candidate]:
     """Whole numbers exchanged, and those of an action shifted."""
-    if _is_real(axis) or not np.isfinite([axis.low, axis.high]).all():
+    if not axis.is_whole or not np.isfinite([axis.low, axis.high]).all():
         return
     count = int(axis.high - axis.low) + 1
     for one in range(count if 2 < count <= MOST_VALUES else 0):
@@ -116,11 +116,6 @@ def call_undos(
 def _has_middle(field: NumberField) -> bool:
     """Tells whether a field can be turned about a middle: without bounds 0, or between its ends."""
     return bool(np.isfinite(field.low) == np.isfinite(field.high)) and field.low != field.high
-
-
-def _is_real(field: NumberField) -> bool:
-    dtype = field.part.space.dtype
-    return dtype is not None and dtype.kind == "f"
 
 
 def candidates_of(

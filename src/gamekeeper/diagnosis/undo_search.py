@@ -97,7 +97,9 @@ def search(
     """
     few, more = failing[:SCREENED], failing[:FURTHER]
     room = int(UNDONE * experiment.left)
-    later = CONFIRMED * experiment.confirm + LOOKED_AT * (len(more) - len(few))
+    count = min(max(room // (3 * experiment.confirm), 1), CONFIRMED)
+    looked_at = min(3 * count, LOOKED_AT)
+    later = count * experiment.confirm + looked_at * (len(more) - len(few))
     most = max((room - later) // len(few), 0)
     if most < len(candidates):
         experiment.not_played.append(
@@ -105,14 +107,26 @@ def search(
         )
     experiment.undos = list(candidates[:most])
     ranked = _ranked(experiment, experiment.undos, few, scopes)
-    better = [one for one, share in ranked.items() if share > 0]
-    ranked = _ranked(experiment, better[:LOOKED_AT], more, scopes)
-    best = [one for one, share in ranked.items() if share >= HALF]
-    experiment.dropped = len(experiment.undos) - len(best[:CONFIRMED])
-    experiment.undos = best[:CONFIRMED]
+    better = _of_each([one for one, share in ranked.items() if share > 0])
+    rivals = [one for one in better[looked_at:] if ranked[one] == 1.0]
+    ranked = _ranked(experiment, better[:looked_at], more, scopes)
+    best = _of_each([one for one, share in ranked.items() if share >= HALF])
+    rivals += [one for one in best[count:] if ranked[one] >= experiment.part]
+    experiment.undos = best[:count]
+    experiment.dropped = min(most, len(candidates)) - len(experiment.undos)
+    named = {(one.component, one.agents) for one in experiment.undos}
+    experiment.skipped += [one for one in rivals if (one.component, one.agents) not in named]
     names = [one.name for one in experiment.undos]
     experiment.confirmed = [*experiment.confirmed, *names]
     experiment.play(names, experiment.confirm_seed, range(experiment.confirm))
+
+
+def _of_each(ranked: Sequence[IdealSubstitute]) -> list[IdealSubstitute]:
+    """The same, first the best of each component of the same agents: they could be rivals."""
+    firsts: dict[tuple[str, tuple[str, ...]], IdealSubstitute] = {}
+    for one in ranked:
+        firsts.setdefault((one.component, one.agents), one)
+    return [*firsts.values(), *(one for one in ranked if one not in firsts.values())]
 
 
 def _ranked(

@@ -44,6 +44,12 @@ class NumberField:
     def __str__(self) -> str:
         return self.name
 
+    @property
+    def is_whole(self) -> bool:
+        """Tells whether its values are whole numbers."""
+        dtype = self.part.space.dtype
+        return dtype is not None and dtype.kind != "f"
+
     def read(self, whole: Any) -> float | None:
         """Value of the field; None where it hasn't the declared form."""
         try:

@@ -1,0 +1,256 @@
+"""Undos from outside: they do what they say, and a diagnosis names the one that restores."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium.spaces import Box, Discrete, MultiDiscrete, Space
+from pettingzoo import ParallelEnv
+
+import gamekeeper as gk
+from gamekeeper.contract import Contract
+from gamekeeper.diagnosis.played_setup import Setup
+from gamekeeper.diagnosis.trials import over_undos, peers_of, swaps_of, undone
+from gamekeeper.diagnosis.undo_candidates import action_undos, call_undos, observation_undos
+from gamekeeper.diagnosis.undos import Undo, UndoneCast
+from gamekeeper.errors import EvidenceError
+from gamekeeper.rollouts.interventions.fields import acted_fields
+
+SIDE = 5
+
+
+class Spaces:
+    """An environment that has spaces and nothing else."""
+
+    def __init__(self, seen: Space[Any], done: Space[Any]) -> None:
+        self.observation_space = lambda agent: seen
+        self.action_space = lambda agent: done
+
+
+class Echo:
+    """Policies of which each action is known; notes what they are shown."""
+
+    def __init__(self, *actions: Any) -> None:
+        self.actions, self.shown = list(actions), list[Any]()
+
+    def begin(self, run_seed: int, episode: int) -> None:
+        """Begins."""
+
+    def act(self, agent: Any, observation: Any, info: Any) -> Any:
+        """The next of its actions, the last one for ever."""
+        self.shown.append(observation)
+        return self.actions.pop(0) if len(self.actions) > 1 else self.actions[0]
+
+
+def passed(undo: Undo, seen: Space[Any], done: Space[Any], *turns: Any, acts: Any = (0,)) -> Any:
+    """What the policy was shown, and what was done."""
+    echo = Echo(*acts)
+    cast = UndoneCast(echo, undo, Spaces(seen, done), Contract())
+    cast.begin(0, 0)
+    return echo.shown, [cast.act("a", observation, {}) for observation in turns]
+
+
+@pytest.mark.parametrize(
+    ("way", "places", "amount", "shown"),
+    [
+        ("exchange fields", (0, 2), 0, [3.0, 2.0, 1.0]),
+        ("mirror field", (1,), 0, [1.0, 8.0, 3.0]),
+        ("turn fields", (0, 1), 1, [8.0, 1.0, 3.0]),
+        ("rescale fields", (), 2.0, [2.0, 4.0, 6.0]),
+        ("normalize fields", (), 0.0, [0.1, 0.2, 0.3]),
+    ],
+)
+def test_observations_are_shown_otherwise(
+    way: Any, places: tuple[int, ...], amount: float, shown: list[float]
+) -> None:
+    """Bounds are 0 and 10; a value may leave them, and what was given stays as it was."""
+    seen, given = Box(0.0, 10.0, (3,), np.float64), np.array([1.0, 2.0, 3.0])
+    found, _ = passed(Undo(("a",), way, places, amount), seen, Discrete(2), given)
+    assert found[0].tolist() == pytest.approx(shown)
+    assert given.tolist() == [1.0, 2.0, 3.0]
+    untouched, _ = passed(Undo(("b",), way, places, amount), seen, Discrete(2), given)
+    assert untouched[0] is given
+
+
+@pytest.mark.parametrize(
+    ("way", "places", "amount", "space", "action", "done"),
+    [
+        ("exchange actions", (0, 1, 3), 0, Discrete(5), 3, 1),
+        ("mirror axis", (0,), 0, Discrete(5), 4, 0),
+        ("shift actions", (0,), 1, Discrete(5), 4, 0),
+        ("exchange axes", (0, 1), 0, MultiDiscrete([3, 3]), np.array([0, 2]), [2, 0]),
+        ("rescale axes", (), 10.0, Box(-1.0, 1.0, (2,)), np.array([0.05, -0.5]), [0.5, -1.0]),
+    ],
+)
+def test_actions_are_carried_out_otherwise(
+    way: Any, places: tuple[int, ...], amount: float, space: Space[Any], action: Any, done: Any
+) -> None:
+    """They stay in their space."""
+    undo = Undo(("a",), way, places, amount)
+    _, (found,) = passed(undo, Box(0, 1), space, np.zeros(1), acts=(action,))
+    assert np.asarray(found).tolist() == pytest.approx(done)
+    assert space.contains(np.asarray(found, space.dtype) if np.ndim(found) else found)
+
+
+def test_calls_are_made_otherwise() -> None:
+    """A lag is settled by further calls, choices are held, of draws the commonest is taken."""
+    two = (Box(0, 1), Discrete(9))
+    _, done = passed(Undo(("a",), "settle", amount=2.0), *two, 0, 0, acts=range(9))
+    assert done == [2, 5]
+    _, done = passed(Undo(("a",), "hold", amount=2.0), *two, 0, 0, 0, acts=range(9))
+    assert done == [0, 0, 1]
+    _, done = passed(Undo(("a",), "commonest", amount=3.0), *two, 0, acts=(1, 4, 4))
+    assert done == [4]
+
+
+def test_an_undo_is_data_and_says_what_it_does() -> None:
+    """Workers are handed it as JSON; people read it in words."""
+    undo = Undo(("light",), "exchange fields", (0, 1), names=("field 0", "field 1"))
+    assert str(undo) == "exchanging fields 0 and 1 of light's observation"
+    setup = Setup("env", undo=undo)
+    assert Setup.from_json(setup.to_json()).undo == undo
+    assert undone(undo).labels == ("perception",)
+    assert undone(Undo(("a",), "commonest", amount=9.0)).labels == ()
+
+
+def test_response_tests_leave_out_what_they_contradict() -> None:
+    """No exchange of fields that are both ignored, no settling of a lag that isn't there."""
+    fields = acted_fields(Box(-1.0, 1.0, (3,)))
+    tried = [
+        undo for _, undo in observation_undos(("a",), fields, frozenset({"field 1", "field 2"}))
+    ]
+    exchanged = {undo.places for undo in tried if undo.way == "exchange fields"}
+    assert exchanged == {(0, 1), (0, 2)}
+    assert {undo.places for undo in tried if undo.way == "mirror field"} == {(0,)}
+    assert {undo.way for _, undo in call_undos(("a",), [0, 0], 0.0)} == {"hold"}
+    ways = [(undo.way, undo.amount) for _, undo in call_undos(("a",), [0, 3], 0.2)]
+    assert ways[:2] == [("settle", 3.0), ("commonest", 9.0)]
+    values = {u.places for _, u in action_undos(("a",), acted_fields(Discrete(3, start=1)))}
+    assert {(0, 1, 2), (0, 1, 3), (0, 2, 3)} <= values
+
+
+def test_an_undo_of_one_agent_goes_before_that_of_several_and_before_a_whole_policy() -> None:
+    """What makes up for more says less."""
+    one, both = (Undo(agents, "mirror axis", (0,)) for agents in (("a",), ("a", "b")))
+    assert undone(both, [one, both]).contains == {str(one)}
+    policy = next(swaps_of({"a": "noop"}, Contract(), ["a", "b"]))
+    contains = {each.name: each.contains for each in over_undos([policy, undone(one)])}
+    assert contains[policy.name] == {str(one)}
+
+
+def test_peers_and_named_policies_are_tried_in_an_agents_place() -> None:
+    """Of its role, where they have another policy; a name that nobody has is refused."""
+    setup = Setup("env", policies={"picker_0": "a:b", "picker_1": "c:d", "carrier_0": "e:f"})
+    agents = ["picker_0", "picker_1", "carrier_0"]
+    found = {one.name: one for one in peers_of(setup, Contract(), agents)}
+    assert list(found) == ["policy[picker_0] = picker_1's", "policy[picker_1] = picker_0's"]
+    assert found["policy[picker_0] = picker_1's"].applied(setup).policies["picker_0"] == "c:d"
+    named = [one.name for one in swaps_of({"picker": "x:y"}, Contract(), agents)]
+    assert named == ["policy[picker_0] = x:y", "policy[picker_1] = x:y"]
+    with pytest.raises(EvidenceError, match="'pickr', which is no agent and no role here"):
+        list(swaps_of({"pickr": "x:y"}, Contract(), agents))
+
+
+class Meeting(ParallelEnv[str, Any, int]):
+    """Two agents on a line that see both places, and are paid once they meet in the middle."""
+
+    metadata = {"name": "meeting_v0", "render_modes": []}  # noqa: RUF012  # PettingZoo's own form
+
+    def __init__(self, render_mode: str | None = None) -> None:
+        self.possible_agents = ["left_0", "right_0"]
+        self.render_mode = render_mode
+
+    def observation_space(self, agent: str) -> Space[Any]:
+        """Its own place, and the middle."""
+        return MultiDiscrete([2 * SIDE + 1, 2 * SIDE + 1])
+
+    def action_space(self, agent: str) -> Space[Any]:
+        """Down, stay, up."""
+        return Discrete(3)
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Draws the places."""
+        rng = np.random.default_rng(seed)
+        self.agents = list(self.possible_agents)
+        self.middle = int(rng.integers(2, 2 * SIDE - 1))
+        self.at = {"left_0": 0, "right_0": 2 * SIDE}
+        self.turn = 0
+        return self._seen(), {agent: {} for agent in self.agents}
+
+    def step(self, actions: Any) -> Any:
+        """Moves both."""
+        self.turn += 1
+        for agent, action in actions.items():
+            self.at[agent] = min(max(self.at[agent] + int(action) - 1, 0), 2 * SIDE)
+        met, late = set(self.at.values()) == {self.middle}, self.turn >= 2 * SIDE
+        agents, seen = self.agents, self._seen()
+        each = [dict.fromkeys(agents, value) for value in (float(met), met, late and not met)]
+        if met or late:
+            self.agents = []
+        return seen, *each, {agent: {} for agent in agents}
+
+    def _seen(self) -> dict[str, Any]:
+        return {agent: np.array([self.at[agent], self.middle]) for agent in self.possible_agents}
+
+
+class Walker:
+    """Walks to the middle; one of them takes one field for the other, or low for high."""
+
+    def __init__(self, fault: str = "") -> None:
+        self.fault = fault
+
+    def __call__(self, observation: Any, agent: Any, info: Any, rng: Any) -> int:
+        """A step."""
+        place, middle = observation[::-1] if self.fault == "fields" else observation
+        if self.fault == "mirrored":
+            place = 2 * SIDE - place
+        if self.fault == "still":
+            return 1
+        step = int(np.sign(middle - place))
+        return 1 + (-step if self.fault == "actions" and agent == "left_0" else step)
+
+
+def diagnosed(fault: str, **more: Any) -> gk.Diagnosis:
+    """The diagnosis of a meeting with a fault in the left one."""
+    policies = {"left_0": Walker(fault), "right_0": Walker()}
+    evidence = gk.rollout(Meeting, policies=policies, episodes=4, seed=1)
+    given = {"env": Meeting, "policies": policies, "failed": "return < 1", "perturbations": False}
+    return gk.diagnose(evidence, **{**given, "budget": 500, **more})
+
+
+def test_a_fault_inside_a_policy_is_undone_from_outside_with_nothing_declared() -> None:
+    """The agent and the boundary are named; the other agent is told whose it is."""
+    found = diagnosed("mirrored")
+    left = found.agents["left_0"]
+    assert found.agents["right_0"].answer == "elsewhere"
+    assert (left.answer, left.labels) == ("isolated", ("perception",))
+    assert "undone by mirroring field 0 of left_0's observation" in left.why
+    assert {each.kind for each in left.tested} == {"undo"}
+    assert found.responses["left_0"].lag == 0
+    assert found.episodes <= 500
+
+
+def test_undos_that_do_the_same_cannot_be_told_apart() -> None:
+    """To take place and goal for each other, or up for down, is one on a line: no label is sure."""
+    for budget in (400, 1_000):
+        left = diagnosed("fields", budget=budget).agents["left_0"]
+        assert left.answer == "ambiguous"
+    assert left.labels == ("perception", "control")
+
+
+def test_a_policy_that_nothing_outside_makes_up_for_is_named_by_its_peer_or_not_at_all() -> None:
+    """A named policy restores: the policy, and no label. Without one it stays unexplained."""
+    assert diagnosed("still", budget=300).agents["left_0"].answer == "unexplained"
+    tried = diagnosed("still", budget=300, replace={"left_0": Walker()}).agents["left_0"]
+    assert (tried.answer, tried.labels, tried.component) == ("isolated", (), "left_0's policy")
+    assert [each.kind for each in tried.tested if each.restores] == ["swap"]
+
+
+def test_a_healthy_run_is_not_searched() -> None:
+    """No undo is tried, and nobody accused."""
+    found = diagnosed("")
+    assert {each.answer for each in found.agents.values()} == {"healthy"}
+    assert found.episodes == 88
+    assert found.responses == {}
