@@ -39,7 +39,7 @@ def observation_undos(
     for one in shown:
         if one.name not in deaf and one.low != one.high:
             yield 0, Undo(agents, "mirror field", (one.place,), names=(one.name,))
-            yield from _value_undos(agents, one, "exchange values", one.name)
+            yield from _value_undos(agents, one, "exchange values", one.name, tier=3)
     for at, one in enumerate(shown):
         for two in shown[at + 1 :]:
             if {one.name, two.name} <= deaf or (one.low, one.high) != (two.low, two.high):
@@ -76,7 +76,8 @@ def action_undos(agents: tuple[str, ...], axes: Sequence[NumberField]) -> Iterat
                 if apart == 1 and _has_middle(one):
                     for quarters in (1, 2, 3):
                         yield 1, replace(pair, way="turn axes", amount=float(quarters))
-        yield from _value_undos(agents, one, "exchange actions", f"axis {one.place}")
+        tier = 0 if len(axes) == 1 else 2
+        yield from _value_undos(agents, one, "exchange actions", f"axis {one.place}", tier=tier)
     if axes and not any(each.is_whole for each in axes):
         for factor in FACTORS[:4]:
             yield 0, Undo(agents, "rescale axes", amount=factor)
@@ -87,6 +88,8 @@ def _value_undos(
     axis: NumberField,
     way: Literal["exchange values", "exchange actions"],
     name: str,
+    *,
+    tier: int,
 ) -> Iterator[Candidate]:
     """Whole numbers exchanged, and those of an action shifted."""
     if not axis.is_whole or not np.isfinite([axis.low, axis.high]).all():
@@ -95,10 +98,10 @@ def _value_undos(
     for one in range(count if 2 < count <= MOST_VALUES else 0):
         for two in range(one + 1, count):
             values = (int(axis.low) + one, int(axis.low) + two)
-            yield 0, Undo(agents, way, (axis.place, *values), names=(name,))
+            yield tier, Undo(agents, way, (axis.place, *values), names=(name,))
     if count > 2 and way == "exchange actions":
         for by in (1.0, -1.0):
-            yield 0, Undo(agents, "shift actions", (axis.place,), by)
+            yield tier, Undo(agents, "shift actions", (axis.place,), by)
 
 
 def call_undos(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Final
 
 from gamekeeper.diagnosis.experiment import SEARCH, UNCHANGED, Experiment
@@ -16,14 +17,12 @@ from gamekeeper.episodes.layout import agent_name
 
 FED: Final = 2
 """Episodes whose observations the response tests feed."""
-SCREENED: Final = 2
-"""Failing episodes on which an undo has to succeed once to be looked at further."""
-LOOKED_AT: Final = 16
-"""Undos that are looked at further."""
-FURTHER: Final = 10
-"""Failing episodes on which they are."""
+ROUNDS: Final = (2, 4, 7, 10)
+"""Failing episodes on which undos are played, round by round."""
 HALF: Final = 0.5
-"""The part of those that has to succeed for an undo to be confirmed."""
+"""The part of those that has to succeed for an undo to stay in."""
+RIVAL: Final = 0.8
+"""The part from which an undo that was left out for want of budget could be as good as one in."""
 CONFIRMED: Final = 5
 """Undos that are confirmed at most."""
 UNDONE: Final = 0.75
@@ -88,35 +87,35 @@ def search(
     failing: Sequence[int],
     scopes: Sequence[str],
 ) -> None:
-    """Screens undos and swaps on failing seeds, looks at the best further, and confirms a few.
+    """Screens undos and swaps on ever more failing seeds, and confirms the best few.
 
     Args:
         candidates: likely ones first.
         failing: searched episodes that fail as it is.
         scopes: for which a success counts.
     """
-    few, more = failing[:SCREENED], failing[:FURTHER]
     room = int(UNDONE * experiment.left)
     count = min(max(room // (3 * experiment.confirm), 1), CONFIRMED)
-    looked_at = min(3 * count, LOOKED_AT)
-    later = count * experiment.confirm + looked_at * (len(more) - len(few))
-    most = max((room - later) // len(few), 0)
+    later = room // 4
+    most = max((room - count * experiment.confirm - later) // ROUNDS[0], 0)
     if most < len(candidates):
         experiment.not_played.append(
             f"{len(candidates) - most} of {len(candidates)} undos from outside"
         )
-    experiment.undos = list(candidates[:most])
-    ranked = _ranked(experiment, experiment.undos, few, scopes)
-    better = _of_each([one for one, share in ranked.items() if share > 0])
-    rivals = [one for one in better[looked_at:] if ranked[one] == 1.0]
-    ranked = _ranked(experiment, better[:looked_at], more, scopes)
-    best = _of_each([one for one, share in ranked.items() if share >= HALF])
-    rivals += [one for one in best[count:] if ranked[one] >= experiment.part]
-    experiment.undos = best[:count]
-    experiment.dropped = min(most, len(candidates)) - len(experiment.undos)
-    named = {(one.component, one.agents) for one in experiment.undos}
+    pool, rivals = list(candidates[:most]), list[IdealSubstitute]()
+    experiment.undos = pool
+    for at, until in pairwise((*ROUNDS, ROUNDS[-1])):
+        ranked = _ranked(experiment, pool, failing[:at], scopes)
+        kept = _of_each([one for one, share in ranked.items() if share >= HALF])
+        more = max(min(until, len(failing)) - at, 1)
+        cap = later // (len(ROUNDS) - 1) // more if until > at else count
+        rivals += [one for one in kept[cap:] if ranked[one] >= RIVAL]
+        pool = kept[:cap]
+    experiment.dropped = len(experiment.undos) - len(pool)
+    experiment.undos = pool
+    named = {(one.component, one.agents) for one in pool}
     experiment.skipped += [one for one in rivals if (one.component, one.agents) not in named]
-    names = [one.name for one in experiment.undos]
+    names = [one.name for one in pool]
     experiment.confirmed = [*experiment.confirmed, *names]
     experiment.play(names, experiment.confirm_seed, range(experiment.confirm))
 
