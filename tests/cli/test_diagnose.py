@@ -36,7 +36,7 @@ def test_diagnose_tells_every_agent_and_keeps_what_it_did(
     assert code == 0
     assert "The cause is timing (isolated): latency[giver_0] = 0 restores success" in out
     assert "giver_0: as for the team" in out
-    assert "receiver_0: no cause is named" in out
+    assert "receiver_0: another agent's" in out
     assert "An episode counts as failed if undelivered > 0" in out
     assert "Failed: 3 of 3 recorded episodes, and 64 of 64 new ones" in out
     assert max(map(len, out.replace(str(run), "r").splitlines())) <= 80

@@ -77,7 +77,7 @@ def test_a_sound_run_has_no_cause() -> None:
 
 def test_a_fault_without_a_handle_is_not_named() -> None:
     """The condition can't be met by any ideal substitute, so nothing is."""
-    found = plainly(run(occlusion=0.02), failed="length > 0")
+    found = plainly(run(occlusion=0.02), failed="length > 0", budget=350)
     assert found.team is not None
     assert (found.team.answer, found.team.labels) == ("unexplained", ())
     assert "no ideal substitute restores" in found.team.why
@@ -157,7 +157,7 @@ def test_what_the_budget_did_not_reach_is_said() -> None:
     """No cause by default of rivals that weren't played."""
     few = plainly(run(latency=3), budget=100)
     assert few.team is not None
-    assert few.not_played == ("ideal substitutes: latency = 0",)
+    assert few.not_played == ("ideal substitutes: latency = 0", "undos from outside")
     assert "budget of 100 episodes was spent" in few.team.why
     assert ("timing", "the budget of 100 episodes was spent") in few.team.not_tested
     evidence = run(latency=3, occlusion=0.02, actuator_slip=0.05)

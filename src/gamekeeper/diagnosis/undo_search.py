@@ -32,6 +32,8 @@ UNDONE: Final = 0.75
 def try_undos(experiment: Experiment) -> dict[str, ResponseTest]:
     """Tries undos and peers' policies where it fails and no label was found, within the budget.
 
+    Where a peer's policy clearly restores in an agent's place, undos are tried at that agent alone.
+
     Args:
         experiment: it has run; gets the undos that were confirmed.
     Returns:
@@ -40,7 +42,10 @@ def try_undos(experiment: Experiment) -> dict[str, ResponseTest]:
     """
     scopes = _open_scopes(experiment)
     failing = _failing(experiment, scopes)
-    if not failing or experiment.left < FED:
+    if not failing:
+        return {}
+    if experiment.left < FED + experiment.confirm + len(failing[: ROUNDS[-1]]):
+        experiment.not_played.append("undos from outside")
         return {}
     with OpenSetup(experiment.setup, experiment.contract) as stage:
         fed = [stage.played(experiment.search_seed, episode).trace for episode in failing[:FED]]
@@ -48,10 +53,18 @@ def try_undos(experiment: Experiment) -> dict[str, ResponseTest]:
         named = [agent_name(agent) for agent in getattr(stage.env, "possible_agents", ())]
         agents = _suspects(experiment, scopes, named)
         responses = responses_of(stage, fed, named, seed=experiment.seed)
-        undos = candidates_of(stage, responses, agents)
-    peers = peers_of(experiment.setup, experiment.contract, named)
-    candidates = [one for one in peers if one.agents[0] in agents]
-    candidates += [undone(undo, undos) for undo in undos]
+        peers = [
+            one
+            for one in peers_of(experiment.setup, experiment.contract, named)
+            if one.agents[0] in agents
+        ]
+        experiment.undos = peers[: experiment.left // (2 * ROUNDS[1])]
+        ranked = _ranked(experiment, experiment.undos, failing[: ROUNDS[1]], scopes)
+        replaced = {one.agents[0] for one, share in ranked.items() if share >= RIVAL}
+        undos = candidates_of(
+            stage, responses, [a for a in agents if a in replaced or not replaced]
+        )
+    candidates = [*experiment.undos, *(undone(undo, undos) for undo in undos)]
     search(experiment, candidates, failing, scopes)
     return responses
 
