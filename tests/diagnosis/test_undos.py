@@ -14,7 +14,7 @@ from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.played_setup import Setup
 from gamekeeper.diagnosis.trials import over_undos, peers_of, swaps_of, undone
 from gamekeeper.diagnosis.undo_candidates import action_undos, call_undos, observation_undos
-from gamekeeper.diagnosis.undos import Undo, UndoneCast
+from gamekeeper.diagnosis.undos import BoundaryUndo, UndoneCast
 from gamekeeper.errors import EvidenceError
 from gamekeeper.rollouts.interventions.fields import acted_fields
 
@@ -44,7 +44,9 @@ class Echo:
         return self.actions.pop(0) if len(self.actions) > 1 else self.actions[0]
 
 
-def passed(undo: Undo, seen: Space[Any], done: Space[Any], *turns: Any, acts: Any = (0,)) -> Any:
+def passed(
+    undo: BoundaryUndo, seen: Space[Any], done: Space[Any], *turns: Any, acts: Any = (0,)
+) -> Any:
     """What the policy was shown, and what was done."""
     echo = Echo(*acts)
     cast = UndoneCast(echo, undo, Spaces(seen, done), Contract())
@@ -67,10 +69,10 @@ def test_observations_are_shown_otherwise(
 ) -> None:
     """Bounds are 0 and 10; a value may leave them, and what was given stays as it was."""
     seen, given = Box(0.0, 10.0, (3,), np.float64), np.array([1.0, 2.0, 3.0])
-    found, _ = passed(Undo(("a",), way, places, amount), seen, Discrete(2), given)
+    found, _ = passed(BoundaryUndo(("a",), way, places, amount), seen, Discrete(2), given)
     assert found[0].tolist() == pytest.approx(shown)
     assert given.tolist() == [1.0, 2.0, 3.0]
-    untouched, _ = passed(Undo(("b",), way, places, amount), seen, Discrete(2), given)
+    untouched, _ = passed(BoundaryUndo(("b",), way, places, amount), seen, Discrete(2), given)
     assert untouched[0] is given
 
 
@@ -88,7 +90,7 @@ def test_actions_are_carried_out_otherwise(
     way: Any, places: tuple[int, ...], amount: float, space: Space[Any], action: Any, done: Any
 ) -> None:
     """They stay in their space."""
-    undo = Undo(("a",), way, places, amount)
+    undo = BoundaryUndo(("a",), way, places, amount)
     _, (found,) = passed(undo, Box(0, 1), space, np.zeros(1), acts=(action,))
     assert np.asarray(found).tolist() == pytest.approx(done)
     assert space.contains(np.asarray(found, space.dtype) if np.ndim(found) else found)
@@ -97,22 +99,22 @@ def test_actions_are_carried_out_otherwise(
 def test_calls_are_made_otherwise() -> None:
     """A lag is settled by further calls, choices are held, of draws the commonest is taken."""
     two = (Box(0, 1), Discrete(9))
-    _, done = passed(Undo(("a",), "settle", amount=2.0), *two, 0, 0, acts=range(9))
+    _, done = passed(BoundaryUndo(("a",), "settle", amount=2.0), *two, 0, 0, acts=range(9))
     assert done == [2, 5]
-    _, done = passed(Undo(("a",), "hold", amount=2.0), *two, 0, 0, 0, acts=range(9))
+    _, done = passed(BoundaryUndo(("a",), "hold", amount=2.0), *two, 0, 0, 0, acts=range(9))
     assert done == [0, 0, 1]
-    _, done = passed(Undo(("a",), "commonest", amount=3.0), *two, 0, acts=(1, 4, 4))
+    _, done = passed(BoundaryUndo(("a",), "commonest", amount=3.0), *two, 0, acts=(1, 4, 4))
     assert done == [4]
 
 
 def test_an_undo_is_data_and_says_what_it_does() -> None:
     """Workers are handed it as JSON; people read it in words."""
-    undo = Undo(("light",), "exchange fields", (0, 1), names=("field 0", "field 1"))
+    undo = BoundaryUndo(("light",), "exchange fields", (0, 1), names=("field 0", "field 1"))
     assert str(undo) == "exchanging fields 0 and 1 of light's observation"
     setup = Setup("env", undo=undo)
     assert Setup.from_json(setup.to_json()).undo == undo
     assert undone(undo).labels == ("perception",)
-    assert undone(Undo(("a",), "commonest", amount=9.0)).labels == ()
+    assert undone(BoundaryUndo(("a",), "commonest", amount=9.0)).labels == ()
 
 
 def test_response_tests_leave_out_what_they_contradict() -> None:
@@ -133,7 +135,7 @@ def test_response_tests_leave_out_what_they_contradict() -> None:
 
 def test_an_undo_of_one_agent_goes_before_that_of_several_and_before_a_whole_policy() -> None:
     """What makes up for more says less."""
-    one, both = (Undo(agents, "mirror axis", (0,)) for agents in (("a",), ("a", "b")))
+    one, both = (BoundaryUndo(agents, "mirror axis", (0,)) for agents in (("a",), ("a", "b")))
     assert undone(both, [one, both]).contains == {str(one)}
     policy = next(swaps_of({"a": "noop"}, Contract(), ["a", "b"]))
     contains = {each.name: each.contains for each in over_undos([policy, undone(one)])}

@@ -172,8 +172,7 @@ def command(
     from gamekeeper.reporting.diagnosis_text import diagnosis_text
 
     folder = _beside(run) if out is None else out
-    condition = _only(failed)
-    opening: dict[str, Any] = {"failed": condition, "env": env, "allow_import": allow_import}
+    opening: dict[str, Any] = {"failed": _only(failed), "env": env, "allow_import": allow_import}
     if shrink is not None:
         shrunk_run = folder / f"shrunk-{shrink}"
         return _shrunk(screen, run, shrink, contract=contract, out=shrunk_run, **opening)
@@ -204,7 +203,7 @@ def command(
     if found.runs:
         screen.show(f"\nRecordings  {folder / 'runs'}")
     if save_case is not None:
-        _save(screen, found, run, save_case, condition)
+        _save(screen, found, run, save_case, opening["failed"])
     return CommandResult(document, diagnosis_code(found))
 
 

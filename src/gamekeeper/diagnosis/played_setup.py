@@ -11,7 +11,7 @@ from os import PathLike
 from typing import Any, Final
 
 from gamekeeper.contract import Contract
-from gamekeeper.diagnosis.undos import Undo, UndoneCast
+from gamekeeper.diagnosis.undos import BoundaryUndo, UndoneCast
 from gamekeeper.episodes.canonical import from_json, is_exact, to_json
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import agent_name
@@ -60,7 +60,7 @@ class Setup:
     forgets: tuple[str, ...] = ()
     most_turns: int = MOST_TURNS
     change: Intervention | None = None
-    undo: Undo | None = None
+    undo: BoundaryUndo | None = None
     typical_turns: int | None = None
 
     def policy_of(self, agent: str, contract: Contract) -> Any:
@@ -105,7 +105,7 @@ class Setup:
             forgets=tuple(data["forgets"]),
             most_turns=data["most_turns"],
             change=None if change is None else Intervention.from_json(change),
-            undo=None if undo is None else Undo.from_json(undo),
+            undo=None if undo is None else BoundaryUndo.from_json(undo),
         )
 
 

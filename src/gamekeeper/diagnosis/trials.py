@@ -14,7 +14,7 @@ from typing import Any, Final
 from gamekeeper.contract import Contract
 from gamekeeper.contract.sections import Knob
 from gamekeeper.diagnosis.played_setup import Setup, SetupTraits
-from gamekeeper.diagnosis.undos import DRAWS, Undo
+from gamekeeper.diagnosis.undos import DRAWS, BoundaryUndo
 from gamekeeper.episodes.layout import role as role_in_name
 from gamekeeper.episodes.outcome import LABELS, members_of
 from gamekeeper.errors import EvidenceError
@@ -54,10 +54,10 @@ class IdealSubstitute:
     value: float | None = None
 
     @property
-    def undo(self) -> Undo | None:
+    def undo(self) -> BoundaryUndo | None:
         """The undo that it is; None: something is at its ideal."""
         value = self.steps[0][3]
-        return value if isinstance(value, Undo) else None
+        return value if isinstance(value, BoundaryUndo) else None
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -269,7 +269,7 @@ def joined(parts: Sequence[IdealSubstitute], name: str | None = None) -> IdealSu
     )
 
 
-def undone(undo: Undo, wider: Iterable[Undo] = ()) -> IdealSubstitute:
+def undone(undo: BoundaryUndo, wider: Iterable[BoundaryUndo] = ()) -> IdealSubstitute:
     """An undo as a substitute; one of several agents makes up for the same one of each.
 
     Args:

@@ -14,7 +14,7 @@ import numpy as np
 
 from gamekeeper.diagnosis.played_setup import OpenSetup
 from gamekeeper.diagnosis.response_tests import ResponseTest
-from gamekeeper.diagnosis.undos import Undo
+from gamekeeper.diagnosis.undos import BoundaryUndo
 from gamekeeper.rollouts.interventions.fields import NumberField, acted_fields, observed_fields
 from gamekeeper.rollouts.interventions.perturbation import action_space, observation_space
 
@@ -27,7 +27,7 @@ MOST_VALUES: Final = 10
 FACTORS: Final = (0.5, 2.0, 0.1, 10.0, 1 / 255, 255.0)
 HOLDS: Final = (2, 4)
 COMMONEST_OF: Final = 9
-Candidate: TypeAlias = tuple[int, Undo]
+Candidate: TypeAlias = tuple[int, BoundaryUndo]
 """An undo and its tier: lower ones are tried first."""
 
 
@@ -38,14 +38,14 @@ def observation_undos(
     shown = fields if len(fields) <= MOST_FIELDS else ()
     for one in shown:
         if one.name not in deaf and one.low != one.high:
-            yield 0, Undo(agents, "mirror field", (one.place,), names=(one.name,))
+            yield 0, BoundaryUndo(agents, "mirror field", (one.place,), names=(one.name,))
             yield from _value_undos(agents, one, "exchange values", one.name, tier=3)
     for at, one in enumerate(shown):
         for two in shown[at + 1 :]:
             if {one.name, two.name} <= deaf or (one.low, one.high) != (two.low, two.high):
                 continue
             apart = two.place - one.place
-            pair = Undo(
+            pair = BoundaryUndo(
                 agents, "exchange fields", (one.place, two.place), names=(one.name, two.name)
             )
             yield (0 if apart == 1 else 1 + apart), pair
@@ -54,24 +54,24 @@ def observation_undos(
                     yield 1, replace(pair, way="turn fields", amount=float(quarters))
     if fields and len(fields) <= MOST_SCALED and not any(each.is_whole for each in fields):
         for factor in FACTORS:
-            yield 0, Undo(agents, "rescale fields", amount=factor)
+            yield 0, BoundaryUndo(agents, "rescale fields", amount=factor)
         if all(
             np.isfinite([each.low, each.high]).all() and each.low < each.high for each in fields
         ):
             for bottom in (0.0, -1.0):
-                yield 0, Undo(agents, "normalize fields", amount=bottom)
+                yield 0, BoundaryUndo(agents, "normalize fields", amount=bottom)
 
 
 def action_undos(agents: tuple[str, ...], axes: Sequence[NumberField]) -> Iterator[Candidate]:
     """Undos of what agents do."""
     for one in axes:
         if one.low != one.high:
-            yield 0, Undo(agents, "mirror axis", (one.place,))
+            yield 0, BoundaryUndo(agents, "mirror axis", (one.place,))
     for at, one in enumerate(axes):
         for two in axes[at + 1 :] if len(axes) <= MOST_FIELDS else ():
             if (one.low, one.high) == (two.low, two.high):
                 apart = two.place - one.place
-                pair = Undo(agents, "exchange axes", (one.place, two.place))
+                pair = BoundaryUndo(agents, "exchange axes", (one.place, two.place))
                 yield (0 if apart == 1 else 1 + apart), pair
                 if apart == 1 and _has_middle(one):
                     for quarters in (1, 2, 3):
@@ -80,7 +80,7 @@ def action_undos(agents: tuple[str, ...], axes: Sequence[NumberField]) -> Iterat
         yield from _value_undos(agents, one, "exchange actions", f"axis {one.place}", tier=tier)
     if axes and not any(each.is_whole for each in axes):
         for factor in FACTORS[:4]:
-            yield 0, Undo(agents, "rescale axes", amount=factor)
+            yield 0, BoundaryUndo(agents, "rescale axes", amount=factor)
 
 
 def _value_undos(
@@ -98,10 +98,10 @@ def _value_undos(
     for one in range(count if 2 < count <= MOST_VALUES else 0):
         for two in range(one + 1, count):
             values = (int(axis.low) + one, int(axis.low) + two)
-            yield tier, Undo(agents, way, (axis.place, *values), names=(name,))
+            yield tier, BoundaryUndo(agents, way, (axis.place, *values), names=(name,))
     if count > 2 and way == "exchange actions":
         for by in (1.0, -1.0):
-            yield tier, Undo(agents, "shift actions", (axis.place,), by)
+            yield tier, BoundaryUndo(agents, "shift actions", (axis.place,), by)
 
 
 def call_undos(
@@ -109,11 +109,11 @@ def call_undos(
 ) -> Iterator[Candidate]:
     """Undos of when policies are asked: a lag only where one was measured, draws where it draws."""
     for lag in sorted({lag for lag in lags if lag > 0}):
-        yield 0, Undo(agents, "settle", amount=float(lag))
+        yield 0, BoundaryUndo(agents, "settle", amount=float(lag))
     if randomness >= 0.05:
-        yield 0, Undo(agents, "commonest", amount=float(COMMONEST_OF))
+        yield 0, BoundaryUndo(agents, "commonest", amount=float(COMMONEST_OF))
     for turns in HOLDS:
-        yield 0, Undo(agents, "hold", amount=float(turns))
+        yield 0, BoundaryUndo(agents, "hold", amount=float(turns))
 
 
 def _has_middle(field: NumberField) -> bool:
@@ -123,7 +123,7 @@ def _has_middle(field: NumberField) -> bool:
 
 def candidates_of(
     stage: OpenSetup, responses: Mapping[str, ResponseTest], agents: Sequence[str]
-) -> list[Undo]:
+) -> list[BoundaryUndo]:
     """The undos of single agents and of agents that one policy object plays, likely ones first.
 
     Args:
@@ -131,7 +131,7 @@ def candidates_of(
         responses: response tests of its policies; of agents without one nothing is left out.
         agents: those that are tried.
     """
-    ranked: list[tuple[int, int, int, Undo]] = []
+    ranked: list[tuple[int, int, int, BoundaryUndo]] = []
     for number, group in enumerate(_groups(stage, agents)):
         for place, (tier, undo) in enumerate(_of_group(stage, group, responses)):
             ranked.append((tier, place, number, undo))

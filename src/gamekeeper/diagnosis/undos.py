@@ -47,7 +47,7 @@ Passed: TypeAlias = Callable[[Any], Any]
 
 
 @dataclass(frozen=True, slots=True)
-class Undo:
+class BoundaryUndo:
     """One thing done otherwise at the boundary of some agents' policies.
 
     Attributes:
@@ -81,7 +81,7 @@ class Undo:
         return asdict(self)
 
     @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> Undo:
+    def from_json(cls, data: Mapping[str, Any]) -> BoundaryUndo:
         """Inverse of `to_json`."""
         lists = {key: tuple(x) for key, x in data.items() if isinstance(x, list | tuple)}
         return cls(**{**data, **lists})
@@ -129,7 +129,7 @@ VALUES: Final = ("exchange values", "exchange actions")
 class UndoneCast:
     """A cast in which an undo stands between the game and the policies of some agents."""
 
-    def __init__(self, cast: Any, undo: Undo, env: Any, contract: Contract) -> None:
+    def __init__(self, cast: Any, undo: BoundaryUndo, env: Any, contract: Contract) -> None:
         self._cast, self._undo, self._env, self._contract = cast, undo, env, contract
         self._agents = frozenset(undo.agents)
         self._boundaries: dict[AgentId, _Boundary] = {}
@@ -181,14 +181,14 @@ def _commonest(draws: Sequence[Any]) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class _Boundary:
-    """What passes between the game and the policy of one agent."""
+    """Both directions between the game and the policy of one agent."""
 
     seen: Passed
     done: Passed
     offer: Offer | None
 
 
-def _boundary(undo: Undo, env: Any, contract: Contract, agent: AgentId) -> _Boundary:
+def _boundary(undo: BoundaryUndo, env: Any, contract: Contract, agent: AgentId) -> _Boundary:
     observed, acted = observation_space(env, agent), action_space(env, agent)
     seen: Passed = _same
     done: Passed = _same
@@ -203,7 +203,7 @@ def _same(value: Any) -> Any:
     return value
 
 
-def _passed(undo: Undo, fields: Sequence[NumberField], *, is_action: bool) -> Passed:
+def _passed(undo: BoundaryUndo, fields: Sequence[NumberField], *, is_action: bool) -> Passed:
     """The function that writes other numbers at the places of an undo."""
     places = undo.places[:1] if undo.way in VALUES else undo.places
     chosen = [fields[place] for place in places] if places else list(fields)
@@ -225,7 +225,7 @@ def _passed(undo: Undo, fields: Sequence[NumberField], *, is_action: bool) -> Pa
     return passed
 
 
-def _rule(undo: Undo, low: Numbers, high: Numbers) -> Callable[[Numbers], Numbers]:
+def _rule(undo: BoundaryUndo, low: Numbers, high: Numbers) -> Callable[[Numbers], Numbers]:
     """Other numbers in place of those at the undo's places; a span without bounds is around 0."""
     is_bounded = bool(np.isfinite(low).all() and np.isfinite(high).all())
     middle = (low + high) / 2 if is_bounded else np.zeros_like(low)
