@@ -68,6 +68,23 @@ def test_diagnose_that_cannot_tell_exits_with_2(
     assert "no ideal substitute restores" in out
 
 
+def test_diagnose_tries_a_named_policy_in_an_agents_place(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """It restores: the agent's policy is named, without a label."""
+    run = tmp_path / "r"
+    policies = {"giver": "noop", "receiver": "reference"}
+    gk.rollout("handover", policies=policies, episodes=2, out=run)
+    good = "gamekeeper.tasks.handover.handover_rules:reference"
+    given = (*QUICK, "--try", f"giver_0={good}")
+    code, found = document(capfd, "diagnose", str(run), *given)
+    giver = found["agents"]["giver_0"]
+    assert (code, giver["answer"], giver["labels"]) == (0, "isolated", [])
+    assert giver["component"] == "giver_0's policy"
+    kinds = {each["intervention"]: each["kind"] for each in giver["tested"]}
+    assert kinds[f"policy[giver_0] = {good}"] == "swap"
+
+
 def test_diagnose_saves_a_case_that_passes(
     run: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -251,6 +251,8 @@ def _together(found: Sequence[IdealSubstitute]) -> Iterator[IdealSubstitute]:
     """For each component with several handles, all of them at once."""
     for component in COMPONENTS:
         parts = [one for one in found if one.component == component]
+        if component == POLICY:  # an agent has one policy: the first that is tried in its place
+            parts = list({one.agents: one for one in parts[::-1]}.values())[::-1]
         if len(parts) > 1:
             yield joined(parts, f"{component}: all")
 

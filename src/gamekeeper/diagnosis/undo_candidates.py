@@ -76,8 +76,9 @@ def action_undos(agents: tuple[str, ...], axes: Sequence[NumberField]) -> Iterat
                 if apart == 1 and _has_middle(one):
                     for quarters in (1, 2, 3):
                         yield 1, replace(pair, way="turn axes", amount=float(quarters))
-        tier = 0 if len(axes) == 1 else 2
-        yield from _value_undos(agents, one, "exchange actions", f"axis {one.place}", tier=tier)
+        is_only = len(axes) == 1
+        name, tier = ("", 0) if is_only else (f"axis {one.place}", 2)
+        yield from _value_undos(agents, one, "exchange actions", name, tier=tier)
     if axes and not any(each.is_whole for each in axes):
         for factor in FACTORS[:4]:
             yield 0, BoundaryUndo(agents, "rescale axes", amount=factor)
@@ -98,7 +99,10 @@ def _value_undos(
     for one in range(count if 2 < count <= MOST_VALUES else 0):
         for two in range(one + 1, count):
             values = (int(axis.low) + one, int(axis.low) + two)
-            yield tier, BoundaryUndo(agents, way, (axis.place, *values), names=(name,))
+            yield (
+                tier,
+                BoundaryUndo(agents, way, (axis.place, *values), names=(name,) if name else ()),
+            )
     if count > 2 and way == "exchange actions":
         for by in (1.0, -1.0):
             yield tier, BoundaryUndo(agents, "shift actions", (axis.place,), by)

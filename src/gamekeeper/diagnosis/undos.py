@@ -106,7 +106,8 @@ class BoundaryUndo:
             "turn axes": f"turning axes {self._axes} of {whose} action by "
             f"{90 * self.amount:g} degrees",
             "rescale axes": f"multiplying {whose} action by {n}",
-            "exchange actions": f"exchanging values {self._values} of {what} of {whose} action",
+            "exchange actions": f"exchanging values {self._values} of "
+            f"{f'{what} of ' if what else ''}{whose} action",
             "shift actions": f"shifting {whose} action by {self.amount:+g}",
             "settle": f"asking {whose} policy {self.amount + 1:g} times a turn",
             "hold": f"holding each of {whose} actions for {n} turns",
