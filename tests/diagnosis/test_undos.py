@@ -12,7 +12,7 @@ from pettingzoo import ParallelEnv
 import gamekeeper as gk
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.played_setup import Setup
-from gamekeeper.diagnosis.trials import over_undos, peers_of, swaps_of, undone
+from gamekeeper.diagnosis.trials import IdealSubstitute, over_undos, peers_of, swaps_of, undone
 from gamekeeper.diagnosis.undo_candidates import action_undos, call_undos, observation_undos
 from gamekeeper.diagnosis.undos import BoundaryUndo, UndoneCast
 from gamekeeper.errors import EvidenceError
@@ -138,8 +138,12 @@ def test_an_undo_of_one_agent_goes_before_that_of_several_and_before_a_whole_pol
     one, both = (BoundaryUndo(agents, "mirror axis", (0,)) for agents in (("a",), ("a", "b")))
     assert undone(both, [one, both]).contains == {str(one)}
     policy = next(swaps_of({"a": "noop"}, Contract(), ["a", "b"]))
-    contains = {each.name: each.contains for each in over_undos([policy, undone(one)])}
-    assert contains[policy.name] == {str(one)}
+    memory = IdealSubstitute("memory", "memory", ("a",), (("forgets", "a", "", True),))
+    lag = BoundaryUndo(("a",), "settle", amount=3.0)
+    given = [policy, memory, undone(one), undone(lag)]
+    contains = {each.name: each.contains for each in over_undos(given)}
+    assert contains[policy.name] == {str(one), str(lag), "memory"}
+    assert contains["memory"] == {str(lag)}
 
 
 def test_peers_and_named_policies_are_tried_in_an_agents_place() -> None:

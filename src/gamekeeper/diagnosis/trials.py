@@ -284,8 +284,8 @@ def undone(undo: BoundaryUndo, wider: Iterable[BoundaryUndo] = ()) -> IdealSubst
 
 
 def over_undos(substitutes: Sequence[IdealSubstitute]) -> Iterator[IdealSubstitute]:
-    """Yields substitutes; a whole policy makes up for undos at its agents, a memory for lags."""
-    undos = [one for one in substitutes if one.undo is not None]
+    """Yields substitutes; a whole policy makes up for its memory and undos, a memory for lags."""
+    undos = [one for one in substitutes if one.undo is not None or one.component == MEMORY]
     for one in substitutes:
         parts = one.component.split(" + ")
         within = [u for u in undos if set(u.agents) <= set(one.agents)]

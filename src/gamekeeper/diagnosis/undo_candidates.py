@@ -25,6 +25,8 @@ MOST_SCALED: Final = 1_000
 MOST_VALUES: Final = 10
 """Values of an axis up to which pairs of them are exchanged."""
 FACTORS: Final = (0.5, 2.0, 0.1, 10.0, 1 / 255, 255.0)
+MOST_LAG: Final = 20
+"""Decisions up to which a policy's slowest reactions are settled."""
 HOLDS: Final = (2, 4)
 COMMONEST_OF: Final = 9
 Candidate: TypeAlias = tuple[int, BoundaryUndo]
@@ -158,7 +160,8 @@ def _of_group(
     known = [responses[agent] for agent in group if agent in responses]
     tests = [each for each in known if each.is_repeatable]
     observed, acted = observation_space(stage.env, group[0]), action_space(stage.env, group[0])
-    lags = [lag for each in tests for lag in (*each.common_lags[-1:], each.lag or 0)]
+    slowest = [max((x for x in each.lags if x <= MOST_LAG), default=0) for each in tests]
+    lags = [*slowest, *(each.lag or 0 for each in tests)]
     yield from call_undos(group, lags, max((each.randomness for each in known), default=0.0))
     if observed is not None:
         deaf = [frozenset(each.deaf) for each in tests] or [frozenset[str]()]
