@@ -101,8 +101,7 @@ def audit_here(
             None if seconds is None else begun_s + seconds * (1 + PROBING) / 2,
         )
         until_s = None if seconds is None else begun_s + seconds
-        if gathering.stopped == INTERRUPTED:
-            until_s = 0.0
+        until_s = 0.0 if gathering.stopped == INTERRUPTED else until_s
         asked: dict[str, Any] = {"begun_s": begun_s, "seed": seed, "is_all": not select}
         try:
             return _judged(wanted, opened, bench, **asked, until_s=until_s)
