@@ -18,10 +18,8 @@ from gamekeeper.statistics.aggregates import over_environments
 from gamekeeper.statistics.interval import Statistic
 from gamekeeper.statistics.one_sample import (
     LEAST_DISTINCT,
-    MOST_EQUAL,
     around,
     differing,
-    most_equal,
     quantile,
     ranks,
     reach_of_mean,
@@ -33,6 +31,7 @@ from gamekeeper.statistics.training_runs import (
     difference_over_runs,
     kept_runs,
     reach_of_seeds,
+    rests_on_few,
     too_long,
 )
 from gamekeeper.statistics.training_runs import over_runs as method
@@ -85,7 +84,7 @@ def one_sample(values: Any, statistic: Statistic, drawn: Any) -> Bounds:
         low, high = expanded(resampled(values, drawn, "iqm"), n - 1, 0.95)
         middle = np.sort(values, axis=1)[:, n // 4 : n - n // 4].mean(axis=1)
         low, high = np.minimum(low, middle), np.maximum(high, middle)
-        heaped = np.array([most_equal(row) > MOST_EQUAL for row in values])
+        heaped = high - low <= 1e-12 * np.abs(values).max(axis=1)
         low[heaped] = high[heaped] = np.nan
     else:
         low, high = means(values, drawn)
@@ -142,7 +141,7 @@ def environment_means(strata: Sequence[Any], drawn: Sequence[Any]) -> Bounds:
 
 
 def weighted_means(strata: Sequence[Any], drawn: Sequence[Any], parts: Sequence[float]) -> Bounds:
-    """The bounds of a weighted sum of means; 1 and -1 make `difference_over_runs`."""
+    """The bounds of a weighted sum of means."""
     value, spread, terms = 0.0, 0.0, 0.0
     made, width = 0.0, 0.0
     for each, weights, part in zip(strata, drawn, parts, strict=True):
@@ -163,6 +162,13 @@ def weighted_means(strata: Sequence[Any], drawn: Sequence[Any], parts: Sequence[
         error = spread[row] ** 0.5
         low[row], high[row] = value[row] - most * error, value[row] - least * error
     return low, high
+
+
+def differences(a: Any, b: Any, drawn: Sequence[Any]) -> Bounds:
+    """The bounds of `difference_over_runs` for each experiment; NaN where it is refused."""
+    low, high = weighted_means([a, b], drawn, [-1.0, 1.0])
+    refused = rests_on_few(a, b)
+    return np.where(refused, np.nan, low), np.where(refused, np.nan, high)
 
 
 def environment_medians(strata: Sequence[Any], drawn: Sequence[Any]) -> Bounds:
@@ -212,8 +218,8 @@ def same() -> None:
         found = method(scores[0], statistic=statistic, rng=np.random.default_rng(1))
         np.testing.assert_allclose((low[0], high[0]), (found.low, found.high), atol=1e-9)
     rng = np.random.default_rng(1)
-    low, high = weighted_means([values, values**2], [counts(30, rng), counts(30, rng)], [-1, 1])
-    effect = difference_over_runs(values[0], values[0] ** 2, rng=np.random.default_rng(1))
+    low, high = differences(values, 2 * values[::-1], [counts(30, rng), counts(30, rng)])
+    effect = difference_over_runs(values[0], 2 * values[-1], rng=np.random.default_rng(1))
     np.testing.assert_allclose((low[0], high[0]), (effect.low, effect.high), atol=1e-9)
     low, high = quantiles(values, 0.25)
     found = quantile(values[0], 0.25)

@@ -25,7 +25,7 @@ from typing import Any
 
 import evaluation_batch as batch
 import numpy as np
-from evaluation_draws import DRAWS, FRESH, STOPPED, Draw
+from evaluation_draws import DRAWS, FRESH, MEANS, STOPPED, TAILS, Draw
 from evaluation_lattice import of_estimates, of_iqm_of_two, of_quantile
 from evaluation_tables import outside, table
 from numpy.random import Generator
@@ -110,7 +110,7 @@ def one_samples(
     """Statistics of independent values; `usual` is the plain percentiles of the bootstrap."""
     for statistic, numbers in sizes.items():
         for name, draw in draws.items():
-            value = truth(draw, statistic)
+            value = MEANS.get(name) or truth(draw, statistic)
             for n in numbers:
                 hits, usual = [], []
                 for rng, many in batches([seed, n], repeats):
@@ -144,6 +144,12 @@ def fresh(repeats: int) -> Iterator[Line]:
     for unit, sizes in asked:
         for line in one_samples(unit, sizes, 11, repeats, FRESH):
             yield {"held_fresh" if name == "held" else name: line[name] for name in line}
+
+
+def tails(repeats: int) -> Iterator[Line]:
+    """Means of values with tails as long as log-normal ones of sigma 2 have, and longer."""
+    yield from one_samples("episodes", {"mean": (100, 200)}, 12, repeats, TAILS)
+    yield from one_samples("runs", {"mean": (30, 50)}, 13, repeats, TAILS)
 
 
 def quantiles(repeats: int) -> Iterator[Line]:
@@ -292,9 +298,9 @@ def one_difference(name: str, shift: float, repeats: int) -> Line:
         a = DRAWS[name](rng, (many, 10)) * 1.0
         b = 0.5 * (DRAWS[name](rng, (many, 10)) - mean) + mean + shift
         drawn = [batch.counts(10, rng), batch.counts(10, rng)]
-        hits.append(held(*batch.weighted_means([a, b], drawn, [-1.0, 1.0]), shift, 1e-3))
+        hits.append(held(*batch.differences(a, b, drawn), shift, 1e-3))
     line = {"claim": "difference over runs", "of": f"{name}, + {shift}" if shift else name, "n": 10}
-    return line | {"held": percent(np.concatenate(hits))}
+    return line | tally(np.concatenate(hits))
 
 
 def stopping(repeats: int) -> Iterator[Line]:
@@ -372,6 +378,7 @@ PARTS = {
     "stopping": stopping,
     "sequences": sequences,
     "fresh": fresh,
+    "tails": tails,
 }
 
 
@@ -387,7 +394,7 @@ def main() -> None:
         lines = [json.loads(line) for line in options.table.read_text().splitlines()]
         print("\n".join([*table(lines), *outside(lines)]))
         return
-    for module in (resampling, resampling, resampling, environments_module):
+    for module in (resampling, environments_module):
         module.RESAMPLES = 999
     batch.same()
     for part in options.only or PARTS:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import exp
 from typing import Any
 
 from numpy.random import Generator
@@ -50,3 +51,16 @@ FRESH: dict[str, Draw] = {
     "negative binomial 2": lambda rng, size: rng.negative_binomial(2, 0.3, size) * 1.0,
 }
 """On which no interval's constants were chosen."""
+TAILS: dict[str, Draw] = {
+    "log-normal 1.5": lambda rng, size: rng.lognormal(0, 1.5, size),
+    "log-normal 3": lambda rng, size: rng.lognormal(0, 3, size),
+    "Lomax 2.5": lambda rng, size: rng.pareto(2.5, size),
+    "Lomax 1.5": lambda rng, size: rng.pareto(1.5, size),
+}
+MEANS = {
+    "log-normal 1.5": exp(1.125),
+    "log-normal 3": exp(4.5),
+    "Lomax 2.5": 1 / 1.5,
+    "Lomax 1.5": 2.0,
+}
+"""Of these, which no sample tells well; the variance of the last is infinite."""

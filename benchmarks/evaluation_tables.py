@@ -1,8 +1,17 @@
-"""Tables of docs/reference/coverage.md, of the lines that `evaluation_coverage.py` prints."""
+"""Tables of docs/reference/coverage.md and docs/statistics.md.
+
+    python benchmarks/evaluation_tables.py TRUTHS.jsonl...
+
+`evaluation_coverage.py --table` prints those of its own lines. This prints those of the lines that
+`evaluation_truths.py` prints: cells by lot, each and by kind of interval; false claims by design.
+"""
 
 from __future__ import annotations
 
+import json
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 Line = dict[str, Any]
@@ -16,6 +25,7 @@ TITLES = {
     "beats": "Comparisons of two",
     "stopping": "Stopping",
     "sequences": "Confidence sequences",
+    "tails": "Longer tails",
     "fresh": "Distributions that no constant was chosen on",
 }
 
@@ -62,3 +72,52 @@ def cell(line: Line) -> str:
         return "refused"
     stop = f" at {line['stopped']}" if "stopped" in line else ""
     return f"{line[names[0]]}{usual}{refused}{stop}"
+
+
+def of_lots(lines: list[Line]) -> Iterator[str]:
+    """Markdown: cells by lot, a kind of interval a row."""
+    yield "| interval | cells | with an interval | covers, least to most | outside 93 and 97 |"
+    yield "|---|---|---|---|---|"
+    for claim in dict.fromkeys(line["claim"] for line in lines):
+        mine = [line for line in lines if line["claim"] == claim]
+        held = [line["held"] for line in mine if line["held"] is not None]
+        off = [f"{each}" for each in sorted(held) if not 93 <= each <= 97]
+        reach = f"{min(held)} to {max(held)}" if held else "-"
+        yield f"| {claim} | {len(mine)} | {len(held)} | {reach} | {', '.join(off) or '-'} |"
+
+
+def each_of_lots(lines: list[Line]) -> Iterator[str]:
+    """Markdown: cells by lot, one a row; those without an interval are named below."""
+    yield "| interval | of | n | covers | refused |\n|---|---|---|---|---|"
+    for line in lines:
+        if line["held"] is not None:
+            which = f"| {line['claim']} | {line['of']} | {line['n']} |"
+            yield f"{which} {line['held']} | {line['refused'] or ''} |"
+    refused = [line for line in lines if line["held"] is None]
+    names = [f"{line['claim']} of {line['n']} ({line['of'].split(',')[0]})" for line in refused]
+    yield f"\nRefused in every experiment, {len(refused)} cells: {', '.join(names)}."
+
+
+def of_families(lines: list[Line]) -> Iterator[str]:
+    """Markdown: how often anything false is claimed, and what is true is found."""
+    yield "| design | of | false claims | found |\n|---|---|---|---|"
+    for line in lines:
+        if "false" in line or "found" in line:
+            found = f"{line['found']} %" if "found" in line else ""
+            found += f" (paired t-test {line['found_by_t']} %)" if "found_by_t" in line else ""
+            false = f"{line['false']} %" if "false" in line else ""
+            yield f"| {line['claim']} | {line['of']} | {false} | {found} |"
+
+
+def main() -> None:
+    """Prints the tables."""
+    texts = [Path(name).read_text() for name in sys.argv[1:]]
+    lines = [json.loads(line) for text in texts for line in text.splitlines()]
+    cells = [line for line in lines if line["part"] == "cells"]
+    others = [line for line in lines if line["part"] != "cells"]
+    for made in (of_lots(cells), each_of_lots(cells), of_families(others)):
+        print("\n".join(made), end="\n\n")
+
+
+if __name__ == "__main__":
+    main()

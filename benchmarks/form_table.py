@@ -10,7 +10,9 @@ kept back, and prints sums alone. With `--only`, all of the measurement is print
 Rules: a field is *silent* where the measurement has no value. Roles are compared, not agents.
 `influence` is right where the pairs of roles, and the least lag of each, are those of the form;
 `links` counts single pairs. `earner and payee` is right where every part's pair is found with its
-lag, and nothing that the form doesn't have. `advice` of None (not judged) is passed over.
+lag, and nothing that the form doesn't have; where a role earns what the same role is paid, the form
+doesn't say of the same agent or of another, and either is right. `advice` of None (not judged) is
+passed over.
 """
 
 from __future__ import annotations
@@ -108,7 +110,9 @@ def _pairs(form: Form, pairs: Any, roles: tuple[str, ...]) -> str:
             if part.payee == "all":
                 allowed |= {(earner, to, False) for to in roles}
             elif part.payee != "earner":
-                wanted.append((earner, part.payee, False))
+                is_own = earner == part.payee and (earner, earner, False) not in found
+                wanted.append((earner, part.payee, is_own))
+                allowed.add((earner, part.payee, False))
             for key in wanted:
                 allowed.add(key)
                 if key not in found or (part.lag is not None and found[key] > part.lag):

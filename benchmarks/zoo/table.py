@@ -23,6 +23,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from catalogue import CATALOGUE, HERE, Listed, catalogue
 
 JUDGED: Final = ("true", "same cause", "pedantic", "false")
+FINDINGS: Final = HERE.parents[1] / "docs" / "findings"
 EXERCISED: Final = ("passed", "failed", "suspected", "waived")
 Judgements = Mapping[str, Mapping[str, str]]
 
@@ -64,11 +65,8 @@ def main() -> int:
     asked = parser.parse_args()
     rows = [Row(each, _result(asked.results, each)) for each in catalogue()]
     judged = tomllib.loads(asked.judgements.read_text())
-    print(
-        "\n".join(
-            [*opening(rows), *precision(rows, judged), *table(rows, judged), *rest(rows, judged)]
-        )
-    )
+    parts = [opening(rows), written_up(), precision(rows, judged), table(rows, judged)]
+    print("\n".join(line for part in [*parts, rest(rows, judged)] for line in part))
     return 0
 
 
@@ -85,6 +83,18 @@ def opening(rows: list[Row]) -> Iterator[str]:
         f"{len(audited)} gave an audit: {halves['tuned']} of the tuned half, "
         f"{halves['held']} of the held one."
     )
+    yield ""
+
+
+def written_up() -> Iterator[str]:
+    """Pages of findings, each with the number of faults that it describes."""
+    counts = {
+        path: sum(line.startswith("## ") for line in path.read_text().splitlines())
+        for path in sorted(FINDINGS.glob("*.md"))
+    }
+    yield "## Faults written up"
+    yield f"{sum(counts.values())} faults of {len(counts)} packages, by reading the source:"
+    yield ", ".join(f"[{path.stem}](findings/{path.name}) {n}" for path, n in counts.items())
     yield ""
 
 

@@ -18,7 +18,7 @@ def number(value: float) -> Any:
 class Latch(gk.TurnEnv):
     """The opener's move alone says, by a mask, whether the taker may take: neither sees more."""
 
-    metadata = {"name": "latch_v0", "render_modes": []}  # noqa: RUF012
+    metadata = {"name": "latch_v0", "render_modes": []}  # noqa: RUF012  # as PettingZoo has it
 
     def __init__(self, render_mode: str | None = None) -> None:
         super().__init__(render_mode=render_mode, horizon=9)
@@ -49,7 +49,7 @@ class Latch(gk.TurnEnv):
 class Seats(gk.TurnEnv):
     """Three guests ask for the one seat of a day in turn; the first has it, and none sees it."""
 
-    metadata = {"name": "seats_v0", "render_modes": []}  # noqa: RUF012
+    metadata = {"name": "seats_v0", "render_modes": []}  # noqa: RUF012  # as PettingZoo has it
 
     def __init__(self, sealed: bool = False, render_mode: str | None = None) -> None:
         super().__init__(render_mode=render_mode, horizon=9)
@@ -97,7 +97,7 @@ class Ladle(gk.TickEnv):
     reaches alone).
     """
 
-    metadata = {"name": "ladle_v0", "render_modes": []}  # noqa: RUF012
+    metadata = {"name": "ladle_v0", "render_modes": []}  # noqa: RUF012  # as PettingZoo has it
 
     def __init__(self, rule: str = "joint", render_mode: str | None = None) -> None:
         super().__init__(render_mode=render_mode, horizon=12)
@@ -130,7 +130,7 @@ class Mail(gk.TickEnv):
     Each scout is truncated when its own battery is empty, the others after 15 ticks.
     """
 
-    metadata = {"name": "mail_v0", "render_modes": []}  # noqa: RUF012
+    metadata = {"name": "mail_v0", "render_modes": []}  # noqa: RUF012  # as PettingZoo has it
 
     def __init__(self, render_mode: str | None = None) -> None:
         super().__init__(render_mode=render_mode, horizon=15)
@@ -168,7 +168,7 @@ class Mail(gk.TickEnv):
 class Beds(gk.TickEnv):
     """Each of two gardeners waters its own bed; neither touches the other."""
 
-    metadata = {"name": "beds_v0", "render_modes": []}  # noqa: RUF012
+    metadata = {"name": "beds_v0", "render_modes": []}  # noqa: RUF012  # as PettingZoo has it
 
     def __init__(self, render_mode: str | None = None) -> None:
         super().__init__(render_mode=render_mode, horizon=7)

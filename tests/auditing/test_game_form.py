@@ -5,10 +5,12 @@ from typing import Any
 
 import pytest
 
+from gamekeeper.auditing.branches import BranchStep, DecisionInput, EpisodeSteps
 from gamekeeper.auditing.gather import gather, lab_of
 from gamekeeper.auditing.measure import comings, roles, trials, turns
 from gamekeeper.auditing.measure.advice import RoundSigns, advice
 from gamekeeper.auditing.measured import measured
+from gamekeeper.auditing.probes import episode_shapes
 from gamekeeper.checks.facts.form_facts import (
     AgentEnding,
     DrawnPriority,
@@ -95,6 +97,45 @@ def test_agents_apart_fit_either_api() -> None:
     assert found["horizon"] == 7
 
 
+class Brittle(Ladle):
+    """A tick in which both do nothing, or the first one, raises an exception."""
+
+    def __init__(self, *, at_once: bool = False) -> None:
+        super().__init__("joint")
+        self.at_once = at_once
+
+    def tick(self, actions: Any) -> None:
+        """Raises it."""
+        if self.at_once or not any(map(int, actions.values())):
+            raise KeyError("ladle")
+        super().tick(actions)
+
+
+def test_an_action_that_is_only_observed_is_a_message() -> None:
+    """Heard by another and without any other effect; a reward that it changes makes it a move."""
+    heard = MoveLook("b", "observation", 1, True, False, 3)
+    own = [MoveLook("a", on, 1, False, False, 3) for on in ("observation", "reward")]
+    paid = MoveLook("b", "reward", 1, True, False, 3)
+    facts = [Fact(Where("form", 0, 0), trial(heard, *own)) for _ in range(trials.FEWEST)]
+    assert trials.messages(facts[:3]) is None
+    assert trials.messages(facts) == {"a": {"message": True, "to": ["b"], "n": 60}}
+    moved = [*facts, Fact(Where("form", 0, 1), trial(heard, paid))]
+    assert trials.messages(moved) == {"a": {"message": False, "to": ["b"], "n": 61}}
+    assert not form_of(Latch)["messages"]["opener"]["message"]
+
+
+def test_exceptions_of_the_environment_are_said() -> None:
+    """Episodes and replaced moves that an exception ended stand in the form, with the exception."""
+    found = form_of(partial(Brittle, at_once=True))
+    (error,) = found["errors"]
+    assert (error["during"], found["advice"]) == ("an episode", None)
+    assert "KeyError" in error["error"]
+    assert {"an episode", "replaced moves"} == {
+        each["during"] for each in form_of(Brittle, 1_000)["errors"]
+    }
+    assert form_of(partial(Ladle, "joint"), 300)["errors"] == []
+
+
 def shape(
     *rounds: str, endings: tuple[AgentEnding, ...] = (), live: dict[int, int] | None = None
 ) -> EpisodeShape:
@@ -118,7 +159,7 @@ def ended(kind: str, step: int, agents: str) -> tuple[AgentEnding, ...]:
 
 def trial(*looks: MoveLook, agent: str = "a", is_moved: bool = False) -> MoveTrial:
     """A replaced move of the first of three agents."""
-    return MoveTrial(agent, 0, 0, ("a", "b", "c"), looks, 1, is_moved, None)
+    return MoveTrial(agent, 0, 0, ("a", "b", "c"), looks, 1, is_moved)
 
 
 def test_the_order_of_turns() -> None:
@@ -152,6 +193,17 @@ def test_one_agents_limit_is_no_horizon() -> None:
     assert comings.horizon([whole, whole, longer]) is None
 
 
+def test_an_agent_that_joins_in_the_last_step_ends_with_all() -> None:
+    """It counts as live in the step in which it came and all were truncated."""
+    given = {"a": DecisionInput(b"", b"", None)}
+    step = BranchStep(given, {"a": 0}, {}, dict.fromkeys("ab", "truncation"), ("a", "b"))
+    found = episode_shapes.shape(EpisodeSteps(0, ("a",), [step], [0]), is_over=True, api="aec")
+    assert (found.live, found.joined) == ({0: 2}, (("b", 0),))
+    assert comings.kinds_of_endings([found, found]) == [
+        {"kind": "truncation", "owner": "all", "seen": 2}
+    ]
+
+
 def test_the_owner_of_endings() -> None:
     """All that end as one own it together; two of several that fall on one step don't."""
     whole = shape("abc", endings=ended("termination", 0, "abc"), live={0: 3})
@@ -182,16 +234,18 @@ def test_priority_needs_one_way_whatever_is_drawn() -> None:
         for number, (one, two) in enumerate(looks):
             for agent in (one, two):
                 look = MoveLook(two, "reward", 0, agent == one, False, 0)
-                tried = MoveTrial(agent, number, number, agents, (look,), 1, False, None)
+                tried = MoveTrial(agent, number, number, agents, (look,), 1, False)
                 found.append(Fact(Where("form", 0, number), tried))
         return roles.priority(facts, found, agents)[0]
 
     assert decided(roles.ALIKE, 0, first, first) == "roster"
     assert decided(roles.ALIKE, 0, first) == "unclear"
-    assert decided(roles.FEW, 0, first, first) == "unclear"
+    assert decided(1, 0, first, first) == "unclear"
     assert decided(roles.ALIKE, 1, first, first) is None
-    assert decided(roles.FEW - 1, 0, first, first) is None
+    assert decided(0, 0) is None
     assert decided(3, 3, first, lot, lot) == "random"
+    assert decided(3, 3, *[first] * 9, lot) == "noisy"
+    assert decided(3, 3, first, first) is None
 
 
 def signs(**given: Any) -> RoundSigns:

@@ -57,6 +57,59 @@ class Sled(Prompt):
         return seen
 
 
+class LateShaping(Pursuit):
+    """A catch is paid at once, and nearness one tick late; `terms` tell both where asked to."""
+
+    tells = False
+
+    def step(self, actions: Any) -> Any:
+        """Takes nearness from before the moves, the catch from after them."""
+        acting = list(self.agents)
+        near = {a: self.reward(a) - self.caught(a) for a in acting}
+        out = super().step(actions)
+        self.terms = {a: {"catch": self.caught(a), "near": near[a]} for a in acting}
+        paid = {a: sum(self.terms[a].values()) for a in acting}
+        if not self.tells:
+            del self.terms
+        return out[0], paid, *out[2:]
+
+    def caught(self, agent: Any) -> float:
+        """The evaders on the own cell."""
+        return float((self.evaders == self.cells[agent]).all(axis=1).sum())
+
+
+class ToldLateShaping(LateShaping):
+    """The same with its terms told."""
+
+    tells = True
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.terms: dict[str, Any] = {}
+
+
+class Harvest(Prompt):
+    """Nothing but catches pays, at once: what moves a next reward is the way to it."""
+
+    def reward(self, agent: Any) -> float:
+        """The evaders on the own cell."""
+        return float((self.evaders == self.cells[agent]).all(axis=1).sum())
+
+
+def test_a_late_part_beside_one_on_time_is_broken() -> None:
+    """Nearness one tick late beside catches on time, whether or not the terms are told."""
+    assert verdict(LateShaping, "GK411", budget=1_000).outcome == "failed"
+    terms = Contract.from_json({"rewards": {"catch": {}, "near": {}}})
+    found = verdict(ToldLateShaping, "GK411", contract=terms)
+    assert found.outcome == "failed"
+    assert all("near" in each.where and "catch" not in each.where for each in found.findings)
+
+
+def test_catches_alone_are_no_late_part() -> None:
+    """A catch that two moves lead to is decided by either, and was paid on time."""
+    assert verdict(Harvest, "GK411", budget=2_000).outcome in ("passed", "not_exercised")
+
+
 def test_rewards_before_the_moves_are_broken() -> None:
     """Pursuit's rewards of the state before the tick come one step late."""
     assert verdict(Pursuit, "GK411").outcome == "failed"

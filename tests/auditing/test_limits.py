@@ -90,4 +90,4 @@ def test_the_end_of_the_time_is_no_fault_of_the_environment() -> None:
         raise TimeUpError
 
     with pytest.raises(TimeUpError):
-        ProbeSession.call(None, "look", out_of_time)  # type: ignore[arg-type]
+        ProbeSession.call(None, "look", out_of_time)  # type: ignore[arg-type]  # reads no self

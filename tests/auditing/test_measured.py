@@ -18,12 +18,12 @@ from tests.faults.ticks import Hands, HiddenHands
 from tests.faults.tokens import Tokens
 
 FIELDS = {
-    "schedule",
     "stages",
     "order",
     "observe",
     "conflicts",
     "legality",
+    "messages",
     "order_sensitive",
     "deterministic",
     "horizon",
@@ -37,6 +37,7 @@ FIELDS = {
     "advice",
     "because",
     "why",
+    "errors",
     "not_measured",
 }
 
@@ -53,10 +54,10 @@ def test_measured_of_nothing_has_every_field() -> None:
     """What couldn't be measured is None, and no field is missing."""
     found = measured(Contract(), ProbeEvidence(api="aec"))
     assert set(found) == FIELDS
-    assert (found["advice"], found["schedule"], found["deterministic"]) == (None, None, None)
+    assert (found["advice"], found["order"], found["deterministic"]) == (None, None, None)
     assert found["why"]
     nulls = {key for key, value in found.items() if value is None} - {"may_join", "may_leave"}
-    assert nulls - {"schedule", "order_sensitive", "looked_ahead"} == set(found["not_measured"])
+    assert nulls - {"order_sensitive", "looked_ahead"} == set(found["not_measured"])
 
 
 def test_measured_names_its_probes() -> None:
@@ -72,7 +73,7 @@ def test_measured_parallel_game(monkeypatch: pytest.MonkeyPatch) -> None:
     assert found["deterministic"] is True
     assert found["horizon"] == 8
     assert found["advice"] == "aec"
-    assert found["schedule"]["acts"] == "together"
+    assert found["order"] == "none"
     assert found["endings"]["by_agent"]["0"]["truncated"] == found["endings"]["episodes"]
 
 
@@ -87,7 +88,6 @@ def test_measured_aec_that_hides_moves_is_parallel(monkeypatch: pytest.MonkeyPat
     """In turns, but nobody sees the tick's moves: a simultaneous game."""
     found = form_of(HiddenHands, monkeypatch, 3_000)
     assert found["advice"] == "parallel", found["why"]
-    assert found["schedule"]["order"] == "fixed"
     assert (found["order"], found["observe"], found["conflicts"]) == (
         "none",
         "after tick",

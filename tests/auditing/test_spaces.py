@@ -216,4 +216,4 @@ def test_observations_far_from_the_start_are_found() -> None:
         "GK214"
     )
     assert verdict.outcome == "failed"
-    assert verdict.findings[0].where.startswith("spaces/")
+    assert verdict.findings[0].where.startswith("episode spaces/")

@@ -106,7 +106,7 @@ def test_against_tells_a_contract_that_changed(
 ) -> None:
     """What was judged by it is stale, under the tables that differ; rollouts aren't."""
     contract = tmp_path / "other.toml"
-    contract.write_text('name = "other"\n')
+    contract.write_text('name = "two_robot_line_v0"\nwhy = "another game"\n')
     code, found = document(capfd, "show", run, "--against", env, "--contract", contract)
     stale = [row for row in found["rows"] if row["status"] == "stale"]
     assert (code, [row["what"] for row in stale]) == (1, ["contract"])

@@ -97,7 +97,8 @@ def test_measured_draft_declares_nothing(
     assert (drafted.schedule.horizon, drafted.seeds.deterministic) == (None, None)
     code, out, _ = said(capfd, "contract", ROUGH, "--measure")
     assert "Measured beside declared" in out
-    proposed = out.partition("Measured, but not declared, so not checked (2)")[2]
+    words = " ".join(out.split())
+    proposed = words.partition("Measured, but not declared, so not checked (2)")[2]
     assert "schedule.horizon = 4 (else N)" in proposed.partition("Not declared")[0]
     found = document(capfd, "contract", ROUGH, "--measure")[1]
     assert found["measured"]["horizon"] == 4

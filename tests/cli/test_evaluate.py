@@ -52,7 +52,7 @@ def test_evaluate_says_what_was_found_and_how_far_it_goes(
         "Endings in line",
         "Compared on the same seeds",
         "Columns\n",
-        "IQM         interquartile mean",
+        "interquartile mean: the mean of the middle half",
         "Notes\n",
         "Supported claims",
     ):

@@ -92,7 +92,7 @@ def test_run_in_place_of_an_environment_is_told(
     """Evidence can't be played; what reads it is named. A path of any form is looked at."""
     code, told = document(capfd, command, runs / "one-1")
     assert code == 2
-    assert told["error"]["what"] == "evidence is no environment"
+    assert told["error"]["what"] == "this is a recorded run, and an environment is asked for"
     assert "gamekeeper show" in told["error"]["fix"]
 
 

@@ -135,3 +135,33 @@ def test_exit_code_says_what_came_out(fields: Mapping[str, Any], code: int) -> N
     """0 the same, 2 nobody can tell; 1 is seen where a replay diverges."""
     blank = {"verified": False, "within_tolerance": None, "divergence": None}
     assert replay_code(Replay(run="x", fingerprint="f", **{**blank, **fields})) == code
+
+
+def test_verified_replay_says_which_source_differs(capfd: pytest.CaptureFixture[str]) -> None:
+    """Another file that plays the same is no divergence, and isn't hidden."""
+    replayed = Replay(
+        run="x",
+        verified=True,
+        within_tolerance=None,
+        fingerprint="f",
+        divergence=None,
+        versions={"source": ["aa", "bb"]},
+    )
+    show_replayed(Screen(sys.stdout), replayed)
+    assert capfd.readouterr().out.splitlines() == [
+        "verified: fingerprint f",
+        "Versions that differ",
+        "  source  aa when recorded, bb now",
+        "(every turn is equal nevertheless)",
+    ]
+
+
+def test_source_that_differs_is_in_the_document_of_a_verified_replay(
+    line_run: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A copy of the environment with one more comment plays the same, and is another source."""
+    original = Path(LINE.rpartition(":")[0])
+    copy = tmp_path / original.name
+    copy.write_text(original.read_text(encoding="utf-8") + "# one more\n", encoding="utf-8")
+    code, found = document(capfd, "replay", line_run, "--env", f"{copy}:make")
+    assert (code, found["verified"], list(found["versions"])) == (0, True, ["source"])

@@ -74,7 +74,9 @@ LINES = [
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="Linux alone has a file that is full")
-@pytest.mark.parametrize("line", LINES, ids=" ".join)
+@pytest.mark.parametrize(
+    "line", LINES, ids=lambda line: " ".join(line).replace(LINE, "two_robot_line")
+)
 def test_stdout_that_is_full_is_no_verdict(line: list[str], line_run: Path) -> None:
     """Whatever the command: exit code 2, since 1 would say that a run is damaged, and a line."""
     words = [str(line_run) if word == "RUN" else word for word in line]

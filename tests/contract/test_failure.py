@@ -36,6 +36,13 @@ def test_failure_holds_as_arithmetic_has_it(text, expected):
     assert Failure(text).holds(VALUES) is expected
 
 
+@pytest.mark.parametrize("text", ["return", "deliveries + 1", "ending"])
+def test_failure_is_no_figure(text):
+    """A condition that comes to a number or a text is neither true nor false."""
+    with pytest.raises(ContractError, match="neither true nor false"):
+        Failure(text).holds(VALUES)
+
+
 def test_failure_names_what_it_asks_for():
     """The names are known before any episode was run."""
     expected = frozenset({"a", "b.c", "return"})

@@ -141,6 +141,16 @@ def test_a_shared_policy_that_failed_fails_again(folder: Path) -> None:
     assert "memory[a, b] reset" in changes
 
 
+def test_a_named_policy_contradicts_no_recorded_episode(folder: Path) -> None:
+    """What another policy plays may differ from the recording; the diagnosis says who played."""
+    evidence = recorded("alternating.py:Alternating")
+    options: dict[str, Any] = {"failed": FAILED, "perturbations": False, "allow_import": True}
+    found = gk.diagnose(evidence, policies={"*": "first-legal"}, budget=200, **options)
+    assert found.policies == {"*": "first-legal"}
+    assert found.fresh["team"][0] == 0
+    assert found.contradictions == {}
+
+
 def test_attribution_plays_one_object_for_both(folder: Path) -> None:
     """Fresh episodes of an attribution pay what the recorded ones did."""
     evidence = recorded("alternating.py:Alternating")
@@ -152,8 +162,9 @@ def test_a_contradiction_is_said_first_and_is_no_all_clear(
 ) -> None:
     """Recorded 20 of 20 failed, fresh none: in text, JSON, Python and by the exit code."""
     recorded("alternating.py:Alternating", out="run")
+    (folder / "generous.py").write_text(ENV.replace("float(one == two)", "1.0"))
     options: dict[str, Any] = {"failed": FAILED, "perturbations": False, "allow_import": True}
-    fair = gk.diagnose("run", policies={"*": "first-legal"}, budget=100, **options)
+    fair = gk.diagnose("run", env="generous.py:Agree", budget=100, **options)
     assert fair.contradictions["team"].recorded == (20, 20)
     assert fair.contradictions["team"].fresh == (0, 64)
     assert fair.team is not None
@@ -167,8 +178,8 @@ def test_a_contradiction_is_said_first_and_is_no_all_clear(
         assert "no all-clear" in text
     shown = diagnosis_text(json.loads(json.dumps(fair.to_json())), width=80)
     assert shown.startswith("Contradiction  team: 20 of 20 recorded episodes failed and 0 of 64")
-    assert "isn't surely less than" not in shown
-    line = ["diagnose", "run", "--failed", FAILED, "--policy", "first-legal", "--budget", "100"]
+    assert "not significantly below" not in shown
+    line = ["diagnose", "run", "--failed", FAILED, "--env", "generous.py:Agree", "--budget", "100"]
     code = run_line([*line, "--no-perturbations", "--workers", "0", "--allow-import"])
     assert code == 2
     assert capsys.readouterr().out.startswith("Contradiction")

@@ -15,7 +15,7 @@ from typing import Any
 
 from gamekeeper.contract import Contract
 
-BUDGET = 2_000
+BUDGET = 1_000
 
 
 @dataclass(frozen=True, slots=True)

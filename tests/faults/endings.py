@@ -202,7 +202,9 @@ class WrongKind(Rovers):
         return out
 
 
-@faulty("GK511", contract={"api": "parallel", "roles": {"rover": {"symmetric": True}}})
+@faulty(
+    "GK511", contract={"api": "parallel", "roles": {"rover": {"symmetric": True}}}, budget=2_000
+)
 class FirstRoverTires(Rovers):
     """Rovers are declared interchangeable, but the first one's battery drains twice as fast.
 

@@ -64,7 +64,7 @@ class AskedTwice(Traders):
         self._clear_rewards()
 
 
-@faulty("GK304")
+@faulty("GK304", budget=2_000)
 class DeadForgotten(Traders):
     """A bankrupt trader isn't selected any more, and stays in `agents` until all are done.
 

@@ -32,6 +32,7 @@ def _document(**given):
         "recorded": 20,
         "replayed": 5,
         "loop": "closed",
+        "policies": {},
         "baseline": "noop",
         "team": {"all": 9.0, "none": 1.0, "shapley": "exact"},
         "agents": {"a_0": _agent()},
@@ -52,6 +53,13 @@ def test_attribution_text_has_intervals_and_counts() -> None:
     assert "a_0    1 (0 to 2)  -" in text
     assert "return is 9" in text
     assert not any(word in text for word in ("Lazy", "Influence", "Penalties", "Not tested"))
+
+
+def test_attribution_text_says_which_policies_the_new_episodes_play() -> None:
+    """Policies that were named in place of the recorded ones stand in the title of the table."""
+    text = attribution_text(_document(policies={"picker": "random"}), width=200)
+    assert "50 new episodes, with picker = random in place of what was recorded" in text
+    assert "in place of" not in attribution_text(_document(), width=200)
 
 
 def test_attribution_text_has_a_group_for_each_way_of_measuring() -> None:

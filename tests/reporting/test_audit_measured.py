@@ -9,13 +9,8 @@ from gamekeeper.reporting.measured_text import measured_text, words
 from tests.reporting.audits import audit
 
 MEASURED: dict[str, Any] = {
-    "schedule": {
-        "acts": "together",
-        "order": "none",
-        "rounds": 518,
-        "most_in_a_round": 4,
-        "fewest_in_a_round": 4,
-    },
+    "stages": [["rover", "base"]],
+    "order": "none",
     "order_sensitive": "none",
     "deterministic": True,
     "horizon": 20,
@@ -52,22 +47,19 @@ def test_measured_stands_beside_declared() -> None:
 
 def test_measured_values_are_sentences() -> None:
     """A reader who knows PettingZoo needs no key: who acts with whom, what was paid, what ended."""
-    found = {key: words(MEASURED[key]) for key in ("schedule", "symmetric", "reward", "endings")}
+    found = {key: words(MEASURED[key]) for key in ("order", "symmetric", "reward", "endings")}
     assert found == {
-        "schedule": "agents act all at once; 4 agents per tick (518 seen)",
+        "order": "none",
         "symmetric": "rover: seems so, p-value 0.52, 24 episodes",
         "reward": "not the same for all agents",
-        "endings": "0 of 8 episodes ended by themselves",
+        "endings": "0 of 8 episodes ended",
     }
-    turns = {"acts": "in turns", "order": "fixed", "most_in_a_round": 3, "fewest_in_a_round": 1}
-    assert words(turns) == (
-        "agents act one after the other in a fixed order; 1 to 3 agents per round, in which each "
-        "acts once"
-    )
     paid = {"shared": True, "zero_sum": False, "n": 1_193}
     assert words(paid).endswith("doesn't sum to 0 over them; 1,193 steps paid something")
+    said = {"message": True, "to": ["rover"], "n": 40}
+    assert words(said) == "its action is a message to rover, 40 comparisons"
     ended = {"episodes": 9, "ended": 8, "ticks": {"least": 3, "median": 4, "most": 25}}
-    assert words(ended) == "8 of 9 episodes ended by themselves, after 3 to 25 (median 4) ticks"
+    assert words(ended) == "8 of 9 episodes ended, after 3 to 25 (median 4) ticks"
 
 
 def test_legends_explain_ticks_and_p_values() -> None:
@@ -105,6 +97,14 @@ def test_influence_has_a_row_for_each_pair_and_effect() -> None:
     assert influence_text(found[:1], width=80) == ""
 
 
+def test_influence_of_few_tries_is_not_the_one_that_is_shown() -> None:
+    """A lag at which 1 of 2 tries changed something gives way to one where 40 of 100 did."""
+    lucky = influence("a", "b", "reward", 3, 0.5) | {"low": 0.01, "n": 2}
+    found = [lucky, influence("a", "b", "reward", 1, 0.4) | {"low": 0.3, "n": 100}]
+    rows = [influence_text(each, width=80).split("low to high")[0] for each in (found, found[:1])]
+    assert ["40%" in rows[0], "50%" in rows[0], "50%" in rows[1]] == [True, False, True]
+
+
 def test_influence_of_many_agents_is_cut() -> None:
     """Of 132 pairs twelve are shown, and the others counted."""
     names = [f"agent_{k}" for k in range(12)]
@@ -139,6 +139,36 @@ def test_draft_proposes_what_was_measured_and_declares_nothing() -> None:
     text = draft_note(steps=3_000, seed=0) + contract.to_toml(asked)
     assert "# horizon = 20" in text
     assert Contract.parse(text) == contract
+
+
+def test_draft_takes_over_the_form_only_where_it_was_measured() -> None:
+    """Fields in a contract's words are proposed; silence proposes nothing."""
+    questions = tuple(
+        Question(path, "which?", "X")
+        for path in (
+            ("schedule", "stages"),
+            ("schedule", "order"),
+            ("schedule", "observe"),
+            ("schedule", "conflicts"),
+            ("roles", "rover", "may_join"),
+            ("roles", "rover", "may_leave"),
+        )
+    )
+    form = {
+        "stages": [["rover"]],
+        "order": "rotating",
+        "observe": "after turn",
+        "conflicts": "ordered",
+        "may_join": ["rover"],
+        "may_leave": [],
+    }
+    answers = [each.measured for each in measured_questions(questions, form)]
+    assert answers == ['[["rover"]]', '"rotating"', '"after turn"', '"ordered"', "true", ""]
+    silent: dict[str, Any] = dict.fromkeys(form)
+    silent |= {"order_sensitive": "none", "stages": [["truck"]]}
+    asked = measured_questions(questions, silent)
+    assert [each.measured for each in asked] == [""] * 6
+    assert [each.hint for each in asked[:2]] == ["", ""]
 
 
 def test_changes_stand_by_kind() -> None:

@@ -62,8 +62,16 @@ def _document(**given: Any) -> dict[str, Any]:
         "conditions": {"team": "return < 1"},
         "budget": 400,
         "not_played": [],
+        "policies": {},
     }
     return {**document, **given}
+
+
+def test_policies_of_the_new_episodes_are_named() -> None:
+    """New episodes that another policy played aren't called unchanged."""
+    text = " ".join(_text(policies={"a_0": "good.py:act"}).split())
+    assert "with a_0 = good.py:act in place of the recorded policy" in text
+    assert "with nothing changed" not in text
 
 
 def _text(**given: Any) -> str:

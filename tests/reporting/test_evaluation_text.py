@@ -197,3 +197,15 @@ def test_evaluation_text_stays_within_its_width(width: int) -> None:
     assert "p leads by 1.23 (1.10 to 1.40)" in " ".join(text.split())
     long = [line for line in text.splitlines() if len(line) > width]
     assert long == []
+
+
+def test_evaluation_text_shows_performance_profiles_of_methods() -> None:
+    """The part of the runs above a few scores; of single checkpoints there is none."""
+    figures = dict.fromkeys(("iqm", "mean", "median", "optimality_gap"), INTERVAL)
+    profile = {"tau": [0.0, 0.25, 0.3, 0.5, 0.75, 0.9], "share": [1.0, 0.8, 0.7, 0.5, 0.25, 0.0]}
+    of = {"metric": "score", "runs": 10, "profile": profile, **figures}
+    rows = [{"policy": "mine", "unit": "run", **of}, {"policy": "other", "unit": "episode", **of}]
+    text = evaluation_text(document(overall={"results": rows, "comparisons": []}), width=100)
+    assert re.search(r"share of runs above +metric +0 +0.25 +0.5 +0.75 +0.9\n", text)
+    assert re.search(r"mine +score +100 % +80 % +50 % +25 % +0 %\n", text)
+    assert not re.search(r"other +score +100 %", text)

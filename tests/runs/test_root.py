@@ -58,7 +58,9 @@ def test_annotations_leave_the_root_digest_as_it_was(run: Path) -> None:
     found = verify(run, root=before)
     assert found.matches
     assert found.annotations == 2
-    assert "2 annotations, added later: not in the root digest" in str(found)
+    assert "2 annotations, added later by label, diagnose or attribute: not in the root" in str(
+        found
+    )
 
 
 def test_root_digest_is_the_same_wherever_the_run_lies(run: Path, tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gamekeeper.statistics.one_sample import reach_of_mean, stretches
+from gamekeeper.statistics.one_sample import _far_tail, reach_of_mean, stretches
 from gamekeeper.statistics.resampling import reach, t_of_means
 from gamekeeper.statistics.significance import wilson
 from gamekeeper.statistics.student import student
@@ -64,3 +64,30 @@ def test_reach_of_mean_takes_many_at_once() -> None:
     together = np.stack(reach_of_mean(t, values, 0.95))
     alone = np.stack([reach_of_mean(*pair, 0.95) for pair in zip(t, values, strict=True)])
     np.testing.assert_allclose(together.T, alone)
+
+
+def test_reach_of_mean_knows_of_values_that_most_samples_lack() -> None:
+    """Log-normal values of sigma 2 reach farther, on the side of their tail alone."""
+    rng = np.random.default_rng(3)
+    values = _standard(rng.lognormal(0, 2, 100))
+    t = t_of_means(values, rng)
+    least, most = reach_of_mean(t, values, 0.95)
+    lean = np.float64((values**3).mean() / (values**2).mean() ** 1.5 / 10)
+    assert float(_far_tail(values, lean)) > 1.5
+    assert float(least) < -1.5 * student(0.95, 99)
+    mirrored = reach_of_mean(-t, -values, 0.95)
+    assert (-float(mirrored[1]), -float(mirrored[0])) == pytest.approx((float(least), float(most)))
+
+
+@pytest.mark.parametrize("shape", ["normal", "exponential", "zeros", "a crash"])
+def test_reach_of_mean_of_ordinary_values_is_no_farther(shape) -> None:
+    """Values without a tail, with a mild one, with a lump at their floor, and with a rare loss."""
+    rng = np.random.default_rng(5)
+    values = {
+        "normal": rng.normal(size=100),
+        "exponential": rng.exponential(size=100),
+        "zeros": (rng.random(100) < 0.3) * rng.gamma(2, 1, 100),
+        "a crash": rng.normal(size=100) - 30.0 * (rng.random(100) < 0.03),
+    }[shape]
+    lean = np.float64((_standard(values) ** 3).mean() / 10)
+    assert float(_far_tail(values, lean)) == 1.0

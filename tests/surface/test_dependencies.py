@@ -24,7 +24,7 @@ UNIMPORTED = {
     "nvidia-nvvm",
     "numba-cuda",  # stands in for numba.cuda
 }
-GUESTS = {"pytest"}  # who uses the plug-in has it: it is pytest that loads the module
+GUESTS = {"pytest", "IPython", "traitlets"}
 """Modules that are imported only where they are there already."""
 
 

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 from benchmarks.forms.form import Form
-from benchmarks.forms.held import endings, masks, own, races, spaces, tables
+from benchmarks.forms.held import endings, lots, masks, own, races, spaces, tables, tolls
 
-SUBJECTS = (masks, races, endings, tables, spaces, own)
+SUBJECTS = (masks, races, endings, tables, spaces, own, lots, tolls)
 
 
 def forms() -> list[tuple[Callable[[], Any], Form]]:

@@ -63,7 +63,8 @@ def audit(
         spec: where the environment comes from, or a run; of an object, what needs a second instance
             is *not exercised*.
         contract: what is declared; None: what lies beside the environment, if anything.
-        budget: environment steps.
+        budget: environment steps of the checks; the measured form has half as many on top, 5,000 at
+            most.
         quick: a budget of 3,000 steps.
         seed: of the plays; play k is reset with `seed + 1 + k`.
         select: only checks whose ids begin so; all where empty.

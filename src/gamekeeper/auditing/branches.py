@@ -12,24 +12,20 @@ from hashlib import blake2b
 from typing import Any, Final
 
 import numpy as np
-from gymnasium.spaces import Discrete, Space
-from numpy.random import Generator
+from gymnasium.spaces import Space
 
 from gamekeeper.auditing.outcomes import value_bytes
 from gamekeeper.auditing.probe_session import ProbeSession
-from gamekeeper.auditing.probes.moves import legal
 from gamekeeper.episodes.episode import MASK
 from gamekeeper.rollouts.process_randomness import HELD, restore, seed_all, states
 
 SHORT: Final = 64
 """Bytes that are no longer than what stands for them."""
 MOST_SPACES: Final = 20_000
-TRIES: Final = 8
-"""Draws of another action from a space that isn't Discrete."""
 
 
 @dataclass(frozen=True, slots=True)
-class Given:
+class DecisionInput:
     """Digests of what an agent decides with, and its mask as it is."""
 
     observation: bytes
@@ -49,7 +45,7 @@ class BranchStep:
         roster: `agents` after it.
     """
 
-    given: Mapping[Any, Given]
+    given: Mapping[Any, DecisionInput]
     actions: Mapping[Any, Any] | None = None
     rewards: Mapping[Any, float] = field(default_factory=dict)
     ended: Mapping[Any, str] = field(default_factory=dict)
@@ -71,7 +67,7 @@ class Board:
 
     lab: ProbeSession
     env: Any
-    given: dict[Any, Given] = field(default_factory=dict)
+    given: dict[Any, DecisionInput] = field(default_factory=dict)
     ended: dict[Any, str] = field(default_factory=dict)
     shared: Sequence[Any] = ()
     globals: Mapping[str, Any] = field(default_factory=dict)
@@ -148,7 +144,7 @@ class Board:
 
 
 @dataclass(frozen=True, slots=True)
-class Paper:
+class EpisodeSteps:
     """An episode that was played, to be played again up to any of its steps.
 
     Attributes:
@@ -166,7 +162,7 @@ class Paper:
 
 def branch(
     board: Board,
-    paper: Paper,
+    paper: EpisodeSteps,
     start: int,
     change: Mapping[Any, Any],
     ahead: int,
@@ -198,41 +194,6 @@ def branch(
         )
 
 
-def other_action(space: Any, mask: Any, own: Any, rng: Generator) -> tuple[bool, Any]:
-    """Another legal action, drawn; False where none is found. Without an own one: any.
-
-    Args:
-        space: of the agent; one that isn't Discrete draws by itself.
-        mask: None: all are legal.
-        own: the action that is to be another one; None: there is none.
-        rng: draws from a Discrete one.
-    """
-    if isinstance(space, Discrete):
-        choices = legal(space, mask)
-        place = choices.index(int(own)) if own is not None and int(own) in choices else None
-        count = len(choices) - (place is not None)
-        if count < 1:
-            return False, None
-        at = int(rng.integers(count))
-        return True, space.dtype.type(choices[at + (place is not None and at >= place)])
-    for _ in range(TRIES):
-        drawn = space.sample() if mask is None else space.sample(mask)
-        if own is None or value_digest(drawn) != value_digest(own):
-            return True, drawn
-    return False, None
-
-
-def legal_or_first(space: Any, mask: Any, action: Any) -> Any:
-    """The action where the mask allows it, else the first that it allows.
-
-    Of spaces that aren't Discrete any is taken for legal.
-    """
-    if mask is None or not isinstance(space, Discrete):
-        return action
-    choices = legal(space, mask)
-    return action if not choices or int(action) in choices else space.dtype.type(choices[0])
-
-
 def spaces_in(env: Any) -> list[Any]:
     """Spaces that an environment and those inside its wrappers hold, by attribute or in tables."""
     found: list[Any] = []
@@ -255,7 +216,7 @@ def value_digest(value: Any) -> bytes:
     return found.digest()
 
 
-def _given(observation: Any, info: Any) -> Given:
+def _given(observation: Any, info: Any) -> DecisionInput:
     mask = next(
         (each[MASK] for each in (observation, info) if isinstance(each, Mapping) and MASK in each),
         None,
@@ -263,5 +224,5 @@ def _given(observation: Any, info: Any) -> Given:
     if isinstance(observation, Mapping) and MASK in observation:
         observation = {key: value for key, value in observation.items() if key != MASK}
     if mask is None:
-        return Given(value_digest(observation), b"", None)
-    return Given(value_digest(observation), value_digest(mask), copy.deepcopy(mask))
+        return DecisionInput(value_digest(observation), b"", None)
+    return DecisionInput(value_digest(observation), value_digest(mask), copy.deepcopy(mask))

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from gamekeeper.auditing.measure import comings, form, roles, trials, turns
-from gamekeeper.auditing.measure.advice import Advice, RoundSigns, advice
+from gamekeeper.auditing.measure.advice import FormAdvice, RoundSigns, advice
 from gamekeeper.auditing.measure.payments import payments
 from gamekeeper.checks.facts.form_facts import (
     DrawnPriority,
     EpisodeShape,
+    FormError,
     MoveTrial,
     UnsettledMoves,
 )
@@ -27,8 +29,9 @@ NOT_SEEN: Final[Mapping[str, str]] = {
     "stages": "fewer than three rounds in which agents acted in an order that means something",
     "order": "no round had two agents, or it isn't known whether moves are made together",
     "observe": "too few looks at what later agents of a round observe",
-    "conflicts": "too few looks at what moves change of other agents",
+    "conflicts": "too few looks at what moves change of other agents of a role, or draws blur it",
     "legality": "too few looks at masks of other agents",
+    "messages": "too few looks at what replaced moves change",
     "deterministic": "no rerun",
     "horizon": "whole episodes were not truncated, at one length, twice at least",
     "symmetric": "no role has two agents, too few episodes had, or draws aren't settled by seeds",
@@ -57,19 +60,23 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
     settled = _deterministic(evidence)  # else draws that no seed settles are held still, and equal
     by_role = roles_of(contract, evidence)
     found = {
-        "schedule": form.schedule(traces, api),
         "stages": turns.stages(shapes, by_role, play_order),
         "order": play_order,
         "observe": _observe(api, within, shapes),
         "conflicts": _conflicts(api, advised, priority, order, play_order),
         "legality": trials.legality(moves),
+        "messages": trials.messages(moves),
         "order_sensitive": order.get("result"),
         "deterministic": settled,
         "horizon": comings.horizon(shapes),
         "symmetric": roles.symmetric(
             [] if settled is False else shapes,
             [] if settled is False else traces,
-            by_role,
+            {
+                name: agents
+                for name, agents in by_role.items()
+                if priority != "unclear" or name not in ranked
+            },
             _first_comes(within, ranked, play_order),
         ),
         "reward": {**payments(traces, api), "pairs": trials.pairs(moves)},
@@ -81,6 +88,7 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
         "advice": advised.api,
         "because": list(advised.because),
         "why": advised.why,
+        "errors": _errors(evidence),
     }
     silent = {key: why for key, why in NOT_SEEN.items() if found[key] is None}
     return {**found, "not_measured": silent}
@@ -106,13 +114,22 @@ def _signs(
     )
 
 
+def _errors(evidence: ProbeEvidence) -> list[dict[str, Any]]:
+    """Exceptions of the environment that kept episodes or replaced moves from being looked at."""
+    counts = Counter((fact.value.during, fact.value.error) for fact in evidence.facts(FormError))
+    return [
+        {"during": during, "error": error, "episodes": count}
+        for (during, error), count in counts.most_common()
+    ]
+
+
 def _most_movers(shapes: Sequence[EpisodeShape]) -> int:
     """The most agents that acted in one round."""
     return max((len(each) for shape in shapes for each in shape.rounds), default=0)
 
 
 def _play_order(
-    api: str, advised: Advice, order: str | None, shapes: Sequence[EpisodeShape]
+    api: str, advised: FormAdvice, order: str | None, shapes: Sequence[EpisodeShape]
 ) -> str | None:
     """Order of the contract's words: `none` where moves are made together, whatever the turns."""
     if api == "parallel":
@@ -132,7 +149,7 @@ def _observe(
 
 def _conflicts(
     api: str,
-    advised: Advice,
+    advised: FormAdvice,
     priority: str | None,
     order: Mapping[str, Any],
     play_order: str | None,
@@ -140,7 +157,7 @@ def _conflicts(
     if api == "parallel":
         if order.get("result") == "outcome":
             return "priority"
-        words = {"roster": "priority", "random": "random", "unclear": None}
+        words = {"roster": "priority", "random": "random", "unclear": None, "noisy": None}
         return words.get(priority or "", "joint rule" if advised.api else None)
     if advised.api == "aec":
         return "ordered"

@@ -21,6 +21,7 @@ from gamekeeper.interface.opening import Opened, open_env
 from gamekeeper.interface.packing import type_name_of
 from gamekeeper.interface.policy import Chosen, resolve
 from gamekeeper.rollouts.episode_loop import (
+    ActionChooser,
     EpisodePlan,
     EpisodeResult,
     EvidenceOptions,
@@ -33,6 +34,9 @@ from gamekeeper.rollouts.process_randomness import held
 from gamekeeper.runs.recording import cast_of
 
 Saw: TypeAlias = Fact[Any] | ProbeCounterfactual | Episode
+
+Steering: TypeAlias = Callable[[ActionChooser, Any], ActionChooser]
+"""From the random policies and the environment to the policies that play."""
 
 LEAST_TURNS: Final = 20
 """A play shorter than this shows too little."""
@@ -174,6 +178,7 @@ class ProbeSession:
         watch: StepHook | None = None,
         state: bool = True,
         hold: bool = True,
+        steer: Steering | None = None,
     ) -> EpisodeResult:
         """Plays in `env` (a fresh instance if None), with random legal actions or those on paper.
 
@@ -181,15 +186,21 @@ class ProbeSession:
         draws from them makes no difference between a play, its unchanged rerun and its
         counterfactual.
 
+        `steer` makes of the random policies those that choose in their place.
+
         The first play of a look is its `base`: its actions are what a reader plays again.
         """
         env = self.env() if env is None else env
         self.meter.count(RESET_STEPS)
+        cast: ActionChooser | None = None
+        if play.actions is None:
+            cast = cast_of(_random(), env, self.contract)
+            cast = cast if steer is None else steer(cast, env)
         with held() if hold else nullcontext():
             played = perform(
                 play,
                 env,
-                cast=None if play.actions is not None else cast_of(_random(), env, self.contract),
+                cast=cast,
                 cast_seed=self.seed,
                 change=change,
                 contract=self.contract,

@@ -102,10 +102,10 @@ def show_audit(screen: Screen, document: Mapping[str, Any]) -> None:
         id, text = program
         lines = text.count("\n")
         if lines <= MOST_LINES:
-            screen.show(f"\nA program that fails as long as {id} does")
+            screen.show(f"\nA program that shows {id}: it fails as long as the check does")
             screen.program(text)
         else:
-            screen.show(f"\nA program of {lines} lines fails as long as {id} does.")
+            screen.show(f"\nA program of {lines} lines shows {id}.")
         screen.show(
             f"\n  --out FOLDER writes the programs of all findings.\n"
             f"  gamekeeper explain {id} says why it matters."

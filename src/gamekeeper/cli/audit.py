@@ -67,7 +67,11 @@ SeedsOption = Annotated[
 BudgetOption = Annotated[
     int,
     typer.Option(
-        "--budget", metavar="N", min=1, max=MOST, help="Environment steps of all probes together."
+        "--budget",
+        metavar="N",
+        min=1,
+        max=MOST,
+        help="Environment steps of the checks; the measured game form has up to 5,000 more.",
     ),
 ]
 QuickOption = Annotated[

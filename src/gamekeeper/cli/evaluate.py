@@ -61,7 +61,8 @@ EpisodesOption = Annotated[
         metavar="N",
         min=1,
         max=MOST,
-        help="Number of episodes that each policy plays (default: as in SPEC, or 100).",
+        help="Number of episodes that each policy plays; the interval of a mean asks for 95 "
+        "(default: as in SPEC, or 100).",
     ),
 ]
 SeedOption = Annotated[
@@ -153,10 +154,12 @@ def command(
     """Compares policies on the same seeds, with confidence intervals for team, role and agent.
 
     The statistical unit is the episode for one policy, and the training run for a method with
-    several training runs. Refused claims are listed at the end, each with its reason. A second
-    call with the same --out continues there.
+    several training runs. An interval that wouldn't hold the truth as often as it says is refused:
+    the end of the output lists each with its reason and the next step. A second call with the same
+    --out continues there.
 
-    Exit code 0: done. 1: episodes ended with an exception. 2: no answer, or wrong use.
+    Exit code 0: done. 1: episodes ended with an exception. 2: wrong use, or with --strict an
+    interval was refused.
 
     Example: gamekeeper evaluate warehouse --policy reference --policy random
     """

@@ -203,7 +203,7 @@ def _ask(question: str, answer: str, read: Callable[[str], T]) -> T:
 
 
 def _advise(screen: Screen, advice: TimingAdvice) -> None:
-    screen.note(f"TimingAdvice: {advice.api}, because {advice.why}.")
+    screen.note(f"Advice: {advice.api}, because {advice.why}.")
 
 
 def _show(screen: Screen, plan: Plan, advice: TimingAdvice, folder: Path, files: list[str]) -> None:
@@ -215,7 +215,7 @@ def _show(screen: Screen, plan: Plan, advice: TimingAdvice, folder: Path, files:
 
     indent = " " * 10
     told = textwrap.fill(
-        because, screen.width, initial_indent="TimingAdvice    ", subsequent_indent=indent
+        because, screen.width, initial_indent="Advice    ", subsequent_indent=indent
     )
     listed = "\n".join(f"  {file}" for file in files)
     next_lines = [

@@ -84,6 +84,9 @@ def show_replayed(
         shown = UNFINALIZED
     if replayed.verified:
         screen.verdict(f"verified: fingerprint {shown}", "good", indent=indent)
+        if replayed.versions:
+            differ = versions_text(replayed.versions, width=width)
+            screen.show(textwrap.indent(f"{differ}\n(every turn is equal nevertheless)", indent))
     elif replayed.divergence is not None:
         text = divergence_text(replayed.divergence, width=width)
         screen.verdict(f"diverged at {text}", "bad", indent=indent)

@@ -79,11 +79,12 @@ class Failure:
         """The condition is true of the values.
 
         Raises:
-            ContractError: a name has no value, or values of two kinds are compared.
+            ContractError: a name has no value, values of two kinds are compared, or what comes
+                out is a figure other than 0 and 1.
         """
         self.check(values)
         try:
-            return bool(_ConditionReader(self.text).read()(values))
+            found = _ConditionReader(self.text).read()(values)
         except (TypeError, ZeroDivisionError) as error:
             raise ContractError(
                 f"the failure condition can't be worked out: {error}",
@@ -92,6 +93,15 @@ class Failure:
                 actual=str({name: values[name] for name in sorted(self.names & values.keys())}),
                 fix="compare values of one kind",
             ) from error
+        if found not in (0, 1):
+            raise ContractError(
+                "the failure condition is a figure, neither true nor false",
+                where=self.text,
+                expected="a comparison, such as 'return < 0.5'",
+                actual=f"{self.text} is {found!r}",
+                fix="compare it with a bound",
+            )
+        return bool(found)
 
 
 class _ConditionReader:

@@ -137,6 +137,8 @@ class Diagnosis:
         conditions: when an episode counts as failed, by scope; `agent`: for each of them.
         budget: episodes that could be played.
         not_played: what the budget didn't reach, in words.
+        policies: those that played the new episodes in place of the recorded ones, by agent or
+            role; then new and recorded episodes can't contradict each other.
     """
 
     run: str
@@ -155,6 +157,7 @@ class Diagnosis:
     conditions: Mapping[str, str] = field(default_factory=dict)
     budget: int = 2_000
     not_played: tuple[str, ...] = ()
+    policies: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def has_cause(self) -> bool:
@@ -183,6 +186,7 @@ class Diagnosis:
             "conditions": dict(self.conditions),
             "budget": self.budget,
             "not_played": list(self.not_played),
+            "policies": dict(self.policies),
         }
 
     def rows(self) -> list[list[str]]:

@@ -30,6 +30,7 @@ from gamekeeper.diagnosis.played_setup import (
     SetupTraits,
     consent_to,
     contract_of,
+    other_policies,
     setup_of,
     traits_of,
 )
@@ -176,7 +177,8 @@ def _diagnosis(
     contract, conditions = experiment.contract, experiment.conditions
     agents = _present(evidence, experiment, seen)
     fresh = {scope: experiment.fresh(scope) for scope in experiment.scopes}
-    doubts = contradictions(recorded, fresh)
+    others = other_policies(evidence, experiment.setup)
+    doubts = {} if others else contradictions(recorded, fresh)
     findings = {s: _doubted(experiment.finding(s), doubts.get(s)) for s in experiment.scopes}
     found = _counterfactuals(evidence, experiment, findings, recorded)
     repeated = experiment.extra
@@ -214,6 +216,7 @@ def _diagnosis(
         conditions={name: each.text for name, each in conditions.items()},
         budget=experiment.budget,
         not_played=tuple(experiment.not_played),
+        policies=others,
     )
 
 
@@ -444,8 +447,8 @@ def _why_not(
     if is_anothers:
         return "what could be made ideal isn't this agent's" if experiment.fails else SOUND
     if knobs:
-        are = "is at its ideal" if len(knobs) == 1 else "are at their ideal"
-        return f"{_joined(knobs)} {are}"
+        have = "has its ideal value" if len(knobs) == 1 else "have their ideal values"
+        return f"{_joined(knobs)} {have} already"
     if label == "planning" and seen.has_reference:
         return "the reference policy plays already"
     if label == "planning":

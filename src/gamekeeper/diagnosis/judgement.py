@@ -106,7 +106,7 @@ def judged(
     if not is_failing(unchanged, expected):
         why = (
             f"{share.p:.0%} of new episodes succeed (95 % interval {share.low:.0%} to "
-            f"{share.high:.0%}), which isn't surely less than the expected {expected:.0%}"
+            f"{share.high:.0%}), not significantly below the expected {expected:.0%}"
         )
         return ScopeFinding("untested", (), (), tried, success, why)
     least = _least(tried)
@@ -151,8 +151,8 @@ def _why_none(
         )
     if not arms:
         return (
-            "there is nothing to make ideal: no knob that the contract declares differs from its "
-            "ideal, and no reference policy is known; [knobs] of the contract declares them"
+            "nothing could be tested, as no knob that the contract declares ([knobs]) differs from "
+            "its ideal value, and the environment has no reference policy"
         )
     if everything is None:
         return (

@@ -197,6 +197,14 @@ def _named_policies(evidence: Evidence, chosen: Mapping[str, Any]) -> dict[str, 
     return {**_kept_policies(recorded, chosen, role_of), **chosen}
 
 
+def other_policies(evidence: Evidence, setup: Setup) -> dict[str, str]:
+    """The policies of a set-up that the run doesn't name for the same players."""
+    recorded = choices_of(evidence)
+    return {
+        place: str(name) for place, name in setup.policies.items() if recorded.get(place) != name
+    }
+
+
 def _kept_policies(
     recorded: Mapping[str, str], chosen: Mapping[str, Any], role_of: Callable[[object], str | None]
 ) -> dict[str, str]:

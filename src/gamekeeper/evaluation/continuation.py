@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
+from gamekeeper.episodes.episode import object_of
 from gamekeeper.errors import EvidenceError, RunError
 from gamekeeper.evaluation.inspection import Inspection, digest_of
 from gamekeeper.evaluation.matchups import SELF, Match
@@ -63,7 +64,7 @@ def document_in(storage: Storage) -> dict[str, Any]:
     """
     text = storage.get(RESULT, most_bytes=RESULT_BYTES)
     try:
-        document = json.loads(text)
+        return object_of(text.decode())
     except (ValueError, RecursionError) as error:
         raise EvidenceError(
             "this is no evaluation",
@@ -72,7 +73,6 @@ def document_in(storage: Storage) -> dict[str, Any]:
             actual=str(error)[:200],
             fix="name a folder that gamekeeper evaluate wrote",
         ) from error
-    return dict(document)
 
 
 def _lost(before: Mapping[str, Any], spec: Spec, matches: Sequence[Match]) -> Iterator[str]:

@@ -213,7 +213,6 @@ FloatArray = NDArray[np.float64]
 
 RETURN, LENGTH, SUCCESS = "return", "length", "success"
 ROLE: Final = "role"
-SCOPES: Final = (TEAM, ROLE, EACH)
 
 
 @dataclass(frozen=True, slots=True)

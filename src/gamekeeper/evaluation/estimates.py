@@ -323,7 +323,8 @@ class Judge:
 
     def _note(self, error: EvidenceError, what: str, of: str) -> None:
         asked = f" (asked for: {error.expected})" if error.expected else ""
-        self.refuse(what, f"{error.what}{asked}", of, error.actual or "")
+        step = f"; next: {error.fix}" if error.fix else ""
+        self.refuse(what, f"{error.what}{asked}{step}", of, error.actual or "")
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,10 +8,13 @@ from typing import Any, Final
 from gamekeeper.evaluation.comparisons import ALPHA, PRIMARY
 from gamekeeper.evaluation.results import Ground
 from gamekeeper.evaluation.spec import Spec
-from gamekeeper.statistics.interval import FEWEST_EPISODES, FEWEST_RUNS, FEWEST_RUNS_APART
+from gamekeeper.statistics.interval import (
+    FEWEST_EPISODES,
+    FEWEST_RUNS,
+    FEWEST_RUNS_APART,
+    RULE_OF_THREE,
+)
 
-RULE_OF_THREE: Final = 3
-"""An outcome of a chance over 3 / n is seen in 95 of 100 samples of n."""
 _LONG: Final = {"mean": "mean", "iqm": "interquartile mean", "median": "median"}
 MOST_FAILURES: Final = 5
 """Most failures that notes name; the raw episodes have all."""
@@ -78,9 +81,21 @@ def _rare(spec: Spec, episodes: int) -> Iterator[str]:
     is_single = any(not each.is_method for each in spec.policies.values())
     if is_single and episodes >= FEWEST_EPISODES["mean"]:
         yield (
-            f"An outcome rarer than 1 in {episodes // RULE_OF_THREE} episodes may not be among "
-            f"{episodes}: where it costs much, a mean is off by more than its interval tells; IQM "
-            "and median don't hang on it."
+            f"What comes less than once in {episodes // RULE_OF_THREE} episodes may not be among "
+            f"{episodes}. If it costs much, as a crash does, a mean is off by more than its "
+            "interval tells, and no statistic can know; IQM and median don't depend on it."
+        )
+    runs = [
+        max(len(policy.runs_in(each)) for each in spec.environments)
+        for policy in spec.policies.values()
+        if policy.is_method
+    ]
+    most = max(runs, default=0)
+    if most >= FEWEST_RUNS["mean"]:
+        yield (
+            f"A way of training that fails less than once in {most // RULE_OF_THREE} runs may "
+            f"not have failed in {most}: the mean and its interval don't know of it; the IQM "
+            "doesn't depend on it."
         )
 
 
@@ -131,8 +146,9 @@ def _unclaimed(comparisons: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         )
     if secondary:
         yield (
-            f"No claim is made of the other comparisons ({secondary}; roles, agents, and figures "
-            "that follow from another), which are corrected for the number of all."
+            f"Of the other comparisons ({secondary}: roles, agents, and figures that follow from "
+            "another) no claim is made; their p-values are corrected for the number of all "
+            "comparisons."
         )
     for row in primary:
         if not _tested(row):

@@ -175,9 +175,9 @@ def _refuse_pooling(ground: Ground, judge: Judge) -> None:
     for role in ground.look.role_names:
         if role not in ground.pooled:
             judge.refuse(
-                f"{role} as one figure",
-                "its agents aren't interchangeable, or no contract says that they are: "
-                "they are shown one by one",
+                f"one figure for the role {role}",
+                "no contract declares its agents interchangeable "
+                f"(roles.{role}.symmetric = true): they are shown one by one",
                 ground.name,
             )
     if ground.is_rivalry:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import difflib
 import functools
 import importlib
 import importlib.metadata
@@ -210,10 +211,13 @@ def _existing(typed: str) -> Path:
 
 def _no_module(missing: str, name: str) -> NotHereError:
     parent, _, part = missing.rpartition(".")
+    meant = modules_called(parent, VERSION.sub("", part))
     if parent:
         package = sys.modules.get(parent)
         there = [info.name for info in pkgutil.iter_modules(getattr(package, "__path__", []))]
         seen = f"'{parent}' has no module '{part}'{nearest(part, there)}"
+        close = difflib.get_close_matches(part, there, n=1, cutoff=0.8)
+        meant = meant or [f"{parent}.{each}" for each in close]
     else:
         tops = importlib.metadata.packages_distributions()
         seen = f"no module '{part}' is installed or in the current folder{nearest(part, tops)}"
@@ -222,6 +226,5 @@ def _no_module(missing: str, name: str) -> NotHereError:
         where=name,
         expected="a module that can be imported",
         actual=seen,
-        fix=did_you_mean(modules_called(parent, VERSION.sub("", part)))
-        or "install the package that holds it, or start where it lies",
+        fix=did_you_mean(meant) or "install the package that holds it, or start where it lies",
     )

@@ -177,11 +177,11 @@ def _locate(spec: object, api: str | None, *, shown: object) -> Source:
             misses.append(absent)
     if isinstance(spec, str) and _is_evidence(spec):
         raise SpecError(
-            "evidence is no environment",
+            "this is a recorded run, and an environment is asked for",
             where=spec,
             expected="an environment",
-            actual="the folder of a recorded run",
-            fix="name what it was recorded of; gamekeeper show reads the run",
+            actual="the folder of a run",
+            fix=f"name what it was recorded of: gamekeeper show {spec} says it",
         )
     if len(misses) == 1:
         (miss,) = misses

@@ -79,10 +79,16 @@ def _replaced(document: Mapping[str, Any], width: int) -> str:
         for name, part in agents.items()
     ]
     parts = [part[key] for part in agents.values() for key in ("difference", "shapley")]
-    absent = "-: not measured, as the agent joins late or others were drawn"
-    title = f"Agents replaced: {_episodes(document['fresh'], 'new')}"
+    absent = "-: not measured, as the agent joins late or isn't among those drawn to be replaced"
+    title = f"Agents replaced: {_episodes(document['fresh'], 'new')}{_named(document)}"
     legend = [*REPLACED, *_signs(parts, absent)]
     return _group(title, rows, legend, width, above=team_sentence(document))
+
+
+def _named(document: Mapping[str, Any]) -> str:
+    """The policies that new episodes play in place of the recorded ones."""
+    named = [f"{name} = {policy}" for name, policy in document["policies"].items()]
+    return f", with {', '.join(named)} in place of what was recorded" if named else ""
 
 
 def _repeated(document: Mapping[str, Any], width: int) -> str:
@@ -96,7 +102,7 @@ def _repeated(document: Mapping[str, Any], width: int) -> str:
     recorded, every = document["episodes"], document["replayed"]
     which = _episodes(recorded, "recorded")
     if every > recorded:
-        which = f"{recorded:,} recorded and {_episodes(every - recorded, 'new')}"
+        which = f"{recorded:,} recorded and {_episodes(every - recorded, 'new')}{_named(document)}"
     title = f"Actions of one agent replaced, while the others repeat theirs: {which}"
     absent = "-: the agent had no action to replace"
     legend = [*REPEATED, *_signs(parts, absent), *_stand_ins(document)]
@@ -178,7 +184,7 @@ def _lazy(document: Mapping[str, Any], width: int) -> str:
         for name, part in lazy.items()
         for line in wrapped(f"{name}: {part['lazy_why']}", width, first=INDENT, rest=INDENT * 2)
     ]
-    title = "Lazy: surely less than half of a fair share, the mean of the others of its role"
+    title = "Lazy: significantly less than half of a fair share, the mean of the others of its role"
     return "\n".join([*wrapped(title, width, rest=INDENT), *lines]) if lines else ""
 
 

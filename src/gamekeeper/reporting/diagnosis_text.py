@@ -87,10 +87,12 @@ def _scope(document: Mapping[str, Any], scope: str, width: int) -> Iterator[str]
     )
     share, fresh = found["success"], document["fresh"].get(scope, {"failed": 0, "episodes": 0})
     recorded = document["recorded"].get(scope, {"failed": 0, "episodes": 0})
+    named = ", ".join(f"{who} = {name}" for who, name in document["policies"].items())
+    how = f"with {named} in place of the recorded policy" if named else "with nothing changed"
     text = (
         f"Failed: {recorded['failed']} of {recorded['episodes']} recorded episodes, and "
-        f"{fresh['failed']} of {fresh['episodes']} new ones with nothing changed. Success rate of "
-        f"the new ones: {share['share']:.0%} (95 % interval {share['low']:.0%} to "
+        f"{fresh['failed']} of {fresh['episodes']} new ones {how}. Success rate of the new ones: "
+        f"{share['share']:.0%} (95 % interval {share['low']:.0%} to "
         f"{share['high']:.0%}), expected if nothing is wrong: {document['expected']:.0%} "
         "(--expected)."
     )
@@ -156,8 +158,8 @@ def _perturbations(document: Mapping[str, Any], width: int) -> str:
     if not played:
         return ""
     text = (
-        "Perturbations (one thing made worse), and the change of the team's mean return with its "
-        "95 % interval. They show what the return depends on, never a cause."
+        "Perturbations (one thing disturbed or cut short), and the change of the team's mean "
+        "return with its 95 % interval. They show what the return depends on, never a cause."
     )
     lines = wrapped(text, width, rest=INDENT)
     shown = [each for each in played if each.get("depends")]

@@ -18,6 +18,8 @@ MOST_POLICIES: Final = 5
 """Policies that have a column in a table of agents."""
 MOST_CELLS: Final = 30
 MOST_RUNS: Final = 20
+PROFILED: Final = (0.0, 0.25, 0.5, 0.75, 0.9)
+"""Scores at which the text shows performance profiles; the document has more."""
 RARE_ENDINGS: Final = ("cut", "failed", "mixed")
 """Endings that have a column only where there are any."""
 COLUMNS: Final = {
@@ -59,7 +61,7 @@ def evaluation_text(document: Mapping[str, Any], *, width: int) -> str:
             "\n".join(lines)
             for lines in (
                 [f"Returns in {name}", *_returns(rows, document["level"], width)],
-                [f"Endings in {name}, in episodes", *_endings(rows, width)],
+                [f"Endings in {name}, {_counted(rows)}", *_endings(rows, width)],
                 [f"Mean return of each agent in {name}", *_agents(rows, width)],
             )
             if len(lines) > 1
@@ -165,6 +167,12 @@ def _runs(rows: Sequence[Row], width: int) -> Iterator[str]:
         yield from wrapped(text, width, first=INDENT, rest=INDENT * 2)
 
 
+def _counted(rows: Sequence[Row]) -> str:
+    """The unit in which endings are counted."""
+    has_roles = any(row["scope"] == "role" for row in _shown(rows))
+    return "in episodes" + (" (of a role: episodes of each of its agents)" if has_roles else "")
+
+
 def _endings(rows: Sequence[Row], width: int) -> Iterator[str]:
     shown = _shown([row for row in rows if row["endings"] is not None])
     if not shown:
@@ -184,7 +192,8 @@ def _endings(rows: Sequence[Row], width: int) -> Iterator[str]:
                 reasons,
             )
         )
-    yield from _fitted(cells, width, right=range(3, 3 + len(kinds)), spare=(4,))
+    spare = 2 + len(kinds) if "mixed" in rare else 4  # reasons have the mixed ones, too
+    yield from _fitted(cells, width, right=range(3, 3 + len(kinds)), spare=(spare,))
 
 
 def _agents(rows: Sequence[Row], width: int) -> Iterator[str]:
@@ -266,11 +275,26 @@ def _overall(overall: Mapping[str, Any], width: int) -> Iterator[str]:
         more = [_value(row[key]) for key in ("median", "optimality_gap")]
         cells.append((row["policy"], row["metric"], *figures, *more, str(row["runs"])))
     yield from _fitted(cells, width, right=(4, 5, 6), spare=(5, 4, 2))
+    yield from _profiles([row for row in overall["results"] if row["unit"] == "run"], width)
     for row in overall["comparisons"]:
         if row["improvement"] is not None:
             chance = {k: 100 * row["improvement"][k] for k in ("value", "low", "high")}
             text = f"P({row['a']} > {row['b']}) in {row['metric']}: {_interval(chance)} %"
             yield from _item(text, width)
+
+
+def _profiles(rows: Sequence[Row], width: int) -> Iterator[str]:
+    """Performance profiles: the part of the runs above each of a few scores."""
+    if not rows:
+        return
+    taus = rows[0]["profile"]["tau"]
+    places = [taus.index(tau) for tau in PROFILED if tau in taus]
+    head = ("share of runs above", "metric", *(f"{taus[place]:g}" for place in places))
+    cells: list[tuple[str, ...]] = [head]
+    for row in rows:
+        shares = (f"{100 * row['profile']['share'][place]:.0f} %" for place in places)
+        cells.append((row["policy"], row["metric"], *shares))
+    yield from _fitted(cells, width, right=range(2, len(head)), spare=())
 
 
 def _crossplay(name: str, found: Mapping[str, Any], level: float, width: int) -> Iterator[str]:
@@ -290,18 +314,29 @@ def _crossplay(name: str, found: Mapping[str, Any], level: float, width: int) ->
         yield f"{INDENT}... and {len(found['cells']) - MOST_CELLS} more pairings (--json has them)"
     for row in found["best_response"]:
         against = next(iter(row["against"].values()), "")
-        gaps = [f"{policy} {_interval(gap, sign='+')}" for policy, gap in row["gap"].items() if gap]
-        text = f"best as {row['role']} with {against}: {row['policy']} {_number(row['value'])}"
-        yield from _item(f"{text}; over {', '.join(gaps)}", width)
+        gaps = [
+            f"{policy} by {_interval(gap, sign='+')}" for policy, gap in row["gap"].items() if gap
+        ]
+        text = f"best as {row['role']} with {against}: {row['policy']}, {_number(row['value'])}"
+        yield from _item(f"{text}; ahead of {', '.join(gaps)}", width)
     if found["best_response"]:
         yield f"{INDENT}best: chosen on half of the episodes, measured on the others"
     for row in found["fairness"]:
         a, b = row["policies"]
         pair = f"{a} with itself" if a == b else f"{a} with {b}, both ways"
-        text = f"{pair}: {row['roles'][0]} leads by {_interval(row['first_mover'])}"
+        leader, lead = _leader(row["roles"], row["first_mover"])
+        text = f"{pair}: {leader} leads by {_interval(lead)}"
         if row["difference"] is not None:
             text += f"; {a} {MINUS} {b} {_interval(row['difference'], sign='+')}"
         yield from _item(text, width)
+
+
+def _leader(roles: Sequence[str], lead: Row | None) -> tuple[str, Row | None]:
+    """The role that is ahead, and by how much; `lead` is that of the first."""
+    if lead is None or (lead["value"] or 0.0) >= 0.0:
+        return roles[0], lead
+    low, high = (None if lead[key] is None else -lead[key] for key in ("high", "low"))
+    return roles[1], {"value": -lead["value"], "low": low, "high": high}
 
 
 def _fitted(

@@ -16,15 +16,15 @@ TITLE: Final = (
     "mask, observation, reward or ending of another agent"
 )
 LEGEND: Final = (
-    "0 {lag} later: in the same one; changed (low to high): share of the replaced actions, with "
-    "its 95 % confidence interval; n: replaced actions"
+    "0 {lag} later: in the same one; of several lags the surest is shown; changed (low to high): "
+    "share of the replaced actions, with its 95 % confidence interval; n: replaced actions"
 )
 
 
 def influence_text(
     influence: Iterable[Mapping[str, Any]], *, width: int, least: float = 0, lag: str = "rounds"
 ) -> str:
-    """A row for each pair of agents and what was changed, at its strongest lag; maybe empty.
+    """A row for each pair of agents and what was changed, at its surest lag; maybe empty.
 
     Args:
         influence: rows with `from`, `to`, `on`, `lag`, `p`, `low`, `high`, `n`.
@@ -36,9 +36,9 @@ def influence_text(
     for row in influence:
         key = (row["from"], row["to"], row["on"])
         is_shown = row["from"] != row["to"] and row["p"] > 0 and row["low"] >= least
-        if is_shown and (key not in best or row["p"] > best[key]["p"]):
+        if is_shown and (key not in best or _certainty(row) > _certainty(best[key])):
             best[key] = row
-    shown = sorted(best.values(), key=lambda row: -float(row["p"]))
+    shown = sorted(best.values(), key=_certainty, reverse=True)
     if not shown:
         return ""
     rows = [("from", "to", "on", f"{lag} later", "changed", "n")]
@@ -49,3 +49,8 @@ def influence_text(
     if len(shown) > MOST_ROWS:
         lines.append(f"{INDENT}and {len(shown) - MOST_ROWS} more (--json shows them)")
     return "\n".join([*lines, *wrapped(LEGEND.format(lag=lag), width, first=INDENT, rest=INDENT)])
+
+
+def _certainty(row: Mapping[str, Any]) -> tuple[float, float]:
+    """The share that is sure at least: of few tries a high one is luck."""
+    return float(row["low"]), float(row["p"])

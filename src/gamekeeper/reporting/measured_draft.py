@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from collections.abc import Set as AbstractSet
 from dataclasses import replace
 from typing import Any, Final
 
@@ -29,7 +30,9 @@ def measured_questions(questions: Iterable[Question], measured: Measured) -> tup
         questions: declarations that are missing.
         measured: as the audit's document has it.
     """
-    return tuple(_measured(each, measured) for each in questions)
+    asked = tuple(questions)
+    roles = {each.path[1] for each in asked if each.path[0] == "roles"}
+    return tuple(_measured(each, measured, roles) for each in asked)
 
 
 def draft_note(*, steps: int, seed: int) -> str:
@@ -42,8 +45,8 @@ def draft_note(*, steps: int, seed: int) -> str:
     return "".join(f"## {line}\n" for line in lines) + "\n"
 
 
-def _measured(question: Question, measured: Measured) -> Question:
-    value = _answer(question.path, measured)
+def _measured(question: Question, measured: Measured, roles: AbstractSet[str]) -> Question:
+    value = _answer(question.path, measured, roles)
     if value is not None:
         return replace(question, measured=value_text(value))
     text = _hint(question.path, measured)
@@ -53,9 +56,18 @@ def _measured(question: Question, measured: Measured) -> Question:
     return replace(question, hint="; ".join(filter(None, [question.hint, f"measured: {text}"])))
 
 
-def _answer(path: tuple[str, ...], measured: Measured) -> Any:
-    """The measured value in the words of a contract; None where it doesn't answer the question."""
+def _answer(path: tuple[str, ...], measured: Measured, roles: AbstractSet[str]) -> Any:
+    """The measured value in the words of a contract; None where it doesn't answer the question.
+
+    That no agent was seen to join or to leave is no answer, and roles may be called otherwise.
+    """
     match path:
+        case ("schedule", "stages"):
+            stages = measured.get("stages") or []
+            names = {name for stage in stages for name in stage}
+            return stages if names and names <= roles else None
+        case ("roles", role, ("may_join" | "may_leave") as key):
+            return role in (measured.get(key) or ()) or None
         case ("seeds", "deterministic"):
             return _plain(measured.get("deterministic"), bool)
         case ("schedule", "horizon"):
@@ -74,8 +86,6 @@ def _hint(path: tuple[str, ...], measured: Measured) -> str:
         case ("roles", role, "symmetric"):
             by_role = measured.get("symmetric")
             return words(by_role.get(role)) if isinstance(by_role, Mapping) else ""
-        case ("schedule", "stages" | "order"):
-            return words(measured.get("schedule"))
         case ("schedule", "conflicts"):
             effect = ORDER_MATTERS.get(str(measured.get("order_sensitive")))
             return f"effect of the order of the action dictionary: {effect}" if effect else ""

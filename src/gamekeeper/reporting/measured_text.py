@@ -13,14 +13,14 @@ from gamekeeper.reporting.text_columns import column_lines, wrapped
 Document = Mapping[str, Any]
 
 INDENT: Final = "  "
-APART: Final = ("influence", "looked_ahead", "advice", "because", "why", "not_measured")
+APART: Final = ("influence", "looked_ahead", "advice", "because", "why", "errors", "not_measured")
 """Keys of `measured` that aren't rows of the table."""
 DECLARED: Final[Mapping[str, tuple[tuple[str, ...], ...]]] = {
-    "schedule": (("api",),),
     "stages": (("schedule", "stages"),),
     "order": (("schedule", "order"),),
     "observe": (("schedule", "observe"),),
     "conflicts": (("schedule", "conflicts"),),
+    "messages": (("roles", "*", "messages"),),
     "deterministic": (("seeds", "deterministic"),),
     "horizon": (("schedule", "horizon"),),
     "reward": (("rewards",),),
@@ -37,11 +37,7 @@ LEFT_OUT: Final = ("positive", "negative")
 """Figures by agent that only the JSON document has."""
 SPOKEN: Final = {"zero_sum": "zero-sum", "after_end": "after the end"}
 """Keys that are shown in other words; names of agents and roles stay."""
-LABELS: Final = {
-    "schedule": "turns",
-    "legality": "moves change masks",
-    "order_sensitive": "order matters",
-}
+LABELS: Final = {"legality": "moves change masks of others", "order_sensitive": "order matters"}
 """Rows of the table whose label is more than their key."""
 ORDER_MATTERS: Final = {
     "none": "no",
@@ -49,17 +45,12 @@ ORDER_MATTERS: Final = {
     "outcome": "yes, it changes the outcome",
 }
 """Effect of the order of the actions of one tick."""
-ORDERS_SEEN: Final = {
-    "fixed": "in a fixed order",
-    "rotating": "in an order that rotates",
-    "random": "in an order that differs from episode to episode",
-    "other": "in an order without a pattern that was recognized",
-}
 FITS: Final = {
     "aec": "AEC (AECEnv) fits",
     "parallel": "Parallel (ParallelEnv) fits",
     "either": "AEC and Parallel fit alike",
 }
+ERRORS: Final = "The environment raised exceptions, so this was left out of the measurement"
 ADVICE: Final = "Which API fits this game"
 TICK: Final = "tick: one step in which every live agent acts once."
 SYMMETRIC: Final = (
@@ -101,11 +92,21 @@ def measured_text(audit: Document, *, width: int) -> str:
         text = f"Effects later than {measured['looked_ahead']} rounds aren't looked for."
         influence = "\n".join([influence, *wrapped(text, width, first=INDENT, rest=INDENT)])
     parts.append(influence)
+    parts.append(_errors_text(measured.get("errors") or (), width=width))
     if measured.get("advice"):
         api = FITS.get(measured["advice"], measured["advice"])
         why = one_line(f"{api}: {measured.get('why', '')}".removesuffix(": "))
         parts.append("\n".join([ADVICE, *wrapped(why, width, first=INDENT, rest=INDENT)]))
     return "\n\n".join(filter(None, parts))
+
+
+def _errors_text(errors: Sequence[Document], *, width: int) -> str:
+    """Exceptions of the environment while it was measured, a line each; empty without any."""
+    lines = [ERRORS] if errors else []
+    for each in errors:
+        text = f"{each['during']}, in {each['episodes']} episodes: {one_line(each['error'])}"
+        lines += wrapped(text, width, first=INDENT, rest=INDENT)
+    return "\n".join(lines)
 
 
 def _value(key: str, value: Any) -> str:
@@ -196,19 +197,11 @@ def _symmetry(value: Document) -> str:
     return f"{seems}{p}{episodes}" + (f": {value['why']}" if value.get("why") else "")
 
 
-def _schedule(value: Document) -> str:
-    """The order in which agents were seen to act, and how many act in a tick or a round."""
-    is_together = value["acts"] == "together"
-    how = "all at once" if is_together else "one after the other"
-    order = "" if is_together else ORDERS_SEEN.get(str(value.get("order")), "")
-    text = " ".join(filter(None, ["agents act", how, order]))
-    least, most = value.get("fewest_in_a_round"), value.get("most_in_a_round")
-    if most is None:
-        return text
-    each = words(most) if least in (None, most) else f"{words(least)} to {words(most)}"
-    per = "tick" if is_together else "round, in which each acts once"
-    seen = f" ({value['rounds']:,} seen)" if value.get("rounds") else ""
-    return f"{text}; {each} agents per {per}{seen}"
+def _message(value: Document) -> str:
+    """A role's action as a message or as more, the roles that observe it, and the looks."""
+    if not value["message"]:
+        return f"none: its action changes more than what others observe, {value['n']:,} comparisons"
+    return f"its action is a message to {words(value['to'])}, {value['n']:,} comparisons"
 
 
 def _payments(value: Document) -> str:
@@ -227,7 +220,7 @@ def _payments(value: Document) -> str:
 
 def _lengths(value: Document) -> str:
     """Number of episodes that ended by themselves, and their length in ticks."""
-    text = f"{value.get('ended', 0)} of {value['episodes']} episodes ended by themselves"
+    text = f"{value.get('ended', 0)} of {value['episodes']} episodes ended"
     kinds = [f"{end['kind']} of {_owner(end['owner'])}" for end in value.get("kinds") or ()]
     text = ": ".join(filter(None, [", ".join(kinds), text]))
     ticks = value.get("ticks")
@@ -244,7 +237,7 @@ def _owner(owner: str) -> str:
 
 SENTENCES: Final[Mapping[str, Callable[[Document], str]]] = {
     "seems": _symmetry,
-    "acts": _schedule,
+    "message": _message,
     "shared": _payments,
     "episodes": _lengths,
 }

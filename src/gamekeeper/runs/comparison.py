@@ -54,7 +54,7 @@ class Replay:
         consent: rule by which the environment was opened, and the entries of PYTHONPATH in which
             its imports were looked for; None where nothing was opened.
         versions: packages whose version is another than at the recording, and the environment's
-            source if it changed: `{name: [recorded, now]}`.
+            source if it changed: `{name: [recorded, now]}`, also where nothing came of it.
         episodes: how many were replayed.
     """
 
@@ -310,14 +310,13 @@ def replay_evidence(
             (opened.identity, runner.manifest()["spaces"]),
             evidence.manifest["spaces"],
         ) or _other_fingerprint(evidence, prints)
-    versions = _differing_versions(_identity(evidence), opened.identity)
     return Replay(
         run=str(evidence.path or ""),
         verified=exact and divergence is None,
         within_tolerance=None if tolerance is None else divergence is None,
         fingerprint=evidence.fingerprint,
         divergence=divergence,
-        versions={} if exact and divergence is None else versions,
+        versions=_differing_versions(_identity(evidence), opened.identity),
         episodes=len(prints),
     )
 

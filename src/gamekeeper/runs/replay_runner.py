@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import random
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import closing
 from itertools import takewhile
 from pathlib import Path
@@ -227,17 +227,7 @@ class ReplayRunner:
         if chooser is None:
             _check_actions(self._evidence, header)
         episode = ReplayedEpisode(self._evidence.chunks(header), self._game, self._sink, look)
-        self._game.episode = episode.head.episode - 1
-        replay_trace(
-            episode.head,
-            self._game,
-            agents={each.name: agent for agent, each in self._sink.layout.seats.items()},
-            types=self._evidence.manifest.get("action_types"),
-            cast=chooser,
-            run_seed=self._evidence.manifest.get("seed"),
-            after_turn=self._after_turn,
-            turns=episode.turns(),
-        )
+        self._replay(episode.head, chooser, episode.turns())
         again = self._kept()
         episode.finish(again)
         return next(again.headers)
@@ -256,6 +246,11 @@ class ReplayRunner:
         """
         _check_actions(self._evidence, header)
         trace = self._evidence.episode_of(header)
+        self._replay(trace, chooser, takewhile(lambda turn: turn.index < steps, trace.turns))
+        return next(self._kept().episodes)
+
+    def _replay(self, trace: Episode, chooser: ActionChooser | None, turns: Iterable[Turn]) -> None:
+        """Plays turns of an episode again."""
         self._game.episode = trace.episode - 1
         replay_trace(
             trace,
@@ -265,9 +260,8 @@ class ReplayRunner:
             cast=chooser,
             run_seed=self._evidence.manifest.get("seed"),
             after_turn=self._after_turn,
-            turns=takewhile(lambda turn: turn.index < steps, trace.turns),
+            turns=turns,
         )
-        return next(self._kept().episodes)
 
     def returned(self) -> tuple[Mapping[Any, Any], Mapping[Any, Any]]:
         """Observations and infos that the last step of a ParallelEnv returned; else empty."""

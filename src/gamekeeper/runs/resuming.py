@@ -123,7 +123,7 @@ def _header(evidence: Evidence, episode: int, turn: int) -> Mapping[str, Any]:
             where="episode",
             expected=f"a number from 0 to {count - 1}" if count else "a run with episodes",
             actual=str(episode),
-            fix="gamekeeper show RUN lists the episodes",
+            fix="choose one of these",
         ) from None
     steps = evidence.turns_of(header)
     if not 0 <= turn <= steps:
@@ -132,7 +132,7 @@ def _header(evidence: Evidence, episode: int, turn: int) -> Mapping[str, Any]:
             where="turn",
             expected=f"a number from 0, after the reset, to {steps}, its end",
             actual=str(turn),
-            fix=f"gamekeeper show RUN --episode {episode} shows its turns",
+            fix="choose one of these",
         )
     return header
 

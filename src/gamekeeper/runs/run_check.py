@@ -103,11 +103,16 @@ class Verification:
             lines.append("not self-consistent: its digests contradict its files")
         if self.matches is not None:
             lines.append(
-                "matches what was given" if self.matches else "another run than the one given"
+                "matches the digest that was given"
+                if self.matches
+                else "not the run whose digest was given"
             )
         lines += [f"fingerprint {self.fingerprint}", f"root digest {self.root}"]
         if self.annotations:
-            lines.append(f"{self.annotations} annotations, added later: not in the root digest")
+            lines.append(
+                f"{self.annotations} annotations, added later by label, diagnose or attribute: not "
+                "in the root digest"
+            )
         lines += [f"stray (no part of the run): {name}" for name in self.strays]
         lines += [self.not_checked] if self.not_checked else []
         return "\n".join(lines)

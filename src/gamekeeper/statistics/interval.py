@@ -157,6 +157,8 @@ FEWEST_RUNS_FOR_MEDIANS: Final = 30
 FEWEST_PAIRS: Final = 50
 """Pairs of episodes for the probability that one beats the other."""
 
+RULE_OF_THREE: Final = 3
+"""An outcome of a chance over 3 / n is seen in 95 of 100 samples of n."""
 AGENTS_OF_ONE_EPISODE: Final = (
     "agents of one episode are no sample: they share its seed, its partners and its luck, so an "
     "interval over them claims more evidence than there is; the unit is the episode (for one "
@@ -200,7 +202,7 @@ def enough(n: int, fewest: int, unit: str, *, where: str) -> None:
         where=where,
         expected=f"at least {fewest} {unit}",
         actual=str(n),
-        fix=f"add {unit}, or show the {n} figures themselves without an interval",
+        fix=f"add {unit}, or show the figures without an interval",
     )
 
 
@@ -217,9 +219,11 @@ def no_spread(value: float, n: int, unit: str, *, where: str) -> EvidenceError:
         where: what asks.
     Source: Hanley & Lippman-Hand 1983, "If nothing goes wrong, is everything all right?"
     """
+    rare = n // RULE_OF_THREE
+    missed = f": one that comes once in {rare}, or more rarely, may not be among them"
     return EvidenceError(
-        f"all {n} {unit} have the same figure, so that nothing is known of its spread: an outcome "
-        f"of 1 in {max(n // 3, 1)}, or a rarer one, may not have been seen",
+        f"all {n} {unit} have the same figure, so that nothing is known of its spread"
+        f"{missed if rare > 1 else ''}",
         where=where,
         expected="figures that differ",
         actual=f"{value:g}",

@@ -94,7 +94,7 @@ def paired_effect(
     enough(n, fewest, "pairs", where="paired_effect")
     error = spread / sqrt(n)
     standard = (differences - value) / spread
-    t = t_of_means(standard, rng)
+    t = np.sort(t_of_means(standard, rng))  # sorted again at every level, which is then quick
     bounds = extended(lambda level: _pair(reach_of_mean(t, standard, level)), n - 1)
     least, most = bounds(level)
     p = least_p(bounds, value / error, n - 1)
@@ -126,14 +126,7 @@ def _differences(base: FloatArray, changed: FloatArray, level: float) -> FloatAr
             actual=f"{one.shape} and {two.shape}",
             fix="pair figures of the same seeds in the same order",
         )
-    if len(one) < FEWEST:
-        raise EvidenceError(
-            "too few pairs for an interval of this level",
-            where="paired_effect",
-            expected=f"at least {FEWEST} pairs",
-            actual=str(len(one)),
-            fix="play more episodes",
-        )
+    enough(len(one), FEWEST, "pairs", where="paired_effect")
     if not 0.8 <= level <= 0.999:
         raise EvidenceError(
             "no interval of this level",

@@ -32,7 +32,7 @@ def audit(word: str, agents: tuple[str, str]) -> dict[str, Any]:
             {**verdict, "id": "GK600", "outcome": "not_exercised", "reason": word, "findings": []},
         ],
         "measured": {
-            "schedule": {"acts": "together", "order": "none"},
+            "order": "none",
             "deterministic": True,
             "horizon": 7,
             "reward": {"by_agent": {one: {"least": 0.0}}, "shared": None},

@@ -22,7 +22,7 @@ EITHER: Final = (
 
 
 @dataclass(frozen=True, slots=True)
-class Advice:
+class FormAdvice:
     """The API that fits, the reasons for AEC, and the evidence in words."""
 
     api: str | None
@@ -40,7 +40,7 @@ class RoundSigns:
         hits: changes of anything of another agent, at any lag.
         looks: at other agents.
         most_in_a_round: agents; with one there is nothing to order.
-        priority: `roster`, `random`, `unclear` or None, as `roles.priority` has it.
+        priority: `roster`, `random`, `unclear`, `noisy` or None, as `roles.priority` has it.
         dictionary: effect of other orders of the action dictionary: none, draws, outcome, None.
         unsettled: the unchanged rerun differs, so that nothing can be said.
     """
@@ -55,30 +55,30 @@ class RoundSigns:
     unsettled: bool
 
 
-def advice(signs: RoundSigns) -> Advice:
+def advice(signs: RoundSigns) -> FormAdvice:
     """The API that fits what was seen; None where too little was."""
     found = _of_aec(signs) if signs.api == "aec" else _of_parallel(signs)
     if found is not None:
         return found
     if signs.most_in_a_round == 1:
-        return Advice("either", (), f"there is one agent; {EITHER}")
+        return FormAdvice("either", (), f"there is one agent; {EITHER}")
     if signs.looks < FEWEST:
         reason = "the unchanged rerun differs by itself" if signs.unsettled else "few could be made"
         text = (
             f"only {signs.looks} looks at other agents with one move replaced ({reason}): declare "
             "schedule.order and schedule.observe"
         )
-        return Advice(None, (), text)
+        return FormAdvice(None, (), text)
     bound = wilson(0, signs.looks).high
     if not signs.hits:
         text = (
             f"in {signs.looks} looks no move changed anything of another agent (below {bound:.3f})"
         )
-        return Advice("either", (), f"{text}; {EITHER}")
+        return FormAdvice("either", (), f"{text}; {EITHER}")
     return _together(signs)
 
 
-def _of_aec(signs: RoundSigns) -> Advice | None:
+def _of_aec(signs: RoundSigns) -> FormAdvice | None:
     because = tuple(reason for reason in REASONS if signs.within[reason].hits)
     if not because:
         return None
@@ -90,34 +90,34 @@ def _of_aec(signs: RoundSigns) -> Advice | None:
             f"{reason}: {each.shown} ({each.hits} of {each.looks} looks at later agents of a "
             f"round, 95 % interval {share.low:.2f} to {share.high:.2f})"
         )
-    return Advice("aec", because, f"the order of a round decides {'; '.join(parts)}")
+    return FormAdvice("aec", because, f"the order of a round decides {'; '.join(parts)}")
 
 
-def _of_parallel(signs: RoundSigns) -> Advice | None:
+def _of_parallel(signs: RoundSigns) -> FormAdvice | None:
     if signs.dictionary == "outcome":
         text = (
             "the order of the action dictionary decides the outcome; in turns the order is part of "
             "the game"
         )
-        return Advice("aec", ("reward",), text)
+        return FormAdvice("aec", ("reward",), text)
     if signs.priority == "roster":
         text = (
             "of two agents of a role, the move of the one that stands first in the roster changes "
             "what the other is paid in the same tick, and never the reverse, whatever is drawn: "
             "ticks are resolved in turns, in an order that nobody declared"
         )
-        return Advice("aec", ("reward",), text)
+        return FormAdvice("aec", ("reward",), text)
     if signs.priority == "unclear":
         text = (
             "whenever a move changed what another agent of its role is paid in the same tick, and "
             "not the reverse, it went one way along the roster; that was too rare to exclude "
             "chance: declare schedule.conflicts, or raise the budget"
         )
-        return Advice(None, (), text)
+        return FormAdvice(None, (), text)
     return None
 
 
-def _together(signs: RoundSigns) -> Advice:
+def _together(signs: RoundSigns) -> FormAdvice:
     if signs.api == "parallel":
         drawn = "; another order of the actions changed only which random draw was whose"
         drawn = drawn if signs.dictionary == "draws" else ""
@@ -125,12 +125,12 @@ def _together(signs: RoundSigns) -> Advice:
             f"moves change other agents ({signs.hits} of {signs.looks} looks), and no order of "
             f"moves within a tick was found to decide anything{drawn}"
         )
-        return Advice("parallel", (), text)
+        return FormAdvice("parallel", (), text)
     looks = min(signs.within[reason].looks for reason in ("state", "reward"))
     if looks < FEWEST:
         text = f"only {looks} looks at later agents of a round: declare schedule.order and observe"
-        return Advice(None, (), text)
-    return Advice(
+        return FormAdvice(None, (), text)
+    return FormAdvice(
         "parallel",
         (),
         f"in {looks} looks with one move replaced no later agent of the round found another "

@@ -1,36 +1,13 @@
-"""Measured schedule, endings and length of episodes."""
+"""Measured endings and length of episodes. Pure."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 from statistics import median
 from typing import Any
 
-from gamekeeper.checks.rounds import FIXED, kind_of_order, orders, ticks
+from gamekeeper.checks.rounds import orders, ticks
 from gamekeeper.episodes.episode import Episode
-
-
-def schedule(traces: Sequence[Episode], api: str) -> dict[str, Any] | None:
-    """Schedule: agents act together or in turns, and the order of the turns.
-
-    `acts`: `together` or `in turns`; `order`: `none`, `fixed`, `rotating`, `random`
-    (fixed in an episode, not from one to the next) or `other`, None where no tick had two agents;
-    `rounds` how many were looked at.
-    """
-    rounds = [orders(trace) for trace in traces]
-    count = sum(map(len, rounds))
-    if not count:
-        return None
-    sizes = Counter(len(each) for played in rounds for each in played)
-    found = {"rounds": count, "most_in_a_round": max(sizes), "fewest_in_a_round": min(sizes)}
-    if api == "parallel":
-        return {"acts": "together", "order": "none", **found}
-    kinds = {kind_of_order(played) for played in rounds if played} - {None}
-    kind = next(iter(kinds)) if len(kinds) == 1 else ("other" if kinds else None)
-    if kind == FIXED and kind_of_order([each for played in rounds for each in played]) != FIXED:
-        kind = "random"  # settled at each reset
-    return {"acts": "in turns", "order": kind, **found}
 
 
 def lengths(traces: Sequence[Episode], api: str) -> list[int]:

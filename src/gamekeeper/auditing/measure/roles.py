@@ -19,8 +19,6 @@ LEVEL: Final = 0.01
 """Chance of calling interchangeable agents different, over all roles together."""
 ALIKE: Final = 10
 """Effects one way, all along one order of the names: by chance with probability 2 / 1,024."""
-FEW: Final = 5
-"""The same by chance with probability 2 / 32: fewer are no sign."""
 CONFIRMED: Final = 2
 """Pairs of which the effect goes the same way in several futures."""
 TURNED: Final = 2
@@ -76,7 +74,8 @@ def priority(
     """`roster` where the earlier agent's move always counts, `random` where a draw settles it.
 
     With the roles in which it does. None where effects between agents of a role go both ways, or
-    there are none; `unclear` where all go one way, and too few were seen to exclude chance.
+    there are none; `unclear` where all go one way, and too few were seen to exclude chance; `noisy`
+    where a draw settles that there is an effect, and it wasn't seen to turn one.
 
     Args:
         facts: pairs of one role of which one's move changes the other's reward, in several futures.
@@ -86,12 +85,15 @@ def priority(
     turned = sum({(True, False), (False, True)} <= set(fact.ways) for fact in facts)
     if turned >= TURNED and turned >= PART * len(facts):
         return "random", frozenset()
+    varied = sum(len(set(fact.ways)) > 1 for fact in facts)
     place = {agent: at for at, agent in enumerate(agents)}
     pairs = [pair for pair in one_way_pairs(trials) if pair[0] in place and pair[1] in place]
     ways = {place[one] < place[two] for one, two in pairs}
-    if len(pairs) < FEW or len(ways) != 1 or turned:
-        return None, frozenset()
+    if len(ways) != 1 or turned:
+        is_noisy = turned or (varied and varied >= PART * len(facts))
+        return "noisy" if is_noisy else None, frozenset()
+    ranked = frozenset(role(one) for one, _ in pairs)
     firm = sum(set(fact.ways) == {(True, False)} for fact in facts)
     if len(pairs) < ALIKE or firm < CONFIRMED:
-        return "unclear", frozenset()
-    return "roster", frozenset(role(one) for one, _ in pairs)
+        return "unclear", ranked
+    return "roster", ranked

@@ -26,7 +26,7 @@ Trials = Sequence[Fact[MoveTrial]]
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class ShownEffect:
     """The two turns of an episode that show an effect.
 
     Attributes:
@@ -64,7 +64,7 @@ class Within:
 
     looks: int = 0
     hits: int = 0
-    shown: Shown | None = None
+    shown: ShownEffect | None = None
     roles: set[str] = field(default_factory=set)
 
     def add(self, look: MoveLook, fact: Fact[MoveTrial]) -> None:
@@ -81,7 +81,7 @@ class Within:
             self.roles.add(role(trial.agent))
         place = f"{fact.where.probe}/{fact.where.play}"
         turns = trial.turn, look.turn
-        self.shown = self.shown or Shown(trial.agent, look.target, look.on, place, turns)
+        self.shown = self.shown or ShownEffect(trial.agent, look.target, look.on, place, turns)
 
 
 def influence(trials: Trials) -> list[dict[str, Any]]:
@@ -123,6 +123,38 @@ def pairs(trials: Trials) -> list[dict[str, Any]] | None:
     ]
 
 
+def messages(trials: Trials) -> dict[str, dict[str, Any]] | None:
+    """By role, whether its whole action is a message: it changes what others observe, no more.
+
+    A role's moves are messages where replaced ones changed observations of another agent, and
+    nothing else: no reward, ending or mask, and no observation of their own agent. `n` counts the
+    looks at these in the round in which the message was first observed; a role with fewer than 30
+    has no entry. One part of an action isn't replaced by itself, so that words beside a move aren't
+    seen, nor are effects later than the rounds that are looked ahead.
+    """
+    looks: Counter[tuple[str, int]] = Counter()
+    acted: set[str] = set()
+    heard: dict[str, set[str]] = {}
+    first: dict[str, int] = {}
+    for trial, look in _all(trials):
+        name = role(trial.agent)
+        is_heard = look.on == "observation" and look.target != trial.agent
+        if not is_heard:
+            looks[name, look.lag] += 1
+        if is_heard and look.is_changed:
+            heard.setdefault(name, set()).add(role(look.target))
+            first[name] = min(look.lag, first.get(name, look.lag))
+        elif look.is_changed:
+            acted.add(name)
+    found = {}
+    for name in sorted({name for name, _ in looks}):
+        count = looks[name, first.get(name, 0)]
+        if count >= FEWEST:
+            to = sorted(heard.get(name, ()))
+            found[name] = {"message": bool(to) and name not in acted, "to": to, "n": count}
+    return found or None
+
+
 def legality(trials: Trials) -> bool | None:
     """Tells whether moves change masks of others; None of too few looks."""
     looks = [
@@ -138,7 +170,7 @@ def legality(trials: Trials) -> bool | None:
 
 
 def within_rounds(trials: Trials) -> dict[str, Within]:
-    """Looks at what later agents of a round found otherwise: `state`, `legality` and `reward`.
+    """Looks at later agents of a round by reason: `state`, `legality` and `reward`.
 
     Reward: only where the order decides it. A move is paid at a later agent's turn while others
     are still to move, so moves take effect one by one; or it changes what a later agent is paid,

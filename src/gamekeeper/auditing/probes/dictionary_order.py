@@ -4,20 +4,25 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Mapping
+from functools import cache, partial
 from typing import Any, Final
 
+from gamekeeper.auditing.meeting import MeetingPolicies
 from gamekeeper.auditing.outcomes import Difference, Key, digests, first_difference
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
 from gamekeeper.auditing.reordering import FirstDivergence, orders, told
 from gamekeeper.checks.facts.play_facts import OrderOutcome
-from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
+from gamekeeper.interface.action_mask import reader
+from gamekeeper.rollouts.episode_loop import ActionChooser, EpisodePlan, EpisodeResult
 from gamekeeper.rollouts.interventions.tick_order import ActionOrder
 
 PLAYS: Final = 4
 """Plays at least, however long; more where episodes are short."""
 MOST_PLAYS: Final = 24
 RUNS: Final = 2
+MEETINGS: Final = 3
+"""One play of so many is random, in the others agents are brought together."""
 
 
 def _order_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
@@ -31,6 +36,10 @@ def _order_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
 def order(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     """The same joint actions in other orders of their dictionary, at every tick of whole episodes.
 
+    In two plays of three the policies bring agents together: they learn what their actions move in
+    their observations, and steer to one place, or do the same for a while. Agents that choose at
+    random hardly ever compete for one thing.
+
     The reversed order changes the places of every two agents, so one rerun looks at every conflict
     that a play comes to.
 
@@ -42,7 +51,10 @@ def order(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     seen: list[dict[Key, bytes]] = []
     volatile = lab.contract.volatile_infos()
     base = lab.play(
-        play, state=False, watch=lambda turn, env, out: seen.append(digests(out, volatile))
+        play,
+        state=False,
+        watch=lambda turn, env, out: seen.append(digests(out, volatile)),
+        steer=partial(_meeting, lab) if play.stream % MEETINGS else None,
     )
     actions = base.play.actions or ()
     together = [turn for turn, each in enumerate(actions) if len(each) > 1]
@@ -57,6 +69,12 @@ def order(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
             yield _parted(lab, base, order, watch, ticks, seen, volatile)
             return
     yield lab.fact(OrderOutcome(result="same", ticks=ticks), field="rewards")
+
+
+def _meeting(lab: ProbeSession, base: ActionChooser, env: Any) -> MeetingPolicies:
+    return MeetingPolicies(
+        base, env.action_space, cache(lambda agent: reader(lab.contract.mask_of(agent)))
+    )
 
 
 def _parted(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from gamekeeper.auditing.branches import BranchStep, Paper
+from gamekeeper.auditing.branches import BranchStep, EpisodeSteps
 from gamekeeper.checks.facts.form_facts import AgentEnding, EpisodeShape
 from gamekeeper.episodes.layout import agent_name
 
@@ -30,7 +30,7 @@ def rounds_of(steps: Sequence[BranchStep], first: Iterable[Any], api: str) -> li
     return found
 
 
-def shape(paper: Paper, *, is_over: bool, api: str) -> EpisodeShape:
+def shape(paper: EpisodeSteps, *, is_over: bool, api: str) -> EpisodeShape:
     """The shape of an episode; of one that was cut only whole rounds count for fares."""
     movers: dict[int, list[str]] = {}
     endings, joined, left = [], [], []
@@ -40,7 +40,7 @@ def shape(paper: Paper, *, is_over: bool, api: str) -> EpisodeShape:
         movers.setdefault(number, []).extend(map(agent_name, step.given))
         new = [agent for agent in step.ended if agent not in ended]
         if new:
-            live[place] = len(roster - ended)
+            live[place] = len((roster | set(step.roster)) - ended)
         endings += [AgentEnding(agent_name(a), number, place, step.ended[a]) for a in new]
         joined += [(agent_name(agent), number) for agent in step.roster if agent not in roster]
         gone = roster - set(step.roster) - set(step.ended)
@@ -58,7 +58,7 @@ def shape(paper: Paper, *, is_over: bool, api: str) -> EpisodeShape:
     )
 
 
-def _fares(paper: Paper, *, is_whole: bool) -> dict[str, tuple[float, ...]]:
+def _fares(paper: EpisodeSteps, *, is_whole: bool) -> dict[str, tuple[float, ...]]:
     """By agent: rewards, their magnitudes, payments, actions, and whether it terminated."""
     last = None if is_whole or not paper.rounds else paper.rounds[-1]
     found: dict[Any, list[float]] = {agent: [0.0] * 5 for agent in paper.first}

@@ -11,16 +11,22 @@ import numpy as np
 from gamekeeper.auditing.branches import (
     Board,
     BranchStep,
-    Paper,
+    EpisodeSteps,
     branch,
-    legal_or_first,
-    other_action,
     spaces_in,
+    value_digest,
 )
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
 from gamekeeper.auditing.probes.episode_shapes import rounds_of, shape
-from gamekeeper.checks.facts.form_facts import DrawnPriority, MoveLook, MoveTrial, UnsettledMoves
+from gamekeeper.auditing.probes.moves import legal_or_first, other_action
+from gamekeeper.checks.facts.form_facts import (
+    DrawnPriority,
+    FormError,
+    MoveLook,
+    MoveTrial,
+    UnsettledMoves,
+)
 from gamekeeper.episodes.layout import agent_name, role
 from gamekeeper.interface.generators import is_same_state
 from gamekeeper.rollouts.episode_loop import EpisodePlan
@@ -45,7 +51,8 @@ MOST_MOVERS: Final = 6
 """Moves of one round that are replaced, each by itself."""
 MOST_TARGETS: Final = 24
 """Agents of a large roster at which effects are looked for."""
-FUTURES: Final = 4
+FUTURES: Final = 12
+"""Random draws for one pair: two of six agents in a drawn order come first in one of 15."""
 OFTEN: Final = 3
 """Episodes for one pair that is tried against several futures."""
 
@@ -72,16 +79,20 @@ def form(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Nothing of the contract is read. Its steps are counted on top of the budget of the checks.
 
     Facts:
-        `EpisodeShape`, `MoveTrial`, `DrawnPriority`, `UnsettledMoves`.
+        `EpisodeShape`, `MoveTrial`, `DrawnPriority`, `UnsettledMoves`, `FormError`.
     """
     done = lab.call("play", _Forms, lab, play)
-    if done.failed is None:
-        forms = done.value
-        yield lab.fact(shape(forms.paper, is_over=forms.is_over, api=lab.api))
-        trials: list[Any] = []
-        with kept_global_generators():
-            lab.call("branches", lambda: trials.extend(forms.trials()))
-        yield from (lab.fact(each, turn=each.turn) for each in trials)
+    if done.said is not None:
+        yield lab.fact(FormError("an episode", done.said))
+        return
+    forms = done.value
+    yield lab.fact(shape(forms.paper, is_over=forms.is_over, api=lab.api))
+    trials: list[Any] = []
+    with kept_global_generators():
+        tried = lab.call("branches", lambda: trials.extend(forms.trials()))
+    yield from (lab.fact(each, turn=each.turn) for each in trials)
+    if tried.said is not None:
+        yield lab.fact(FormError("replaced moves", tried.said))
 
 
 class _Forms:
@@ -102,7 +113,7 @@ class _Forms:
             steps.append(board.step(self._chosen(board)))
         self.is_over = board.is_over
         self._is_global = states() != before  # it draws from generators of the whole process
-        self.paper = Paper(play.seed, first, steps, rounds_of(steps, first, lab.api))
+        self.paper = EpisodeSteps(play.seed, first, steps, rounds_of(steps, first, lab.api))
 
     def trials(self) -> Iterator[MoveTrial | DrawnPriority | UnsettledMoves]:
         """Yields what replaced moves changed, as far as the unchanged rerun agrees."""
@@ -248,7 +259,7 @@ class _Forms:
         movers = tuple(agent_name(each) for each in self._movers(step))
         number = self.paper.rounds[step]
         name = agent_name(agent)
-        trial = MoveTrial(name, number, step, movers, tuple(looks), ahead, is_moved, None)
+        trial = MoveTrial(name, number, step, movers, tuple(looks), ahead, is_moved)
         return trial, action
 
     def _last_of(self, number: int) -> int:
@@ -283,7 +294,8 @@ class _Forms:
         for agent in self._targets(base):
             paid = base.rewards.get(agent, 0.0), changed.rewards.get(agent, 0.0)
             yield look(agent, "reward", paid[0] != paid[1] and paid[0] == paid[0])
-            yield look(agent, "ending", (agent in base.ended) != (agent in changed.ended))
+            if agent in changed.rewards or agent in changed.ended:  # else it hasn't joined there
+                yield look(agent, "ending", (agent in base.ended) != (agent in changed.ended))
 
     def _targets(self, base: BranchStep) -> list[Any]:
         agents = list(base.rewards)
@@ -322,19 +334,23 @@ class _Forms:
         """Effects of both on each other by future; None: a move changes how many are drawn."""
         written = self.paper.steps[step].actions or {}
         names = {agent_name(agent): agent for agent in written}
+        first, second = (names[name] for name in pair)
+        # what made way for the other is likely to do so for the other's move too
+        yields = self._fitting(second, self.paper.steps[step].given[second].mask, actions[pair[0]])
+        is_other = value_digest(yields) != value_digest(written[second])
+        its = yields if is_other else actions[pair[1]]
+        changes: tuple[dict[Any, Any], ...] = ({}, {first: actions[pair[0]]}, {second: its})
         ways = []
         for future in range(FUTURES):
             outs = []
-            for name in ("", *pair):
+            for change in changes:
                 one = self._arrived(boards, step)
                 if future:
                     reseed(one.env, future)
-                change = {names[name]: actions[name]} if name else {}
                 rewards = one.step({**written, **change}).rewards
                 outs.append((rewards, standing(one.env) if future == 0 else ()))
             if future == 0 and not all(_alike(outs[0][1], each[1]) for each in outs[1:]):
                 return None
-            first, second = (names[name] for name in pair)
             paid = [rewards for rewards, _ in outs]
             ways.append(
                 (_takes(paid[0], paid[1], first, second), _takes(paid[0], paid[2], second, first))

@@ -7,12 +7,15 @@ from typing import Any, Final
 
 import numpy as np
 from gymnasium.spaces import Discrete
+from numpy.random import Generator
 
 from gamekeeper.auditing.probe_session import ProbeSession
 from gamekeeper.episodes.canonical import to_json
 from gamekeeper.episodes.episode import Episode
 
 LEAST_TURNS: Final = 8
+TRIES: Final = 8
+"""Draws of another action from a space that isn't Discrete."""
 FILM_BYTES: Final = 32 << 20
 """Observations of one play, as far as a probe that plays a handful of times keeps them."""
 
@@ -56,3 +59,38 @@ def legal(space: Discrete, mask: Any) -> Sequence[int]:
         return numbers
     flags = np.asarray(mask).ravel()
     return [numbers[at] for at in np.flatnonzero(flags)] if len(flags) == len(numbers) else []
+
+
+def other_action(space: Any, mask: Any, own: Any, rng: Generator) -> tuple[bool, Any]:
+    """Another legal action, drawn; False where none is found. Without an own one: any.
+
+    Args:
+        space: of the agent; one that isn't Discrete draws by itself.
+        mask: None: all are legal.
+        own: the action that is to be another one; None: there is none.
+        rng: draws from a Discrete one.
+    """
+    if isinstance(space, Discrete):
+        choices = legal(space, mask)
+        place = choices.index(int(own)) if own is not None and int(own) in choices else None
+        count = len(choices) - (place is not None)
+        if count < 1:
+            return False, None
+        at = int(rng.integers(count))
+        return True, space.dtype.type(choices[at + (place is not None and at >= place)])
+    for _ in range(TRIES):
+        drawn = space.sample() if mask is None else space.sample(mask)
+        if own is None or not equal(drawn, own):
+            return True, drawn
+    return False, None
+
+
+def legal_or_first(space: Any, mask: Any, action: Any) -> Any:
+    """The action where the mask allows it, else the first that it allows.
+
+    Of spaces that aren't Discrete any is taken for legal.
+    """
+    if mask is None or not isinstance(space, Discrete):
+        return action
+    choices = legal(space, mask)
+    return action if not choices or int(action) in choices else space.dtype.type(choices[0])

@@ -13,7 +13,7 @@ from gymnasium.spaces import Discrete
 
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
-from gamekeeper.auditing.probes.moves import legal
+from gamekeeper.auditing.probes.moves import legal, other_action
 from gamekeeper.checks.facts.play_facts import MoverTrial, Payment
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.episode import Episode, Turn
@@ -29,7 +29,6 @@ TRIALS: Final = 8
 LAGS: Final = 2
 """Ticks (AEC: rounds) after the step that are looked at, as far as masks allow the actions."""
 MOST_LATER: Final = 12
-TRIES: Final = 8
 
 
 def _influence_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
@@ -106,24 +105,14 @@ def _other(lab: ProbeSession, agent: str, action: Any, mask: Any, turn: int) -> 
     space = None if spec is None else spec.action_space
     rng = np.random.default_rng([13, turn])
     if isinstance(space, Discrete):
-        choices = legal(space, mask)
-        place = choices.index(int(action)) if int(action) in choices else len(choices)
-        count = len(choices) - (place < len(choices))
-        if not count:
-            return False, None
-        at = int(rng.integers(count))
-        return True, space.dtype.type(choices[at + (at >= place)])
+        return other_action(space, mask, action, rng)
     if space is None or mask is not None:
         return False, None
     own = lab.call("deepcopy", copy.deepcopy, space)
     if own.failed is not None:
         return False, None
     own.value.seed(int(rng.integers(1 << 31)))
-    for _ in range(TRIES):
-        drawn = own.value.sample()
-        if repr(drawn) != repr(action):
-            return True, drawn
-    return False, None
+    return other_action(own.value, None, action, rng)
 
 
 TURNS: Final = 16

@@ -85,7 +85,6 @@ class MoveTrial:
         looks: at all that could be compared.
         ahead: rounds that were looked ahead.
         is_order_moved: afterwards agents acted in another order, though none ended or joined.
-        is_drawing: the move changed how many random numbers were drawn; None: it wasn't looked at.
     """
 
     agent: str
@@ -95,7 +94,6 @@ class MoveTrial:
     looks: tuple[MoveLook, ...]
     ahead: int
     is_order_moved: bool
-    is_drawing: bool | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +111,19 @@ class DrawnPriority:
     agents: tuple[str, str]
     turn: int
     ways: tuple[tuple[bool, bool], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FormError:
+    """An exception of the environment that ended an episode of the form, or its replaced moves.
+
+    Attributes:
+        during: `an episode` or `replaced moves`.
+        error: its class and message.
+    """
+
+    during: str
+    error: str
 
 
 @dataclass(frozen=True, slots=True)

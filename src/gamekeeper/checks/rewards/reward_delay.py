@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +19,10 @@ LEAST = 5
 """Replaced actions that must have moved the next reward, and none its own."""
 PROMPT = 0.8
 """Part of them whose effect was in the very next observation."""
+PART_LEAST = 10
+"""The same where some rewards come at once: the rest must be seen to be late more often."""
+PART = 0.5
+"""Part of all that shows at once that moves the next reward; of a sparse one it is a tenth."""
 STEADY = 3
 """Numbers of an observation that lag behind so often do so by the rules."""
 
@@ -29,12 +33,14 @@ class _Trial:
 
     Attributes:
         first: how many rewards later the first one moved; None: none did.
+        others_at_once: a reward of somebody moved in the step of the action.
         prompt: numbers of the observation that moved at once.
         late: numbers that moved in the observation after that.
     """
 
     counterfactual: ProbeCounterfactual
     first: int | None
+    others_at_once: bool
     prompt: frozenset[int]
     late: frozenset[int]
 
@@ -64,6 +70,12 @@ def rewards_come_with_the_tick_that_earns_them(
     game whose events take a tick by its rules shows them a tick later too, or pays the same
     at first, so it isn't called broken; a false alarm needs all five to agree by chance.
 
+    Each term that a Parallel environment tells (`terms`) is judged by itself. Where it tells none,
+    a part that comes late beside another on time is known by what moves it: at least ten actions,
+    and half of all that show at once, move the next reward and nobody's of their own step,
+    and at most a quarter as many move one of their own step. A rare event that takes two actions
+    doesn't: hardly any action decides it.
+
     Bad:
 
         rewards = {a: self.reward(a) for a in self.agents}
@@ -76,33 +88,60 @@ def rewards_come_with_the_tick_that_earns_them(
             self.move(agent, actions[agent])
         rewards = {a: self.reward(a) for a in self.agents}
     """
-    trials, others_moved = [], False
+    for part in _parts(evidence):
+        yield from _judged(evidence, part)
+
+
+def _parts(evidence: ProbeEvidence) -> tuple[str | None, ...]:
+    """The reward terms that a Parallel environment tells; None stands for the whole reward."""
+    if evidence.api != "parallel":
+        return (None,)
+    bases = {id(each.base): each.base for each in evidence.counterfactuals("influence")}
+    turns = (turn for base in bases.values() for turn in base.turns)
+    found = {name for turn in turns for terms in turn.terms.values() for name in terms}
+    return tuple(sorted(found)) or (None,)
+
+
+def _judged(evidence: ProbeEvidence, part: str | None) -> Iterator[Case]:
+    trials = []
     for counterfactual in evidence.counterfactuals("influence"):
-        if int(counterfactual.change["later"]) < 2:
-            continue
-        trial = _trial(counterfactual, evidence.api)
-        if trial is not None:
-            trials.append(trial)
-            others_moved = others_moved or _moved_at_once(counterfactual, evidence.api)
+        if int(counterfactual.change["later"]) >= 2:
+            trial = _trial(counterfactual, evidence.api, part)
+            trials += [] if trial is None else [trial]
     moved = [trial for trial in trials if trial.first is not None]
     at_once = [trial for trial in moved if trial.first == 0]
-    for trial in at_once:
-        yield _case(trial, ok=True, api=evidence.api)
-    next_one = [trial for trial in moved if trial.first == 1]
-    if at_once or len(next_one) < LEAST:
-        return
+    next_one = [trial for trial in moved if trial.first == 1 and not trial.others_at_once]
     is_late = (
-        not others_moved
-        and 4 * (len(moved) - len(next_one)) <= len(next_one)
+        len(next_one) >= LEAST
+        and (_is_whole_late if not at_once else _is_part_late)(trials)
         and sum(bool(trial.prompt) for trial in next_one) >= PROMPT * len(next_one)
         and not _lagging(trials)
-        and _pays_different_amounts_at_first(evidence)
+        and _pays_different_amounts_at_first(evidence, part)
     )
+    for trial in at_once:
+        yield _case(trial, ok=True, api=evidence.api, part=part)
+    if (at_once and not is_late) or len(next_one) < LEAST:
+        return
     for trial in next_one:
-        yield _case(trial, ok=not is_late, api=evidence.api)
+        yield _case(trial, ok=not is_late, api=evidence.api, part=part)
 
 
-def _trial(counterfactual: ProbeCounterfactual, api: str) -> _Trial | None:
+def _is_whole_late(trials: list[_Trial]) -> bool:
+    """Tells whether what moves the reward moves the next one first, three times of four."""
+    moved = [trial for trial in trials if trial.first is not None]
+    others = sum(trial.first != 1 for trial in moved)
+    return not any(t.others_at_once for t in trials) and 4 * others <= len(moved) - others
+
+
+def _is_part_late(trials: list[_Trial]) -> bool:
+    """Tells whether most of what shows at once is paid one step later, and hardly at once."""
+    shown = [trial for trial in trials if trial.prompt]
+    late = sum(trial.first == 1 and not trial.others_at_once for trial in shown)
+    at_once = sum(trial.first == 0 or trial.others_at_once for trial in trials)
+    return late >= max(PART_LEAST, PART * len(shown)) and 4 * at_once <= late
+
+
+def _trial(counterfactual: ProbeCounterfactual, api: str, part: str | None) -> _Trial | None:
     """Effect of the action on its agent's rewards and observations; None: not long enough."""
     agent, start = str(counterfactual.change["agent"]), int(counterfactual.change["turn"])
     noise = counterfactual.noise
@@ -122,29 +161,28 @@ def _trial(counterfactual: ProbeCounterfactual, api: str) -> _Trial | None:
     looks = [(one, two) for one, two in pairs if one is not None and two is not None]
     if len(looks) < 2:
         return None
-    first = next((k for k, pair in enumerate(looks) if _cumulative_reward(pair, agent)), None)
+    if part is None:
+        received = [[turn.cumulative_reward for turn in pair] for pair in looks]
+    else:
+        received = [[_paid(turns[start + k], part) for turns in (base, changed)] for k in (0, 1)]
+    found = [one.get(agent, 0.0) != two.get(agent, 0.0) for one, two in received]
+    first = found.index(True) if any(found) else None
     prompt, late = (_moved_numbers(pair, agent) for pair in looks)
-    return _Trial(counterfactual, first, prompt, late)
+    step = [_paid(turns[start], part) for turns in (base, changed)]
+    names = step[0].keys() | step[1].keys()
+    others = any(step[0].get(name, 0.0) != step[1].get(name, 0.0) for name in names)
+    return _Trial(counterfactual, first, others, prompt, late)
 
 
-def _cumulative_reward(pair: tuple[Turn, Turn], agent: str) -> bool:
-    one, two = (turn.cumulative_reward.get(agent, 0.0) for turn in pair)
-    return one != two
+def _paid(turn: Turn, part: str | None) -> Mapping[str, float]:
+    """Rewards that a step paid, by agent, or one term of them."""
+    if part is None:
+        return turn.rewards
+    return {agent: terms.get(part, 0.0) for agent, terms in turn.terms.items()}
 
 
 def _moved_numbers(pair: tuple[Turn, Turn], agent: str) -> frozenset[int]:
     return changed_numbers(*(turn.observations.get(agent) for turn in pair))
-
-
-def _moved_at_once(counterfactual: ProbeCounterfactual, api: str) -> bool:
-    """Tells whether the reward of any agent changed in the same step."""
-    start = int(counterfactual.change["turn"])
-    pair = [
-        by_turn(trace, start, start + 1).get(start)
-        for trace in (counterfactual.base, counterfactual.trace)
-    ]
-    one, two = ({} if turn is None else dict(turn.rewards) for turn in pair)
-    return any(one.get(name, 0.0) != two.get(name, 0.0) for name in one.keys() | two.keys())
 
 
 def _lagging(trials: list[_Trial]) -> bool:
@@ -157,7 +195,7 @@ def _lagging(trials: list[_Trial]) -> bool:
     return any(count >= STEADY for count in late.values())
 
 
-def _pays_different_amounts_at_first(evidence: ProbeEvidence) -> bool:
+def _pays_different_amounts_at_first(evidence: ProbeEvidence, part: str | None) -> bool:
     """Tells whether first steps give rewards that aren't always the same."""
     amounts = set[float]()
     for look in evidence.looks.get("influence", ()):
@@ -166,39 +204,48 @@ def _pays_different_amounts_at_first(evidence: ProbeEvidence) -> bool:
         }.values():
             turn = next(trace.turns, None)
             if turn is not None:
-                amounts.update(turn.rewards.values())
+                amounts.update(_paid(turn, part).values())
     return len(amounts) > 1
 
 
-def _case(trial: _Trial, *, ok: bool, api: str) -> Case:
+def _case(trial: _Trial, *, ok: bool, api: str, part: str | None) -> Case:
     change = trial.counterfactual.change
     agent, turn = str(change["agent"]), int(change["turn"])
-    is_parallel = api == "parallel"
-    proof = _proof(agent, turn, change["action"]) if is_parallel else _aec_proof(turn, change)
-    where: Where = trial.counterfactual.base.at(turn + 2, agent, "cumulative_reward")
+    if api == "parallel":
+        proof = _proof(agent, turn, change["action"], part)
+    else:
+        proof = _aec_proof(turn, change)
+    field = "cumulative_reward" if part is None else f"terms[{part!r}]"
+    where: Where = trial.counterfactual.base.at(turn + 2, agent, field)
+    reward = "reward" if part is None else f"{part!r}"
     return Case(
         where,
         ok,
-        "what an agent does moves its reward of the same step, if any",
-        f"what it does at turn {turn} moves nobody's reward of that step, only its next one",
+        f"what an agent does moves its {reward} of the same step, if any",
+        f"what it does at turn {turn} moves nobody's {reward} of that step, only its next one",
         proof=proof,
     )
 
 
-def _proof(agent: str, turn: int, action: Any) -> Reproducer:
+def _proof(agent: str, turn: int, action: Any, part: str | None) -> Reproducer:
+    paid = "dict(env.step(each)[1])"
+    if part is not None:
+        paid = f"{{str(a): t.get({part!r}, 0.0) for a, t in env.unwrapped.terms.items()}}"
+    step = "" if part is None else "        env.step(each)\n"
     return Reproducer(
         "def rewards(actions):\n"
         "    env, paid = make(), []\n"
         "    env.reset(seed=SEED)\n"
         "    for each in actions:\n"
-        "        paid.append(dict(env.step(each)[1]))\n"
+        f"{step}"
+        f"        paid.append({paid})\n"
         "    return paid\n"
         "\n"
         f"other = [dict(each) for each in ACTIONS]\n"
         f"other[{turn}][{agent!r}] = {literal(action)}\n"
         "one, two = rewards(ACTIONS), rewards(other)\n"
         f"same_step = one[{turn}] != two[{turn}]\n"
-        f"next_step = one[{turn + 1}][{agent!r}] != two[{turn + 1}][{agent!r}]\n"
+        f"next_step = one[{turn + 1}].get({agent!r}) != two[{turn + 1}].get({agent!r})\n"
         'assert same_step or not next_step, "the reward comes one step late"',
         plays=False,
         compares=True,

@@ -57,6 +57,7 @@ class Attribution:
         recorded: all of the run, of which the agents' own figures are.
         replayed: recorded and fresh ones that were looked into.
         loop: `closed`: policies react. `open`: only recorded actions could be played.
+        policies: named in place of the recorded ones, by agent, role or `*`.
         baseline: what was asked to take agents' places; what did is named with each figure.
         method: of the Shapley values: `exact` or `sampled`.
         everyone: mean team return where all play their policies; None where none can.
@@ -74,6 +75,7 @@ class Attribution:
     recorded: int
     replayed: int
     loop: Literal["closed", "open"]
+    policies: Mapping[str, str]
     baseline: str
     method: Literal["exact", "sampled"] | None
     everyone: float | None
@@ -103,6 +105,7 @@ class Attribution:
             "recorded": self.recorded,
             "replayed": self.replayed,
             "loop": self.loop,
+            "policies": dict(self.policies),
             "baseline": self.baseline,
             "team": {"all": self.everyone, "none": self.nobody, "shapley": self.method},
             "agents": {name: part.to_json() for name, part in self.agents.items()},

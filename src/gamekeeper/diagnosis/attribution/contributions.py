@@ -35,7 +35,13 @@ from gamekeeper.diagnosis.attribution.replacement_runs import (
     ReplacementTask,
 )
 from gamekeeper.diagnosis.experiment import fresh_seed
-from gamekeeper.diagnosis.played_setup import Setup, consent_to, contract_of, setup_of
+from gamekeeper.diagnosis.played_setup import (
+    Setup,
+    consent_to,
+    contract_of,
+    other_policies,
+    setup_of,
+)
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.outcome import outcome_of
@@ -192,6 +198,7 @@ def _attributed(
         recorded=evidence.episode_table.num_rows,
         replayed=len(found.scans),
         loop="closed" if task.is_closed else "open",
+        policies=other_policies(evidence, task.setup),
         baseline=baseline,
         method=None if not shapley else _method(task),
         everyone=_mean([values[whole] for values in found.closed.values()]),
@@ -282,14 +289,12 @@ def _not_tested(
     if noisy:
         why = f"in {noisy} of {len(found.scans)} episodes the same actions came out otherwise"
         notes.append({"what": "single actions", "why": why})
-    skipped = evidence.episode_table.num_rows - sum(e["run"] == "recorded" for e in found.scans)
-    if skipped:
-        notes.append(
-            {
-                "what": f"replaced actions in {skipped} recorded episodes",
-                "why": "they broke off, or are beyond --action-episodes",
-            }
-        )
+    ends = evidence.episode_table["end"].to_pylist()
+    broken = sum(end not in CAN_BE_PLAYED for end in ends)
+    beyond = len(ends) - broken - sum(each["run"] == "recorded" for each in found.scans)
+    for count, why in ((broken, "they broke off"), (beyond, "they are beyond --action-episodes")):
+        if count:
+            notes.append({"what": f"replaced actions in {count} recorded episodes", "why": why})
     if not any(term.payee == ("earner",) for term in task.contract.rewards.values()):
         why = 'no reward term of the contract has payee = "earner"'
         notes.append({"what": "penalties caused by another agent", "why": why})

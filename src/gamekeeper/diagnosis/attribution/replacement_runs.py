@@ -13,7 +13,7 @@ from gamekeeper.episodes.canonical import from_json, to_json
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.layout import role as role_in_name
-from gamekeeper.errors import EnvError
+from gamekeeper.errors import EnvError, PolicyError
 from gamekeeper.interface.capture import AgentId
 from gamekeeper.interface.opening import open_env
 from gamekeeper.interface.recorded_env import game_of
@@ -151,7 +151,7 @@ class ReplacementRunner:
             self.own: Any = None
             if task.is_closed:
                 self.own = cast_of(dict(task.setup.policies), self.env, self.contract)
-                self.baseline: Any = cast_of(self._baseline(), self.env, self.contract)
+                self.baseline: Any = self._open_baseline()
         except BaseException:
             self.env.close()
             raise
@@ -261,6 +261,23 @@ class ReplacementRunner:
             options=setup.options[number % len(setup.options)],
             looks_last=False,
         )
+
+    def _open_baseline(self) -> Any:
+        """The policies that take agents' places.
+
+        Raises:
+            PolicyError: the environment has no such policy.
+        """
+        try:
+            return cast_of(self._baseline(), self.env, self.contract)
+        except PolicyError as error:
+            raise PolicyError(
+                error.what,
+                where="baseline",
+                expected="noop or random; reference where the environment brings one",
+                actual=error.actual,
+                fix="take --baseline noop or --baseline random",
+            ) from error
 
     def _baseline(self) -> dict[str, str]:
         """Baselines of the players; for those who join late that of their role's first."""

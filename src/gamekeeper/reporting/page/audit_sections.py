@@ -326,9 +326,7 @@ def form_of_run(evidence: Evidence, figures: Figures) -> dict[str, Any]:
     turns = [header["turns"] for header in ended if header.get("turns") is not None]
     counts = figures.present.sum(axis=1)
     return {
-        "schedule": {"acts": "together", "order": "none"}
-        if api == "parallel"
-        else {"acts": "in turns", "order": _order(evidence, figures)},
+        "order": "none" if api == "parallel" else _order(evidence, figures),
         "horizon": _horizon(figures),
         "roster": f"{_span(counts)} agents in an episode",
         "steps": _span(turns) if turns else None,
