@@ -75,7 +75,7 @@ def audited(each: Listed, command: Path, source: Path) -> dict[str, Any]:
     words = [str(command), "audit", each.spec, "--quick", "--json", "--quiet"]
     words += ["--seconds", str(AUDIT_S), "--kwargs", json.dumps(dict(each.kwargs))]
     surroundings = {**os.environ, **SURROUNDINGS, "PYTHONPATH": str(source / "src")}
-    result: dict[str, Any] = {"key": each.key, "half": each.half, "gamekeeper": _commit(source)}
+    result: dict[str, Any] = {"key": each.key, "group": each.group, "gamekeeper": _commit(source)}
     result |= {"limit_s": AUDIT_S, "audited": time.strftime("%Y-%m-%d")}
     start = time.monotonic()
     try:
