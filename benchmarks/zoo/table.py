@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, Final
 
 sys.path.insert(0, str(Path(__file__).parent))
+from again import agreement
 from catalogue import CATALOGUE, HERE, Listed, catalogue
 
 JUDGED: Final = ("true", "same cause", "pedantic", "false")
@@ -73,7 +74,9 @@ def main() -> int:
     asked = parser.parse_args()
     rows = [Row(each, _result(asked.results, each)) for each in catalogue()]
     judged = tomllib.loads(asked.judgements.read_text())
-    parts = [opening(rows), written_up(), precision(rows, judged), table(rows, judged)]
+    again = tomllib.loads((HERE / "judgements_again.toml").read_text())
+    parts = [opening(rows), written_up(), precision(rows, judged), agreement(judged, again)]
+    parts.append(table(rows, judged))
     print("\n".join(line for part in [*parts, rest(rows, judged)] for line in part))
     return 0
 

@@ -1,0 +1,78 @@
+"""Judgements made a second time: which verdicts are drawn, and how far both judges agree.
+
+Prints the verdicts that are to be judged again, with what the audit says of them and without the
+first judgement. The second judge's words stand in judgements_again.toml.
+
+    python benchmarks/zoo/again.py --results FOLDER [--count 30] [--seed 0]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import sys
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Final
+
+HERE: Final = Path(__file__).parent
+FAULTS: Final = ("true", "same cause")
+"""Judgements that say that a fault is there."""
+Judgements = Mapping[str, Mapping[str, str]]
+
+
+def main() -> int:
+    """Prints the verdicts drawn; 0 in any case."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--results", type=Path, required=True)
+    parser.add_argument("--count", type=int, default=30)
+    parser.add_argument("--seed", type=int, default=0)
+    asked = parser.parse_args()
+    judged = tomllib.loads((HERE / "judgements.toml").read_text())
+    for key, check in drawn(judged, asked.count, asked.seed):
+        audit = json.loads((asked.results / f"{key.replace('/', '+')}.json").read_text())["audit"]
+        verdict = next(each for each in audit["verdicts"] if each["id"] == check)
+        print(f"{key} {check}: {verdict['claim']}")
+        for name in ("where", "expected", "actual"):
+            print(f"    {name}: {verdict['findings'][0][name]}")
+    return 0
+
+
+def drawn(judged: Judgements, count: int, seed: int) -> list[tuple[str, str]]:
+    """Pairs of environment and check, drawn from all that are judged."""
+    pairs = sorted((key, check) for key, checks in judged.items() for check in checks)
+    return sorted(random.Random(seed).sample(pairs, min(count, len(pairs))))
+
+
+def agreement(judged: Judgements, again: Judgements) -> Iterator[str]:
+    """Section of the page: how often both judges say the same, and where they don't."""
+    pairs = [
+        (key, check, _word(judged[key][check]), _word(second))
+        for key, checks in again.items()
+        for check, second in checks.items()
+        if check in judged.get(key, {})
+    ]
+    if not pairs:
+        return
+    same = sum(first == second for *_, first, second in pairs)
+    alike = sum((first in FAULTS) == (second in FAULTS) for *_, first, second in pairs)
+    yield "## Judged again"
+    yield (
+        f"{len(pairs)} verdicts, drawn by `benchmarks/zoo/again.py`, were judged a second time: "
+        f"{same} have the same word, {alike} agree whether a fault is there."
+    )
+    for key, check, first, second in pairs:
+        if first != second:
+            reason = again[key][check].partition(": ")[2]
+            yield f"- **{key}** {check}: first {first}, then {second}: {reason}"
+    yield ""
+
+
+def _word(judgement: str) -> str:
+    return judgement.partition(": ")[0]
+
+
+if __name__ == "__main__":
+    sys.exit(main())
