@@ -3,7 +3,7 @@
 Prints the verdicts that are to be judged again, with what the audit says of them and without the
 first judgement. The second judge's words stand in judgements_again.toml.
 
-    python benchmarks/zoo/again.py --results FOLDER [--count 30] [--seed 0]
+    python benchmarks/zoo/again.py --results FOLDER [--judgements FILE] [--count 30]
 """
 
 from __future__ import annotations
@@ -27,10 +27,11 @@ def main() -> int:
     """Prints the verdicts drawn; 0 in any case."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--results", type=Path, required=True)
+    parser.add_argument("--judgements", type=Path, default=HERE / "judgements.toml")
     parser.add_argument("--count", type=int, default=30)
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
-    judged = tomllib.loads((HERE / "judgements.toml").read_text())
+    judged = tomllib.loads(asked.judgements.read_text())
     for key, check in drawn(judged, asked.count, asked.seed):
         audit = json.loads((asked.results / f"{key.replace('/', '+')}.json").read_text())["audit"]
         verdict = next(each for each in audit["verdicts"] if each["id"] == check)
