@@ -22,6 +22,7 @@ from typing import Any, Final
 sys.path.insert(0, str(Path(__file__).parent))
 from again import agreement
 from catalogue import CATALOGUE, HERE, Listed, catalogue
+from prove import TRIES
 
 JUDGED: Final = ("true", "same cause", "pedantic", "false")
 FINDINGS: Final = HERE.parents[1] / "docs" / "findings"
@@ -75,7 +76,8 @@ def main() -> int:
     rows = [Row(each, _result(asked.results, each)) for each in catalogue()]
     judged = tomllib.loads(asked.judgements.read_text())
     again = tomllib.loads((HERE / "judgements_again.toml").read_text())
-    parts = [opening(rows), written_up(), precision(rows, judged), agreement(judged, again)]
+    parts = [opening(rows), written_up(), precision(rows, judged), shown_later(rows, judged)]
+    parts.append(agreement(judged, again))
     parts.append(table(rows, judged))
     print("\n".join(line for part in [*parts, rest(rows, judged)] for line in part))
     return 0
@@ -130,6 +132,27 @@ def precision(rows: list[Row], judged: Judgements) -> Iterator[str]:
     yield ""
 
 
+def shown_later(rows: list[Row], judged: Judgements) -> Iterator[str]:
+    """What audits could only suspect, as their time was over, and prove.py showed afterwards."""
+    counts = {group: Counter[str]() for group in ("tuned", "related", "new")}
+    for row in rows:
+        for check, ran in (row.result or {}).get("proved", {}).items():
+            count = counts[row.listed.group]
+            count["run"] += 1
+            if ran["failed"] == TRIES:
+                count["shown"] += 1
+                count[_judgement(judged, row, check)[0]] += 1
+    yield "## Suspected for want of time"
+    yield "Verdicts of severity high or medium whose reproducer the audit had no time for were run"
+    yield f"afterwards, by `benchmarks/zoo/prove.py`: shown is what fails {TRIES} times of {TRIES}.\n"
+    yield f"| group | run | shown | {' | '.join(JUDGED)} | not judged |"
+    yield "|---|---|---|" + "---|" * (len(JUDGED) + 1)
+    for group, count in counts.items():
+        words = [group, count["run"], count["shown"], *(count[word] for word in (*JUDGED, ""))]
+        yield "| " + " | ".join(map(str, words)) + " |"
+    yield ""
+
+
 def _precision_row(group: str, check: str, counts: Mapping[tuple[str, str], int]) -> str:
     each = [counts[check, word] for word in JUDGED]
     unjudged = counts[check, ""]
@@ -181,7 +204,7 @@ def rest(rows: list[Row], judged: Judgements) -> Iterator[str]:
     """Judgements in words, and what can't be had."""
     yield "## What was judged, and where the source says so"
     for row in rows:
-        for check in row.causes:
+        for check in [*row.causes, *(row.result or {}).get("proved", {})]:
             word, reason = _judgement(judged, row, check)
             if word:
                 yield f"- **{row.listed.key}** {check}, {word}: {reason}"
