@@ -47,32 +47,25 @@ def drawn(judged: Judgements, count: int, seed: int) -> list[tuple[str, str]]:
     return sorted(random.Random(seed).sample(pairs, min(count, len(pairs))))
 
 
-def agreement(judged: Judgements, again: Judgements) -> Iterator[str]:
+def agreement(again: Judgements) -> Iterator[str]:
     """Section of the page: how often both judges say the same, and where they don't."""
-    pairs = [
-        (key, check, _word(judged[key][check]), _word(second))
+    said = [
+        (key, check, *words.partition(": ")[0].split(" / "), words.partition(": ")[2])
         for key, checks in again.items()
-        for check, second in checks.items()
-        if check in judged.get(key, {})
+        for check, words in checks.items()
     ]
-    if not pairs:
-        return
-    same = sum(first == second for *_, first, second in pairs)
-    alike = sum((first in FAULTS) == (second in FAULTS) for *_, first, second in pairs)
+    same = sum(first == second for _, _, first, second, _ in said)
+    alike = sum((first in FAULTS) == (second in FAULTS) for _, _, first, second, _ in said)
     yield "## Judged again"
     yield (
-        f"{len(pairs)} verdicts, drawn by `benchmarks/zoo/again.py`, were judged a second time: "
-        f"{same} have the same word, {alike} agree whether a fault is there."
+        f"{len(said)} verdicts, drawn by `benchmarks/zoo/again.py`, were judged a second time: "
+        f"{same} have the same word, {alike} agree whether a fault is there. The second judge had "
+        "once read the first judge's list: this is no blind judgement."
     )
-    for key, check, first, second in pairs:
+    for key, check, first, second, reason in said:
         if first != second:
-            reason = again[key][check].partition(": ")[2]
             yield f"- **{key}** {check}: first {first}, then {second}: {reason}"
     yield ""
-
-
-def _word(judgement: str) -> str:
-    return judgement.partition(": ")[0]
 
 
 if __name__ == "__main__":

@@ -77,7 +77,7 @@ def main() -> int:
     judged = tomllib.loads(asked.judgements.read_text())
     again = tomllib.loads((HERE / "judgements_again.toml").read_text())
     parts = [opening(rows), written_up(), precision(rows, judged), shown_later(rows, judged)]
-    parts.append(agreement(judged, again))
+    parts.append(agreement(again))
     parts.append(table(rows, judged))
     print("\n".join(line for part in [*parts, rest(rows, judged)] for line in part))
     return 0
@@ -144,7 +144,7 @@ def shown_later(rows: list[Row], judged: Judgements) -> Iterator[str]:
                 count[_judgement(judged, row, check)[0]] += 1
     yield "## Suspected for want of time"
     yield "Verdicts of severity high or medium whose reproducer the audit had no time for were run"
-    yield f"afterwards, by `benchmarks/zoo/prove.py`: shown is what fails {TRIES} times of {TRIES}.\n"
+    yield f"afterwards, by `benchmarks/zoo/prove.py`: what fails {TRIES} times is shown.\n"
     yield f"| group | run | shown | {' | '.join(JUDGED)} | not judged |"
     yield "|---|---|---|" + "---|" * (len(JUDGED) + 1)
     for group, count in counts.items():
