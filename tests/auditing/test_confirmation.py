@@ -10,8 +10,8 @@ import pytest
 
 from gamekeeper.auditing.audit import AuditAttempt, audit_here
 from gamekeeper.auditing.audit_process import AuditInterruptedError, audit
-from gamekeeper.auditing.confirm import TRIES
-from gamekeeper.auditing.probe_session import ProbeSession
+from gamekeeper.auditing.confirm import TRIES, Confirmation
+from gamekeeper.auditing.probe_session import ProbeSession, TimeUpError
 from gamekeeper.auditing.probes import isolation
 from gamekeeper.auditing.result import AuditResult
 from gamekeeper.checks.verdict import FollowsFrom, Reproduced
@@ -107,6 +107,14 @@ def test_audit_ends_when_its_time_is_over() -> None:
     reasons = {each.reason for each in found.verdicts if each.outcome == "not_exercised"}
     assert "the audit's time was over" in reasons
     assert found.counts["passed"] > 0
+
+
+@pytest.mark.parametrize("left_s", [-1.0, 0.5])
+def test_program_that_the_time_cuts_off_shows_nothing(left_s: float) -> None:
+    """A process that is ended as the audit's time is over is no failure of its environment."""
+    work = Confirmation(lambda: None, time.monotonic() + left_s)
+    with pytest.raises(TimeUpError):
+        work.failures("import time; time.sleep(600)")
 
 
 def test_interrupted_probes_give_what_they_saw() -> None:

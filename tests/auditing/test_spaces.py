@@ -16,6 +16,7 @@ from pettingzoo.utils.conversions import parallel_to_aec
 from gamekeeper.auditing.audit import audit_here
 from gamekeeper.auditing.result import AuditResult
 from tests.faults.rovers import Rovers
+from tests.faults.traders import Traders
 
 FAMILY = ("GK20", "GK21", "GK22")
 
@@ -97,6 +98,16 @@ def test_spaces_of_any_kind_are_kept(seen: spaces.Space[Any], done: spaces.Space
 def test_spaces_of_turns_are_kept() -> None:
     """Who isn't in turn is observed too, in an environment of numbered agents."""
     assert broken(audited(lambda: parallel_to_aec(Sampler(*ANY[0], (0, 1))))) == []
+
+
+def test_dtype_that_is_wrong_at_every_turn_is_told_once() -> None:
+    """Agents out of turn observe what is wrong in their own turns: one verdict."""
+
+    class Doubles(Traders):
+        def observe(self, agent: str) -> Any:
+            return np.asarray(super().observe(agent), np.float64)
+
+    assert broken(audited(Doubles)) == ["GK212"]
 
 
 def test_spaces_of_an_object_are_looked_at() -> None:

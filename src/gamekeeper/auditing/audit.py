@@ -31,7 +31,7 @@ SHRINKING: Final = 0.25
 """Part of the budget that may be spent on top of it to shrink findings."""
 
 PROBING: Final = 0.7
-"""Part of the seconds asked for after which the probes end."""
+"""Part of the seconds after which the probes end; findings are shrunk for half the rest."""
 
 OnProbe = Callable[[str, int, int], None]
 
@@ -98,6 +98,7 @@ def audit_here(
             declared or Contract(),
             home(opened.spec, opened.identity, kwargs),
             0 if gathering.stopped else int(budget * SHRINKING),
+            None if seconds is None else begun_s + seconds * (1 + PROBING) / 2,
         )
         until_s = None if seconds is None else begun_s + seconds
         if gathering.stopped == INTERRUPTED:

@@ -6,9 +6,10 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from typing import Final, Literal
+from typing import Final, Literal, TypeAlias
 
 from gamekeeper.auditing.holds import HOLDS, OF_DRAWS, Hold, held_still
+from gamekeeper.auditing.probe_session import TimeUpError
 from gamekeeper.checks.verdict import SEVERITIES, Finding, FollowsFrom, Reproduced, Verdict
 from gamekeeper.rollouts.workers import run_task
 
@@ -24,6 +25,9 @@ NOT_SHOWN: Final = ("SyntaxError", "NameError", "ImportError", "ModuleNotFoundEr
 FLAKY: Final = "its reproducer doesn't fail in every fresh process"
 NOT_RUN: Final = "the audit ended before its reproducer was run"
 UNSTABLE: Final = "its reproducer fails without the trigger too: the same play differs by itself"
+
+
+ProgramEnd: TypeAlias = Literal["passed", "failed", "not run"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,30 +66,43 @@ class Confirmation:
         return self.until_s is not None and time.monotonic() > self.until_s
 
     def failures(self, program: str) -> tuple[int, int]:
-        """Numbers of processes that failed and that were tried, up to the first that passed."""
+        """Numbers of processes that failed and that were tried, up to the first that passed.
+
+        Raises:
+            TimeUpError: the time was over before that many had ended.
+        """
         failed = 0
-        with ThreadPoolExecutor(AT_ONCE) as pool:
-            for start in range(0, TRIES, AT_ONCE):
-                count = min(AT_ONCE, TRIES - start)
-                ends = list(pool.map(_end_of, [program] * count))
-                self.beat()
-                failed += ends.count("failed")
-                if set(ends) != {"failed"}:
-                    return failed, start + count
+        for start in range(0, TRIES, AT_ONCE):
+            ends = self._ends(program, min(AT_ONCE, TRIES - start))
+            failed += ends.count("failed")
+            if set(ends) != {"failed"}:
+                return failed, start + len(ends)
         return failed, TRIES
 
     def passes(self, program: str) -> bool:
-        """Tells whether a program passes in as many fresh processes."""
+        """Tells whether a program passes in as many fresh processes.
+
+        Raises:
+            TimeUpError: the time was over before that many had ended.
+        """
         if program not in self._seen:
-            with ThreadPoolExecutor(AT_ONCE) as pool:
-                ends = ["passed"]
-                for _ in range(0, TRIES, AT_ONCE):
-                    ends = list(pool.map(_end_of, [program] * AT_ONCE))
-                    self.beat()
-                    if set(ends) != {"passed"}:
-                        break
-            self._seen[program] = set(ends) == {"passed"}
+            rounds = (self._ends(program, AT_ONCE) for _ in range(0, TRIES, AT_ONCE))
+            self._seen[program] = all(set(ends) == {"passed"} for ends in rounds)
         return self._seen[program]
+
+    def _ends(self, program: str, count: int) -> list[ProgramEnd]:
+        """Ends of `count` processes beside each other; those that time cuts off tell nothing."""
+        limit_s = LIMIT_S
+        if self.until_s is not None:
+            limit_s = min(max(self.until_s - time.monotonic(), 0.0), LIMIT_S)
+        if limit_s == 0.0:
+            raise TimeUpError
+        with ThreadPoolExecutor(count) as pool:
+            ends = list(pool.map(_end_of, [program] * count, [limit_s] * count))
+        self.beat()
+        if limit_s < LIMIT_S and self.is_over:
+            raise TimeUpError
+        return ends
 
     def finding(self, each: Programs) -> tuple[Finding, Reproduced, bool]:
         """The finding with the shorter of its programs that fails everywhere, and whether one does.
@@ -104,9 +121,9 @@ class Confirmation:
         return finding, Reproduced(failed, tried, unchanged), is_shown
 
 
-def _end_of(program: str) -> Literal["passed", "failed", "not run"]:
+def _end_of(program: str, limit_s: float) -> ProgramEnd:
     """End of a program in a process of its own; failed: by what its environment does."""
-    outcome = run_task(TASK, {"program": program}, silence_s=None, limit_s=LIMIT_S)
+    outcome = run_task(TASK, {"program": program}, silence_s=None, limit_s=limit_s)
     if not isinstance(outcome.value, dict):
         return "failed" if outcome.status in ("died", "hung") else "not run"
     if outcome.value["raised"] is None:
@@ -137,15 +154,16 @@ def confirmed(
     for verdict, programs in sorted(drafts, key=_order):
         if verdict.outcome != "failed" or not programs:
             continue
-        if work.is_over:
+        others = tuple(_others(causes, verdict.id))
+        try:
+            follows = _cause_of(programs, others, work)
+            if follows is not None:
+                found[verdict.id] = replace(verdict, follows_from=follows)
+                continue
+            found[verdict.id] = _judged(verdict, programs, [hold for _, hold in others], work)
+        except TimeUpError:
             found[verdict.id] = replace(verdict, outcome="suspected", reason=NOT_RUN)
             continue
-        others = tuple(_others(causes, verdict.id))
-        follows = _cause_of(programs, others, work)
-        if follows is not None:
-            found[verdict.id] = replace(verdict, follows_from=follows)
-            continue
-        found[verdict.id] = _judged(verdict, programs, [hold for _, hold in others], work)
         if verdict.id in HOLDS and found[verdict.id].outcome == "failed":
             causes.append(verdict.id)
     return tuple(found.values())

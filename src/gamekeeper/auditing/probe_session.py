@@ -204,9 +204,7 @@ class ProbeSession:
                 cast_seed=self.seed,
                 change=change,
                 contract=self.contract,
-                keep=EvidenceOptions(
-                    identity=self.opened.identity, label=self.probe, number=self.number, state=state
-                ),
+                keep=EvidenceOptions(label=self.probe, number=self.number, state=state),
                 watch=watch,
                 on_step=self.meter.count,
             )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -28,12 +29,23 @@ MOST_TRIES: Final = 48
 
 @dataclass(slots=True)
 class Reproduction:
-    """Means of rerunning a case, within a budget of steps of its own."""
+    """Means of rerunning a case, within a budget of steps of its own.
+
+    Attributes:
+        until_s: time of the monotonic clock after which nothing is shrunk; None: no such time.
+    """
 
     gathering: Gathering
     contract: Contract
     home: Home
     steps_left: int
+    until_s: float | None = None
+
+    @property
+    def is_spent(self) -> bool:
+        """Tells whether nothing more may be rerun."""
+        is_late = self.until_s is not None and time.monotonic() > self.until_s
+        return is_late or self.steps_left <= 0
 
 
 def draft_of(judged: Judged, bench: Reproduction) -> tuple[Verdict, tuple[Programs, ...]]:
@@ -102,7 +114,7 @@ def _shortest(
     def still(shorter: EpisodePlan) -> bool:
         nonlocal tries, best
         tries += 1
-        if tries > most_tries or bench.steps_left <= 0:
+        if tries > most_tries or bench.is_spent:
             return False
         begun = lab.meter.steps
         try:
@@ -118,7 +130,7 @@ def _shortest(
     shrink(play, still, turns=turns, plain=_plain(bench))
     if best[0] is play and turns is not None:  # nothing was tried, or nothing shorter shows it
         cut = replace(play, actions=play.actions[:turns], most_turns=max(turns, 1))
-        return (cut if bench.steps_left <= 0 else play), case
+        return (cut if bench.is_spent else play), case
     return best
 
 

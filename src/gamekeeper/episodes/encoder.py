@@ -49,13 +49,17 @@ EPISODES: Final = pa.schema(
 
 @dataclass(frozen=True, slots=True)
 class Encoded:
-    """Record batches of buffered turns, in the order in which they are written; None if empty."""
+    """Record batches of buffered turns, in the order in which they are written; None if empty.
+
+    `digests`: of the rows of `steps`, [rows, 16].
+    """
 
     starts: pa.RecordBatch | None
     steps: pa.RecordBatch | None
     states: pa.RecordBatch | None
     timings: pa.RecordBatch | None
     ends: pa.RecordBatch | None
+    digests: Any | None = None
 
     def in_order(self) -> Iterator[tuple[str, pa.RecordBatch]]:
         """The streams and batches there are, so that no row is written before what it hangs on."""
@@ -91,7 +95,7 @@ class Encoder:
             self._open[start.episode] = EpisodeDigest(
                 episode_header(seed=start.seed, options=start.options)
             )
-        block, states, steps = columns.rows, columns.states, None
+        block, states, steps, digests = columns.rows, columns.states, None, None
         if block is not None:
             # Rows are hashed all at once, then handed to their episodes: a chunk may hold the end
             # of one and the start of others; an episode's digest goes on over chunks (`_open`).
@@ -118,6 +122,7 @@ class Encoder:
                 fingerprint=[digest.fingerprint for digest in ended],
                 info_fingerprint=[digest.info_fingerprint for digest in ended],
             ),
+            digests=digests,
         )
 
     def _states(self, states: States) -> pa.RecordBatch:

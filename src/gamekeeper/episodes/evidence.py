@@ -114,10 +114,7 @@ class Evidence:
     @legible
     def spaces(self) -> Mapping[str, Spaces]:
         """The codecs of each agent's spaces, rebuilt from their JSON."""
-        return {
-            agent: Spaces(_codec(pair.get("observation")), _codec(pair.get("action")))
-            for agent, pair in (self.manifest.get("spaces") or {}).items()
-        }
+        return spaces_of(self.manifest.get("spaces") or {})
 
     @cached_property
     @legible
@@ -299,6 +296,14 @@ def fingerprints(manifest: Mapping[str, Any], episodes: pa.Table) -> dict[str, s
     return {
         name: run_fingerprint(environment, manifest["spaces"], done[name].to_pylist())
         for name in ("fingerprint", "info_fingerprint")
+    }
+
+
+def spaces_of(described: Mapping[str, Any]) -> Mapping[str, Spaces]:
+    """The codecs of each agent's spaces, from their JSON."""
+    return {
+        agent: Spaces(_codec(pair.get("observation")), _codec(pair.get("action")))
+        for agent, pair in described.items()
     }
 
 

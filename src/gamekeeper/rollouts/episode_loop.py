@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, Final, Protocol
 
 import numpy as np
@@ -175,14 +175,12 @@ class EvidenceOptions:
 
     Attributes:
         terms: reward terms in place of the contract's.
-        identity: of the environment, for the fingerprint.
         label: the probe's name, for the trace's places.
         number: of the play in its probe.
         state: also keep `state()`.
     """
 
     terms: tuple[str, ...] | None = None
-    identity: Mapping[str, Any] = field(default_factory=dict)
     label: str = ""
     number: int = 0
     state: bool = True
@@ -230,13 +228,11 @@ def perform(
     finally:
         hooks.after(env)
     game.end_episode()
-    evidence = sink.evidence(keep.identity, contract=declared)
-    trace = next(evidence.episodes)
+    trace = sink.episode()
     trace = replace(
         trace,
         header={**trace.header, "probe": keep.label},
         change=None if change is None else change.to_json(),
-        _cache={},
     )
     trace.keep_turns()
     done = replace(play, actions=tuple(course.taken), most_turns=max(len(course.taken), 1))

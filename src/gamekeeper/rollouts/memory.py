@@ -6,14 +6,16 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+import numpy as np
 import pyarrow as pa
 
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.block import most_rows
 from gamekeeper.episodes.buffer import TURN, Buffer, take
-from gamekeeper.episodes.encoder import Encoded, Encoder
-from gamekeeper.episodes.evidence import Evidence, manifest_of
-from gamekeeper.episodes.layout import Layout
+from gamekeeper.episodes.encoder import EPISODES, Encoded, Encoder
+from gamekeeper.episodes.episode import Episode
+from gamekeeper.episodes.evidence import NO_STEPS, Evidence, manifest_of, spaces_of
+from gamekeeper.episodes.layout import Layout, spaces_json
 from gamekeeper.episodes.tables import MemoryTables, merged_episodes, table_of
 from gamekeeper.interface.packing import Rings
 
@@ -35,6 +37,7 @@ class MemorySink:
     frames: dict[tuple[int, int], Any] = field(default_factory=dict)
     _encoder: Encoder = field(init=False)
     _batches: dict[str, list[pa.RecordBatch]] = field(default_factory=dict)
+    _digests: list[Any] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.layout = Layout(self.terms)
@@ -48,6 +51,26 @@ class MemorySink:
     def frame(self, episode: int, turn: int, frame: Any) -> None:
         """Keeps a copy of a frame."""
         self.frames[episode, turn] = frame.copy() if hasattr(frame, "copy") else frame
+
+    def episode(self) -> Episode:
+        """The one episode that was played, with no run around it; handed over, not copied."""
+        self._drain()
+        batches, self._batches = self._batches, {}
+        header: dict[str, Any] = dict.fromkeys(EPISODES.names)
+        for row in (row for batch in batches["episodes"] for row in batch.to_pylist()):
+            header |= {name: value for name, value in row.items() if value is not None}
+        tables = {name: table_of(parts) for name, parts in batches.items() if name != "episodes"}
+        digests, self._digests = self._digests, []
+        state = self.layout.state
+        return Episode(
+            episode=header["episode"],
+            header=header,
+            steps=tables.get("agent_steps", NO_STEPS.empty_table()),
+            states=tables.get("states"),
+            spaces=spaces_of(spaces_json(self.layout)),
+            state_codec=None if state is None else state.codec,
+            _cache={"digests": np.concatenate(digests)} if digests else {},
+        )
 
     def evidence(
         self,
@@ -89,6 +112,8 @@ class MemorySink:
     def _keep(self, encoded: Encoded) -> None:
         for stream, batch in encoded.in_order():
             self._batches.setdefault(stream, []).append(batch)
+        if encoded.digests is not None:
+            self._digests.append(encoded.digests)
 
 
 def _never(place: int, out: Any) -> None:

@@ -40,7 +40,6 @@ class Work:
 def traced_memory() -> Iterator[None]:
     """Memory is traced in here; where somebody traces it already, they go on doing so."""
     is_traced = tracemalloc.is_tracing()
-    gc.collect()
     gc.freeze()  # what is there already needn't be gone through at every collection
     if not is_traced:
         tracemalloc.start()
