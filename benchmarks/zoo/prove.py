@@ -24,7 +24,7 @@ from catalogue import catalogue
 
 UNTRIED: Final = "the audit ended before its reproducer was run"
 TRIES: Final = 5
-TRY_S: Final = 60
+TRY_S: Final = 120
 """Time limit of one try."""
 
 
