@@ -50,7 +50,7 @@ def test_measured_values_are_sentences() -> None:
     found = {key: words(MEASURED[key]) for key in ("order", "symmetric", "reward", "endings")}
     assert found == {
         "order": "none",
-        "symmetric": "rover: seems so, p-value 0.52, 24 episodes",
+        "symmetric": "rover: seems so, permutation test, p = 0.52, 24 episodes",
         "reward": "not the same for all agents",
         "endings": "0 of 8 episodes ended",
     }
@@ -118,7 +118,7 @@ def test_values_are_said_as_readers_say_them() -> None:
     """Truth values, nested tables, lists; names of agents stay as they are."""
     assert words(True) == "yes"
     assert words({"agent_0": [1, 2.5], "empty": None}) == "agent_0: (1, 2.5)"
-    assert words({"seems": False, "p": 0.001}) == "seems not, p-value 0.001"
+    assert words({"seems": False, "p": 0.001}) == "seems not, permutation test, p = 0.001"
 
 
 def test_draft_proposes_what_was_measured_and_declares_nothing() -> None:
@@ -133,7 +133,7 @@ def test_draft_proposes_what_was_measured_and_declares_nothing() -> None:
     )
     asked = measured_questions(questions, MEASURED)
     assert [each.measured for each in asked[:3]] == ["20", "true", ""]
-    assert asked[2].hint == "measured: seems so, p-value 0.52, 24 episodes"
+    assert asked[2].hint == "measured: seems so, permutation test, p = 0.52, 24 episodes"
     assert "in 518 ticks" in asked[3].hint
     assert asked[4] == questions[4]
     text = draft_note(steps=3_000, seed=0) + contract.to_toml(asked)

@@ -31,7 +31,7 @@ def test_broken_promises_stand_by_severity() -> None:
     assert list(blocks) == ["Failed: high severity", "Failed: low severity"]
     high = blocks["Failed: high severity"]
     assert high.splitlines()[0] == "  GK402  breaks the rule: The promise of GK402."
-    for word in ("rollout/7, turn 8", "expected  0.0", "actual    0.5", "30 of 260 places"):
+    for word in ("rollout/7, turn 8", "expected  0.0", "actual    0.5", "30 of 260 cases"):
         assert word in high
     assert list(dict(failed_blocks(mixed(), width=80, least="high"))) == ["Failed: high severity"]
 

@@ -14,7 +14,9 @@ import pytest
 from gamekeeper.errors import TrustError
 from gamekeeper.runs import own_runs
 from gamekeeper.runs.comparison import replay
+from gamekeeper.runs.consent import consented
 from gamekeeper.runs.files.checksums import root_digest
+from gamekeeper.runs.load_run import load
 from gamekeeper.runs.recording import rollout
 from tests.interface.toys import PARALLEL_TEXT
 from tests.runs.finalize_again import finalize_again
@@ -103,6 +105,25 @@ def test_own_run_replays_without_a_flag_until_its_files_change(tmp_path: Path) -
     write_env(tmp_path, ("TURNS = 5", "TURNS = 4"))
     with pytest.raises(TrustError, match=r"you recorded this run, and .*walks.py has changed"):
         replay(tmp_path / "run")
+
+
+def test_own_policies_need_no_flag_beside_an_environment_that_is_named(tmp_path: Path) -> None:
+    """Naming the environment takes nothing back of what an own run may do."""
+    spec = f"{write_env(tmp_path)}:Walk"
+    policies = tmp_path / "mine.py"
+    policies.write_text("def still(observation, agent, info, rng):\n    return 0\n")
+    run = tmp_path / "still"
+    rollout(spec, policies=f"{policies}:still", episodes=1, out=run, most_turns=2)
+
+    def opened() -> str:
+        names = [f"{policies}:still"]
+        with consented(load(run), doing="trying", env=spec, policies=names) as consent:
+            return consent.rule
+
+    assert opened() == "named"
+    policies.write_text("def still(observation, agent, info, rng):\n    return 1\n")
+    with pytest.raises(TrustError, match=r"mine.py has changed"):
+        opened()
 
 
 def test_own_run_of_workers_replays_without_a_flag(tmp_path: Path, own_state: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Final
@@ -12,11 +12,12 @@ from gamekeeper.auditing.gather import ROLLOUT
 from gamekeeper.auditing.judge import Judged, judge, verdict_of
 from gamekeeper.auditing.reproduce import words
 from gamekeeper.auditing.result import AuditResult, spaces_text
-from gamekeeper.checks.check import Check, selected
+from gamekeeper.checks.check import LOW, Check, selected
 from gamekeeper.checks.probe_evidence import ProbeEvidence, ProbeRun
 from gamekeeper.checks.verdict import Finding, Verdict
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.agent_spec import AgentSpec, agent_spec
+from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import EvidenceError
 from gamekeeper.runs.files.folder import MANIFEST
@@ -25,6 +26,8 @@ from gamekeeper.runs.load_run import load
 FULL: Final = "full"
 ROWS: Final = frozenset({ROLLOUT, "spaces"})
 """Probes whose checks read rows; those of spaces play more episodes of the same kind."""
+MOST_ROWS: Final = 5_000
+"""Agent steps of the episodes that are judged beside another command: a second or two."""
 NEEDS_RERUNS: Final = "it needs reruns: `gamekeeper audit ENV` makes them"
 
 
@@ -68,7 +71,7 @@ def audit_run(
     declared = evidence.contract
     if contract is not None:
         declared = contract if isinstance(contract, Contract) else Contract.load(contract)
-    recorded = _recorded(evidence, declared)
+    recorded = _recorded(evidence, declared, evidence.episodes)
     wanted = selected(tuple(select), tuple(ignore))
     verdicts = tuple(_verdict(check, declared, recorded) for check in wanted.values())
     environment = evidence.manifest.get("environment") or {}
@@ -85,9 +88,33 @@ def audit_run(
     )
 
 
-def _recorded(evidence: Evidence, contract: Contract) -> ProbeEvidence:
-    """The episodes of a run in the place of those that the probe of rollouts plays."""
-    looks = tuple(ProbeRun(traces=(each,)) for each in evidence.episodes)
+def failed_rows(evidence: Evidence) -> tuple[Verdict, ...]:
+    """Failed verdicts, not of low severity, on the rows of a run's first episodes.
+
+    Whole episodes are judged, as long as they have MOST_ROWS agent steps together; none of a run
+    that keeps no observations.
+    """
+    episodes: list[Episode] = []
+    left = MOST_ROWS
+    for each in evidence.episodes if evidence.manifest.get("level") == FULL else ():
+        left -= each.steps.num_rows
+        if left < 0:
+            break
+        each.keep_turns()  # many checks read them
+        episodes.append(each)
+    recorded = _recorded(evidence, evidence.contract, episodes)
+    checked = (check for check in selected().values() if _reads_rows(check) and episodes)
+    verdicts = (_verdict(check, evidence.contract, recorded) for check in checked)
+    return tuple(each for each in verdicts if each.outcome == "failed" and each.severity != LOW)
+
+
+def _reads_rows(check: Check) -> bool:
+    return ROLLOUT in check.needs and ROWS.issuperset(check.needs)
+
+
+def _recorded(evidence: Evidence, contract: Contract, episodes: Iterable[Episode]) -> ProbeEvidence:
+    """Episodes of a run in the place of those that the probe of rollouts plays."""
+    looks = tuple(ProbeRun(traces=(each,)) for each in episodes)
     return ProbeEvidence(
         api=str((evidence.manifest.get("environment") or {}).get("api")),
         agents=_agents(evidence, contract),
@@ -114,7 +141,7 @@ def _space(codec: Any) -> Any:
 
 
 def _verdict(check: Check, contract: Contract, recorded: ProbeEvidence) -> Verdict:
-    if ROLLOUT not in check.needs or not ROWS.issuperset(check.needs):
+    if not _reads_rows(check):
         judged = Judged(check, "not_exercised", reason=NEEDS_RERUNS)
     else:
         judged = judge(check, contract, recorded, {})

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
+import shlex
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import mkstemp
@@ -20,6 +21,7 @@ from gamekeeper.rollouts.executors.task import Limits, WorkTask, stopped_after
 
 if TYPE_CHECKING:
     from gamekeeper.auditing.result import AuditResult
+    from gamekeeper.episodes.evidence import Evidence
 
 Severity = Literal["high", "medium", "low"]
 
@@ -128,6 +130,20 @@ def show_failed(screen: Screen, document: Mapping[str, Any], *, least: Severity 
         screen.show("")
         screen.verdict(heading, MANNERS[heading.split()[1]])
         screen.show(text)
+
+
+def show_failed_rows(
+    screen: Screen, evidence: Evidence, *, known: Collection[str] = ()
+) -> list[dict[str, Any]]:
+    """Shows the rules that the rows of a run break, but for `known` ids; returns their verdicts."""
+    from gamekeeper.auditing.recorded import failed_rows
+    from gamekeeper.reporting.audit_text import rows_text
+
+    verdicts = [each.to_json() for each in failed_rows(evidence) if each.id not in known]
+    if verdicts:
+        run = shlex.quote(str(evidence.path))
+        screen.show(f"\n{rows_text(verdicts, run, width=screen.width)}")
+    return verdicts
 
 
 def say_not_exercised(screen: Screen, document: Mapping[str, Any]) -> None:

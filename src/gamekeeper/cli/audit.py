@@ -71,11 +71,12 @@ BudgetOption = Annotated[
         metavar="N",
         min=1,
         max=MOST,
-        help="Environment steps of the checks; the measured game form has up to 5,000 more.",
+        help="Environment steps of the checks; on top, up to half as many (5,000 at most) measure "
+        "the game form, and a quarter shrinks findings.",
     ),
 ]
 QuickOption = Annotated[
-    bool, typer.Option("--quick", help="Limit the budget to 3,000 steps, which miss rare faults.")
+    bool, typer.Option("--quick", help="Set the budget to 3,000 steps, which miss rare faults.")
 ]
 SecondsOption = Annotated[
     float | None,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
+from gamekeeper.cli._audit import show_failed_rows
 from gamekeeper.cli._options import (
     SILENCE_S,
     ImportOption,
@@ -48,6 +49,7 @@ def command(
     Example: gamekeeper replay runs/warehouse-1
     """
     from gamekeeper.runs.comparison import replay
+    from gamekeeper.runs.load_run import load
 
     with screen.progress("replaying") as take:
         replayed = replay(
@@ -62,7 +64,8 @@ def command(
     show_replayed(screen, replayed)
     if replayed.consent is not None:
         screen.note(str(replayed.consent))
-    return CommandResult(replayed.to_json(), replay_code(replayed))
+    document = {**replayed.to_json(), "verdicts": show_failed_rows(screen, load(run))}
+    return CommandResult(document, replay_code(replayed))
 
 
 def show_replayed(

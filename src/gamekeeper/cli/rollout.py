@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Final
 
 from gamekeeper.cli import _options as shared
+from gamekeeper.cli._audit import show_failed_rows
 from gamekeeper.cli._fan import (
     ExecutorOption,
     FanOption,
@@ -91,7 +92,9 @@ def command(
             )
     say_end(screen, recorded)
     show_recorded(screen, recorded.evidence)
-    return CommandResult(rollout_document(recorded), exit_code(recorded))
+    verdicts = show_failed_rows(screen, recorded.evidence)
+    document = {**rollout_document(recorded), "verdicts": verdicts}
+    return CommandResult(document, exit_code(recorded))
 
 
 def show_recorded(screen: Screen, evidence: Evidence) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from gamekeeper.cli._audit import audit_code, audit_with_progress
+from gamekeeper.cli._audit import audit_code, audit_with_progress, show_failed_rows
 from gamekeeper.cli._form import GameForm, look_at, show_form
 from gamekeeper.cli._options import (
     EPISODES,
@@ -132,13 +132,17 @@ def command(
         )
     say_end(screen, recorded)
     show_summary(screen, recorded, seed=seed)
+    failed = (audited or {}).get("verdicts", ())
+    known = {each["id"] for each in failed if each["outcome"] == "failed"}
+    verdicts = show_failed_rows(screen, recorded.evidence, known=known)
     path = recorded.evidence.path
     is_whole = recorded.error is None and not recorded.is_interrupted
     with said_if_interrupted(screen, f"interrupted in the replay: the run in {path} is complete"):
         replayed = replay_here(screen, recorded, timeout=timeout) if is_whole else None
     line = audit_line if _has_failed(audited) else None
     show_end(screen, recorded, next_command(env, line, recorded, replayed))
-    document = _document(form, audited, recorded, replayed)
+    record = {**rollout_document(recorded), "verdicts": verdicts}
+    document = _document(form, audited, record, replayed)
     return CommandResult(document, _code(audited, recorded, replayed))
 
 
@@ -331,9 +335,8 @@ def _env_option(env: str, evidence: Evidence) -> str:
 
 
 def _document(
-    form: GameForm, audited: dict[str, Any] | None, recorded: Recorded, replayed: Replay | None
+    form: GameForm, audited: dict[str, Any] | None, record: dict[str, Any], replayed: Replay | None
 ) -> dict[str, Any]:
-    record = rollout_document(recorded)
     replay = None if replayed is None else replayed.to_json()
     document = {"contract": form.to_json(), "audit": audited, "rollout": record, "replay": replay}
     return {**document, "error": record["error"]} if "error" in record else document

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gamekeeper.diagnosis.trials import IdealSubstitute
 from gamekeeper.episodes.outcome import LABELS
 from gamekeeper.statistics.paired import PairedEffect, paired_effect
-from gamekeeper.statistics.significance import fisher_exact, holm, wilson
+from gamekeeper.statistics.significance import fisher_exact, holm, p_text, wilson
 
 Answer = Literal["isolated", "joint", "compatible", "untested"]
 Successes = NDArray[np.float64]
@@ -285,7 +285,7 @@ class Contradiction:
         (bad, of), (fresh_bad, fresh_of) = self.recorded, self.fresh
         return (
             f"{bad} of {of} recorded episodes failed and {fresh_bad} of {fresh_of} fresh ones, "
-            f"which chance doesn't explain (Fisher's exact test, p = {self.p:.1g}): what was "
+            f"which chance doesn't explain (Fisher's exact test, {p_text(self.p)}): what was "
             "played again isn't what was recorded, or the recorded seeds are special; this is no "
             "all-clear"
         )

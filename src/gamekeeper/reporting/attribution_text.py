@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from gamekeeper.reporting.influence_text import influence_text
-from gamekeeper.reporting.results_text import table_lines
+from gamekeeper.reporting.results_text import UNDEFINED, table_lines
 from gamekeeper.reporting.text_columns import wrapped
+from gamekeeper.statistics.significance import p_text
 
 INDENT: Final = "  "
 SHOWN_FROM: Final = 0.05
@@ -60,10 +61,11 @@ def _recorded(document: Mapping[str, Any], width: int) -> str:
         for name, part in agents.items()
     ]
     legend = [*RECORDED]
-    if any(part["share"] is None for part in agents.values()):
-        legend.append("share -: undefined, as a return is negative or their sum is 0")
-    if any(part["idle"] is None for part in agents.values()):
-        legend.append("idle -: the contract declares no noop")
+    legend += [
+        why
+        for name, why in UNDEFINED.items()
+        if any(part[name] is None for part in agents.values())
+    ]
     title = f"Recorded run: {_episodes(document['recorded'])}, nothing replaced"
     return _group(title, rows, legend, width)
 
@@ -196,15 +198,19 @@ def _messages(document: Mapping[str, Any], width: int) -> str:
         elif row["kind"] == "signalling":
             text = (
                 f"{row['from']}'s messages have {row['bits']:.2f} bits of information about its "
-                f"observations (p = {row['p']:.3f}, {row['n']} episodes)"
+                f"observations ({_tested(row)})"
             )
         else:
             text = (
                 f"the next action of {row['to']} has {row['bits']:.2f} bits of information about "
-                f"{row['from']}'s messages (p = {row['p']:.3f}, {row['n']} episodes)"
+                f"{row['from']}'s messages ({_tested(row)})"
             )
         lines += wrapped(text, width, first=INDENT, rest=INDENT * 2)
     return "\n".join(["Messages", *lines]) if lines else ""
+
+
+def _tested(row: Mapping[str, Any]) -> str:
+    return f"permutation test, {p_text(row['p'])}, {row['n']} episodes"
 
 
 def listening_text(row: Mapping[str, Any]) -> str:

@@ -100,6 +100,22 @@ def _consequence(verdict: Document) -> Row:
     return verdict["id"], _short(text)
 
 
+def rows_text(verdicts: Sequence[Document], run: str, *, width: int) -> str:
+    """Rules that a run's own rows break, each with its first place, and the command that says more.
+
+    Args:
+        verdicts: failed ones, as in the document of an audit.
+        run: the folder of the run.
+        width: columns that no line exceeds, as far as words allow.
+    """
+    rows = [
+        (each["id"], _short(f"{_broken(each)} First at {each['findings'][0]['where']}."))
+        for each in verdicts
+    ]
+    rows.append(("", f"(gamekeeper audit {run} says more)"))
+    return _section("Rules that the recorded rows break", rows, width)
+
+
 def suspected_text(audit: Document, *, width: int) -> str:
     """Checks with a failed case that their reproducer doesn't show: place, value and reason."""
     rows = []
@@ -141,8 +157,8 @@ def _finding(verdict: Document, width: int) -> str:
 
 
 def _cases(verdict: Document) -> str:
-    """`in 80 of 80 places looked at; the program below failed in 5 of 5 runs, ...`."""
-    text = f"in {verdict['failed']:,} of {verdict['cases']:,} places looked at"
+    """`broken in 80 of 80 cases; its program failed in 5 of 5 new processes, ...`."""
+    text = f"broken in {verdict['failed']:,} of {verdict['cases']:,} cases looked at"
     how = verdict["reproduced"]
     if how is not None:
         text += f"; its program failed in {how['failed']} of {how['tried']} new processes"

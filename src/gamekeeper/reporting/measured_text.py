@@ -9,6 +9,7 @@ from gamekeeper.contract.validation import one_line
 from gamekeeper.reporting.influence_text import influence_text
 from gamekeeper.reporting.results_text import table_lines
 from gamekeeper.reporting.text_columns import column_lines, wrapped
+from gamekeeper.statistics.significance import p_text
 
 Document = Mapping[str, Any]
 
@@ -193,7 +194,7 @@ def _sentence(value: Document) -> str | None:
 def _symmetry(value: Document) -> str:
     episodes = f", {value['n']} episodes" if "n" in value else ""
     seems = "seems so" if value["seems"] else "seems not"
-    p = "" if value.get("p") is None else f", p-value {words(value['p'])}"
+    p = "" if value.get("p") is None else f", permutation test, {p_text(value['p'])}"
     return f"{seems}{p}{episodes}" + (f": {value['why']}" if value.get("why") else "")
 
 

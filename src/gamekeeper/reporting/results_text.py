@@ -38,6 +38,11 @@ SUMMARY_LEGEND: Final = (
     "return, length in actions: mean over the episodes that the agent was in; "
     "share: of the team's return; idle: declared noops among its actions"
 )
+UNDEFINED: Final = {
+    "share": "share -: undefined, as a return is negative or their sum is 0",
+    "idle": "idle -: the contract declares no noop",
+}
+"""Reasons of columns that hold no number."""
 LONGEST_VALUE: Final = 240
 """Characters of a value that a text shows; the JSON document has all of it."""
 
@@ -65,7 +70,9 @@ def summary_text(summary: Summary, *, width: int, most: int | None = None) -> st
     lines = list(table_lines([head, *shown], width=width, right=NUMBERS))
     if len(shown) < len(rows):
         lines.append(f"{INDENT}... and {len(rows) - len(shown)} more agents")
-    return "\n".join([*lines, *wrapped(SUMMARY_LEGEND, width, first=INDENT, rest=INDENT)])
+    blank = [why for name, why in UNDEFINED.items() if "-" in (r[head.index(name)] for r in shown)]
+    legend = "; ".join([SUMMARY_LEGEND, *blank])
+    return "\n".join([*lines, *wrapped(legend, width, first=INDENT, rest=INDENT)])
 
 
 def counted(summary: Summary, *, api: str) -> str:
@@ -119,9 +126,12 @@ def origin_facts(evidence: Evidence) -> list[tuple[str, str]]:
 
 
 def digests_text(evidence: Evidence) -> str:
-    """The fingerprint of a run and its root digest, a line each."""
+    """The fingerprint of a run and its root digest, a line each, and what they are of."""
     root = evidence.root or "none yet"
-    return f"  fingerprint  {evidence.fingerprint or 'none yet'}\n  root digest  {root}"
+    return (
+        f"  fingerprint  {evidence.fingerprint or 'none yet'}\n  root digest  {root}\n"
+        "  fingerprint: of what happened; root digest: of every byte of the folder"
+    )
 
 
 def errors_text(errors: Sequence[Mapping[str, Any]], *, width: int) -> str:

@@ -111,10 +111,11 @@ def _rule(
     path: PurePath, manifest: Mapping[str, Any], doing: str, env: object | None, policies: list[str]
 ) -> tuple[str, own_runs.Modules]:
     """The first rule that consents, and the modules that may be imported besides."""
-    modules = _own(path) if env is None else None
+    is_open = env is None or any(map(distrust_policy, policies))
+    modules = _own(path) if is_open else None
     changed = [] if modules is None else own_runs.changed(modules)
     if modules is not None and not changed and not any(map(is_schemed, policies)):
-        return "own_run", modules
+        return ("own_run" if env is None else "named"), modules
     identity = manifest.get("environment")
     reason = None
     if env is None:

@@ -40,6 +40,11 @@ class Share:
     n: int
 
 
+def p_text(p: float) -> str:
+    """`p = 0.012`, or `p < 0.001`: what is smaller rests on assumptions, not on data."""
+    return "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
+
+
 def wilson(hits: int, looks: int, *, level: float = LEVEL) -> Share:
     """The share of hits with Wilson's score interval, which is honest for small counts too.
 

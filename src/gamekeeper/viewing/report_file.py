@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from gamekeeper._version import __version__
+from gamekeeper.auditing.recorded import failed_rows
 from gamekeeper.diagnosis.labels import labels
 from gamekeeper.episodes.plain_json import legible
 from gamekeeper.errors import EvidenceError, GamekeeperError, RunError
@@ -256,7 +257,7 @@ def _page(
     return Page(
         title=main.name if title is None else title,
         lead=lead_of(runs, documents),
-        alerts=alerts_of(runs),
+        alerts=(*alerts_of(runs), *_row_alerts(main)),
         runs=tuple(run.card for run in (*runs, *counterfactuals)),
         sections=sections_of(runs, documents, version=__version__, rng=np.random.default_rng(SEED)),
         episodes=entries,
@@ -264,6 +265,15 @@ def _page(
         chosen=chosen,
         extra={"pairs": [pair.to_json() for pair in pairs if packer.has(pair)]},
     )
+
+
+def _row_alerts(run: ShownRun) -> Iterator[str]:
+    """An alert where the rows of a run break rules; their places are the audit's to say."""
+    failed = failed_rows(run.evidence)
+    if failed:
+        rules = " ".join(f"{each.id}: {each.claim}" for each in failed)
+        where = f"`gamekeeper audit {run.path}` says where."
+        yield f"The rows of run {run.key} break rules. {rules} {where}"
 
 
 def _in_order(

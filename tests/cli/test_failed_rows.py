@@ -1,0 +1,46 @@
+"""Rules that recorded rows break are said wherever the rows are made or read."""
+
+from pathlib import Path
+
+import pytest
+
+from gamekeeper.auditing.recorded import failed_rows
+from gamekeeper.runs.load_run import load
+from gamekeeper.viewing.report_file import report
+from tests.cli.lines import LINE, document, said
+
+SHRINKS = "tests.faults.spaces:Shrinking"
+
+
+@pytest.fixture(autouse=True)
+def _in_the_project(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The faulty environment is a module of the project."""
+    monkeypatch.chdir(Path(__file__).parents[2])
+
+
+def test_rows_that_miss_their_space_are_said(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """`rollout`, `replay` and `report` name the check; a sound run is left alone."""
+    run, sound = tmp_path / "run", tmp_path / "sound"
+    code, out, err = said(capfd, "rollout", SHRINKS, "--episodes", 5, "--out", run)
+    assert code == 0, err
+    assert "Rules that the recorded rows break\n  GK213  breaks the rule: " in out
+    code, replayed = document(capfd, "replay", run, "--env", SHRINKS)
+    assert (code, [each["id"] for each in replayed["verdicts"]]) == (0, ["GK213"])
+    page = report(run, tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "break rules. GK213: " in page
+
+    code, recorded = document(capfd, "rollout", LINE, "--episodes", 1, "--out", sound)
+    assert (code, recorded["verdicts"]) == (0, [])
+
+
+def test_no_row_of_a_long_run_is_judged_beyond_its_bound(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whole episodes are judged as long as they fit."""
+    run = tmp_path / "run"
+    code, _, err = said(capfd, "rollout", SHRINKS, "--episodes", 5, "--out", run)
+    assert code == 0, err
+    monkeypatch.setattr("gamekeeper.auditing.recorded.MOST_ROWS", 3)
+    assert failed_rows(load(run)) == ()
