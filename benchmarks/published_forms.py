@@ -1,7 +1,7 @@
 """Measured game forms of the environments of PettingZoo, mpe2 and Gamekeeper, each read in source.
 
     python -m benchmarks.published_forms --out FILE [--budget 6000] [--seed 0] [--only WORD ...]
-    python -m benchmarks.published_forms --table FILE ... > docs/measured-forms.md
+    python -m benchmarks.published_forms --table FILE ... > docs/reference/measured-forms.md
 
 The first measures each environment as `benchmarks.form_table` does, and adds a JSON line to FILE;
 what has a line there isn't measured again. The second prints the page with the measured forms
@@ -22,6 +22,8 @@ from typing import Any, Final
 
 from benchmarks.form_table import measurement
 from benchmarks.replay_zoo import zoo
+from gamekeeper.interface.declared_contract import declared_contract
+from gamekeeper.interface.opening import open_env
 
 OURS: Final = (
     "connect_four",
@@ -44,7 +46,7 @@ FIELDS: Final = ("stages", "order", "observe", "conflicts", "legality", "determi
 def specs() -> Iterator[str]:
     """Every environment, for each API that it is offered in; those with pictures last."""
     yield from (f"gamekeeper/{name}-v0" for name in OURS)
-    theirs = [spec for spec in zoo() if ".py:" not in spec]
+    theirs = [spec for spec in zoo() if ".py:" not in spec and "gamekeeper/" not in spec]
     yield from sorted(theirs, key=lambda spec: ("butterfly" in spec or "sisl" in spec, spec))
 
 
@@ -87,7 +89,9 @@ Each environment was played as an audit plays it, with nothing declared, and its
 form was measured. Then its source was read: what it says, and where, stands in
 `benchmarks/forms/published.toml`. A value that differs from the source is
 **bold**, with the source's in brackets; "-" says that nothing was claimed, with
-too few cases. Made by `python -m benchmarks.published_forms`.
+too few cases. Gamekeeper's own stand beside their contracts. Environments with
+pictures, and those whose steps are slow, were played for a quarter of the steps.
+Made by `python -m benchmarks.published_forms`.
 """
 
 
@@ -99,12 +103,32 @@ def truths() -> dict[str, dict[str, Any]]:
         f"{api}:{name}": fields | parts[api].get(name, {})
         for name, fields in whole.items()
         for api in parts
+    } | {f"gamekeeper/{name}-v0": declared(f"gamekeeper/{name}-v0") for name in OURS}
+
+
+def declared(spec: str) -> dict[str, Any]:
+    """What the contract of one of ours declares, in the same fields."""
+    opened = open_env(spec)
+    contract = declared_contract(None, opened)
+    assert contract is not None
+    schedule, kinds = contract.schedule, {term.kind for term in contract.rewards.values()}
+    truth: dict[str, Any] = {
+        "order": schedule.order,
+        "observe": schedule.observe,
+        "conflicts": schedule.conflicts,
+        "horizon": schedule.horizon or "none",
+        "advice": opened.api,
     }
+    if len(kinds) == 1:  # a term that legal play never pays has another kind in some
+        truth |= {"shared": kinds == {"shared"}, "zero_sum": kinds == {"zero-sum"}}
+    return truth
 
 
 def name_of(spec: str) -> str:
     """`parallel:mpe2.simple_v3` of `parallel:mpe2.simple_v3:parallel_env`."""
-    api, _, rest = spec.partition(":")
+    api, colon, rest = spec.partition(":")
+    if not colon:
+        return spec
     return f"{api}:{rest.partition(':')[0]}"
 
 
