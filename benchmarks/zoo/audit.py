@@ -5,7 +5,9 @@ audited again. Virtual environments lie in one folder, named as the lists in req
 they are made from; public repositories lie in the folder ZOO_REPOSITORIES as `owner+name`, at the
 commit of the catalogue. An environment whose virtual environment is missing is left out.
 
-    python benchmarks/zoo/audit.py --venvs FOLDER --results FOLDER [--only WORD ...]
+    python benchmarks/zoo/audit.py --venvs FOLDER --results FOLDER --source FOLDER [--only WORD ...]
+
+The source is a checkout of gamekeeper that nobody works in: every audit is by the same code.
 """
 
 from __future__ import annotations
@@ -24,9 +26,9 @@ from typing import Any, Final
 sys.path.insert(0, str(Path(__file__).parent))
 from catalogue import Listed, catalogue
 
-AUDIT_S: Final = 60
+AUDIT_S: Final = 90
 """Time limit that the audit is given (`--seconds`)."""
-OUTER_S: Final = 200
+OUTER_S: Final = 300
 """Time after which the process is ended: an audit that doesn't keep its limit."""
 SURROUNDINGS: Final = {
     "SDL_VIDEODRIVER": "dummy",
@@ -40,6 +42,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--venvs", type=Path, required=True)
     parser.add_argument("--results", type=Path, required=True)
+    parser.add_argument("--source", type=Path, required=True, help="checkout whose src is run")
     parser.add_argument("--only", nargs="*", default=[], help="words, one of which a key must hold")
     asked = parser.parse_args()
     for each in one_of_each_first(catalogue()):
@@ -50,7 +53,7 @@ def main() -> int:
         if not command.exists():
             print(f"{each.key}: no {command}", flush=True)
             continue
-        result = audited(each, command)
+        result = audited(each, command, asked.source)
         asked.results.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(result, indent=1))
         print(f"{each.key}: {summary(result)}", flush=True)
@@ -67,12 +70,13 @@ def one_of_each_first(listed: Iterable[Listed]) -> list[Listed]:
     return [each for _, each in sorted(places, key=lambda place: place[0])]
 
 
-def audited(each: Listed, command: Path) -> dict[str, Any]:
+def audited(each: Listed, command: Path, source: Path) -> dict[str, Any]:
     """One audit's JSON, or what ended it without one."""
     words = [str(command), "audit", each.spec, "--quick", "--json", "--quiet"]
     words += ["--seconds", str(AUDIT_S), "--kwargs", json.dumps(dict(each.kwargs))]
-    surroundings = {**os.environ, **SURROUNDINGS}
-    result: dict[str, Any] = {"key": each.key, "half": each.half, "gamekeeper": _commit()}
+    surroundings = {**os.environ, **SURROUNDINGS, "PYTHONPATH": str(source / "src")}
+    result: dict[str, Any] = {"key": each.key, "group": each.group, "gamekeeper": _commit(source)}
+    result |= {"limit_s": AUDIT_S, "audited": time.strftime("%Y-%m-%d")}
     start = time.monotonic()
     try:
         done = subprocess.run(
@@ -101,8 +105,8 @@ def summary(result: dict[str, Any]) -> str:
     return f"{result['seconds']} s, failed {' '.join(failed)}, suspected {' '.join(suspected)}"
 
 
-def _commit() -> str:
-    words = ["git", "-C", str(Path(__file__).parent), "rev-parse", "--short", "HEAD"]
+def _commit(source: Path) -> str:
+    words = ["git", "-C", str(source), "rev-parse", "--short", "HEAD"]
     return subprocess.run(words, capture_output=True, text=True).stdout.strip()
 
 

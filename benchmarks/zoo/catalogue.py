@@ -5,12 +5,13 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final, Literal
 
 HERE: Final = Path(__file__).parent
 CATALOGUE: Final = HERE / "environments.toml"
+GROUPS: Final = HERE / "groups.toml"
+Group = Literal["tuned", "related", "new"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,27 +27,23 @@ class Listed:
     name: str
     spec: str
     kwargs: Mapping[str, Any]
+    group: Group
+    """*tuned*: checks were changed by it; *related*: by others of its package; *new*: neither."""
 
     @property
     def key(self) -> str:
         """Name of package and environment."""
         return f"{self.package}/{self.name}"
 
-    @property
-    def half(self) -> Literal["tuned", "held"]:
-        """Half of the catalogue: by a hash of the package, so that none of it is in both."""
-        return "held" if sha256(self.package.encode()).digest()[0] % 2 else "tuned"
-
-    @property
-    def from_repository(self) -> bool:
-        """Says that it's no package of the index."""
-        return "/" in self.package
-
 
 def catalogue(path: Path = CATALOGUE) -> Iterator[Listed]:
     """Every environment, in the file's order."""
+    groups = tomllib.loads(GROUPS.read_text())
     for package in tomllib.loads(path.read_text())["packages"]:
         for each in package["environments"]:
+            group: Group = "related" if package["name"] in groups["related"] else "new"
+            if f"{package['name']}/{each['name']}" in groups["tuned"]:
+                group = "tuned"
             yield Listed(
                 package=package["name"],
                 version=package.get("version") or package["commit"],
@@ -55,4 +52,5 @@ def catalogue(path: Path = CATALOGUE) -> Iterator[Listed]:
                 name=each["name"],
                 spec=each["spec"].replace("factories.py:", f"{HERE / 'factories.py'}:"),
                 kwargs=each.get("kwargs", {}),
+                group=group,
             )

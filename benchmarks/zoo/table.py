@@ -20,10 +20,20 @@ from pathlib import Path
 from typing import Any, Final
 
 sys.path.insert(0, str(Path(__file__).parent))
+from again import agreement
 from catalogue import CATALOGUE, HERE, Listed, catalogue
+from prove import TRIES
 
 JUDGED: Final = ("true", "same cause", "pedantic", "false")
 FINDINGS: Final = HERE.parents[1] / "docs" / "findings"
+SHOWN: Final[Mapping[str, tuple[str, ...]]] = {
+    "tuned": ("tuned",),
+    "related": ("related",),
+    "new": ("new",),
+    "related and new": ("related", "new"),
+}
+"""Groups of environments that precision is counted over."""
+BY_CHECK: Final = ("tuned", "related and new")
 EXERCISED: Final = ("passed", "failed", "suspected", "waived")
 Judgements = Mapping[str, Mapping[str, str]]
 
@@ -65,7 +75,10 @@ def main() -> int:
     asked = parser.parse_args()
     rows = [Row(each, _result(asked.results, each)) for each in catalogue()]
     judged = tomllib.loads(asked.judgements.read_text())
-    parts = [opening(rows), written_up(), precision(rows, judged), table(rows, judged)]
+    again = tomllib.loads((HERE / "judgements_again.toml").read_text())
+    parts = [opening(rows), written_up(), precision(rows, judged), shown_later(rows, judged)]
+    parts.append(agreement(again))
+    parts.append(table(rows, judged))
     print("\n".join(line for part in [*parts, rest(rows, judged)] for line in part))
     return 0
 
@@ -76,12 +89,12 @@ def opening(rows: list[Row]) -> Iterator[str]:
     yield ""
     packages = {row.listed.package for row in rows}
     audited = [row for row in rows if row.verdicts]
-    halves = Counter(row.listed.half for row in audited)
+    groups = Counter(row.listed.group for row in audited)
     yield (
         f"{len(rows)} environments of {len(packages)} packages, "
         f"{sum('/' in each for each in packages)} of them public repositories. "
-        f"{len(audited)} gave an audit: {halves['tuned']} of the tuned half, "
-        f"{halves['held']} of the held one."
+        f"{len(audited)} gave an audit: {groups['tuned']} tuned, {groups['related']} related, "
+        f"{groups['new']} new."
     )
     yield ""
 
@@ -99,28 +112,52 @@ def written_up() -> Iterator[str]:
 
 
 def precision(rows: list[Row], judged: Judgements) -> Iterator[str]:
-    """How many causes of each check are true, for both halves."""
+    """How many causes of each check are true, in environments tuned on and in the others."""
     yield "## How often a check is right"
-    yield "Failed verdicts of severity high or medium that are causes, as they were judged.\n"
-    yield "| half | check | failed | " + " | ".join(JUDGED) + " | not judged | true of judged |"
-    yield "|---|---|---|" + "---|" * (len(JUDGED) + 2)
-    for half in ("tuned", "held"):
+    yield "Failed verdicts of severity high or medium that are causes, as judged; *a fault* is"
+    yield "what is true, or the same cause told again.\n"
+    ends = "not judged | true of judged | a fault of judged"
+    yield f"| group | check | failed | {' | '.join(JUDGED)} | {ends} |"
+    yield "|---|---|---|" + "---|" * (len(JUDGED) + 3)
+    for shown, groups in SHOWN.items():
         counts: Counter[tuple[str, str]] = Counter()
         for row in rows:
-            if row.listed.half == half:
+            if row.listed.group in groups:
                 for check in row.causes:
                     counts[check, _judgement(judged, row, check)[0]] += 1
                     counts["all", _judgement(judged, row, check)[0]] += 1
         for check in sorted({check for check, _ in counts}):
-            yield _precision_row(half, check, counts)
+            if check == "all" or shown in BY_CHECK:
+                yield _precision_row(shown, check, counts)
     yield ""
 
 
-def _precision_row(half: str, check: str, counts: Mapping[tuple[str, str], int]) -> str:
+def shown_later(rows: list[Row], judged: Judgements) -> Iterator[str]:
+    """What audits could only suspect, as their time was over, and prove.py showed afterwards."""
+    counts = {group: Counter[str]() for group in ("tuned", "related", "new")}
+    for row in rows:
+        for check, ran in (row.result or {}).get("proved", {}).items():
+            count = counts[row.listed.group]
+            count["run"] += 1
+            if ran["failed"] == TRIES:
+                count["shown"] += 1
+                count[_judgement(judged, row, check)[0]] += 1
+    yield "## Suspected for want of time"
+    yield "Verdicts of severity high or medium whose reproducer the audit had no time for were run"
+    yield f"afterwards, by `benchmarks/zoo/prove.py`: what fails {TRIES} times is shown.\n"
+    yield f"| group | run | shown | {' | '.join(JUDGED)} | not judged |"
+    yield "|---|---|---|" + "---|" * (len(JUDGED) + 1)
+    for group, count in counts.items():
+        words = [group, count["run"], count["shown"], *(count[word] for word in (*JUDGED, ""))]
+        yield "| " + " | ".join(map(str, words)) + " |"
+    yield ""
+
+
+def _precision_row(group: str, check: str, counts: Mapping[tuple[str, str], int]) -> str:
     each = [counts[check, word] for word in JUDGED]
     unjudged = counts[check, ""]
-    share = f"{100 * each[0] / sum(each):.0f} %" if sum(each) else ""
-    cells = [half, check, sum(each) + unjudged, *each, unjudged, share]
+    shares = [f"{100 * n / sum(each):.0f} %" if sum(each) else "" for n in (each[0], sum(each[:2]))]
+    cells = [group, check, sum(each) + unjudged, *each, unjudged, *shares]
     return "| " + " | ".join(str(cell) for cell in cells) + " |"
 
 
@@ -129,12 +166,12 @@ def table(rows: list[Row], judged: Judgements) -> Iterator[str]:
     yield "## The environments"
     yield "A cause stands with its judgement; *checks* counts those that had something to judge"
     yield "within the time, *follow* what follows from a cause.\n"
-    yield "| package | environment | half | checks | causes | follow | minor | suspected | s |"
+    yield "| package | environment | group | checks | causes | follow | minor | suspected | s |"
     yield "|---|---|---|---|---|---|---|---|---|"
     for package, several in groupby(rows, key=lambda row: row.listed.package):
         for place, row in enumerate(several):
             shown = f"{package} {row.listed.version[:10]}" if place == 0 else ""
-            yield f"| {shown} | {row.listed.name} | {row.listed.half} | {_cells(row, judged)} |"
+            yield f"| {shown} | {row.listed.name} | {row.listed.group} | {_cells(row, judged)} |"
     yield ""
 
 
@@ -167,7 +204,7 @@ def rest(rows: list[Row], judged: Judgements) -> Iterator[str]:
     """Judgements in words, and what can't be had."""
     yield "## What was judged, and where the source says so"
     for row in rows:
-        for check in row.causes:
+        for check in [*row.causes, *(row.result or {}).get("proved", {})]:
             word, reason = _judgement(judged, row, check)
             if word:
                 yield f"- **{row.listed.key}** {check}, {word}: {reason}"

@@ -48,9 +48,36 @@ class Anew(EzPickle, Rovers):
         Rovers.__init__(self)
 
 
-def test_copies_that_begin_anew_are_not_applicable() -> None:
-    """A copy that wants a reset first, as EzPickle makes it, is no copy of the episode."""
-    assert outcomes(Anew, *COPIES) == dict.fromkeys(COPIES, "not_applicable")
+class Ready(Anew):
+    """Its constructor begins an episode, so that a copy can be stepped at once."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.reset(seed=0)
+
+
+class Herself(Ready):
+    """Says what is pickled, and how it comes back: with empty batteries."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """All there is."""
+        return vars(self)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """With other batteries."""
+        self.__dict__.update(state)
+        self.battery = dict.fromkeys(state["battery"], 1)
+
+
+@pytest.mark.parametrize("kind", [Anew, Ready])
+def test_copies_that_begin_anew_are_not_applicable(kind: Any) -> None:
+    """A copy from the constructor's arguments, as EzPickle makes it, is no copy of the episode."""
+    assert outcomes(kind, *COPIES) == dict.fromkeys(COPIES, "not_applicable")
+
+
+def test_copies_that_an_environment_makes_itself_are_judged() -> None:
+    """To inherit from EzPickle excuses nothing where the class says what is copied."""
+    assert outcomes(Herself, "GK703") == {"GK703": "failed"}
 
 
 class Halting(Rovers):

@@ -39,6 +39,13 @@ class Nothing(Rovers):
         return None
 
 
+class Stub(Undeclared):
+    """Overrides state() with nothing, and declares no space for it."""
+
+    def state(self) -> Any:
+        return None
+
+
 class Nested(Rovers):
     """A state of two parts."""
 
@@ -64,6 +71,11 @@ class SilentAtTheEnd(Traders):
 def test_state_is_optional() -> None:
     """No state() is legal."""
     assert {"not_applicable"} == {verdict.outcome for verdict in audited(Tokens).verdicts}
+
+
+def test_state_that_is_a_stub_is_no_state() -> None:
+    """An overridden state() that returns None at every turn is one that isn't there."""
+    assert {"not_applicable"} == {verdict.outcome for verdict in audited(Stub).verdicts}
 
 
 def test_state_without_a_space_keeps_its_form() -> None:

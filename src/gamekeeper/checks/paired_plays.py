@@ -144,7 +144,8 @@ def program(
         *(f"    {line}" for line in course),
         "    except Exception as error:",
         "        seen.append(error)",
-        "    return tuple(map(repr, seen))",
+        "    # an object's address differs from play to play",
+        "    return tuple(re.sub(' at 0x[0-9a-f]+', '', repr(each)) for each in seen)",
         "",
         *text_of(alike)[0].splitlines(),
         "",
@@ -152,7 +153,7 @@ def program(
     return Reproducer(
         "\n".join([*told, *lines]),
         plays=False,
-        imports=imports,
+        imports=("re", *imports),
         compares=True,
         unchanged="\n".join([*told, *unchanged]) if unchanged else "",
     )

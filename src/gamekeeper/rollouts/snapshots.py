@@ -60,6 +60,8 @@ def is_same(value: Any, copy: Any) -> bool:
 def _same_arrays(value: np.ndarray[Any, Any], copy: np.ndarray[Any, Any]) -> bool:
     if value.dtype != copy.dtype or value.shape != copy.shape:
         return False
+    if copy.dtype == object:  # whose elements may be arrays, which == doesn't compare
+        return all(is_same(one, other) for one, other in zip(value.flat, copy.flat, strict=True))
     return bool(np.array_equal(value, copy, equal_nan=copy.dtype.kind in "fc"))
 
 

@@ -13,6 +13,7 @@ from operator import methodcaller
 from typing import Any, Final
 
 import numpy as np
+from gymnasium.utils import EzPickle
 
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import Called, ProbeSession, Saw
@@ -121,7 +122,7 @@ def _beside(
     if made.failed is not None:
         refused = f"{made.failed.kind}: {made.failed.text}"
         return lab.fact(CopiedEnv(refused, None, None, at), field=way)
-    if not getattr(made.value, "agents", None):  # as EzPickle does: the arguments are kept alone
+    if not getattr(made.value, "agents", None) or _begins_anew(env):
         refused = "the copy begins anew: it wants a reset"
         return lab.fact(CopiedEnv(refused, None, None, at), field=way)
     # who draws from the global generators is told so elsewhere: here both go on from one place
@@ -143,6 +144,16 @@ def _beside(
             found[name] = f"{first_divergence[1]} at turn {seen[-1]}"
     value = CopiedEnv(unsteppable, found.get("copy"), found.get("original"), at)
     return lab.fact(value, turn=min(seen, default=None), field=way)
+
+
+def _begins_anew(env: Any) -> bool:
+    """Tells whether a copy is built from the constructor's arguments alone, as EzPickle says.
+
+    Some constructors fill `agents`, so that such a copy can be stepped before its reset.
+    """
+    bare = getattr(env, "unwrapped", env)
+    inner = type(getattr(bare, "guest", bare))  # another library's environment
+    return issubclass(inner, EzPickle) and inner.__getstate__ is EzPickle.__getstate__
 
 
 def _whole(lab: ProbeSession, play: EpisodePlan, paper: Sequence[Any]) -> list[Told]:

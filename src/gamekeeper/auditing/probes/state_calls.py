@@ -59,6 +59,7 @@ def state(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     space = recorder.space
     refused = str(answers[0].failed) if answers else "NotImplementedError"
     is_there = bool(answers) and answers[0].failed is None
+    is_there &= space is not None or any(answer.kind != "NoneType" for answer in answers)
     is_there |= space is not None and not refused.startswith("NotImplementedError")
     yield lab.fact(
         StateSpace(
