@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 import sys
 import time
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, Final
 
@@ -77,7 +77,12 @@ def reseed(env: Any, number: int) -> None:
     Args:
         number: in [0, 2**31).
     """
-    for place, generator in enumerate(generators(env)):
+    reseed_each(generators(env), number)
+
+
+def reseed_each(found: Iterable[Any], number: int) -> None:
+    """As `reseed`, for generators that were found before."""
+    for place, generator in enumerate(found):
         _reseed(generator, number, place)
 
 

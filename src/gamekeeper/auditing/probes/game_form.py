@@ -13,7 +13,6 @@ from gamekeeper.auditing.branches import (
     BranchStep,
     EpisodeSteps,
     branch,
-    spaces_in,
     value_digest,
 )
 from gamekeeper.auditing.probe import probe
