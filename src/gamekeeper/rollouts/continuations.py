@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -125,15 +125,24 @@ class Continuations:
         by_copies: copies are made.
     """
 
-    def __init__(self, course: RecordedCourse, *, budget: int, copies: bool = True) -> None:
+    def __init__(
+        self,
+        course: RecordedCourse,
+        *,
+        budget: int,
+        copies: bool = True,
+        on_step: Callable[[], None] | None = None,
+    ) -> None:
         """Plays the episode once, and tries whether copies go on as it does.
 
         Args:
             copies: False: every continuation is played from the reset.
+            on_step: called before every env step, as a sign of life.
         Raises:
             EvidenceError: what is played isn't the same at every time.
         """
         self.course, self.budget, self.steps = course, budget, 0
+        self._on_step = on_step
         self._standing: dict[int, _StandingEpisode] = {}
         self._marks: dict[int, Any] = {}
         self.recorded, self.by_copies = self._whole(), False
@@ -179,7 +188,7 @@ class Continuations:
             game = self._at(turn).episode.game
             if isinstance(game, AECCapture):
                 observation, _, _, _, info = game.last()
-                return {agent: (observation, info) for agent in game.to_move}
+                return dict.fromkeys(game.to_move, (observation, info))
             return {a: (game.observations.get(a), game.infos.get(a)) for a in game.to_move}
 
     def _begun(self) -> _StandingEpisode:
@@ -190,6 +199,8 @@ class Continuations:
 
         def count() -> None:
             self.steps += 1
+            if self._on_step is not None:
+                self._on_step()
 
         episode = TalliedEpisode(
             plan,

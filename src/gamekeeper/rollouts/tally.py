@@ -12,12 +12,7 @@ from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.outcome import Outcome, plain_numbers
 from gamekeeper.interface.parallel_capture import ParallelCapture
 from gamekeeper.interface.recorded_env import game_of
-from gamekeeper.rollouts.episode_loop import (
-    ActionChooser,
-    EpisodeLoop,
-    EpisodePlan,
-    FailedCall,
-)
+from gamekeeper.rollouts.episode_loop import ActionChooser, EpisodeLoop, EpisodePlan, FailedCall
 from gamekeeper.rollouts.intervention import Hooks, Intervention
 
 
