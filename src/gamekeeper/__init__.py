@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from gamekeeper.diagnosis.attribution.contributions import attribute
     from gamekeeper.diagnosis.diagnosis_result import Diagnosis
     from gamekeeper.diagnosis.failure_causes import diagnose
+    from gamekeeper.diagnosis.pivot_result import Pivots
+    from gamekeeper.diagnosis.pivots import pivots
     from gamekeeper.episodes.divergence import Divergence
     from gamekeeper.episodes.episode import Episode, Turn
     from gamekeeper.episodes.evidence import Evidence
@@ -68,6 +70,7 @@ __all__ = [
     "Finding",
     "GamekeeperError",
     "OrderError",
+    "Pivots",
     "PolicyError",
     "Replay",
     "Resumed",
@@ -87,6 +90,7 @@ __all__ = [
     "evaluate",
     "load",
     "make",
+    "pivots",
     "record",
     "replay",
     "report",
@@ -106,6 +110,7 @@ _HOMES: Final = {
     "Evaluation": "gamekeeper.evaluation.evaluation",
     "Evidence": "gamekeeper.episodes.evidence",
     "Finding": "gamekeeper.checks.verdict",
+    "Pivots": "gamekeeper.diagnosis.pivot_result",
     "Replay": "gamekeeper.runs.comparison",
     "Resumed": "gamekeeper.runs.resuming",
     "TickEnv": "gamekeeper.interface.tick_env",
@@ -119,6 +124,7 @@ _HOMES: Final = {
     "diff": "gamekeeper.runs.comparison",
     "evaluate": "gamekeeper.evaluation.evaluator",
     "load": "gamekeeper.runs.load_run",
+    "pivots": "gamekeeper.diagnosis.pivots",
     "record": "gamekeeper.runs.recording",
     "replay": "gamekeeper.runs.comparison",
     "report": "gamekeeper.viewing.report_file",

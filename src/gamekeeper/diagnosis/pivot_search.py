@@ -70,6 +70,8 @@ class PivotSearch:
         else:
             candidates = self._candidates()
             found = replace(blank, pivots=self._confirmed(candidates), curve=self._curve())
+        if self.play.is_spent and not self.not_tried:
+            self._miss("more continuations")
         return replace(
             found,
             steps=self.play.steps,

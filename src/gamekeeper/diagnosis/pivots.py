@@ -29,7 +29,7 @@ from gamekeeper.rollouts.reruns import play_of
 from gamekeeper.runs.consent import evidence_of
 from gamekeeper.runs.replay_runner import ReplayRunner
 
-BUDGET: Final = 200_000
+BUDGET: Final = 100_000
 """Env steps for all episodes unless told otherwise."""
 TASK: Final = "gamekeeper.diagnosis.pivots:episode_task"
 

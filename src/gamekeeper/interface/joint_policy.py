@@ -213,6 +213,11 @@ class JointPolicy:
             player = self._playing[agent] = self._enter(agent)
         return player(observation, info)
 
+    def policies(self) -> list[Any]:
+        """Returns the policies that are objects of their own, in the order of their places."""
+        found = {id(one.policy): one.policy for _, one in sorted(self._chosen.items())}
+        return [policy for policy in found.values() if not isinstance(policy, ModuleType)]
+
     def draw_anew(self, run_seed: int) -> None:
         """Gives every agent another stream from here on; policies keep what they remember."""
         self._run_seed = run_seed

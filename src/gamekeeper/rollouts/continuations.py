@@ -18,7 +18,7 @@ from gamekeeper.rollouts.episode_loop import Actions, EpisodePlan
 from gamekeeper.rollouts.intervention import Hooks
 from gamekeeper.rollouts.process_randomness import (
     kept_global_generators,
-    reseed_each,
+    rekey,
     restore,
     seed_all,
     states,
@@ -59,15 +59,18 @@ class RecordedCourse:
 class _RecordedActions(Hooks):
     """Plays recorded actions in place of the chosen ones, up to a turn and with others at it."""
 
-    def __init__(self, actions: tuple[Actions, ...]) -> None:
+    def __init__(self, actions: tuple[Actions, ...], *, is_noting: bool = False) -> None:
         self.actions, self.until = actions, len(actions)
         self.held: Mapping[AgentId, Any] = {}
-        self.chosen: list[Actions] = []
-        self.is_noting = False
+        self.notes: list[Any] = []
+        self.wants_given = is_noting
+
+    def given(self, turn: int, agent: AgentId, observation: Any, info: Any) -> None:
+        self.notes.append(snapshot(observation))
 
     def acts(self, turn: int, actions: dict[AgentId, Any]) -> dict[AgentId, Any]:
-        if self.is_noting:
-            self.chosen.append(snapshot(actions))
+        if self.wants_given:
+            self.notes.append(snapshot(actions))
         if turn < self.until:
             return copy.deepcopy(dict(self.actions[turn]))
         if turn > self.until:
@@ -75,8 +78,8 @@ class _RecordedActions(Hooks):
         return {agent: copy.deepcopy(self.held.get(agent, actions[agent])) for agent in actions}
 
     def __deepcopy__(self, memo: dict[int, Any]) -> _RecordedActions:
-        copied = _RecordedActions(self.actions)
-        copied.until, copied.held, copied.is_noting = self.until, self.held, self.is_noting
+        copied = _RecordedActions(self.actions, is_noting=self.wants_given)
+        copied.until, copied.held, copied.notes = self.until, self.held, list(self.notes)
         return copied
 
 
@@ -91,14 +94,16 @@ class _StandingEpisode:
 
     def seek(self) -> list[Any]:
         """Looks for the generators, which may take longer than an episode."""
-        return [*generators((self.episode.game.env, self.episode.cast))][2:]
+        assert isinstance(self.episode.cast, JointPolicy)
+        held = (self.episode.game.env, self.episode.cast.policies())
+        return [*generators(held)][2:]  # the global ones are seeded by themselves
 
     def draw_anew(self, number: int) -> None:
         """Gives everything that draws another future; equal numbers give equal ones."""
         seed_all(number)
         if self.generators is None:
             self.generators = self.seek()
-        reseed_each(self.generators, number)
+        rekey(self.generators, number)
         assert isinstance(self.episode.cast, JointPolicy)
         self.episode.cast.draw_anew(number)
 
@@ -191,10 +196,10 @@ class Continuations:
                 return dict.fromkeys(game.to_move, (observation, info))
             return {a: (game.observations.get(a), game.infos.get(a)) for a in game.to_move}
 
-    def _begun(self) -> _StandingEpisode:
+    def _begun(self, *, is_noting: bool = False) -> _StandingEpisode:
         """The episode before its reset."""
         course = self.course
-        hooks = _RecordedActions(course.actions)
+        hooks = _RecordedActions(course.actions, is_noting=is_noting)
         plan = replace(course.plan, actions=None, most_turns=course.most_turns)
 
         def count() -> None:
@@ -263,17 +268,18 @@ class Continuations:
         return all(outcome == self.recorded and is_same(a, b) for outcome, a, b in ends)
 
     def _ends_of_copies(self) -> Iterator[tuple[Outcome, Any, Any]]:
-        """Yields outcome and choices of two copies and their original, beside the first choices."""
-        original = self._begun()
+        """Yields the outcome and the notes of two copies and their original, beside the first's.
+
+        Notes are what agents observed and what policies chose.
+        """
+        original, first = self._begun(is_noting=True), None
         original.episode.run(self.turns // 2)
-        original.hooks.is_noting = True
-        then, first = states(), None
+        then = states()
         for each in (_copied(original), _copied(original), original):
             restore(then)
             each.episode.run(self.turns)
-            chosen = snapshot(each.hooks.chosen)
-            first = chosen if first is None else first
-            yield each.episode.outcome(), each.hooks.chosen, first
+            first = snapshot(each.hooks.notes) if first is None else first
+            yield each.episode.outcome(), each.hooks.notes, first
 
 
 def _copied(standing: _StandingEpisode) -> _StandingEpisode:

@@ -77,13 +77,16 @@ def reseed(env: Any, number: int) -> None:
     Args:
         number: in [0, 2**31).
     """
-    reseed_each(generators(env), number)
+    for place, generator in enumerate(generators(env)):
+        _reseed(generator, number, place)
 
 
-def reseed_each(found: Iterable[Any], number: int) -> None:
-    """As `reseed`, for generators that were found before."""
+def rekey(found: Iterable[Any], number: int) -> None:
+    """As `reseed`, for generators that were found before; lanes forked off a stream follow it."""
     for place, generator in enumerate(found):
         _reseed(generator, number, place)
+        if isinstance(generator, Stream):
+            generator.seed = (generator.seed + ((number + 1) << 32)) % (1 << 63)
 
 
 def reseed_some(env: Any, number: int, places: Collection[int]) -> None:
