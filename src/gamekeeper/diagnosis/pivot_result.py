@@ -82,9 +82,9 @@ class Pivot:
         turn: the one whose actions lost it.
         before, after: shares of success before it and after it, on continuations of their own.
         p: of no fall, corrected for the number of turns that were looked at like this.
-        loss: `action`: another action of one agent keeps it. `draws`: the recorded actions on
-            fresh draws keep it as well. `several`: no action that was tried of one agent alone
-            keeps it. `not tried`: the budget was spent.
+        loss: `action`: another action of one agent keeps it. `draws`: most of the fall comes
+            back if the recorded actions meet fresh draws. `several`: no action that was tried of
+            one agent alone keeps it. `not tried`: the budget was spent.
         agents: those whose action would have kept it, the most effective first.
         tried: actions in place of recorded ones.
     """

@@ -205,19 +205,17 @@ class PivotSearch:
         rows = []
         for each in tried:
             p = corrected.get(id(each))
-            keeps = p is not None and p < P and each.share >= wanted and each.share > held
+            keeps = p is not None and p < P and each.share >= wanted >= held + LEAST_FALL * PART
             rows.append(replace(each, p=p, keeps=keeps))
         rows.sort(key=lambda each: (not each.keeps, -each.share))
         agents = tuple(dict.fromkeys(each.agent for each in rows if each.keeps))
         loss: Loss = "action" if agents else "several"
-        is_less = held - pivot.after.share >= PART * pivot.fall
-        if is_less and fisher_exact(*base, pivot.after.successes, pivot.after.n) < P:
+        by_draws, by_actions = held - pivot.after.share, pivot.before.share - held
+        if by_draws > by_actions and base[1]:
             loss = "draws"
         elif not agents and (not known or self.play.is_spent):
             loss = "not tried"
-        return replace(
-            pivot, loss=loss, agents=() if loss == "draws" else agents, tried=tuple(rows)
-        )
+        return replace(pivot, loss=loss, agents=agents, tried=tuple(rows))
 
     def _tried(
         self,

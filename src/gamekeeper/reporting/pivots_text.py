@@ -88,7 +88,10 @@ def _pivot(pivot: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     )
     loss = pivot["loss"]
     if loss == "draws":
-        yield "the same actions keep it on fresh draws: it was lost by chance", INDENT * 2
+        yield (
+            "most of it comes back if the same actions meet fresh draws: chance lost it",
+            INDENT * 2,
+        )
     elif loss == "several":
         yield "no action that was tried of one agent alone keeps it", INDENT * 2
     elif loss == "not tried":

@@ -84,9 +84,10 @@ def reseed(env: Any, number: int) -> None:
 def rekey(found: Iterable[Any], number: int) -> None:
     """As `reseed`, for generators that were found before; lanes forked off a stream follow it."""
     for place, generator in enumerate(found):
-        _reseed(generator, number, place)
         if isinstance(generator, Stream):
-            generator.seed = (generator.seed + ((number + 1) << 32)) % (1 << 63)
+            generator.leave(number)
+        else:
+            _reseed(generator, number, place)
 
 
 def reseed_some(env: Any, number: int, places: Collection[int]) -> None:
