@@ -160,7 +160,7 @@ CLASSIC = "pettingzoo.classic.tictactoe_v3:env"
 TASKS = {
     task.name: task
     for task in (
-        Task("line", "two_robot_line", meet, "return < 1", _paid, {"n": 7, "horizon": 7}),
+        Task("line", "two_robot_line", meet, "return < 1", _paid, {"n": 7, "horizon": 4}),
         Task("handover", "handover", hand, "undelivered > 0", _is_done, {"parts": 2}),
         Task("tictactoe", CLASSIC, noughts, "player_1.return < 0", _kept, {}),
         Task("ferry", Ferry, row, "return < 1", _paid, {}, _gusts),
@@ -168,7 +168,7 @@ TASKS = {
     )
 }
 """The tasks whose truth is worked out; `certain` is asked for the last action."""
-WAREHOUSE = Task("warehouse", "warehouse", deliver, "undelivered > 0", _paid, {"orders": 6})
+WAREHOUSE = Task("warehouse", "warehouse", deliver, "length > 125", _paid, {"orders": 6})
 
 
 class Plain:

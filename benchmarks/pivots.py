@@ -25,7 +25,7 @@ import json
 import sys
 import time
 from collections.abc import Iterator
-from itertools import pairwise
+from itertools import count, islice, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -43,25 +43,30 @@ from gamekeeper.statistics.significance import wilson
 SEED = 20_250
 FALL = 0.3
 QUICK, MANY, EACH = 60, 500, 200
+BATCH = 40
+"""Episodes that are recorded at once, to find some that failed."""
 
 
 class Blunder:
-    """A task's policy that once, at one turn, takes another action in place of an agent's."""
+    """A task's policy that once an episode takes another action in place of an agent's."""
 
-    def __init__(self, task: Task, turn: int, pick: int) -> None:
-        self.task, self.turn, self.pick, self.now, self.done = task, turn, pick, 0, None
+    def __init__(self, task: Task) -> None:
+        self.task, self.done, self.now = task, [], 0
 
     def reset(self, seed: int) -> None:
-        """Begins an episode."""
-        self.now, self.done = 0, None
+        """Begins an episode: draws the call and the action."""
+        rng = np.random.default_rng(seed)
+        self.call = int(rng.integers(2, 60 if self.task.name == "handover" else 14))
+        self.pick, self.now = int(rng.integers(100)), 0
+        self.done.append((self.call, None))
 
     def __call__(self, observation: Any, agent: Any, info: Any, rng: Any) -> Any:
         """Returns an action."""
         action = self.task.policy(observation, agent, info, rng)
         self.now += 1
-        if self.now - 1 != self.turn:
+        if self.now - 1 != self.call:
             return action
-        self.done = str(agent)
+        self.done[-1] = self.call, str(agent)
         if isinstance(action, np.ndarray):
             return np.full_like(action, 2.0 if action.sum() < 0 else -2.0)
         mask = info.get("action_mask")
@@ -80,73 +85,77 @@ def recorded(evidence: gk.Evidence, episode: int, env: Any) -> tuple[int, list[A
     return trace.seed, [{known[a]: turn.actions.get(a) for a in turn.order} for turn in turns]
 
 
-def failing(task: Task, policy: Any, seed: int) -> gk.Evidence | None:
-    """One episode, if it failed."""
+def failing(task: Task, policy: Any, seed: int, episodes: int = 1) -> tuple[gk.Evidence, list[int]]:
+    """Episodes of a policy, and the numbers of those that failed."""
     evidence = gk.rollout(
-        task.spec, policies=policy, episodes=1, seed=seed, env_kwargs=dict(task.kwargs)
+        task.spec, policies=policy, episodes=episodes, seed=seed, env_kwargs=dict(task.kwargs)
     )
-    told = failed(outcome_of(evidence.episode(0)), {TEAM: Failure(task.failed)}, evidence.contract)
-    return evidence if told[TEAM] else None
+    condition = {TEAM: Failure(task.failed)}
+    told = [failed(outcome_of(each), condition, evidence.contract) for each in evidence.episodes]
+    return evidence, [k for k, each in enumerate(told) if each[TEAM]]
 
 
-def planted(task: Task) -> Iterator[tuple[gk.Evidence, dict[str, Any]]]:
+Found = Iterator[tuple[gk.Evidence, int, dict[str, Any]]]
+
+
+def planted(task: Task) -> Found:
     """Episodes with a planted blunder, and their truth."""
-    plain, rng, number = Plain(task), np.random.default_rng(SEED), 0
-    while True:
-        number += 1
-        calls = int(rng.integers(2, 60 if task.name == "handover" else 14))
-        policy = Blunder(task, calls, int(rng.integers(100)))
-        evidence = failing(task, policy, SEED + number)
-        if evidence is None or policy.done is None:
-            continue
-        seed, actions = recorded(evidence, 0, plain.env)
-        turn = calls if len(actions[0]) == 1 else calls // len(actions[0])
-        fall = _fall(plain, seed, actions, turn, QUICK)
-        if fall < FALL - 0.1:
-            continue
-        fall = plain.share(seed, actions, turn, MANY)
-        fall -= plain.share(seed, actions, turn, MANY, dict(actions[turn]))
-        agents = _keepers(plain, seed, actions, turn, fall) if fall >= FALL else []
-        if policy.done in agents:
-            truth = {"turn": turn, "agents": agents, "planted": policy.done, "fall": fall}
-            yield evidence, truth | {"number": number}
+    plain = Plain(task)
+    for number in count():
+        policy = Blunder(task)
+        evidence, episodes = failing(task, policy, SEED + number, BATCH)
+        for episode in episodes:
+            call, agent = policy.done[episode]
+            if agent is None:
+                continue
+            seed, actions = recorded(evidence, episode, plain.env)
+            turn = call if len(actions[0]) == 1 else call // len(actions[0])
+            if _fall(plain, seed, actions, turn, QUICK) < FALL - 0.1:
+                continue
+            fall = plain.share(seed, actions, turn, MANY)
+            fall -= plain.share(seed, actions, turn, MANY, dict(actions[turn]))
+            agents = _keepers(plain, seed, actions, turn, fall) if fall >= FALL else []
+            if agent in agents:
+                yield evidence, episode, _truth(turn, agents, number, planted=agent, fall=fall)
 
 
-def own(task: Task) -> Iterator[tuple[gk.Evidence, dict[str, Any]]]:
+def own(task: Task) -> Found:
     """Failures of the policy itself, and their truth."""
-    plain, number = Plain(task), 0
-    while True:
-        number += 1
-        evidence = failing(task, task.policy, SEED + 10_000 + number)
-        if evidence is None:
-            continue
-        seed, actions = recorded(evidence, 0, plain.env)
-        curve = [plain.share(seed, actions, t, QUICK) for t in range(len(actions))] + [0.0]
-        falls = [a - b for a, b in pairwise(curve)]
-        tops = sorted(range(len(falls)), key=lambda t: -falls[t])[:2]
-        exact = {t: _fall(plain, seed, actions, t, MANY) for t in tops}
-        turn = max(exact, key=exact.__getitem__)
-        if exact[turn] >= FALL:
-            agents = _keepers(plain, seed, actions, turn, exact[turn])
-            yield evidence, {"turn": turn, "agents": agents, "fall": exact[turn], "number": number}
+    plain = Plain(task)
+    for number in count():
+        evidence, episodes = failing(task, task.policy, SEED + 10_000 + number, BATCH)
+        for episode in episodes:
+            seed, actions = recorded(evidence, episode, plain.env)
+            curve = [plain.share(seed, actions, t, QUICK) for t in range(len(actions))]
+            falls = [a - b for a, b in pairwise([*curve, 0.0])]
+            tops = sorted(range(len(falls)), key=lambda t: -falls[t])[:2]
+            exact = {t: _fall(plain, seed, actions, t, MANY) for t in tops}
+            turn = max(exact, key=exact.__getitem__)
+            if exact[turn] >= FALL:
+                agents = _keepers(plain, seed, actions, turn, exact[turn])
+                yield evidence, episode, _truth(turn, agents, number, fall=exact[turn])
 
 
-def certain(task: Task) -> Iterator[tuple[gk.Evidence, dict[str, Any]]]:
+def _truth(turn: int, agents: list[str], number: int, **more: Any) -> dict[str, Any]:
+    return {"turn": turn, "agents": agents, "number": number, **more}
+
+
+def certain(task: Task) -> Found:
     """Failures where nothing is drawn: other first moves lead to other games."""
     plain, rng, number = Plain(task), np.random.default_rng(SEED), 0
     while True:
         number += 1
         policy = Salted(int(rng.integers(1 << 30)))
         plain.task = Task(**{**vars(task), "policy": policy})
-        evidence = failing(plain.task, policy, SEED + number)
-        if evidence is None:
+        evidence, episodes = failing(plain.task, policy, SEED + number)
+        if not episodes:
             continue
         seed, actions = recorded(evidence, 0, plain.env)
         for turn in reversed(range(len(actions))):
             legal = [(a, x) for a, x in plain.others(actions[turn]) if _is_free(actions, turn, x)]
             keep = {str(a) for a, x in legal if plain.succeeds(seed, actions, turn, 1, {a: x})}
             if keep:
-                yield evidence, {"turn": turn, "agents": sorted(keep), "policy": policy}
+                yield evidence, 0, {"turn": turn, "agents": sorted(keep), "policy": policy}
                 break
 
 
@@ -169,9 +178,9 @@ def _is_free(actions: list[Actions], turn: int, cell: int) -> bool:
     return all(cell not in before.values() for before in actions[:turn])
 
 
-def _fall(plain: Plain, seed: int, actions: list[Actions], turn: int, count: int) -> float:
-    after = 0.0 if turn + 1 >= len(actions) else plain.share(seed, actions, turn + 1, count)
-    return plain.share(seed, actions, turn, count) - after
+def _fall(plain: Plain, seed: int, actions: list[Actions], turn: int, looks: int) -> float:
+    after = 0.0 if turn + 1 >= len(actions) else plain.share(seed, actions, turn + 1, looks)
+    return plain.share(seed, actions, turn, looks) - after
 
 
 def _keepers(plain: Plain, seed: int, actions: list[Actions], turn: int, fall: float) -> list[str]:
@@ -209,11 +218,13 @@ def _is_legal(
     return mask is None or bool(mask[action])
 
 
-def judged(task: Task, evidence: gk.Evidence, truth: dict[str, Any], budget: int) -> dict[str, Any]:
+def judged(
+    task: Task, evidence: gk.Evidence, episode: int, truth: dict[str, Any], budget: int
+) -> dict[str, Any]:
     """The answer beside the truth."""
     policy = truth.pop("policy", task.policy)
     began = time.perf_counter()
-    found = gk.pivots(evidence, failed=task.failed, policies={"*": policy}, budget=budget)
+    found = gk.pivots(evidence, episode, failed=task.failed, policies={"*": policy}, budget=budget)
     seconds = time.perf_counter() - began
     each = found.episodes[0]
     near = [pivot for pivot in each.pivots if abs(pivot.turn - truth["turn"]) <= 1]
@@ -246,17 +257,16 @@ def shown(rows: list[dict[str, Any]], kind: str) -> None:
         )
 
 
-def warehouse_seconds(count: int, budget: int) -> None:
+def warehouse_seconds(wanted: int, budget: int) -> None:
     """Prints seconds an episode on `warehouse`, for failures of a noisy reference policy."""
     done = number = 0
-    while done < count:
+    while done < wanted:
         number += 1
-        evidence = failing(WAREHOUSE, WAREHOUSE.policy, SEED + number)
-        if evidence is None:
+        evidence, episodes = failing(WAREHOUSE, WAREHOUSE.policy, SEED + number)
+        if not episodes:
             continue
         done += 1
-        truth = {"turn": -9, "agents": []}
-        row = judged(WAREHOUSE, evidence, truth, budget)
+        row = judged(WAREHOUSE, evidence, 0, _truth(-9, [], number), budget)
         print(json.dumps({"kind": "warehouse", **row}), flush=True)
 
 
@@ -281,12 +291,10 @@ def main() -> None:
             kinds = [("own", options.own, certain)]
         for kind, wanted, source in kinds:
             known = sum(row["task"] == name and row["kind"] == kind for row in rows)
-            for place, (evidence, truth) in enumerate(source(task)):
-                if place >= wanted:
-                    break
+            for place, found in enumerate(islice(source(task), wanted)):
                 if place < known:
                     continue
-                row = {"task": name, "kind": kind, **judged(task, evidence, truth, options.budget)}
+                row = {"task": name, "kind": kind, **judged(task, *found, options.budget)}
                 rows.append(row)
                 print(json.dumps(row), flush=True)
                 with options.keep.open("a") as file:
