@@ -48,7 +48,7 @@ class ActionOption:
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class ActionOptions:
     """Actions that can be tried in an episode.
 
     Attributes:

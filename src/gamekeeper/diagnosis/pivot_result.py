@@ -43,7 +43,7 @@ class CurvePoint:
 
 
 @dataclass(frozen=True, slots=True)
-class TriedAction:
+class AlternativeAction:
     """An action in place of a recorded one, that of the other agents held.
 
     Attributes:
@@ -85,7 +85,8 @@ class Pivot:
         loss: `action`: another action of one agent keeps it. `draws`: most of the fall comes
             back if the recorded actions meet fresh draws. `several`: no action that was tried of
             one agent alone keeps it. `not tried`: the budget was spent.
-        agents: those whose action would have kept it, the most effective first.
+        agents: those whose action would have kept it, the one first whose own policy, choosing
+            again, keeps it most often.
         tried: actions in place of recorded ones.
     """
 
@@ -95,7 +96,7 @@ class Pivot:
     p: float
     loss: Loss = "not tried"
     agents: tuple[str, ...] = ()
-    tried: tuple[TriedAction, ...] = ()
+    tried: tuple[AlternativeAction, ...] = ()
 
     @property
     def fall(self) -> float:
@@ -167,7 +168,9 @@ class EpisodePivots:
                 p=each["p"],
                 loss=each["loss"],
                 agents=tuple(each["agents"]),
-                tried=tuple(TriedAction(**_own(TriedAction, one)) for one in each["tried"]),
+                tried=tuple(
+                    AlternativeAction(**_own(AlternativeAction, one)) for one in each["tried"]
+                ),
             )
             for each in data["pivots"]
         )

@@ -9,8 +9,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from gamekeeper.diagnosis.pivot_actions import DRAWN, ActionOption, Options
-from gamekeeper.diagnosis.pivot_result import CurvePoint, EpisodePivots, Loss, Pivot, TriedAction
+from gamekeeper.diagnosis.pivot_actions import DRAWN, ActionOption, ActionOptions
+from gamekeeper.diagnosis.pivot_result import (
+    AlternativeAction,
+    CurvePoint,
+    EpisodePivots,
+    Loss,
+    Pivot,
+)
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.outcome import Outcome
 from gamekeeper.rollouts.continuations import Continuations
@@ -37,7 +43,7 @@ CERTAIN: Final = 3
 P: Final = 0.05
 
 CURVE, BEFORE, AFTER, ACTIONS, CHECKED = range(5)
-"""What continuations are played for: each has draws of its own."""
+"""Purposes of continuations: each has draws of its own."""
 
 
 @dataclass(slots=True)
@@ -53,7 +59,7 @@ class PivotSearch:
 
     play: Continuations
     is_success: Callable[[Outcome], bool]
-    options: Options
+    options: ActionOptions
     episode: int
     scope: str
     seed: int = 0
@@ -184,7 +190,7 @@ class PivotSearch:
             hits, n = self._tried(turn, option, place, range(FEW), recorded)
             screened.setdefault(agent_name(option.agent), []).append((hits, n, option))
         base = self._tried(turn, None, -1, range(CONFIRM), recorded)
-        tried: list[TriedAction] = []
+        tried: list[AlternativeAction] = []
         for number, rows in enumerate(screened.values()):
             best = max(rows, key=lambda row: row[0] / max(row[1], 1))
             tried += [_tried_action(o, h, n) for h, n, o in rows if o is not best[2]]
@@ -196,7 +202,7 @@ class PivotSearch:
             self._miss(f"some of the other actions at turn {turn}")
         return self._judged(pivot, tried, base)
 
-    def _judged(self, pivot: Pivot, tried: list[TriedAction], base: tuple[int, int]) -> Pivot:
+    def _judged(self, pivot: Pivot, tried: list[AlternativeAction], base: tuple[int, int]) -> Pivot:
         """The pivot with the agents whose best action wins back enough of the fall."""
         known = [each for each in tried if each.p is not None]
         corrected = dict(zip(map(id, known), holm([e.p or 0.0 for e in known]), strict=True))
@@ -208,7 +214,9 @@ class PivotSearch:
             keeps = p is not None and p < P and each.share >= wanted >= held + LEAST_FALL * PART
             rows.append(replace(each, p=p, keeps=keeps))
         rows.sort(key=lambda each: (not each.keeps, -each.share))
-        agents = tuple(dict.fromkeys(each.agent for each in rows if each.keeps))
+        again = {each.agent: each.share for each in rows if each.source == DRAWN}
+        able = dict.fromkeys(each.agent for each in rows if each.keeps)
+        agents = tuple(sorted(able, key=lambda agent: -again.get(agent, 0.0)))
         loss: Loss = "action" if agents else "several"
         by_draws, by_actions = held - pivot.after.share, pivot.before.share - held
         if by_draws > by_actions and base[1]:
@@ -280,6 +288,6 @@ class PivotSearch:
         self.not_tried.append(f"{what}: the budget is spent")
 
 
-def _tried_action(option: ActionOption, hits: int, n: int) -> TriedAction:
+def _tried_action(option: ActionOption, hits: int, n: int) -> AlternativeAction:
     text = None if option.source == DRAWN else option.text
-    return TriedAction(agent_name(option.agent), text, option.source, hits, n)
+    return AlternativeAction(agent_name(option.agent), text, option.source, hits, n)

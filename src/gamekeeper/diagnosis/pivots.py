@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.arms import SILENCE_S, play_shares
-from gamekeeper.diagnosis.pivot_actions import Options, reference_of
+from gamekeeper.diagnosis.pivot_actions import ActionOptions, reference_of
 from gamekeeper.diagnosis.pivot_result import EpisodePivots, Pivots
 from gamekeeper.diagnosis.pivot_search import PivotSearch
 from gamekeeper.diagnosis.played_setup import (
@@ -211,7 +211,7 @@ def _searched(
     )
     play = Continuations(course, budget=budget, on_step=report)
     conditions = failures(contract, condition)
-    options = Options(play, contract, reference_of(stage.env, contract), seed)
+    options = ActionOptions(play, contract, reference_of(stage.env, contract), seed)
     is_success = partial(_succeeds, conditions=conditions, contract=contract, scope=scope)
     return PivotSearch(play, is_success, options, number, scope, seed).run()
 

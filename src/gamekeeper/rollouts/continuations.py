@@ -108,7 +108,7 @@ class _StandingEpisode:
         self.episode.cast.draw_anew(number)
 
     def mark(self) -> Any:
-        """What shows that it stands where it stood before: who acts, rewards, observations."""
+        """Marks of its place, equal at every time: agents that act, rewards, observations."""
         game = self.episode.game
         seen = {} if isinstance(game, AECCapture) else game.observations
         returns = dict(self.episode.count.returns)
