@@ -223,9 +223,9 @@ def judged(
 ) -> dict[str, Any]:
     """The answer beside the truth."""
     policy = truth.pop("policy", task.policy)
-    began = time.perf_counter()
+    began, cpu = time.perf_counter(), time.process_time()
     found = gk.pivots(evidence, episode, failed=task.failed, policies={"*": policy}, budget=budget)
-    seconds = time.perf_counter() - began
+    seconds, cpu = time.perf_counter() - began, time.process_time() - cpu
     each = found.episodes[0]
     near = [pivot for pivot in each.pivots if abs(pivot.turn - truth["turn"]) <= 1]
     named = set(near[0].agents) if near and near[0].loss == "action" else set()
@@ -243,6 +243,7 @@ def judged(
         "steps": each.steps,
         "not_tried": list(each.not_tried),
         "seconds": round(seconds, 2),
+        "cpu_seconds": round(cpu, 2),
     }
 
 

@@ -112,12 +112,17 @@ class PivotSearch:
             if self.play.is_spent:
                 self._miss(f"falls between turns {left} and {right}")
                 continue
+            wanted = int(min(max(ENOUGH / fall**2, FIRST), MOST))
+            if min(self._looks(left), self._looks(right)) < wanted:
+                self._ask(left, wanted)
+                self._ask(right, wanted)
+                spans.append((left, right))  # the fall may be gone, now that more is known
+                continue
             if right == left + 1:
                 found.append(left)
                 continue
-            middle, wanted = (left + right) // 2, int(min(max(ENOUGH / fall**2, FIRST), MOST))
-            for turn in (left, middle, right):
-                self._ask(turn, wanted)
+            middle = (left + right) // 2
+            self._ask(middle, wanted)
             spans += [(left, middle), (middle, right)]
         return found
 
@@ -134,6 +139,9 @@ class PivotSearch:
     def _share(self, turn: int) -> float:
         hits, n = self.counts.get(turn, (0, 0))
         return hits / n if n else 0.0
+
+    def _looks(self, turn: int) -> int:
+        return self.counts.get(turn, (0, 0))[1]
 
     def _fall(self, left: int, right: int) -> float:
         return self._share(left) - self._share(right)
