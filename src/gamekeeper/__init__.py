@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from gamekeeper.diagnosis.attribution.contributions import attribute
     from gamekeeper.diagnosis.diagnosis_result import Diagnosis
     from gamekeeper.diagnosis.failure_causes import diagnose
+    from gamekeeper.diagnosis.pivot_result import Pivots
+    from gamekeeper.diagnosis.pivots import pivots
     from gamekeeper.diagnosis.response_tests import ResponseTest
     from gamekeeper.diagnosis.responses import responses
     from gamekeeper.episodes.divergence import Divergence
@@ -70,6 +72,7 @@ __all__ = [
     "Finding",
     "GamekeeperError",
     "OrderError",
+    "Pivots",
     "PolicyError",
     "Replay",
     "ResponseTest",
@@ -90,6 +93,7 @@ __all__ = [
     "evaluate",
     "load",
     "make",
+    "pivots",
     "record",
     "replay",
     "report",
@@ -110,6 +114,7 @@ _HOMES: Final = {
     "Evaluation": "gamekeeper.evaluation.evaluation",
     "Evidence": "gamekeeper.episodes.evidence",
     "Finding": "gamekeeper.checks.verdict",
+    "Pivots": "gamekeeper.diagnosis.pivot_result",
     "Replay": "gamekeeper.runs.comparison",
     "ResponseTest": "gamekeeper.diagnosis.response_tests",
     "Resumed": "gamekeeper.runs.resuming",
@@ -124,6 +129,7 @@ _HOMES: Final = {
     "diff": "gamekeeper.runs.comparison",
     "evaluate": "gamekeeper.evaluation.evaluator",
     "load": "gamekeeper.runs.load_run",
+    "pivots": "gamekeeper.diagnosis.pivots",
     "record": "gamekeeper.runs.recording",
     "replay": "gamekeeper.runs.comparison",
     "report": "gamekeeper.viewing.report_file",

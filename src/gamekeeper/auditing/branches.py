@@ -12,7 +12,6 @@ from hashlib import blake2b
 from typing import Any, Final
 
 import numpy as np
-from gymnasium.spaces import Space
 
 from gamekeeper.auditing.outcomes import value_bytes
 from gamekeeper.auditing.probe_session import ProbeSession
@@ -21,7 +20,6 @@ from gamekeeper.rollouts.process_randomness import HELD, restore, seed_all, stat
 
 SHORT: Final = 64
 """Bytes that are no longer than what stands for them."""
-MOST_SPACES: Final = 20_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,17 +190,6 @@ def branch(
             place,
             board.step({a: fitting(a, each.mask, actions[a]) for a, each in board.given.items()}),
         )
-
-
-def spaces_in(env: Any) -> list[Any]:
-    """Spaces that an environment and those inside its wrappers hold, by attribute or in tables."""
-    found: list[Any] = []
-    while env is not None and len(found) < MOST_SPACES:
-        for value in vars(env).values():
-            parts = value.values() if isinstance(value, dict) else (value,)
-            found += [part for part in parts if isinstance(part, Space)]
-        env = vars(env).get("env", vars(env).get("aec_env", vars(env).get("par_env")))
-    return found
 
 
 def value_digest(value: Any) -> bytes:

@@ -172,7 +172,8 @@ def command(
     from gamekeeper.reporting.diagnosis_text import diagnosis_text
 
     folder = _beside(run) if out is None else out
-    opening: dict[str, Any] = {"failed": _only(failed), "env": env, "allow_import": allow_import}
+    condition = only_condition(failed)
+    opening: dict[str, Any] = {"failed": condition, "env": env, "allow_import": allow_import}
     if shrink is not None:
         shrunk_run = folder / f"shrunk-{shrink}"
         return _shrunk(screen, run, shrink, contract=contract, out=shrunk_run, **opening)
@@ -207,7 +208,7 @@ def command(
     return CommandResult(document, diagnosis_code(found))
 
 
-def _only(conditions: list[str] | None) -> str | None:
+def only_condition(conditions: list[str] | None) -> str | None:
     """The one condition of a failed episode that was given, if any."""
     if conditions and len(conditions) > 1:
         raise GamekeeperError(

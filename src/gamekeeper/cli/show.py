@@ -156,7 +156,7 @@ def _show_run(screen: Screen, run: Path) -> CommandResult:
     screen.show(f"\nAgents\n{summary_text(evidence.summary, width=screen.width)}")
     returns = returns_by_episode(evidence)
     if evidence.episode_table.num_rows > 1 and returns:
-        pictures = returns_text(returns, width=screen.width, has_blocks=_has_blocks(screen))
+        pictures = returns_text(returns, width=screen.width, has_blocks=has_blocks(screen))
         screen.show(f"\nReturns over episodes\n{pictures}")
     if errors:
         screen.show(f"\nErrors\n{errors_text(errors, width=screen.width)}")
@@ -166,7 +166,7 @@ def _show_run(screen: Screen, run: Path) -> CommandResult:
     return CommandResult({**_document(evidence, errors), "returns": returns, "labels": known})
 
 
-def _has_blocks(screen: Screen) -> bool:
+def has_blocks(screen: Screen) -> bool:
     """Tells if the stream's encoding has the characters of a sparkline; most have."""
     from gamekeeper.reporting.text_columns import BLOCKS
 

@@ -147,6 +147,7 @@ class JointPolicy:
         "_objects",
         "_playing",
         "_resets",
+        "_rngs",
         "_roles",
         "_run_seed",
         "_shared",
@@ -180,6 +181,7 @@ class JointPolicy:
         self._noop, self._mask_at = noop, mask_at
         self._starts: dict[Any, Start] = {}
         self._playing: dict[Any, Player] = {}
+        self._rngs: dict[Any, Generator] = {}
         self._shared: dict[Any, Any] = {}
         self._run_seed = self._episode = 0
 
@@ -190,7 +192,7 @@ class JointPolicy:
             PolicyError: a policy's `reset` raised.
         """
         self._run_seed, self._episode = run_seed, episode
-        self._playing = {}
+        self._playing, self._rngs = {}, {}
         for whom, chosen in self._resets.items():
             # A stream of its own: what the policy does with it must not repeat an agent's draws.
             seed = int(policy_rng(run_seed, episode, f"reset of {whom}").integers(1 << 31))
@@ -211,6 +213,43 @@ class JointPolicy:
         if player is None:
             player = self._playing[agent] = self._enter(agent)
         return player(observation, info)
+
+    def policies(self) -> list[Any]:
+        """Returns the policies that are objects of their own, in the order of their places."""
+        found = {id(one.policy): one.policy for _, one in sorted(self._chosen.items())}
+        return [policy for policy in found.values() if not isinstance(policy, ModuleType)]
+
+    def draw_anew(self, run_seed: int) -> None:
+        """Gives every agent another stream from here on; policies keep what they remember."""
+        self._run_seed = run_seed
+        for agent, rng in self._rngs.items():
+            fresh = policy_rng(run_seed, self._episode, agent)
+            rng.bit_generator.state = fresh.bit_generator.state
+        for agent in list(self._playing):  # a built-in may have drawn ahead, and remembers nothing
+            if isinstance(self.chosen_for(agent).policy, ModuleType):
+                del self._playing[agent]
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> JointPolicy:
+        """A copy that goes on by itself: policies with a `reset` and all streams are its own.
+
+        Policies without one are taken to remember nothing, and are shared.
+        """
+        chosen = {
+            whom: replace(one, policy=copy.deepcopy(one.policy, memo))
+            if callable(getattr(one.policy, "reset", None))
+            else one
+            for whom, one in self._chosen.items()
+        }
+        copied = JointPolicy(
+            chosen,
+            action_space=self._action_space,
+            roles=self._roles,
+            noop=self._noop,
+            mask_at=self._mask_at,
+        )
+        copied._run_seed, copied._episode = self._run_seed, self._episode
+        copied._rngs = copy.deepcopy(self._rngs, memo)
+        return copied
 
     def chosen_for(self, agent: Any) -> Chosen:
         """The policy that plays an agent."""
@@ -273,7 +312,9 @@ class JointPolicy:
         start = self._starts.get(agent)
         if start is None:
             start = self._starts[agent] = self._seat(agent, self.chosen_for(agent))
-        return start(policy_rng(self._run_seed, self._episode, agent))
+        if agent not in self._rngs:
+            self._rngs[agent] = policy_rng(self._run_seed, self._episode, agent)
+        return start(self._rngs[agent])
 
     def _seat(self, agent: Any, chosen: Chosen) -> Start:
         seat = AgentSlot(

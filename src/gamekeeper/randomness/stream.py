@@ -173,6 +173,15 @@ class Stream:
         """
         return Stream(self.seed, self.episode, lane=lane)
 
+    def leave(self, number: int) -> None:
+        """Becomes the stream of another seed, at its beginning; lanes forked off it follow.
+
+        Args:
+            number: in [0, 2**31); equal numbers lead from one stream to one other.
+        """
+        seed = (self.seed + ((number + 1) << 32)) % SEEDS
+        Stream.__init__(self, seed, self.episode, lane=self.lane)
+
     def next_episode(self) -> Stream:
         """The stream of the episode after this one, at its beginning."""
         return Stream(self.seed, self.episode + 1, lane=self.lane)

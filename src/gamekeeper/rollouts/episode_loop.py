@@ -257,26 +257,29 @@ class EpisodeLoop:
         self._hooks, self._watch, self._on_step = hooks, watch, on_step
         self._is_parallel = isinstance(game, ParallelCapture)
         self._contract, self._is_told = contract or Contract(), hooks.wants_given
-        self._call = "reset"
+        self._call, self._is_begun = "reset", False
 
-    def run(self) -> FailedCall | None:
-        """Plays; returns the call that raised, if one did."""
+    def run(self, until: int | None = None) -> FailedCall | None:
+        """Plays, from where it stopped last; returns the call that raised, if one did.
+
+        Args:
+            until: stops after so many turns of the episode, to be run on; None: plays it whole.
+        """
         try:
-            self._hooks.declared(self._contract)
-            self._hooks.before_reset(self._game.env)
-            out = self._game.reset(self._play.seed, self._play.options)
-            self._look(0, out)
+            if not self._is_begun:
+                self._begin()
             turns = self._play.most_turns
             if self._play.actions is not None:
                 turns = min(turns, len(self._play.actions))
-            for turn in range(turns):
+            for turn in range(len(self.taken), turns if until is None else min(until, turns)):
                 if not self._game.to_move:
                     break
                 if self._is_off_paper(turn):
                     break
                 self._on_step()
                 self._turn(turn)
-            self._last_look()
+            if until is None:
+                self._last_look()
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # whatever foreign code raises is evidence
@@ -286,6 +289,13 @@ class EpisodeLoop:
             kind = type_name_of(type(error))
             return FailedCall(self._call, self._game.turn, kind, message(error)[:500], text)
         return None
+
+    def _begin(self) -> None:
+        self._hooks.declared(self._contract)
+        self._hooks.before_reset(self._game.env)
+        out = self._game.reset(self._play.seed, self._play.options)
+        self._look(0, out)
+        self._is_begun = True
 
     def _turn(self, turn: int) -> None:
         if self._is_parallel:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 import sys
 import time
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, Final
 
@@ -79,6 +79,15 @@ def reseed(env: Any, number: int) -> None:
     """
     for place, generator in enumerate(generators(env)):
         _reseed(generator, number, place)
+
+
+def rekey(found: Iterable[Any], number: int) -> None:
+    """As `reseed`, for generators that were found before; lanes forked off a stream follow it."""
+    for place, generator in enumerate(found):
+        if isinstance(generator, Stream):
+            generator.leave(number)
+        else:
+            _reseed(generator, number, place)
 
 
 def reseed_some(env: Any, number: int, places: Collection[int]) -> None:

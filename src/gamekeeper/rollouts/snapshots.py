@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
+from gymnasium.spaces import Space
 
 NUMBERS: Final = "biufc"
 """Kinds of arrays that can be overwritten with zeros and ones."""
@@ -14,6 +15,7 @@ MOST_KEPT_BYTES: Final = 64 << 20
 """Bytes of arrays that are kept to be written back."""
 DEEPEST: Final = 8
 """Containers in containers that are looked into."""
+MOST_SPACES: Final = 20_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,3 +126,14 @@ def share_memory(one: Any, other: Any) -> bool:
         for a in arrays(one)
         for b in arrays(other)
     )
+
+
+def spaces_in(env: Any) -> list[Any]:
+    """Spaces that an environment and those inside its wrappers hold, by attribute or in tables."""
+    found: list[Any] = []
+    while env is not None and len(found) < MOST_SPACES:
+        for value in vars(env).values():
+            parts = value.values() if isinstance(value, dict) else (value,)
+            found += [part for part in parts if isinstance(part, Space)]
+        env = vars(env).get("env", vars(env).get("aec_env", vars(env).get("par_env")))
+    return found

@@ -12,7 +12,7 @@ from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.outcome import Outcome, plain_numbers
 from gamekeeper.interface.parallel_capture import ParallelCapture
 from gamekeeper.interface.recorded_env import game_of
-from gamekeeper.rollouts.episode_loop import ActionChooser, EpisodeLoop, EpisodePlan
+from gamekeeper.rollouts.episode_loop import ActionChooser, EpisodeLoop, EpisodePlan, FailedCall
 from gamekeeper.rollouts.intervention import Hooks, Intervention
 
 
@@ -33,22 +33,67 @@ def tally(
     Raises:
         GamekeeperError: Gamekeeper itself can't go on.
     """
-    game = game_of(env)
     hooks = Hooks() if change is None else change.start(np.random.default_rng([7, play.stream]))
-    is_parallel = isinstance(game, ParallelCapture)
-    volatile = () if contract is None else contract.volatile_infos()
-    count = _Ticks(volatile) if is_parallel else _Turns(volatile)
-    course = EpisodeLoop(play, game, cast, hooks, count, on_step or _nothing, contract)
-    if cast is not None and play.actions is None:
-        cast.begin(cast_seed, play.stream)
+    episode = TalliedEpisode(
+        play, env, hooks, contract=contract, cast=cast, cast_seed=cast_seed, on_step=on_step
+    )
     try:
-        failed = course.run()
+        episode.run()
     finally:
         hooks.after(env)
-    is_over = failed is None and not game.to_move
-    error = None if failed is None else f"{failed.kind}: {failed.text}"
-    turns = len(course.taken) if failed is None else failed.turn
-    return count.outcome(play.seed, env, turns, is_over=is_over, error=error)
+    return episode.outcome()
+
+
+class TalliedEpisode:
+    """An episode under way of which only the figures are kept; a deep copy of it goes on alone.
+
+    Attributes:
+        game: plays it.
+        cast: its policies.
+        count: the figures so far.
+        failed: the call that raised, if one did.
+    """
+
+    def __init__(
+        self,
+        play: EpisodePlan,
+        env: Any,
+        hooks: Hooks,
+        *,
+        contract: Contract | None = None,
+        cast: ActionChooser | None = None,
+        cast_seed: int = 0,
+        on_step: Callable[[], None] | None = None,
+    ) -> None:
+        """Takes hold of `env`; nothing is played yet. The arguments are those of `tally`."""
+        self.game, self.cast, self._play = game_of(env), cast, play
+        volatile = () if contract is None else contract.volatile_infos()
+        is_parallel = isinstance(self.game, ParallelCapture)
+        self.count = _Ticks(volatile) if is_parallel else _Turns(volatile)
+        self._loop = EpisodeLoop(
+            play, self.game, cast, hooks, self.count, on_step or _nothing, contract
+        )
+        self.failed: FailedCall | None = None
+        if cast is not None and play.actions is None:
+            cast.begin(cast_seed, play.stream)
+
+    @property
+    def turns(self) -> int:
+        """Env steps so far."""
+        return len(self._loop.taken) if self.failed is None else self.failed.turn
+
+    def run(self, until: int | None = None) -> None:
+        """Plays on, to the end or until so many turns of the episode were played."""
+        self.failed = self._loop.run(until)
+
+    def outcome(self) -> Outcome:
+        """Outcome of the episode, as far as it was played."""
+        failed, game = self.failed, self.game
+        is_over = failed is None and not game.to_move
+        error = None if failed is None else f"{failed.kind}: {failed.text}"
+        return self.count.outcome(
+            self._play.seed, game.env, self.turns, is_over=is_over, error=error
+        )
 
 
 class _Count:

@@ -8,14 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from gamekeeper.auditing.branches import (
-    Board,
-    BranchStep,
-    EpisodeSteps,
-    branch,
-    spaces_in,
-    value_digest,
-)
+from gamekeeper.auditing.branches import Board, BranchStep, EpisodeSteps, branch, value_digest
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
 from gamekeeper.auditing.probes.episode_shapes import rounds_of, shape
@@ -31,6 +24,7 @@ from gamekeeper.episodes.layout import agent_name, role
 from gamekeeper.interface.generators import is_same_state
 from gamekeeper.rollouts.episode_loop import EpisodePlan
 from gamekeeper.rollouts.process_randomness import kept_global_generators, reseed, standing, states
+from gamekeeper.rollouts.snapshots import spaces_in
 
 MOST_EPISODES: Final = 120
 LONGEST: Final = 1_000

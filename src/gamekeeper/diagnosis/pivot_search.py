@@ -1,0 +1,301 @@
+"""Search for the turns that lost a failed episode: a coarse grid, then bisection in each fall."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+
+from gamekeeper.diagnosis.pivot_actions import DRAWN, ActionOption, ActionOptions
+from gamekeeper.diagnosis.pivot_result import (
+    AlternativeAction,
+    CurvePoint,
+    EpisodePivots,
+    Loss,
+    Pivot,
+)
+from gamekeeper.episodes.layout import agent_name
+from gamekeeper.episodes.outcome import Outcome
+from gamekeeper.rollouts.continuations import Continuations
+from gamekeeper.statistics.significance import fisher_exact, holm, wilson
+
+SPANS: Final = 8
+"""Spans of the coarse grid."""
+FIRST: Final = 24
+"""Continuations from each turn of the grid."""
+MOST: Final = 100
+"""Most continuations from a turn, while bisecting and, of their own, to confirm a fall."""
+LEAST_FALL: Final = 0.15
+"""Falls of success within a span that are looked into."""
+ENOUGH: Final = 9.0
+"""Continuations from a turn times the square of the fall: it stands at 3 standard errors."""
+FEW: Final = 12
+"""Continuations of an action, to choose the best one of each agent."""
+CONFIRM: Final = 60
+"""Continuations of that one, and of the recorded actions."""
+PART: Final = 0.5
+"""Part of the fall that an action has to win back."""
+CERTAIN: Final = 3
+"""Continuations from a turn of the grid that tell whether anything is drawn."""
+P: Final = 0.05
+
+CURVE, BEFORE, AFTER, ACTIONS, CHECKED = range(5)
+"""Purposes of continuations: each has draws of its own."""
+
+
+@dataclass(slots=True)
+class PivotSearch:
+    """Looks for the pivots of one episode.
+
+    Attributes:
+        play: plays continuations.
+        is_success: tells if an outcome is one.
+        options: other actions at a turn.
+        seed: of all draws.
+    """
+
+    play: Continuations
+    is_success: Callable[[Outcome], bool]
+    options: ActionOptions
+    episode: int
+    scope: str
+    seed: int = 0
+    counts: dict[int, tuple[int, int]] = field(default_factory=dict)
+    not_tried: list[str] = field(default_factory=list)
+
+    def run(self) -> EpisodePivots:
+        """The answer."""
+        blank = EpisodePivots(self.episode, self.scope, self.play.turns, "falls")
+        if not self.play.turns:
+            return blank
+        if self._is_certain():
+            found = replace(blank, question="last action", pivots=self._last_action())
+        else:
+            candidates = self._candidates()
+            found = replace(blank, pivots=self._confirmed(candidates), curve=self._curve())
+        if self.play.is_spent and not self.not_tried:
+            self._miss("more continuations")
+        return replace(
+            found,
+            steps=self.play.steps,
+            by_copies=self.play.by_copies,
+            not_tried=tuple(self.not_tried),
+        )
+
+    # -- the curve
+
+    def _grid(self) -> list[int]:
+        return sorted({round(k * self.play.turns / SPANS) for k in range(SPANS + 1)})
+
+    def _is_certain(self) -> bool:
+        """Tells whether continuations from all over the episode end as the recording did."""
+        for turn in self._grid()[:-1]:
+            outcomes = self.play.play(turn, self._numbers(CHECKED, turn, range(CERTAIN)))
+            if any(outcome != self.play.recorded for outcome in outcomes):
+                return False
+        return True
+
+    def _candidates(self) -> list[int]:
+        """Turns at which the curve seems to fall, by bisecting the largest falls first."""
+        grid = self._grid()
+        for turn in grid:
+            self._ask(turn, FIRST)
+        spans, found = list(pairwise(grid)), []
+        while spans:
+            left, right = spans.pop(max(range(len(spans)), key=lambda k: self._fall(*spans[k])))
+            fall = self._fall(left, right)
+            if fall < LEAST_FALL:
+                break
+            if self.play.is_spent:
+                self._miss(f"falls between turns {left} and {right}")
+                continue
+            wanted = int(min(max(ENOUGH / fall**2, FIRST), MOST))
+            if min(self._looks(left), self._looks(right)) < wanted:
+                self._ask(left, wanted)
+                self._ask(right, wanted)
+                spans.append((left, right))  # the fall may be gone, now that more is known
+                continue
+            if right == left + 1:
+                found.append(left)
+                continue
+            middle = (left + right) // 2
+            self._ask(middle, wanted)
+            spans += [(left, middle), (middle, right)]
+        return found
+
+    def _ask(self, turn: int, wanted: int) -> None:
+        """Plays continuations from a turn until there are so many; at the end success is lost."""
+        hits, n = self.counts.get(turn, (0, 0))
+        if turn == self.play.turns:
+            self.counts[turn] = (0, max(wanted, n))
+            return
+        if n < wanted:
+            more, looks = self._successes(CURVE, turn, range(n, wanted))
+            self.counts[turn] = (hits + more, n + looks)
+
+    def _share(self, turn: int) -> float:
+        hits, n = self.counts.get(turn, (0, 0))
+        return hits / n if n else 0.0
+
+    def _looks(self, turn: int) -> int:
+        return self.counts.get(turn, (0, 0))[1]
+
+    def _fall(self, left: int, right: int) -> float:
+        return self._share(left) - self._share(right)
+
+    def _curve(self) -> tuple[CurvePoint, ...]:
+        known = {turn: count for turn, count in sorted(self.counts.items()) if count[1]}
+        return tuple(self._point(turn, *count, looks=len(known)) for turn, count in known.items())
+
+    def _point(self, turn: int, hits: int, n: int, *, looks: int) -> CurvePoint:
+        if turn == self.play.turns:  # known: the recorded end
+            return CurvePoint(turn, 0, n, 0.0, 0.0)
+        share = wilson(hits, n, level=1 - P / max(looks, 1))
+        return CurvePoint(turn, hits, n, share.low, share.high)
+
+    # -- the pivots
+
+    def _confirmed(self, candidates: list[int]) -> tuple[Pivot, ...]:
+        """Candidates whose fall stands on continuations of its own, the largest first."""
+        looks = 2 * len(candidates)
+        rows = []
+        for turn in candidates:
+            before = self._successes(BEFORE, turn, range(MOST))
+            after = (0, MOST)
+            if turn + 1 < self.play.turns:
+                after = self._successes(AFTER, turn + 1, range(MOST))
+            if before[1] < MOST or after[1] < MOST:
+                self._miss(f"confirming the fall at turn {turn}")
+                continue
+            p = fisher_exact(*before, *after) if before[0] > after[0] else 1.0
+            rows.append((turn, before, after, p))
+        corrected = holm([row[3] for row in rows]) if rows else ()
+        pivots = [
+            Pivot(
+                turn,
+                self._point(turn, *before, looks=looks),
+                self._point(turn + 1, *after, looks=looks),
+                p,
+            )
+            for (turn, before, after, _), p in zip(rows, corrected, strict=True)
+            if p < P
+        ]
+        pivots.sort(key=lambda pivot: -pivot.fall)
+        return tuple(map(self._with_agents, pivots))
+
+    def _with_agents(self, pivot: Pivot) -> Pivot:
+        """The pivot with the actions that would have kept the success."""
+        turn = pivot.turn
+        if self.play.is_spent:
+            self._miss(f"other actions at turn {turn}")
+            return pivot
+        recorded = self.play.course.actions[turn]
+        screened: dict[str, list[tuple[int, int, ActionOption]]] = {}
+        for place, option in enumerate(self.options.at(turn)):
+            hits, n = self._tried(turn, option, place, range(FEW), recorded)
+            screened.setdefault(agent_name(option.agent), []).append((hits, n, option))
+        base = self._tried(turn, None, -1, range(CONFIRM), recorded)
+        tried: list[AlternativeAction] = []
+        for number, rows in enumerate(screened.values()):
+            best = max(rows, key=lambda row: row[0] / max(row[1], 1))
+            tried += [_tried_action(o, h, n) for h, n, o in rows if o is not best[2]]
+            place = 1_000 + number
+            hits, n = self._tried(turn, best[2], place, range(CONFIRM), recorded)
+            p = fisher_exact(hits, n, *base) if n and base[1] else 1.0
+            tried.append(replace(_tried_action(best[2], hits, n), p=p))
+        if self.play.is_spent:
+            self._miss(f"some of the other actions at turn {turn}")
+        return self._judged(pivot, tried, base)
+
+    def _judged(self, pivot: Pivot, tried: list[AlternativeAction], base: tuple[int, int]) -> Pivot:
+        """The pivot with the agents whose best action wins back enough of the fall."""
+        known = [each for each in tried if each.p is not None]
+        corrected = dict(zip(map(id, known), holm([e.p or 0.0 for e in known]), strict=True))
+        held = base[0] / base[1] if base[1] else pivot.after.share
+        wanted = held + PART * (pivot.before.share - held)
+        rows = []
+        for each in tried:
+            p = corrected.get(id(each))
+            keeps = p is not None and p < P and each.share >= wanted >= held + LEAST_FALL * PART
+            rows.append(replace(each, p=p, keeps=keeps))
+        rows.sort(key=lambda each: (not each.keeps, -each.share))
+        again = {each.agent: each.share for each in rows if each.source == DRAWN}
+        able = dict.fromkeys(each.agent for each in rows if each.keeps)
+        agents = tuple(sorted(able, key=lambda agent: -again.get(agent, 0.0)))
+        loss: Loss = "action" if agents else "several"
+        by_draws, by_actions = held - pivot.after.share, pivot.before.share - held
+        if by_draws > by_actions and base[1]:
+            loss = "draws"
+        elif not agents and (not known or self.play.is_spent):
+            loss = "not tried"
+        return replace(pivot, loss=loss, agents=agents, tried=tuple(rows))
+
+    def _tried(
+        self,
+        turn: int,
+        option: ActionOption | None,
+        place: int,
+        which: range,
+        recorded: Mapping[Any, Any],
+    ) -> tuple[int, int]:
+        """Successes with an action in place of the recorded one; of None with all as recorded."""
+        held = dict(recorded)
+        if option is not None and option.source == DRAWN:
+            del held[option.agent]
+        elif option is not None:
+            held[option.agent] = option.action
+        return self._successes(ACTIONS, turn, which, place=place, held=held)
+
+    # -- the last action, where nothing is drawn
+
+    def _last_action(self) -> tuple[Pivot, ...]:
+        """The last turn from which another action of one agent succeeds."""
+        for turn in reversed(range(self.play.turns)):
+            if self.play.is_spent:
+                self._miss(f"turns 0 to {turn}")
+                return ()
+            recorded = self.play.course.actions[turn]
+            tried = []
+            for place, option in enumerate(self.options.at(turn)):
+                if option.source == DRAWN:
+                    continue
+                hits, n = self._tried(turn, option, place, range(1), recorded)
+                tried.append(replace(_tried_action(option, hits, n), keeps=hits > 0))
+            agents = tuple(dict.fromkeys(each.agent for each in tried if each.keeps))
+            if agents:
+                tried.sort(key=lambda each: not each.keeps)
+                before, after = (CurvePoint(t, 0, 1, 0.0, 0.0) for t in (turn, turn + 1))
+                return (Pivot(turn, before, after, 0.0, "action", agents, tuple(tried)),)
+        return ()
+
+    # -- continuations
+
+    def _successes(
+        self,
+        purpose: int,
+        turn: int,
+        which: range,
+        *,
+        place: int = 0,
+        held: Mapping[Any, Any] | None = None,
+    ) -> tuple[int, int]:
+        """Successes, and continuations that were played."""
+        numbers = self._numbers(purpose, turn, which, place=place)
+        outcomes = self.play.play(turn, numbers, held=held)
+        return sum(map(self.is_success, outcomes)), len(outcomes)
+
+    def _numbers(self, purpose: int, turn: int, which: range, *, place: int = 0) -> list[int]:
+        key = [self.seed, self.episode, purpose, turn, place + 1]
+        words = np.random.SeedSequence(key).generate_state(which.stop)
+        return [int(word) >> 1 for word in words[which.start :]]
+
+    def _miss(self, what: str) -> None:
+        self.not_tried.append(f"{what}: the budget is spent")
+
+
+def _tried_action(option: ActionOption, hits: int, n: int) -> AlternativeAction:
+    text = None if option.source == DRAWN else option.text
+    return AlternativeAction(agent_name(option.agent), text, option.source, hits, n)

@@ -1,0 +1,222 @@
+"""The front of pivots: a recorded run in, the turns that lost its failed episodes out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from os import PathLike
+from typing import Any, Final
+
+from gamekeeper.contract import Contract
+from gamekeeper.diagnosis.arms import SILENCE_S, play_shares
+from gamekeeper.diagnosis.pivot_actions import ActionOptions, reference_of
+from gamekeeper.diagnosis.pivot_result import EpisodePivots, Pivots
+from gamekeeper.diagnosis.pivot_search import PivotSearch
+from gamekeeper.diagnosis.played_setup import (
+    OpenSetup,
+    Setup,
+    consent_to,
+    contract_of,
+    other_policies,
+    setup_of,
+)
+from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.episodes.outcome import TEAM, Outcome, failed, failures, outcome_of
+from gamekeeper.errors import EvidenceError
+from gamekeeper.rollouts.continuations import Continuations, RecordedCourse
+from gamekeeper.rollouts.executors.task import Executor
+from gamekeeper.rollouts.reruns import play_of
+from gamekeeper.runs.consent import evidence_of
+from gamekeeper.runs.replay_runner import ReplayRunner
+
+BUDGET: Final = 100_000
+"""Env steps for all episodes unless told otherwise."""
+TASK: Final = "gamekeeper.diagnosis.pivots:episode_task"
+
+
+def pivots(
+    run: str | PathLike[str] | Evidence,
+    episode: int | None = None,
+    *,
+    failed: str | None = None,
+    contract: Contract | str | PathLike[str] | None = None,
+    policies: Mapping[str, Any] | None = None,
+    seed: int = 0,
+    budget: int = BUDGET,
+    workers: int | Executor = 0,
+    allow_import: bool = False,
+) -> Pivots:
+    """Finds the turns that lost failed episodes, and the agents whose action would have kept them.
+
+    From turns of a failed episode the policies go on, on fresh draws: the share that succeeds, on
+    a coarse grid first, then by bisection inside each fall. A fall that stands on continuations of
+    its own is a pivot; at each, other actions of one agent are tried while those of the others are
+    held. Where nothing draws anything every continuation fails: then the last turn is looked for at
+    which another action of one agent succeeds.
+
+    Args:
+        run: the folder of a run, or evidence.
+        episode: number of a failed episode; None: all of them.
+        failed: the condition under which an episode failed, as "return < 0.5"; else the contract's.
+        contract: in place of the one of the recording.
+        policies: that go on, in place of the recorded ones, by agent, role or under `*`.
+        seed: of the continuations; equal seeds give equal answers.
+        budget: env steps, shared equally by the episodes; a continuation that began is finished.
+        workers: processes that play, an episode each; 0: this one; or an executor that plays.
+        allow_import: run code that the evidence names.
+    Raises:
+        TrustError: the evidence names code that nobody allowed to run.
+        EvidenceError: it names no policies, such an episode isn't there or didn't fail, or it isn't
+            reproducible.
+        ContractError: nothing says when an episode failed.
+    """
+    evidence = evidence_of(run)
+    declared = contract_of(evidence, contract)
+    conditions = failures(declared, failed)
+    scopes = _failed_scopes(evidence, conditions, declared)
+    chosen = _chosen(evidence, scopes, episode)
+    setup = setup_of(evidence, policies=policies)
+    share = budget // max(len(chosen), 1)
+    found: list[EpisodePivots] = []
+    with consent_to(evidence, setup, env=None, policies=policies, allow_import=allow_import):
+        wanted = [(number, scopes[number]) for number in chosen]
+        if isinstance(workers, int) and workers == 0:
+            with OpenSetup(setup, declared) as stage:
+                for number, scope in wanted:
+                    found.append(
+                        _searched(evidence, stage, number, scope, failed, budget=share, seed=seed)
+                    )
+        else:
+            common = {
+                "run": str(evidence.path),
+                "setup": setup.to_json(),
+                "contract": declared.to_json(),
+                "condition": failed,
+                "budget": share,
+                "seed": seed,
+            }
+            play_shares(
+                TASK,
+                [{**common, "episode": number, "scope": scope} for number, scope in wanted],
+                lambda answer: found.append(EpisodePivots.from_json(answer)),
+                workers=workers,
+                silence_s=SILENCE_S,
+                where=str(evidence.path),
+                fix="try it with --workers 0 to see what it does",
+            )
+    return Pivots(
+        run=str(evidence.path or "memory"),
+        fingerprint=evidence.fingerprint,
+        episodes=tuple(sorted(found, key=lambda each: each.episode)),
+        failed=(len(scopes), evidence.episode_table.num_rows),
+        conditions={name: each.text for name, each in conditions.items()},
+        budget=budget,
+        seed=seed,
+        policies=other_policies(evidence, setup),
+    )
+
+
+def episode_task(
+    report: Callable[..., None],
+    *,
+    run: str,
+    setup: Mapping[str, Any],
+    contract: Any,
+    condition: str | None,
+    episode: int,
+    scope: str,
+    budget: int,
+    seed: int,
+) -> dict[str, Any]:
+    """Looks for the pivots of one episode, in a worker process."""
+    declared = Contract.from_json(contract)
+    with OpenSetup(Setup.from_json(setup), declared) as stage:
+        found = _searched(
+            evidence_of(run),
+            stage,
+            episode,
+            scope,
+            condition,
+            budget=budget,
+            seed=seed,
+            report=report,
+        )
+    return found.to_json()
+
+
+def _failed_scopes(
+    evidence: Evidence, conditions: Mapping[str, Any], contract: Contract
+) -> dict[int, str]:
+    """By number of a failed episode, whose condition it failed by; the team's before others."""
+    found = {}
+    for trace in evidence.episodes:
+        by_scope = failed(outcome_of(trace), conditions, contract)
+        mine = [name for name in sorted(by_scope, key=lambda name: name != TEAM) if by_scope[name]]
+        if mine:
+            found[trace.episode] = mine[0]
+    return found
+
+
+def _chosen(evidence: Evidence, scopes: Mapping[int, str], episode: int | None) -> list[int]:
+    """The failed episodes that are asked for.
+
+    Raises:
+        EvidenceError: there is no such episode, or it didn't fail.
+    """
+    if episode is None:
+        return list(scopes)
+    if episode not in scopes:
+        raise EvidenceError(
+            f"the run has no failed episode {episode}",
+            where=str(evidence.path or "memory"),
+            expected=", ".join(map(str, list(scopes)[:20])) or "a run with failed episodes",
+            actual=str(episode),
+            fix="name a failed episode",
+        )
+    return [episode]
+
+
+def _searched(
+    evidence: Evidence,
+    stage: OpenSetup,
+    number: int,
+    scope: str,
+    condition: str | None,
+    *,
+    budget: int,
+    seed: int,
+    report: Callable[[], None] | None = None,
+) -> EpisodePivots:
+    """The pivots of one episode, once it has been replayed and is as it was recorded."""
+    contract = stage.contract
+    trace = evidence.episode(number)
+    header = evidence.header(number)
+    again = None
+    if trace.seed is not None:
+        again = ReplayRunner(evidence, stage.opened).play(header)
+    if again is None or again["fingerprint"] != header["fingerprint"]:
+        raise EvidenceError(
+            "the episode doesn't come out the same when it is played again by itself",
+            where=f"episode {number}",
+            actual="it was reset without a seed" if again is None else "another fingerprint",
+            fix="gamekeeper replay RUN looks for the cause",
+        )
+    course = RecordedCourse(
+        play_of(trace, stage.env, evidence.manifest.get("action_types")),
+        stage.env,
+        stage.cast,
+        evidence.manifest.get("seed") or 0,
+        contract,
+        stage.setup.most_turns,
+    )
+    play = Continuations(course, budget=budget, on_step=report)
+    conditions = failures(contract, condition)
+    options = ActionOptions(play, contract, reference_of(stage.env, contract), seed)
+    is_success = partial(_succeeds, conditions=conditions, contract=contract, scope=scope)
+    return PivotSearch(play, is_success, options, number, scope, seed).run()
+
+
+def _succeeds(
+    outcome: Outcome, *, conditions: Mapping[str, Any], contract: Contract, scope: str
+) -> bool:
+    return not failed(outcome, conditions, contract).get(scope, True)

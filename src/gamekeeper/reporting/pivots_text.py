@@ -1,0 +1,150 @@
+"""Pivots as text: for each failed episode its curve, its pivots, and actions that would keep it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Final
+
+from gamekeeper.reporting.text_columns import sparkline, wrapped
+
+INDENT: Final = "  "
+MOST_COLUMNS: Final = 48
+"""Characters of a curve."""
+SOURCES: Final = {
+    "policy": "its policy, choosing again",
+    "legal": "action {}",
+    "sample": "the sample {}",
+    "reference": "the reference policy's {}",
+}
+LONGEST: Final = 60
+"""Characters of an action."""
+
+
+def pivots_text(document: Mapping[str, Any], *, width: int, has_blocks: bool = True) -> str:
+    """The text that `gamekeeper pivots` shows.
+
+    Args:
+        document: as `Pivots.to_json` gives it.
+        width: columns that no line exceeds, as far as names allow.
+        has_blocks: the terminal can show block characters; otherwise ASCII is used.
+    """
+    count = document["failed"]
+    if not document["episodes"]:
+        return f"None of {count['episodes']} episodes failed: there is no pivot to look for."
+    blocks = [
+        "\n".join(
+            line
+            for text, indent in _episode(each, has_blocks)
+            for line in wrapped(text, width, first=indent, rest=indent + INDENT)
+        )
+        for each in document["episodes"]
+    ]
+    end = (
+        f"{len(document['episodes'])} of {count['failed']} failed episodes (of "
+        f"{count['episodes']}), {document['steps']:,} env steps; budget {document['budget']:,}"
+    )
+    return "\n\n".join([*blocks, *wrapped(end, width)])
+
+
+def _episode(each: Mapping[str, Any], has_blocks: bool) -> Iterator[tuple[str, str]]:
+    """Lines of an episode, each with its indent."""
+    yield f"Episode {each['episode']} failed for {each['scope']} after {each['turns']} turns", ""
+    if each["question"] == "last action":
+        yield from _last_action(each)
+    else:
+        yield from _falls(each, has_blocks)
+    for text in each["not_tried"]:
+        yield f"not tried: {text}", INDENT
+
+
+def _falls(each: Mapping[str, Any], has_blocks: bool) -> Iterator[tuple[str, str]]:
+    curve = each["curve"]
+    if curve:
+        line = sparkline(_columns(curve, each["turns"]), has_blocks=has_blocks)
+        yield f"success from turn 0 to {each['turns']}: |{line}|", INDENT
+        first = curve[0]
+        yield f"from turn {first['turn']} {_share(first)} succeed if the policies go on", INDENT
+    for pivot in each["pivots"]:
+        yield from _pivot(pivot)
+    if not each["pivots"]:
+        yield _without(each), INDENT
+
+
+def _without(each: Mapping[str, Any]) -> str:
+    if each["not_tried"]:
+        return "no fall at one turn was shown as far as the budget went"
+    curve = each["curve"]
+    if curve and curve[0]["high"] <= 0.25:
+        return "the policies seldom succeed from the first turn on: no turn of this episode lost it"
+    return "no fall at one turn beyond chance: success was lost little by little, or before turn 0"
+
+
+def _pivot(pivot: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    before, after = pivot["before"], pivot["after"]
+    yield (
+        f"turn {pivot['turn']} lost it: success falls from {_share(before)} before to "
+        f"{_share(after)} after it (p = {pivot['p']:.2g}, corrected)",
+        INDENT,
+    )
+    loss = pivot["loss"]
+    if loss == "draws":
+        yield (
+            "most of it comes back if the same actions meet fresh draws: chance lost it",
+            INDENT * 2,
+        )
+    elif loss == "several":
+        yield "no action that was tried of one agent alone keeps it", INDENT * 2
+    elif loss == "not tried":
+        yield "other actions: not tried, the budget is spent", INDENT * 2
+    yield from _kept(pivot)
+
+
+def _kept(pivot: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """The best action of each agent that would have kept it."""
+    for agent in pivot["agents"]:
+        best = next(each for each in pivot["tried"] if each["agent"] == agent and each["keeps"])
+        yield f"{agent} would have kept it by {_action(best)}: {_share(best)} succeed", INDENT * 2
+
+
+def _last_action(each: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    yield (
+        "nothing draws anything, so the policies fail again from every turn; looked for: the last "
+        "turn from which another action of one agent succeeds",
+        INDENT,
+    )
+    for pivot in each["pivots"]:
+        yield f"turn {pivot['turn']} is the last one", INDENT
+        yield from _kept(pivot)
+    if not each["pivots"]:
+        rest = "was tried so far" if each["not_tried"] else "was tried at any turn"
+        yield f"no other action of one agent that {rest} succeeds", INDENT
+
+
+def _action(tried: Mapping[str, Any]) -> str:
+    text = str(tried["action"])
+    short = text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+    return SOURCES[tried["source"]].format(short)
+
+
+def _share(point: Mapping[str, Any]) -> str:
+    text = f"{point['successes']} of {point['n']}"
+    if "low" not in point:
+        return text
+    return f"{point['share']:.0%} ({text}; {point['low']:.0%} to {point['high']:.0%})"
+
+
+def _columns(curve: list[Mapping[str, Any]], turns: int) -> list[float | None]:
+    """Shares by column, on the straight line between those that are known."""
+    count = min(MOST_COLUMNS, turns + 1)
+    found: list[float | None] = []
+    for column in range(count):
+        at = column * turns / max(count - 1, 1)
+        before = max((p for p in curve if p["turn"] <= at), key=lambda p: p["turn"], default=None)
+        after = min((p for p in curve if p["turn"] >= at), key=lambda p: p["turn"], default=None)
+        if before is None or after is None:
+            found.append(None)
+            continue
+        span = after["turn"] - before["turn"]
+        part = (at - before["turn"]) / span if span else 0.0
+        found.append(before["share"] + part * (after["share"] - before["share"]))
+    return found

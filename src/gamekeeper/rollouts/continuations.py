@@ -1,0 +1,290 @@
+"""Continuations of a recorded episode: led to one of its turns, then played on by its policies."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.outcome import Outcome
+from gamekeeper.errors import EvidenceError
+from gamekeeper.interface.aec_capture import AECCapture
+from gamekeeper.interface.capture import AgentId
+from gamekeeper.interface.generators import generators
+from gamekeeper.interface.joint_policy import JointPolicy
+from gamekeeper.rollouts.episode_loop import Actions, EpisodePlan
+from gamekeeper.rollouts.intervention import Hooks
+from gamekeeper.rollouts.process_randomness import (
+    kept_global_generators,
+    rekey,
+    restore,
+    seed_all,
+    states,
+)
+from gamekeeper.rollouts.snapshots import arrays, is_same, snapshot, spaces_in
+from gamekeeper.rollouts.tally import TalliedEpisode
+
+MOST_COPIES: Final = 64
+"""Turns at which a copy of the environment waits to be copied again."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedCourse:
+    """An episode that was recorded, and what it takes to play it again.
+
+    Attributes:
+        plan: its seed, options and actions.
+        env: a ParallelEnv or AECEnv; it is reset, and not closed.
+        cast: the policies; those that remember something see what they saw in the recording.
+        cast_seed: seed of the run.
+        contract: names noops, masks and volatile infos.
+        most_turns: a continuation is cut there.
+    """
+
+    plan: EpisodePlan
+    env: Any
+    cast: JointPolicy
+    cast_seed: int
+    contract: Contract
+    most_turns: int
+
+    @property
+    def actions(self) -> tuple[Actions, ...]:
+        """The recorded actions, turn by turn."""
+        return self.plan.actions or ()
+
+
+class _RecordedActions(Hooks):
+    """Plays recorded actions in place of the chosen ones, up to a turn and with others at it."""
+
+    def __init__(self, actions: tuple[Actions, ...], *, is_noting: bool = False) -> None:
+        self.actions, self.until = actions, len(actions)
+        self.held: Mapping[AgentId, Any] = {}
+        self.notes: list[Any] = []
+        self.wants_given = is_noting
+
+    def given(self, turn: int, agent: AgentId, observation: Any, info: Any) -> None:
+        self.notes.append(snapshot(observation))
+
+    def acts(self, turn: int, actions: dict[AgentId, Any]) -> dict[AgentId, Any]:
+        if self.wants_given:
+            self.notes.append(snapshot(actions))
+        if turn < self.until:
+            return copy.deepcopy(dict(self.actions[turn]))
+        if turn > self.until:
+            return actions
+        return {agent: copy.deepcopy(self.held.get(agent, actions[agent])) for agent in actions}
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> _RecordedActions:
+        copied = _RecordedActions(self.actions, is_noting=self.wants_given)
+        copied.until, copied.held, copied.notes = self.until, self.held, list(self.notes)
+        return copied
+
+
+@dataclass(slots=True)
+class _StandingEpisode:
+    """An episode that stands at a turn; its deep copy stands there too."""
+
+    episode: TalliedEpisode
+    hooks: _RecordedActions
+    generators: list[Any] | None = None
+    """Those that the environment and its policies hold; None: they weren't looked for yet."""
+
+    def seek(self) -> list[Any]:
+        """Looks for the generators, which may take longer than an episode."""
+        assert isinstance(self.episode.cast, JointPolicy)
+        held = (self.episode.game.env, self.episode.cast.policies())
+        return [*generators(held)][2:]  # the global ones are seeded by themselves
+
+    def draw_anew(self, number: int) -> None:
+        """Gives everything that draws another future; equal numbers give equal ones."""
+        seed_all(number)
+        if self.generators is None:
+            self.generators = self.seek()
+        rekey(self.generators, number)
+        assert isinstance(self.episode.cast, JointPolicy)
+        self.episode.cast.draw_anew(number)
+
+    def mark(self) -> Any:
+        """Marks of its place, equal at every time: agents that act, rewards, observations."""
+        game = self.episode.game
+        seen = {} if isinstance(game, AECCapture) else game.observations
+        returns = dict(self.episode.count.returns)
+        return [list(game.to_move), returns, [array.copy() for array in arrays(seen)]]
+
+
+class Continuations:
+    """Continuations from the turns of one recorded episode.
+
+    The way to a turn is the recorded one: its actions are played again, and the policies are asked
+    beside them, so that they remember what they did. Where copies of the environment and its
+    policies are shown to go on as the recording does, a turn is reached once and copied; elsewhere
+    it is played again each time.
+
+    Attributes:
+        course: the episode.
+        steps: env steps that were taken so far.
+        budget: no continuation begins once so many were taken.
+        by_copies: copies are made.
+    """
+
+    def __init__(
+        self,
+        course: RecordedCourse,
+        *,
+        budget: int,
+        copies: bool = True,
+        on_step: Callable[[], None] | None = None,
+    ) -> None:
+        """Plays the episode once, and tries whether copies go on as it does.
+
+        Args:
+            copies: False: every continuation is played from the reset.
+            on_step: called before every env step, as a sign of life.
+        Raises:
+            EvidenceError: what is played isn't the same at every time.
+        """
+        self.course, self.budget, self.steps = course, budget, 0
+        self._on_step = on_step
+        self._standing: dict[int, _StandingEpisode] = {}
+        self._marks: dict[int, Any] = {}
+        self.recorded, self.by_copies = self._whole(), False
+        self.by_copies = copies and self._copies_hold()
+
+    @property
+    def is_spent(self) -> bool:
+        """The budget is spent."""
+        return self.steps >= self.budget
+
+    @property
+    def turns(self) -> int:
+        """Env steps of the recorded episode."""
+        return len(self.course.actions)
+
+    def play(
+        self, turn: int, numbers: Iterable[int], *, held: Mapping[AgentId, Any] | None = None
+    ) -> list[Outcome]:
+        """Outcomes of continuations from a turn; fewer than asked for where the budget is spent.
+
+        Args:
+            turn: env steps that are played as recorded.
+            numbers: one for each continuation, in [0, 2**31); equal ones draw equally.
+            held: actions at that turn; agents that it doesn't name choose theirs.
+        Raises:
+            EvidenceError: there is no such turn, or what is played to it isn't the same each time.
+        """
+        found = []
+        with kept_global_generators():
+            for number in numbers:
+                if self.is_spent:
+                    break
+                standing = self._at(turn)
+                standing.draw_anew(number)
+                standing.hooks.held = held or {}
+                standing.episode.run()
+                found.append(standing.episode.outcome())
+        return found
+
+    def inputs(self, turn: int) -> dict[AgentId, tuple[Any, Any]]:
+        """Observation and info of each agent that acts at a turn."""
+        with kept_global_generators():
+            game = self._at(turn).episode.game
+            if isinstance(game, AECCapture):
+                observation, _, _, _, info = game.last()
+                return dict.fromkeys(game.to_move, (observation, info))
+            return {a: (game.observations.get(a), game.infos.get(a)) for a in game.to_move}
+
+    def _begun(self, *, is_noting: bool = False) -> _StandingEpisode:
+        """The episode before its reset."""
+        course = self.course
+        hooks = _RecordedActions(course.actions, is_noting=is_noting)
+        plan = replace(course.plan, actions=None, most_turns=course.most_turns)
+
+        def count() -> None:
+            self.steps += 1
+            if self._on_step is not None:
+                self._on_step()
+
+        episode = TalliedEpisode(
+            plan,
+            course.env,
+            hooks,
+            contract=course.contract,
+            cast=course.cast,
+            cast_seed=course.cast_seed,
+            on_step=count,
+        )
+        return _StandingEpisode(episode, hooks)
+
+    def _at(self, turn: int) -> _StandingEpisode:
+        """The episode at a turn, to be played on."""
+        if not self.by_copies:
+            standing = self._begun()
+            self._lead(standing, turn)
+            return standing
+        kept = self._standing
+        if turn not in kept:
+            before = max((each for each in kept if each < turn), default=None)
+            standing = self._begun() if before is None else _copied(kept[before])
+            self._lead(standing, turn)
+            if len(kept) >= MOST_COPIES:
+                kept.pop(min(each for each in kept if each))
+            # all copies are made of one that the course's own environment doesn't move
+            kept[turn] = standing if before is not None else _copied(standing)
+        return _copied(kept[turn])
+
+    def _lead(self, standing: _StandingEpisode, turn: int) -> None:
+        standing.hooks.until = turn
+        standing.episode.run(turn)
+        mark = standing.mark()
+        known = self._marks.setdefault(turn, mark)
+        failed = standing.episode.failed
+        if failed is not None or standing.episode.turns < turn or not is_same(mark, known):
+            raise EvidenceError(
+                "an episode doesn't play twice in the same way",
+                where=f"episode {self.course.plan.stream}, turn {turn}",
+                actual="another course" if failed is None else f"{failed.kind}: {failed.text}",
+                fix="gamekeeper replay RUN looks for the cause",
+            )
+
+    def _whole(self) -> Outcome:
+        """Outcome of the episode as it was recorded."""
+        with kept_global_generators():
+            standing = self._begun()
+            standing.episode.run(self.turns)
+            return standing.episode.outcome()
+
+    def _copies_hold(self) -> bool:
+        """Tells whether copies made half-way go on as the recording, and leave the original so."""
+        with kept_global_generators():
+            try:
+                ends = list(self._ends_of_copies())
+            except KeyboardInterrupt:
+                raise
+            except Exception:  # whatever refuses to be copied is played again
+                return False
+        return all(outcome == self.recorded and is_same(a, b) for outcome, a, b in ends)
+
+    def _ends_of_copies(self) -> Iterator[tuple[Outcome, Any, Any]]:
+        """Yields the outcome and the notes of two copies and their original, beside the first's.
+
+        Notes are what agents observed and what policies chose.
+        """
+        original, first = self._begun(is_noting=True), None
+        original.episode.run(self.turns // 2)
+        then = states()
+        for each in (_copied(original), _copied(original), original):
+            restore(then)
+            each.episode.run(self.turns)
+            first = snapshot(each.hooks.notes) if first is None else first
+            yield each.episode.outcome(), each.hooks.notes, first
+
+
+def _copied(standing: _StandingEpisode) -> _StandingEpisode:
+    """A copy that goes on by itself; spaces are shared, as copying them takes longest."""
+    if standing.generators is None:
+        standing.generators = standing.seek()
+    shared = spaces_in(standing.episode.game.env)
+    return copy.deepcopy(standing, {id(each): each for each in shared})

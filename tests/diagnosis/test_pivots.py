@@ -1,0 +1,136 @@
+"""The turn that lost a failed episode, and the agent whose action would have kept it."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium.spaces import Discrete
+from pettingzoo import ParallelEnv
+
+import gamekeeper as gk
+from gamekeeper.diagnosis.pivot_result import EpisodePivots
+from gamekeeper.errors import EvidenceError
+from gamekeeper.reporting.pivots_text import pivots_text
+
+
+class Vault(ParallelEnv):
+    """Two guards hold a vault for twelve ticks: it is lost once one of them lets go (action 1).
+
+    Each tick it is lost by chance with probability `luck`.
+    """
+
+    metadata = {"name": "vault_v0"}  # noqa: RUF012  # as PettingZoo has it
+    possible_agents = ["left", "right"]  # noqa: RUF012  # likewise
+
+    def __init__(self, luck: float = 0.0) -> None:
+        self.luck = luck
+
+    def observation_space(self, agent: str) -> Discrete:
+        return Discrete(20)
+
+    def action_space(self, agent: str) -> Discrete:
+        return Discrete(2)
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        self.agents, self.time, self.lost = list(self.possible_agents), 0, False
+        self.rng = np.random.default_rng(seed)
+        return dict.fromkeys(self.agents, 0), {agent: {} for agent in self.agents}
+
+    def step(self, actions: Any) -> Any:
+        self.time += 1
+        self.lost |= any(actions.values()) or bool(self.rng.random() < self.luck)
+        live, over = self.agents, self.time == 12
+        self.agents = [] if over else live
+        return (
+            dict.fromkeys(live, self.time),
+            dict.fromkeys(live, 0.0 if self.lost or not over else 1.0),
+            dict.fromkeys(live, over),
+            dict.fromkeys(live, False),
+            {agent: {} for agent in live},
+        )
+
+
+def guard(observation: Any, agent: Any, info: Any, rng: Any) -> int:
+    """Holds on, but for one time in fifty."""
+    return int(rng.random() < 0.02)
+
+
+def steady(observation: Any, agent: Any, info: Any, rng: Any) -> int:
+    """Always holds on."""
+    return 0
+
+
+class Blunder:
+    """Holds on, but for one agent at one turn."""
+
+    def __init__(self, turn: int, agent: str) -> None:
+        self.turn, self.agent = turn, agent
+
+    def __call__(self, observation: Any, agent: Any, info: Any, rng: Any) -> int:
+        return int(observation == self.turn and agent == self.agent)
+
+
+def with_blunder(turn: int, agent: str) -> gk.Evidence:
+    """An episode in which one agent lets go once."""
+    return gk.rollout(Vault, policies=Blunder(turn, agent), episodes=1, seed=1)
+
+
+@pytest.mark.parametrize(("turn", "agent"), [(5, "left"), (11, "right")])
+def test_pivots_finds_a_blunder_and_its_agent(turn: int, agent: str) -> None:
+    """The planted turn is the only pivot, and only its agent's action would have kept it."""
+    evidence = with_blunder(turn, agent)
+    found = gk.pivots(
+        evidence, failed="return < 1", policies={"*": guard}, contract=gk.Contract()
+    ).episodes[0]
+    assert (found.question, found.by_copies, found.not_tried) == ("falls", True, ())
+    assert [(turn, (agent,), "action")] == [(p.turn, p.agents, p.loss) for p in found.pivots]
+    assert found.curve[0].share > 0.4
+    assert found.curve[-1].share == 0.0
+
+
+def test_pivots_where_nothing_is_drawn_looks_for_the_last_action() -> None:
+    """With policies that draw nothing the curve is flat, and the other question is answered."""
+    evidence = with_blunder(7, "left")
+    policies = {"*": Blunder(7, "left")}
+    found = gk.pivots(evidence, failed="return < 1", policies=policies).episodes[0]
+    assert found.question == "last action"
+    assert [(pivot.turn, pivot.agents) for pivot in found.pivots] == [(7, ("left",))]
+
+
+def test_pivots_tells_bad_luck_from_an_action() -> None:
+    """A fall by the environment's own draw is nobody's action."""
+    evidence = gk.rollout(Vault, policies=steady, episodes=1, seed=3, env_kwargs={"luck": 0.05})
+    found = gk.pivots(evidence, 0, failed="return < 1", policies={"*": steady})
+    assert [(each.loss, each.agents) for each in found.episodes[0].pivots] == [("draws", ())]
+
+
+def test_pivots_says_what_the_budget_did_not_reach() -> None:
+    """A spent budget is told, in the document and in the text."""
+    evidence = with_blunder(5, "left")
+    found = gk.pivots(evidence, failed="return < 1", policies={"*": guard}, budget=500)
+    assert not found.episodes[0].pivots
+    assert "the budget is spent" in found.episodes[0].not_tried[0]
+    text = pivots_text(found.to_json(), width=80)
+    assert "not tried: " in text
+    assert max(map(len, text.splitlines())) <= 80
+
+
+def test_pivots_document_can_be_read_again() -> None:
+    """What a worker answers is what this process would have found."""
+    policies = {"*": Blunder(7, "left")}
+    each = gk.pivots(with_blunder(7, "left"), failed="return < 1", policies=policies).episodes[0]
+    assert each.pivots
+    assert each == EpisodePivots.from_json(json.loads(json.dumps(each.to_json())))
+
+
+def test_pivots_refuses_an_episode_that_did_not_fail() -> None:
+    """An episode that succeeded has no pivot to look for."""
+    evidence = with_blunder(99, "left")
+    with pytest.raises(EvidenceError, match="no failed episode 0"):
+        gk.pivots(evidence, 0, failed="return < 1", policies={"*": steady})
+    assert "None of 1 episodes failed" in pivots_text(
+        gk.pivots(evidence, failed="return < 1", policies={"*": steady}).to_json(), width=80
+    )
