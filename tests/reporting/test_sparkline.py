@@ -29,6 +29,7 @@ def test_sparkline_shows_what_is_missing_and_what_is_no_number() -> None:
     """A blank and a question mark; equal values stand at half height."""
     assert sparkline([1.0, None, math.nan, math.inf, 1.0]) == "▄ ??▄"
     assert sparkline([]) == ""
+    assert sparkline([0.0, 0.0], bounds=(0.0, 1.0)) == "▁▁"
 
 
 @given(st.lists(st.none() | st.floats(), max_size=50), st.integers(1, 7))

@@ -171,7 +171,7 @@ def _chosen(evidence: Evidence, scopes: Mapping[int, str], episode: int | None) 
             where=str(evidence.path or "memory"),
             expected=", ".join(map(str, list(scopes)[:20])) or "a run with failed episodes",
             actual=str(episode),
-            fix="name a failed episode",
+            fix="name a failed episode" if scopes else "name another condition (--failed)",
         )
     return [episode]
 

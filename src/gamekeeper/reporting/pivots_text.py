@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from gamekeeper.reporting.text_columns import sparkline, wrapped
+from gamekeeper.statistics.significance import p_text
 
 INDENT: Final = "  "
 MOST_COLUMNS: Final = 48
@@ -60,8 +61,9 @@ def _episode(each: Mapping[str, Any], has_blocks: bool) -> Iterator[tuple[str, s
 def _falls(each: Mapping[str, Any], has_blocks: bool) -> Iterator[tuple[str, str]]:
     curve = each["curve"]
     if curve:
-        line = sparkline(_columns(curve, each["turns"]), has_blocks=has_blocks)
-        yield f"success from turn 0 to {each['turns']}: |{line}|", INDENT
+        shares = _columns(curve, each["turns"])
+        line = sparkline(shares, has_blocks=has_blocks, bounds=(0.0, 1.0))
+        yield f"success (0 to 100%) from turn 0 to {each['turns']}: |{line}|", INDENT
         first = curve[0]
         yield f"from turn {first['turn']} {_share(first)} succeed if the policies go on", INDENT
     for pivot in each["pivots"]:
@@ -83,7 +85,7 @@ def _pivot(pivot: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     before, after = pivot["before"], pivot["after"]
     yield (
         f"turn {pivot['turn']} lost it: success falls from {_share(before)} before to "
-        f"{_share(after)} after it (p = {pivot['p']:.2g}, corrected)",
+        f"{_share(after)} after it ({p_text(pivot['p'])}, corrected)",
         INDENT,
     )
     loss = pivot["loss"]

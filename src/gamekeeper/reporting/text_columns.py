@@ -211,14 +211,20 @@ def returns_text(
     return "\n".join(lines)
 
 
-def sparkline(values: Sequence[float | None], *, has_blocks: bool = True) -> str:
-    """A character for each value, its height between the lowest and the highest of them.
+def sparkline(
+    values: Sequence[float | None],
+    *,
+    has_blocks: bool = True,
+    bounds: tuple[float, float] | None = None,
+) -> str:
+    """A character for each value, its height between `bounds`.
 
-    Equal values have half height. None is a space, a value that isn't finite a question mark.
+    Without bounds the lowest and the highest value are; equal values then have half height. None
+    is a space, a value that isn't finite a question mark.
     """
     signs = BLOCKS if has_blocks else ASCII
     finite = [value for value in values if value is not None and math.isfinite(value)]
-    low, high = min(finite, default=0.0), max(finite, default=0.0)
+    low, high = bounds or (min(finite, default=0.0), max(finite, default=0.0))
     return "".join(_sign(value, low, high, signs) for value in values)
 
 
