@@ -182,7 +182,7 @@ def test_deep_specification_is_refused(tmp_path: Path, text: str) -> None:
 def test_saved_case_holds_no_code_of_the_evidence(monkeypatch: pytest.MonkeyPatch) -> None:
     """Words of a diagnosed run end no docstring: the case is a file that somebody runs."""
     evil = '"""\nimport os; os.abort()\n"""\\'
-    found = SimpleNamespace(labels=("planning",), why=evil, substitutes=(1,), scope=evil)
+    found = SimpleNamespace(labels=("planning",), why=evil, substitutes=(1,), tested=(), scope=evil)
     diagnosis = SimpleNamespace(runs={"a": "x", evil: "y"}, team=found, agents={}, fingerprint=evil)
     evidence = SimpleNamespace(
         episode_table=SimpleNamespace(num_rows=2), manifest={"seed": 1}, contract=None
