@@ -11,8 +11,9 @@ Rules: a field is *silent* where the measurement has no value. Roles are compare
 `influence` is right where the pairs of roles, and the least lag of each, are those of the form;
 `links` counts single pairs. `earner and payee` is right where every part's pair is found with its
 lag, and nothing that the form doesn't have; where a role earns what the same role is paid, the form
-doesn't say of the same agent or of another, and either is right. `advice` of None (not judged) is
-passed over.
+doesn't say of the same agent or of another, and either is right. `messages` is right where some
+role's whole action is called a message, if and only if the form has one. `advice` of None (not
+judged) is passed over.
 """
 
 from __future__ import annotations
@@ -79,6 +80,9 @@ def _answers(form: Form, found: Mapping[str, Any], roles: tuple[str, ...]) -> It
         if truth is not None:
             seems = (by_role.get(name) or {}).get("seems")
             yield "symmetric", SILENT if seems is None else told(seems == truth)
+    said = found.get("messages")
+    is_said = said is not None and any(each["message"] for each in said.values())
+    yield "messages", SILENT if said is None else told(is_said == ("action" in form.messages))
     yield from _influence(form, found.get("influence"))
     yield from _advice(form, found)
 

@@ -171,12 +171,11 @@ def command(
     from gamekeeper.interface.policy import parse_choices
     from gamekeeper.reporting.diagnosis_text import diagnosis_text
 
-    folder = _beside(run) if out is None else out
-    condition = only_condition(failed)
+    condition, folder = only_condition(failed), _beside(run) if out is None else out
     opening: dict[str, Any] = {"failed": condition, "env": env, "allow_import": allow_import}
     if shrink is not None:
-        shrunk_run = folder / f"shrunk-{shrink}"
-        return _shrunk(screen, run, shrink, contract=contract, out=shrunk_run, **opening)
+        opening["out"] = folder / f"shrunk-{shrink}"
+        return _shrunk(screen, run, shrink, contract=contract, **opening)
     count = (os.cpu_count() or 1) if workers is None else workers
     with (
         players_of(executor, count, asked=workers) as players,
