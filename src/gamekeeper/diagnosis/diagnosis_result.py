@@ -9,6 +9,7 @@ from typing import Any
 
 from gamekeeper.diagnosis.judgement import CAUSES, Answer, Contradiction
 from gamekeeper.diagnosis.response_tests import ResponseTest
+from gamekeeper.episodes.row_tables import html_table, text_lines
 
 
 @dataclass(frozen=True, slots=True)
@@ -217,28 +218,15 @@ class Diagnosis:
         ]
 
     def __str__(self) -> str:
-        rows = self.rows()
-        widths = [max(len(row[place]) for row in rows) for place in range(4)]
-        table = [
-            "  ".join(
-                [*(text.ljust(width) for text, width in zip(row, widths, strict=False)), row[4]]
-            )
-            for row in rows
-        ]
         told = [f"{scope}: {each}" for scope, each in self.contradictions.items()]
-        return "\n".join([*told, *table])
+        return "\n".join([*told, *text_lines(self.rows())])
 
     def _repr_html_(self) -> str:
-        head, *rows = self.rows()
-        heading = "".join(f"<th>{escape(text)}</th>" for text in head)
-        body = "".join(
-            "<tr>" + "".join(f"<td>{escape(text)}</td>" for text in row) + "</tr>" for row in rows
-        )
         told = "".join(
             f"<p><b>{escape(f'{scope}: {each}')}</b></p>"
             for scope, each in self.contradictions.items()
         )
-        return f"{told}<table><thead><tr>{heading}</tr></thead><tbody>{body}</tbody></table>"
+        return f"{told}{html_table(self.rows())}"
 
 
 def _counts(by_scope: Mapping[str, tuple[int, int]]) -> dict[str, dict[str, int]]:

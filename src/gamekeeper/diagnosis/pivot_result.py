@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from html import escape
 from typing import Any, Final, Literal, Self, TypeAlias
+
+from gamekeeper.episodes.row_tables import html_table, text_lines
 
 Question: TypeAlias = Literal["falls", "last action"]
 QUESTIONS: Final[Mapping[Question, str]] = {
@@ -236,20 +237,10 @@ class Pivots:
         ]
 
     def __str__(self) -> str:
-        rows = self.rows()
-        widths = [max(len(row[place]) for row in rows) for place in range(len(rows[0]))]
-        return "\n".join(
-            "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
-            for row in rows
-        )
+        return "\n".join(text_lines(self.rows()))
 
     def _repr_html_(self) -> str:
-        head, *rows = self.rows()
-        heading = "".join(f"<th>{escape(text)}</th>" for text in head)
-        body = "".join(
-            "<tr>" + "".join(f"<td>{escape(text)}</td>" for text in row) + "</tr>" for row in rows
-        )
-        return f"<table><thead><tr>{heading}</tr></thead><tbody>{body}</tbody></table>"
+        return html_table(self.rows())
 
 
 def _point(data: Mapping[str, Any]) -> CurvePoint:

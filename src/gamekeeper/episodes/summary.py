@@ -6,12 +6,13 @@ import json
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from html import escape
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
+
+from gamekeeper.episodes.row_tables import html_table, text_lines
 
 if TYPE_CHECKING:
     from gamekeeper.contract import Contract
@@ -180,24 +181,11 @@ class Summary:
         ]
 
     def __str__(self) -> str:
-        rows = self.rows()
-        widths = [max(len(row[place]) for row in rows) for place in range(len(rows[0]))]
-        return "\n".join(
-            "  ".join(
-                text.ljust(width) if place in (0, 5) else text.rjust(width)
-                for place, (text, width) in enumerate(zip(row, widths, strict=True))
-            ).rstrip()
-            for row in rows
-        )
+        return "\n".join(text_lines(self.rows(), right=range(1, 5)))
 
     def to_html(self) -> str:
         """A table for notebooks."""
-        head, *rows = self.rows()
-        heading = "".join(f"<th>{escape(text)}</th>" for text in head)
-        body = "".join(
-            "<tr>" + "".join(f"<td>{escape(text)}</td>" for text in row) + "</tr>" for row in rows
-        )
-        return f"<table><thead><tr>{heading}</tr></thead><tbody>{body}</tbody></table>"
+        return html_table(self.rows())
 
 
 def summarise(

@@ -11,6 +11,7 @@ import numpy as np
 
 from gamekeeper.episodes.outcome import TEAM
 from gamekeeper.episodes.plain_json import legible
+from gamekeeper.episodes.row_tables import html_table, text_lines
 from gamekeeper.errors import EvidenceError
 from gamekeeper.evaluation.episode_rows import RETURN, SUCCESS, Sheet
 from gamekeeper.evaluation.results import Ground, Whom
@@ -102,24 +103,12 @@ class Evaluation:
 
     @legible
     def __str__(self) -> str:
-        rows = self.rows()
-        widths = [max(len(row[place]) for row in rows) for place in range(len(rows[0]))]
-        table = [
-            "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
-            for row in rows
-        ]
-        return "\n".join([*table, "", *self.notes, *self.claims])
+        return "\n".join([*text_lines(self.rows()), "", *self.notes, *self.claims])
 
     @legible
     def _repr_html_(self) -> str:
-        head, *rows = self.rows()
-        heading = "".join(f"<th>{escape(text)}</th>" for text in head)
-        body = "".join(
-            "<tr>" + "".join(f"<td>{escape(text)}</td>" for text in row) + "</tr>" for row in rows
-        )
         said = "".join(f"<li>{escape(text)}</li>" for text in (*self.notes, *self.claims))
-        table = f"<table><thead><tr>{heading}</tr></thead><tbody>{body}</tbody></table>"
-        return f"{table}<ul>{said}</ul>"
+        return f"{html_table(self.rows())}<ul>{said}</ul>"
 
 
 def is_headline(row: Mapping[str, Any]) -> bool:

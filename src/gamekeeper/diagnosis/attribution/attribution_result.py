@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from html import escape
 from typing import Any, Literal
 
 from gamekeeper.diagnosis.attribution.agent_measures import Laziness, Measured, Own, Penalty
 from gamekeeper.diagnosis.attribution.message_influence import Talk
+from gamekeeper.episodes.row_tables import html_table, text_lines
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,23 +121,13 @@ class Attribution:
         return [head, *(_row(name, part) for name, part in self.agents.items())]
 
     def __str__(self) -> str:
-        rows = self.rows()
-        widths = [max(len(row[place]) for row in rows) for place in range(len(rows[0]))]
-        lines = [
-            "  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip()
-            for row in rows
-        ]
+        lines = text_lines(self.rows())
         for each in self.wrong_penalties:
             lines.append(f"{each.agent} pays {each.term} for what {', '.join(each.by)} did")
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
-        head, *rows = self.rows()
-        heading = "".join(f"<th>{escape(text)}</th>" for text in head)
-        body = "".join(
-            "<tr>" + "".join(f"<td>{escape(text)}</td>" for text in row) + "</tr>" for row in rows
-        )
-        return f"<table><thead><tr>{heading}</tr></thead><tbody>{body}</tbody></table>"
+        return html_table(self.rows())
 
 
 def _row(name: str, part: AgentPart) -> list[str]:
