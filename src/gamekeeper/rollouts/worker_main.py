@@ -35,7 +35,7 @@ PR_SET_PDEATHSIG, PR_SET_CHILD_SUBREAPER = 1, 36
 """Source: Linux, include/uapi/linux/prctl.h."""
 END: Final = "SIGQUIT"
 """Tells a keeper to kill its worker, with all that it has started; `worker_process` sends it."""
-FORWARDED: Final = ("SIGINT", "SIGTERM", "SIGUSR1", END)
+FORWARDED: Final = ("SIGINT", "SIGTERM", "SIGUSR1", "SIGUSR2", END)
 LEFTOVERS_S: Final = 0.5
 """Seconds after SIGTERM in which processes that a task left behind may end."""
 
@@ -357,7 +357,10 @@ def main() -> None:
     for fd in (channel_fd, stacks_fd):
         os.set_inheritable(fd, False)  # programs that the task starts must not hold them open
     faulthandler.enable(stacks_fd)
-    faulthandler.register(signal.SIGUSR1, stacks_fd)
+    # SIGUSR1 is answered between two byte codes, where every frame is whole. SIGUSR2 is answered
+    # at once: the only way where C code doesn't return, and in Python code now and then a crash.
+    signal.signal(signal.SIGUSR1, lambda *_: faulthandler.dump_traceback(stacks_fd))
+    faulthandler.register(signal.SIGUSR2, stacks_fd)
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a job in the background ignores it
     signal.pthread_sigmask(signal.SIG_SETMASK, ())
     channel = Channel(channel_fd)

@@ -61,10 +61,10 @@ def place(stacks: str | None) -> str | None:
 #
 # What is POSIX here, and what would stand in for it on Windows: the socket pair (there over
 # loopback, handed on in a list of handles), the process group (a job object), waitid (the process
-# handle), SIGINT (CTRL_BREAK_EVENT), SIGUSR1 (stacks dumped by a thread of the worker's).
+# handle), SIGINT (CTRL_BREAK_EVENT), SIGUSR1 and 2 (stacks dumped by a thread of the worker's).
 
-DUMP_S: Final = 2.0
-"""Seconds in which a worker may dump the stacks of its threads."""
+DUMP_S: Final = {signal.SIGUSR1: 0.5, signal.SIGUSR2: 2.0}
+"""Seconds in which a worker may dump the stacks of its threads: from Python, then from C."""
 DEATH_S: Final = 30.0
 """Seconds that a killed process is waited for; a driver may hold it in the kernel."""
 END: Final = "SIGQUIT" if sys.platform == "linux" else "SIGKILL"
@@ -254,14 +254,15 @@ class WorkerProcess:
     def dump(self) -> str | None:
         """The Python stacks of all its threads now; None where it doesn't answer."""
         self._stacks.clear()
-        with suppress(ProcessLookupError):
-            os.kill(self._process.pid, signal.SIGUSR1)
-        deadline, seen = time.monotonic() + DUMP_S, 0
-        while time.monotonic() < deadline and not self.has_ended():
-            self._pump(0.05)
-            if seen and seen == len(self._stacks):
-                break
-            seen = len(self._stacks)
+        for number, most_s in DUMP_S.items():
+            with suppress(ProcessLookupError):
+                os.kill(self._process.pid, number)
+            deadline, seen = time.monotonic() + most_s, 0
+            while time.monotonic() < deadline and not self.has_ended():
+                self._pump(0.05)
+                if seen and seen == len(self._stacks):
+                    return self.dumped()
+                seen = len(self._stacks)
         return self.dumped()
 
     def has_ended(self) -> bool:
