@@ -7,6 +7,7 @@ PARALLEL ?= -n auto --maxprocesses 4 --dist loadfile
 PYTHON ?=
 ARGS ?=
 export PYTHON
+unexport PYTHONDONTWRITEBYTECODE # the tests start thousands of processes, each of which would compile what it imports
 
 RUN := $(VENV)/bin/python -m
 SOURCES := $(wildcard src tests examples benchmarks)
