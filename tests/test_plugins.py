@@ -157,6 +157,7 @@ def test_load_sees_what_is_installed_and_removed_meanwhile(site: Path) -> None:
 def test_load_doesnt_read_distributions_again(site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Opening one environment after another reads everything installed once."""
     (site / "kept_toys.py").write_text("THING = 6\n")
+    (site / "__pycache__").mkdir()  # made by the first import otherwise, which changes the place
     distribution(site, "kept_toys", "kept = kept_toys:THING")
     plugins.load("gamekeeper.toys")
     monkeypatch.setattr(plugins, "entry_points", lambda **which: pytest.fail("read again"))
