@@ -93,7 +93,9 @@ def test_influence_has_a_row_for_each_pair_and_effect() -> None:
     lines = influence_text(found, width=80).splitlines()
     start = next(place for place, line in enumerate(lines) if line.startswith("  from"))
     assert lines[start + 1].split() == ["a", "b", "reward", "1", "62%", "(0%", "to", "100%)", "5"]
-    assert lines[start + 2].startswith("  0 rounds later:")
+    assert lines[start + 2].startswith(
+        "  a round: a tick, or one turn of every live agent; 0 rounds"
+    )
     assert influence_text(found[:1], width=80) == ""
 
 

@@ -111,13 +111,14 @@ def test_waivers_are_shown_with_their_reasons() -> None:
 
 
 def test_not_exercised_checks_are_gathered_by_reason() -> None:
-    """A reason stands once, with its checks."""
+    """A reason stands once, with its checks and their claims."""
     document = audit(
         *(verdict(id, "not_exercised", reason="no play ended") for id in ("GK1", "GK2"))
     )
     assert not_exercised_text(document, width=80) == (
-        "Checks not exercised\n  2  no play ended: GK1, GK2\n"
-        "     (gamekeeper explain GK1 says what a check looks at)"
+        "Checks not exercised (2): no play ended\n"
+        "  GK1  The promise of GK1.\n"
+        "  GK2  The promise of GK2."
     )
 
 

@@ -28,14 +28,14 @@ LEVEL: Final = 0.01
 NOT_SEEN: Final[Mapping[str, str]] = {
     "stages": "fewer than three rounds in which agents acted in an order that means something",
     "order": "no round had two agents, or it isn't known whether moves are made together",
-    "observe": "too few looks at what later agents of a round observe",
-    "conflicts": "too few looks at what moves change of other agents of a role, or draws blur it",
-    "legality": "too few looks at masks of other agents",
-    "messages": "too few looks at what replaced moves change",
+    "observe": "too few comparisons of what later agents of a round observe",
+    "conflicts": "too few comparisons of what moves change of other agents of a role, or draws blur it",
+    "legality": "too few comparisons of masks of other agents",
+    "messages": "too few comparisons of what replaced moves change",
     "deterministic": "no rerun",
     "horizon": "whole episodes were not truncated, at one length, twice at least",
     "symmetric": "no role has two agents, too few episodes had, or draws aren't settled by seeds",
-    "advice": "too few looks",
+    "advice": "too few comparisons",
 }
 """Reasons why a field has no value."""
 

@@ -202,15 +202,16 @@ def waived_text(audit: Document, *, known: Collection[str], width: int) -> str:
 
 
 def not_exercised_text(audit: Document, *, width: int) -> str:
-    """Checks that were not exercised, by the reason, and the command that says what they are."""
-    by_reason: dict[str, list[str]] = {}
+    """Checks that were not exercised with what they claim, under the reason."""
+    by_reason: dict[str, list[Row]] = {}
     for each in verdicts_of(audit, "not_exercised"):
-        by_reason.setdefault(_short(each["reason"]), []).append(each["id"])
-    rows = [(str(len(ids)), f"{reason}: {', '.join(ids)}") for reason, ids in by_reason.items()]
-    if rows:
-        (id, *_), *_ = by_reason.values()
-        rows.append(("", f"(gamekeeper explain {id} says what a check looks at)"))
-    return _section("Checks not exercised", rows, width)
+        row = (each["id"], _short(each["claim"]))
+        by_reason.setdefault(_short(each["reason"]), []).append(row)
+    parts = [
+        _section(f"Checks not exercised ({len(rows)}): {reason}", rows, width)
+        for reason, rows in by_reason.items()
+    ]
+    return "\n\n".join(parts)
 
 
 def errors_text(audit: Document, *, width: int) -> str:

@@ -15,9 +15,13 @@ TITLE: Final = (
     "Influence: how often another legal action of one agent, in the same episode, changed the "
     "mask, observation, reward or ending of another agent"
 )
+UNITS: Final = {
+    "rounds": "a round: a tick, or one turn of every live agent",
+    "turns": "a turn: a tick, or the turn of one agent",
+}
 LEGEND: Final = (
-    "0 {lag} later: in the same one; of several lags the surest is shown; changed (low to high): "
-    "share of the replaced actions, with its 95 % confidence interval; n: replaced actions"
+    "{unit}; 0 {lag} later: in the same one; of several lags the surest is shown; changed (low to "
+    "high): share of the replaced actions, with its 95 % confidence interval; n: replaced actions"
 )
 
 
@@ -29,7 +33,7 @@ def influence_text(
     Args:
         influence: rows with `from`, `to`, `on`, `lag`, `p`, `low`, `high`, `n`.
         width: columns that no line exceeds, as far as names allow.
-        lag: unit of the lags.
+        lag: unit of the lags, a key of `UNITS`.
         least: lower end of the interval from which on an influence is shown, exclusive.
     """
     best: dict[tuple[str, str, str], Mapping[str, Any]] = {}
@@ -48,7 +52,12 @@ def influence_text(
     lines = [*wrapped(TITLE, width, rest=INDENT), *table_lines(rows, width=max(width, 80))]
     if len(shown) > MOST_ROWS:
         lines.append(f"{INDENT}and {len(shown) - MOST_ROWS} more (--json shows them)")
-    return "\n".join([*lines, *wrapped(LEGEND.format(lag=lag), width, first=INDENT, rest=INDENT)])
+    return "\n".join(
+        [
+            *lines,
+            *wrapped(LEGEND.format(lag=lag, unit=UNITS[lag]), width, first=INDENT, rest=INDENT),
+        ]
+    )
 
 
 def _certainty(row: Mapping[str, Any]) -> tuple[float, float]:

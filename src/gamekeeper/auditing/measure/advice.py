@@ -65,15 +65,13 @@ def advice(signs: RoundSigns) -> FormAdvice:
     if signs.looks < FEWEST:
         reason = "the unchanged rerun differs by itself" if signs.unsettled else "few could be made"
         text = (
-            f"only {signs.looks} looks at other agents with one move replaced ({reason}): declare "
+            f"only {signs.looks} comparisons of other agents with one move replaced ({reason}): declare "
             "schedule.order and schedule.observe"
         )
         return FormAdvice(None, (), text)
     bound = wilson(0, signs.looks).high
     if not signs.hits:
-        text = (
-            f"in {signs.looks} looks no move changed anything of another agent (below {bound:.3f})"
-        )
+        text = f"in {signs.looks:,} comparisons no move changed anything of another agent (below {bound:.3f})"
         return FormAdvice("either", (), f"{text}; {EITHER}")
     return _together(signs)
 
@@ -87,8 +85,8 @@ def _of_aec(signs: RoundSigns) -> FormAdvice | None:
         each = signs.within[reason]
         share = wilson(each.hits, max(each.looks, each.hits))
         parts.append(
-            f"{reason}: {each.shown} ({each.hits} of {each.looks} looks at later agents of a "
-            f"round, 95 % interval {share.low:.2f} to {share.high:.2f})"
+            f"{reason}: {each.shown} ({each.hits} of {each.looks} comparisons of later agents of "
+            f"a round, 95 % interval {share.low:.2f} to {share.high:.2f})"
         )
     return FormAdvice("aec", because, f"the order of a round decides {'; '.join(parts)}")
 
@@ -122,18 +120,18 @@ def _together(signs: RoundSigns) -> FormAdvice:
         drawn = "; another order of the actions changed only which random draw was whose"
         drawn = drawn if signs.dictionary == "draws" else ""
         text = (
-            f"moves change other agents ({signs.hits} of {signs.looks} looks), and no order of "
-            f"moves within a tick was found to decide anything{drawn}"
+            f"moves change other agents ({signs.hits:,} of {signs.looks:,} comparisons), and no "
+            f"order of moves within a tick was found to decide anything{drawn}"
         )
         return FormAdvice("parallel", (), text)
     looks = min(signs.within[reason].looks for reason in ("state", "reward"))
     if looks < FEWEST:
-        text = f"only {looks} looks at later agents of a round: declare schedule.order and observe"
+        text = f"only {looks} comparisons of later agents of a round: declare schedule.order and observe"
         return FormAdvice(None, (), text)
     return FormAdvice(
         "parallel",
         (),
-        f"in {looks} looks with one move replaced no later agent of the round found another "
+        f"in {looks} comparisons with one move replaced no later agent of the round found another "
         f"observation, mask or reward for its own move (below {wilson(0, looks).high:.3f}): moves "
         "are made together, though in turns",
     )
