@@ -29,7 +29,7 @@ NOT_SEEN: Final[Mapping[str, str]] = {
     "stages": "fewer than three rounds in which agents acted in an order that means something",
     "order": "no round had two agents, or it isn't known whether moves are made together",
     "observe": "too few comparisons of what later agents of a round observe",
-    "conflicts": "too few comparisons of what moves change of other agents of a role, or draws blur it",
+    "conflicts": "too few moves changed another agent of their role, or draws blur it",
     "legality": "too few comparisons of masks of other agents",
     "messages": "too few comparisons of what replaced moves change",
     "deterministic": "no rerun",

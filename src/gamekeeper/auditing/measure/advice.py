@@ -65,13 +65,16 @@ def advice(signs: RoundSigns) -> FormAdvice:
     if signs.looks < FEWEST:
         reason = "the unchanged rerun differs by itself" if signs.unsettled else "few could be made"
         text = (
-            f"only {signs.looks} comparisons of other agents with one move replaced ({reason}): declare "
-            "schedule.order and schedule.observe"
+            f"only {signs.looks} comparisons of other agents with one move replaced ({reason}): "
+            "declare schedule.order and schedule.observe"
         )
         return FormAdvice(None, (), text)
     bound = wilson(0, signs.looks).high
     if not signs.hits:
-        text = f"in {signs.looks:,} comparisons no move changed anything of another agent (below {bound:.3f})"
+        text = (
+            f"in {signs.looks:,} comparisons no move changed anything of another agent "
+            f"(below {bound:.3f})"
+        )
         return FormAdvice("either", (), f"{text}; {EITHER}")
     return _together(signs)
 
@@ -126,7 +129,7 @@ def _together(signs: RoundSigns) -> FormAdvice:
         return FormAdvice("parallel", (), text)
     looks = min(signs.within[reason].looks for reason in ("state", "reward"))
     if looks < FEWEST:
-        text = f"only {looks} comparisons of later agents of a round: declare schedule.order and observe"
+        text = f"only {looks} comparisons within a round: declare schedule.order and observe"
         return FormAdvice(None, (), text)
     return FormAdvice(
         "parallel",
