@@ -63,7 +63,7 @@ def place(stacks: str | None) -> str | None:
 # loopback, handed on in a list of handles), the process group (a job object), waitid (the process
 # handle), SIGINT (CTRL_BREAK_EVENT), SIGUSR1 and 2 (stacks dumped by a thread of the worker's).
 
-DUMP_S: Final = {signal.SIGUSR1: 0.5, signal.SIGUSR2: 2.0}
+DUMP_S: Final = {"SIGUSR1": 0.5, "SIGUSR2": 2.0}
 """Seconds in which a worker may dump the stacks of its threads: from Python, then from C."""
 DEATH_S: Final = 30.0
 """Seconds that a killed process is waited for; a driver may hold it in the kernel."""
@@ -254,9 +254,9 @@ class WorkerProcess:
     def dump(self) -> str | None:
         """The Python stacks of all its threads now; None where it doesn't answer."""
         self._stacks.clear()
-        for number, most_s in DUMP_S.items():
+        for name, most_s in DUMP_S.items():
             with suppress(ProcessLookupError):
-                os.kill(self._process.pid, number)
+                os.kill(self._process.pid, signal.Signals[name])
             deadline, seen = time.monotonic() + most_s, 0
             while time.monotonic() < deadline and not self.has_ended():
                 self._pump(0.05)
