@@ -17,6 +17,7 @@ from gamekeeper.auditing.result import AuditResult
 from gamekeeper.checks.verdict import FollowsFrom, Reproduced
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.rollouts.episode_loop import EpisodeResult
+from gamekeeper.rollouts.warm_worker import WarmWorker
 from gamekeeper.rollouts.workers import TaskOutcome
 from tests.auditing.lucky_games import OnlyInTests, Tires
 
@@ -112,9 +113,10 @@ def test_audit_ends_when_its_time_is_over() -> None:
 @pytest.mark.parametrize("left_s", [-1.0, 0.5])
 def test_program_that_the_time_cuts_off_shows_nothing(left_s: float) -> None:
     """A process that is ended as the audit's time is over is no failure of its environment."""
-    work = Confirmation(lambda: None, time.monotonic() + left_s)
-    with pytest.raises(TimeUpError):
-        work.failures("import time; time.sleep(600)")
+    with WarmWorker(()) as worker:
+        work = Confirmation([worker], lambda: None, time.monotonic() + left_s)
+        with pytest.raises(TimeUpError):
+            work.failures("import time; time.sleep(600)")
 
 
 def test_interrupted_probes_give_what_they_saw() -> None:

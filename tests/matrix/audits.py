@@ -1,9 +1,9 @@
 """Audits of all faulty environments, each made once by two processes and kept for all readers.
 
 A process audits many environments one after the other, so that importing is paid for once; what an
-audit plays or shows in other processes, it does in forks. An audit is kept in `build/audits`, under
-a digest of all that it depends on: both tiers of the tests and the pages of the checks read the
-same one.
+audit plays or shows in other processes, it does in forks of processes that serve all audits. An
+audit is kept in `build/audits`, under a digest of all that it depends on: both tiers of the tests
+and the pages of the checks read the same one.
 """
 
 from __future__ import annotations
@@ -14,15 +14,16 @@ import os
 import sys
 import threading
 from functools import cache
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
 from gamekeeper.auditing import confirm, elsewhere
 from gamekeeper.auditing.audit import AuditAttempt, audit_here
 from gamekeeper.auditing.result import AuditResult
-from gamekeeper.rollouts.workers import run_task
+from gamekeeper.rollouts.warm_worker import WarmWorker
+from gamekeeper.rollouts.workers import TaskOutcome, run_task
 from tests.faults import environments
-from tests.matrix.forks import Forks
 
 PROCESSES = 2
 TRIES = 2
@@ -128,9 +129,11 @@ def _keep(name: str, audit: dict[str, Any]) -> None:
 
 
 def audit_task(report: Any, *, names: list[str]) -> None:
-    """Audits environments in this process, which is for this alone; reproducers run in forks."""
-    elsewhere.run_task = confirm.run_task = Forks().run_task  # type: ignore[assignment]
+    """Audits environments in this process, which is for this alone."""
+    workers = cycle([_KeptWorker(confirm.MODULES) for _ in range(TRIES)])
+    confirm.WarmWorker = lambda modules: next(workers)  # type: ignore[assignment,misc]
     confirm.TRIES = TRIES  # type: ignore[misc]
+    elsewhere.run_task = _in_fork  # type: ignore[assignment]
     for name in names:
         each = environments()[name]
         audit = audit_here(
@@ -142,3 +145,22 @@ def audit_task(report: Any, *, names: list[str]) -> None:
         ).to_json()
         _keep(name, audit)
         report(name=name, audit=audit)
+
+
+class _KeptWorker(WarmWorker):
+    """A worker that isn't ended when an audit is through with it."""
+
+    def __exit__(self, *_: object) -> None:
+        return
+
+
+@cache
+def _worker(hash_seed: int | None) -> WarmWorker:
+    return WarmWorker(["gamekeeper.auditing.elsewhere"], hash_seed=hash_seed)
+
+
+def _in_fork(
+    task: str, arguments: dict[str, Any], *, hash_seed: int | None = None, **_: Any
+) -> TaskOutcome:
+    """Stands in for `run_task`."""
+    return _worker(hash_seed).run(task, arguments)

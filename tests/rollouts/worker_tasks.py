@@ -6,6 +6,7 @@ import atexit
 import ctypes
 import multiprocessing
 import os
+import random
 import signal
 import subprocess
 import sys
@@ -30,6 +31,21 @@ def count(report: Any, *, most: int) -> str:
         report(number=number)
         report()
     return "counted"
+
+
+calls: list[None] = []
+
+
+def count_calls(report: Any) -> int:
+    calls.append(None)
+    return len(calls)
+
+
+def draw_globals(report: Any) -> dict[str, Any]:
+    import numpy as np  # here: other tasks load nothing of it
+
+    drawn = {"numpy": int(np.random.randint(1 << 30)), "random": random.getrandbits(30)}
+    return {**drawn, "hash": hash("a text")}
 
 
 def crash(report: Any) -> None:

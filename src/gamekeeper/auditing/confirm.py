@@ -5,15 +5,18 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from typing import Final, Literal, TypeAlias
 
 from gamekeeper.auditing.holds import HOLDS, OF_DRAWS, Hold, held_still
 from gamekeeper.auditing.probe_session import TimeUpError
 from gamekeeper.checks.verdict import SEVERITIES, Finding, FollowsFrom, Reproduced, Verdict
-from gamekeeper.rollouts.workers import run_task
+from gamekeeper.rollouts.warm_worker import WarmWorker
 
 TASK: Final = "gamekeeper.auditing.reproducer_process:run_program"
+MODULES: Final = ("gymnasium", "numpy", "pettingzoo", "pettingzoo.utils")
+"""Modules that nearly every program imports; a process that runs programs has them already."""
 TRIES: Final = 5
 """Fresh processes in which a reproducer must fail."""
 LIMIT_S: Final = 300.0
@@ -52,10 +55,12 @@ class Confirmation:
     """Runs reproducers in fresh processes.
 
     Attributes:
+        workers: each forks for the programs that it runs; they differ in their hash seeds.
         beat: called after each process, as a sign of life.
         until_s: time of the monotonic clock after which nothing more is run; None: no such time.
     """
 
+    workers: Sequence[WarmWorker]
     beat: Callable[[], None]
     until_s: float | None
     _seen: dict[str, bool] = field(default_factory=dict)
@@ -71,13 +76,12 @@ class Confirmation:
         Raises:
             TimeUpError: the time was over before that many had ended.
         """
-        failed = 0
-        for start in range(0, TRIES, AT_ONCE):
-            ends = self._ends(program, min(AT_ONCE, TRIES - start))
-            failed += ends.count("failed")
+        failed = tried = 0
+        for ends in self._rounds(program):
+            failed, tried = failed + ends.count("failed"), tried + len(ends)
             if set(ends) != {"failed"}:
-                return failed, start + len(ends)
-        return failed, TRIES
+                break
+        return failed, tried
 
     def passes(self, program: str) -> bool:
         """Tells whether a program passes in as many fresh processes.
@@ -86,23 +90,26 @@ class Confirmation:
             TimeUpError: the time was over before that many had ended.
         """
         if program not in self._seen:
-            rounds = (self._ends(program, AT_ONCE) for _ in range(0, TRIES, AT_ONCE))
-            self._seen[program] = all(set(ends) == {"passed"} for ends in rounds)
+            self._seen[program] = all(set(ends) == {"passed"} for ends in self._rounds(program))
         return self._seen[program]
 
-    def _ends(self, program: str, count: int) -> list[ProgramEnd]:
-        """Ends of `count` processes beside each other; those that time cuts off tell nothing."""
-        limit_s = LIMIT_S
-        if self.until_s is not None:
-            limit_s = min(max(self.until_s - time.monotonic(), 0.0), LIMIT_S)
-        if limit_s == 0.0:
-            raise TimeUpError
-        with ThreadPoolExecutor(count) as pool:
-            ends = list(pool.map(_end_of, [program] * count, [limit_s] * count))
-        self.beat()
-        if limit_s < LIMIT_S and self.is_over:
-            raise TimeUpError
-        return ends
+    def _rounds(self, program: str) -> Iterator[list[ProgramEnd]]:
+        """Ends of processes, those beside each other together; what time cuts off tells nothing."""
+        for start in range(0, len(self.workers), AT_ONCE):
+            limit_s = LIMIT_S
+            if self.until_s is not None:
+                limit_s = min(max(self.until_s - time.monotonic(), 0.0), LIMIT_S)
+            if limit_s == 0.0:
+                raise TimeUpError
+            workers = self.workers[start : start + AT_ONCE]
+            for each in workers:
+                each.start()  # here: a process ends with the thread that started it
+            with ThreadPoolExecutor(len(workers)) as pool:
+                running = [pool.submit(_end_of, each, program, limit_s) for each in workers]
+            self.beat()
+            if limit_s < LIMIT_S and self.is_over:
+                raise TimeUpError
+            yield [each.result() for each in running]
 
     def finding(self, each: Programs) -> tuple[Finding, Reproduced, bool]:
         """The finding with the shorter of its programs that fails everywhere, and whether one does.
@@ -121,9 +128,9 @@ class Confirmation:
         return finding, Reproduced(failed, tried, unchanged), is_shown
 
 
-def _end_of(program: str, limit_s: float) -> ProgramEnd:
+def _end_of(worker: WarmWorker, program: str, limit_s: float) -> ProgramEnd:
     """End of a program in a process of its own; failed: by what its environment does."""
-    outcome = run_task(TASK, {"program": program}, silence_s=None, limit_s=limit_s)
+    outcome = worker.run(TASK, {"program": program}, silence_s=None, limit_s=limit_s)
     if not isinstance(outcome.value, dict):
         return "failed" if outcome.status in ("died", "hung") else "not run"
     if outcome.value["raised"] is None:
@@ -148,7 +155,14 @@ def confirmed(
         until_s: time of the monotonic clock after which no other finding is confirmed; None: all
             are.
     """
-    work = Confirmation(beat, until_s)
+    with ExitStack() as stack:
+        workers = [stack.enter_context(WarmWorker(MODULES)) for _ in range(TRIES)]
+        return _confirmed(drafts, Confirmation(workers, beat, until_s))
+
+
+def _confirmed(
+    drafts: Sequence[tuple[Verdict, Sequence[Programs]]], work: Confirmation
+) -> tuple[Verdict, ...]:
     found = {verdict.id: verdict for verdict, _ in drafts}
     causes: list[str] = []
     for verdict, programs in sorted(drafts, key=_order):

@@ -248,8 +248,10 @@ class WorkerProcess:
         del self._stacks[:-STACKS_BYTES]
 
     def dumped(self) -> str | None:
-        """The Python stacks that the worker has dumped so far, without our own frames."""
-        return tidy(self._stacks.decode(errors="replace"), without=MAIN.name) or None
+        """The Python stacks that the worker has dumped since the last call, without our frames."""
+        stacks = self._stacks.decode(errors="replace")
+        self._stacks.clear()
+        return tidy(stacks, without=MAIN.name) or None
 
     def dump(self) -> str | None:
         """The Python stacks of all its threads now; None where it doesn't answer."""

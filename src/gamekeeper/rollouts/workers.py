@@ -131,11 +131,11 @@ class WorkerWatch:
             return TaskOutcome("raised", None, error, traceback, seconds, is_theirs)
         if self.overrun is not None:
             return TaskOutcome("hung", None, self.overrun, self.stacks, seconds)
-        cause = _cause(code, memory_bytes)
+        cause = how_ended(code, memory_bytes)
         return TaskOutcome("died", None, cause, self.worker.dumped(), seconds)
 
 
-def _cause(code: int, memory_bytes: int | None) -> str:
+def how_ended(code: int, memory_bytes: int | None = None) -> str:
     """Cause of the end of a process that gave no answer."""
     if code >= 0:
         return f"exit code {code}" if code else "exit code 0, before the task returned"

@@ -1,0 +1,145 @@
+"""Workers that fork for each task, so that what all tasks import is loaded once."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final, Self
+
+from gamekeeper.rollouts.worker_process import WorkerProcess
+from gamekeeper.rollouts.workers import JSON, TICK_S, TaskOutcome, environment_of, how_ended
+
+SERVE: Final = f"{__name__}:serve"
+
+
+class WarmWorker:
+    """A worker process that has imported some modules and forks for each task.
+
+    A fork has what the modules loaded and the hash seed of its worker, and nothing that an earlier
+    task left; the global generators are seeded from the system's entropy. The process is started
+    by the first task, and again after a task that was killed for its time.
+
+    Args:
+        modules: names of the modules that are imported before the first task.
+        hash_seed: PYTHONHASHSEED; None: as this process's environment has it.
+    """
+
+    __slots__ = ("_hash_seed", "_is_ready", "_modules", "_process")
+
+    def __init__(self, modules: Sequence[str], *, hash_seed: int | None = None) -> None:
+        self._modules = list(modules)
+        self._hash_seed = hash_seed
+        self._process: WorkerProcess | None = None
+        self._is_ready = False
+
+    def run(
+        self,
+        task: str,
+        arguments: Mapping[str, JSON],
+        *,
+        silence_s: float | None = 60.0,
+        limit_s: float | None = None,
+    ) -> TaskOutcome:
+        """Runs a task in a fork, and returns how it ended, whatever it does.
+
+        Args:
+            task: "module:function", as of `run_task`.
+            arguments: handed over by keyword.
+            silence_s: longest time without a sign of life, in seconds; None: for ever.
+            limit_s: longest time in all, in seconds; None: for ever.
+
+        Raises:
+            GamekeeperError: no process can be started here.
+            TypeError, ValueError: JSON can't carry the arguments.
+        """
+        begun_s = time.monotonic()
+        process = self.start()
+        if not self._is_ready:
+            outcome = _outcome(process, begun_s, None, limit_s)
+            if outcome.status != "done":
+                self.close()
+                return outcome
+            self._is_ready = True
+        process.send({"task": task, "arguments": dict(arguments), "memory_bytes": None})
+        outcome = _outcome(process, begun_s, silence_s, limit_s)
+        if outcome.status == "hung" or process.has_ended():
+            self.close()
+        return outcome
+
+    def start(self) -> WorkerProcess:
+        """Starts the process where it doesn't run; it ends with the thread that starts it."""
+        if self._process is None:
+            order = {"task": SERVE, "arguments": {"modules": self._modules}, "memory_bytes": None}
+            self._process = WorkerProcess(order, environment_of(self._hash_seed))
+            self._is_ready = False
+        return self._process
+
+    def close(self) -> None:
+        """Ends the process and all that its tasks left behind."""
+        process, self._process = self._process, None
+        if process is not None:
+            process.__exit__()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _outcome(
+    process: WorkerProcess, begun_s: float, silence_s: float | None, limit_s: float | None
+) -> TaskOutcome:
+    """How a fork ended, or how the process did."""
+    kind, last_s = "", begun_s
+    content: Any = None
+    code: int | None = None
+    while code is None:
+        has_ended = process.has_ended()  # asked first: what it sent last is read after
+        messages = process.messages(TICK_S)
+        now_s = time.monotonic()
+        for name, value in messages:
+            last_s = now_s
+            if name in ("returned", "raised"):
+                kind, content = name, value
+            elif name == "ended":
+                code = value
+        is_silent = silence_s is not None and now_s - last_s > silence_s
+        if code is None and has_ended:
+            code = process.end()
+        elif code is None and (is_silent or (limit_s is not None and now_s - begun_s > limit_s)):
+            text = f"no sign of life for {silence_s:g} s" if is_silent else "not done in time"
+            return TaskOutcome("hung", None, text, process.dump(), now_s - begun_s)
+    seconds = now_s - begun_s
+    if kind == "returned":
+        return TaskOutcome("done", content, None, None, seconds)
+    if kind == "raised":
+        return TaskOutcome("raised", None, content["error"], content["traceback"], seconds)
+    return TaskOutcome("died", None, how_ended(code), process.dumped(), seconds)
+
+
+def serve(report: Any, *, modules: Sequence[str]) -> None:
+    """Imports the modules, then forks for each order that comes; ends with its parent.
+
+    Args:
+        report: the channel; a fork writes its signs of life and its answer into it.
+        modules: names of the modules.
+    """
+    perform: Callable[..., bytes] = sys.modules["__main__"].__dict__["perform"]
+    for name in modules:
+        importlib.import_module(name)
+    report.send("returned", None)
+    report.send("ended", 0)  # ready
+    while True:
+        order = report.order()
+        child = os.fork()
+        if not child:
+            if "numpy" in sys.modules:  # `random` seeds itself in a fork
+                sys.modules["numpy"].random.seed()
+            report.write(perform(order, report))
+            os._exit(0)
+        _, status = os.waitpid(child, 0)
+        report.send("ended", os.waitstatus_to_exitcode(status))
