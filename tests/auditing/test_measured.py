@@ -81,7 +81,7 @@ def test_measured_parallel_advice_names_its_evidence(monkeypatch: pytest.MonkeyP
     """Where no order changes anything Parallel is right, in so many ticks."""
     found = form_of(partial(Grab, "draw"), monkeypatch)
     assert (found["order_sensitive"], found["advice"]) == ("none", "parallel")
-    assert "looks" in found["why"]
+    assert "comparisons" in found["why"]
 
 
 def test_measured_aec_that_hides_moves_is_parallel(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -144,7 +144,7 @@ def test_exchangeable_tells_a_favoured_agent() -> None:
     unfair[:, 1, 0] += 3.0
     assert exchangeable(fair) > 0.01
     assert exchangeable(unfair) <= 0.001
-    assert exchangeable(np.zeros((12, 3, 2))) == 1.0
+    assert exchangeable(np.zeros((12, 3, 2))) is None
 
 
 def test_exchangeable_passes_over_the_order_of_sums() -> None:
@@ -152,7 +152,7 @@ def test_exchangeable_passes_over_the_order_of_sums() -> None:
     rng = np.random.default_rng(5)
     rows = np.repeat(rng.normal(1e9, 1e3, size=(12, 1, 1)), 3, axis=1)
     rows[:, 1] += 1e-6
-    assert exchangeable(rows) == 1.0
+    assert exchangeable(rows) is None
 
 
 def test_exchangeable_leaves_out_who_joined_later() -> None:

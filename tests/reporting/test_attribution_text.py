@@ -74,7 +74,7 @@ def test_attribution_text_has_a_group_for_each_way_of_measuring() -> None:
     assert agents.startswith("Agents replaced: 50 new episodes")
     assert "difference: mean team return that is lost if the baseline plays" in agents
     assert "Shapley value: what the agent adds" in agents
-    assert "n: number of episodes, too few for a confidence interval" in agents
+    assert "n: number of episodes; a confidence interval needs at least 50" in agents
     assert "2 recorded and 3 new episodes" in " ".join(actions.split())
     assert "one action  all actions" in actions
     assert "1 (0 to 2)  2 (1 to 3)" in actions

@@ -34,7 +34,7 @@ NOT_SEEN: Final[Mapping[str, str]] = {
     "messages": "too few comparisons of what replaced moves change",
     "deterministic": "no rerun",
     "horizon": "whole episodes were not truncated, at one length, twice at least",
-    "symmetric": "no role has two agents, too few episodes had, or draws aren't settled by seeds",
+    "symmetric": "no role has two agents that fared apart, in enough episodes that seeds settle",
     "advice": "too few comparisons",
 }
 """Reasons why a field has no value."""

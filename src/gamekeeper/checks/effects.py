@@ -28,7 +28,8 @@ class ActionEffect:
         source: whose action was replaced.
         target: whose observation, reward or ending was looked at.
         on: which of them.
-        lag: 0: in the step of that action, or in what it was shown next; then turns later.
+        lag: in turns; of a reward or an ending from the step of that action to its own, of an
+            observation from that action to the decision that is made with it.
         is_changed: whether it differs from what it was.
     """
 
@@ -64,7 +65,7 @@ def effects(counterfactual: ProbeCounterfactual) -> Iterator[ActionEffect]:
             yield ActionEffect(source, name, "ending", turn - start - 1, is_changed)
             if name in one.observations and name in two.observations:
                 values = one.observations[name], two.observations[name]
-                yield ActionEffect(source, name, "observation", turn - start - 1, _differ(*values))
+                yield ActionEffect(source, name, "observation", turn - start, _differ(*values))
 
 
 def later_looks(counterfactual: ProbeCounterfactual) -> Iterator[tuple[tuple[int, str], bool]]:
@@ -73,7 +74,7 @@ def later_looks(counterfactual: ProbeCounterfactual) -> Iterator[tuple[tuple[int
     tick = next((each for each in ticks(counterfactual.base) if start in each), range(0))
     movers = {turn.index: turn.order for turn in counterfactual.base.turns if turn.index in tick}
     for effect in effects(counterfactual):
-        turn = start + 1 + effect.lag
+        turn = start + effect.lag
         if effect.on == "observation" and effect.target in movers.get(turn, ()):
             yield (turn, effect.target), effect.is_changed
 

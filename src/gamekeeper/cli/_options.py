@@ -61,6 +61,12 @@ ResetOption: TypeAlias = Annotated[
         "--options", metavar="JSON", help="The options of every reset, as JSON (default: none)."
     ),
 ]
+RunContractOption: TypeAlias = Annotated[
+    Path | None,
+    typer.Option(
+        "--contract", metavar="FILE", help="Contract to go by (default: the one in the run)."
+    ),
+]
 ContractOption: TypeAlias = Annotated[
     Path | None,
     typer.Option(

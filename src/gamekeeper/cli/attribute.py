@@ -59,7 +59,7 @@ def command(
     baseline: BaselineOption = "noop",
     episodes: FreshOption = None,
     action_episodes: ActionEpisodesOption = ACTION_EPISODES,
-    contract: _options.ContractOption = None,
+    contract: _options.RunContractOption = None,
     policy: _options.PolicyOption = None,
     env: _options.ReopenOption = None,
     seed: _options.SeedOption = 0,

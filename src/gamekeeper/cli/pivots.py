@@ -9,10 +9,10 @@ import typer
 from gamekeeper.cli._fan import FanOption
 from gamekeeper.cli._options import (
     MOST,
-    ContractOption,
     ImportOption,
     PolicyOption,
     RunArgument,
+    RunContractOption,
     SeedOption,
     episode_option,
 )
@@ -43,7 +43,7 @@ def command(
     run: RunArgument,
     episode: EpisodeOption = None,
     failed: FailedOption = None,
-    contract: ContractOption = None,
+    contract: RunContractOption = None,
     policy: PolicyOption = None,
     seed: SeedOption = 0,
     budget: BudgetOption = BUDGET,

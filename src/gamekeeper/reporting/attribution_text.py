@@ -14,8 +14,9 @@ INDENT: Final = "  "
 SHOWN_FROM: Final = 0.05
 """Share of actions from which an influence is shown."""
 RECORDED: Final = (
-    "own return: mean over the episodes of the sum of its rewards",
-    "share: its part of the team's return",
+    "own return: mean, over the episodes that the agent was in, of the sum of its rewards",
+    "share: its part of the team's return, the sum of all agents' returns; a reward that agents "
+    "share counts once for each of them",
     "idle: part of its actions that are the declared noop",
 )
 REPLACED: Final = (
@@ -25,8 +26,10 @@ REPLACED: Final = (
     "which the agents could join; the values sum to what all agents together add",
 )
 REPEATED: Final = (
-    "one action: mean team return that is lost if a noop replaces one of the agent's actions",
+    "one action: mean team return that is lost if a noop replaces one of the agent's actions; as "
+    "nobody reacts, it may be more than the difference above",
     "all actions: the same if noops replace all of them",
+    "an action that isn't legal any more gives way to the noop, or else to the first legal action",
 )
 WIDE: Final = 100_000
 """Columns of a table that is never broken; names of agents decide its width."""
@@ -132,7 +135,7 @@ def _signs(parts: Sequence[Mapping[str, Any] | None], absent: str) -> list[str]:
     if any(part["low"] is not None for part in known):
         found.append("(low to high): 95 % confidence interval")
     if any(part["low"] is None for part in known):
-        found.append("n: number of episodes, too few for a confidence interval (50)")
+        found.append("n: number of episodes; a confidence interval needs at least 50")
     if len(known) < len(parts):
         found.append(absent)
     return found

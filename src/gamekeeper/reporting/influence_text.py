@@ -20,15 +20,16 @@ UNITS: Final = {
     "turns": "a turn: a tick, or the turn of one agent",
 }
 LEGEND: Final = (
-    "{unit}; 0 {lag} later: in the same one; of several lags the surest is shown; changed (low to "
-    "high): share of the replaced actions, with its 95 % confidence interval; n: replaced actions"
+    "{unit}; {lag} later: from the action to the reward or ending, or to the decision that is made "
+    "with the observation or mask; the first lag at which something changed is shown; changed (low "
+    "to high): share of the replaced actions, with its 95 % confidence interval; n: their number"
 )
 
 
 def influence_text(
     influence: Iterable[Mapping[str, Any]], *, width: int, least: float = 0, lag: str = "rounds"
 ) -> str:
-    """A row for each pair of agents and what was changed, at its surest lag; maybe empty.
+    """A row for each pair of agents and what was changed, at its first lag; maybe empty.
 
     Args:
         influence: rows with `from`, `to`, `on`, `lag`, `p`, `low`, `high`, `n`.
@@ -40,7 +41,7 @@ def influence_text(
     for row in influence:
         key = (row["from"], row["to"], row["on"])
         is_shown = row["from"] != row["to"] and row["p"] > 0 and row["low"] >= least
-        if is_shown and (key not in best or _certainty(row) > _certainty(best[key])):
+        if is_shown and (key not in best or row["lag"] < best[key]["lag"]):
             best[key] = row
     shown = sorted(best.values(), key=_certainty, reverse=True)
     if not shown:

@@ -38,7 +38,10 @@ LEFT_OUT: Final = ("positive", "negative")
 """Figures by agent that only the JSON document has."""
 SPOKEN: Final = {"zero_sum": "zero-sum", "after_end": "after the end"}
 """Keys that are shown in other words; names of agents and roles stay."""
-LABELS: Final = {"legality": "moves change masks of others", "order_sensitive": "order matters"}
+LABELS: Final = {
+    "legality": "moves change masks of others",
+    "order_sensitive": "dictionary order matters",
+}
 """Rows of the table whose label is more than their key."""
 ORDER_MATTERS: Final = {
     "none": "no",
@@ -182,7 +185,7 @@ def words(value: Any) -> str:
         inner = [_pair(str(name), each) for name, each in value.items() if name != BY_AGENT]
         return "; ".join(filter(None, inner))
     if isinstance(value, list | tuple):
-        return ", ".join(filter(None, map(_inner, value)))
+        return ", ".join(filter(None, map(_inner, value))) or "none"
     return one_line(str(value))
 
 

@@ -111,12 +111,12 @@ def test_penalty_in_turns_is_of_whom_it_comes_from(fair) -> None:
 
 
 def test_influence_is_of_whom_it_reaches() -> None:
-    """A shove is seen by the next robot at once and by nobody before it."""
+    """A shove is seen by the next robot when it decides next, and by nobody before it."""
     found = _shoving(games.shove_at_times, whom="robot_0")
     seen = {
         (row["from"], row["to"]): row["p"]
         for row in found.influence
-        if row["on"] == "observation" and row["lag"] == 0
+        if row["on"] == "observation" and row["lag"] == 1
     }
     assert seen["robot_0", "robot_1"] > 0
     assert seen["robot_0", "robot_2"] == 0

@@ -48,7 +48,9 @@ def symmetric(
         if (there.sum(axis=1) > 1).sum() >= FEWEST:
             blank = (0.0,) * 5
             rows = np.array([[s.fares.get(agent, blank) for agent in agents] for s in shapes])
-            p_values[name] = exchangeable(rows, there)
+            value = exchangeable(rows, there)
+            if value is not None:
+                p_values[name] = value
     for name, value in p_by_role(traces, roles).items():
         p_values[name] = min(1.0, 2 * min(value, p_values.get(name, 1.0)))
     corrected = dict(zip(p_values, holm(list(p_values.values())), strict=True))

@@ -70,8 +70,10 @@ def exchangeable(
     *,
     seed: int = 0,
     rounds: int = ROUNDS,
-) -> float:
+) -> float | None:
     """The p-value of agents being interchangeable: their rows permuted within each episode.
+
+    None where no feature tells agents apart in any episode: nothing could have been seen.
 
     The statistic is the largest deviation of an agent's sum from that of all, over agents and
     features, each feature in units of its spread.
@@ -91,7 +93,7 @@ def exchangeable(
     varies = spread > ROUNDING * np.abs(kept).max(axis=(0, 1), initial=0.0)
     centred = centred[:, :, varies] / spread[varies]
     if centred.shape[2] == 0:
-        return 1.0
+        return None
     rng = np.random.default_rng([17, seed])
     seen = np.abs(centred.sum(axis=0)).max()
     blocks = np.arange(len(centred))[:, None]
@@ -115,7 +117,9 @@ def p_by_role(traces: Sequence[Episode], roles: Mapping[str, Sequence[str]]) -> 
         there = np.array([started(trace, agents) for trace in traces]).reshape(-1, len(agents))
         if (there.sum(axis=1) > 1).sum() >= FEWEST:
             rows = np.array([fares(trace, agents) for trace in traces])
-            found[role] = exchangeable(rows, there)
+            value = exchangeable(rows, there)
+            if value is not None:
+                found[role] = value
     return found
 
 

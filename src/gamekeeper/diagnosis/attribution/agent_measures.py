@@ -174,8 +174,9 @@ def laziness(
     usual = sum(differences[name].value for name in peers if name != agent) / len(others)
     usual = max(usual, fair)
     said = (
-        f"its Shapley value is at most {own.high:.3g} (a fair share: {fair:.3g}), and the team "
-        f"loses at most {lost.high:.3g} without it (usually {usual:.3g})"
+        f"its Shapley value is at most {own.high:.3g} (the others of its role: {fair:.3g} on "
+        f"average), and the team loses at most {lost.high:.3g} without it; lazy is below "
+        f"{PART * fair:.3g} and {PART * usual:.3g}"
     )
     return Laziness(own.high < PART * fair and lost.high < PART * usual, said, fair)
 

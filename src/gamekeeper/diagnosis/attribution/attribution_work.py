@@ -133,7 +133,7 @@ def changes(
 ) -> Iterator[tuple[tuple[str, str, str, int], bool]]:
     """Each look at whether an action changed something: whose, for whom, on what, how much later.
 
-    Lag 0 is the step of that action and what it was shown next.
+    Lag 0 is the step of that action; what an agent is shown next, it decides with a turn later.
     """
     end = start + LATER if noise is None else min(start + LATER, noise - 1)
     for turn in range(start, end + 1):
@@ -150,7 +150,7 @@ def changes(
         for name in base.actions:
             if (turn, name) in base.given and (turn, name) in film.given:
                 is_changed = base.given[turn, name] != film.given[turn, name]
-                yield (agent, name, "observation", turn - start - 1), is_changed
+                yield (agent, name, "observation", turn - start), is_changed
 
 
 # -- who pays for what

@@ -103,6 +103,7 @@ def attribute(
     """
     evidence = evidence_of(run)
     declared = contract_of(evidence, contract)
+    evidence = replace(evidence, manifest={**evidence.manifest, "contract": declared.to_json()})
     setup = _setup(evidence, env=env, policies=policies)
     traces = [t for t in evidence.episodes if t.header.get("end") in CAN_BE_PLAYED]
     there = _players(traces, evidence)
