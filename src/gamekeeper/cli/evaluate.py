@@ -80,9 +80,9 @@ OutOption = Annotated[
     typer.Option(
         "--out",
         metavar="FOLDER",
-        help="Folder of episodes and results; a second call continues there, plays only missing "
-        "episodes, and is refused if results would be lost, as with another seed (default: "
-        "runs/evaluation-NAME).",
+        help="Folder of episodes and results; a second call continues there: it plays missing "
+        "episodes, and again those whose policy, environment or contract changed, and is refused "
+        "with another seed (default: runs/evaluation-NAME).",
     ),
 ]
 CrossplayOption = Annotated[

@@ -260,7 +260,7 @@ def _figures(
     for statistic in STATISTICS:
         if float(np.ptp(means)) == 0.0:
             unit = "training runs" if run is None else "episodes"
-            whose = f"{name[-1]} of {of}"
+            whose = f"{name[-1]} of {name[-2]}, {of}"
             found[statistic] = judge.flat(float(means[0]), len(means), unit, of=whose)
         elif run is None:
             found[statistic] = judge.runs(scores, statistic, of=of, name=name, lost=gone)
