@@ -166,7 +166,7 @@ def laziness(
         return Laziness(None, f"the baseline is {baseline}, not doing nothing")
     own, lost = shapley.get(agent), differences.get(agent)
     if own is None or lost is None or own.high is None or lost.high is None:
-        return Laziness(None, "too few episodes for an interval")
+        return Laziness(None, "too few new episodes for an interval (at least 50)")
     others = [shapley[name] for name in peers if name != agent]
     fair = sum(other.value for other in others) / len(others)
     if fair <= 0 or not any(other.low is not None and other.low > 0 for other in others):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
 from typing import Any, Final
@@ -208,7 +208,7 @@ def _attributed(
         influence=tuple(influence(found.scans)),
         messages=tuple(talk(found.said, found.listened, rng=rng)),
         penalties=tuple(penalties(found.scans)),
-        not_tested=tuple(_not_tested(task, found, evidence)),
+        not_tested=(*_not_tested(task, found, evidence), *_untold(agents, found, task)),
     )
 
 
@@ -303,6 +303,29 @@ def _not_tested(
         why = "the contract names no message field that is a part of an observation or an action"
         notes.append({"what": "effects of messages", "why": why})
     return notes
+
+
+def _untold(
+    agents: Mapping[str, AgentPart], found: ContributionData, task: ReplacementTask
+) -> Iterator[dict[str, str]]:
+    """What agents that were replaced don't show: laziness, or anything at all."""
+    open_ones: dict[str, list[str]] = {}
+    for name, part in agents.items():
+        if name in task.players and task.is_closed and part.laziness.is_lazy is None:
+            open_ones.setdefault(part.laziness.why, []).append(name)
+    for why, names in open_ones.items():
+        yield {"what": f"laziness of {', '.join(names)}", "why": why}
+    totals = {round(value, 9) for values in found.closed.values() for value in values.values()}
+    if (
+        len(found.closed) > 1
+        and len(totals) == 1
+        and any(part.own.value for part in agents.values())
+    ):
+        why = (
+            "the sum of all agents' returns was the same in every episode: where agents compete, a "
+            "team's return says nothing of any of them"
+        )
+        yield {"what": "parts of the team's return", "why": why}
 
 
 def _deaf(task: ReplacementTask) -> list[str]:
