@@ -119,5 +119,6 @@ def _annotate(screen: Screen, run: Path, document: dict[str, Any]) -> None:
         if known[-1:] != [plain]:
             by = f"gamekeeper attribute {__version__}"
             annotate(run, {"kind": KIND, "by": by, "document": plain})
+            screen.note("kept in the run's annotations, where `gamekeeper report` finds it")
     except RunError as error:  # a run that can't be written is attributed all the same
         screen.note(f"not stored in the run's annotations: {error.what}")
