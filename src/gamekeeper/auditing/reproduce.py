@@ -150,6 +150,7 @@ def _broken_alike(
         each
         for each in bad
         if each.where.field == case.where.field
+        and each.severity == case.severity
         and (not isinstance(case.expected, str) or each.expected == case.expected)
     ]
     return min(alike, key=lambda each: each.where.turn or 0, default=None)
