@@ -6,6 +6,7 @@ one cause held still. Its source stands at the head of the program, so it names 
 
 from __future__ import annotations
 
+import copy
 import gc
 import inspect
 import random
@@ -151,6 +152,42 @@ def instances_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return built
 
 
+def copies_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Makes each copy by playing the same calls again in a fresh instance."""
+
+    def played(calls: Any) -> Any:
+        env = built()
+        for name, args, kwargs in calls:
+            getattr(env, name)(*args, **kwargs)
+        return env
+
+    def built() -> Any:
+        env = make()
+        cls = type(env)
+        env.__dict__["calls_made"] = []
+
+        def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
+            self.__dict__["calls_made"] = [("reset", args, kwargs)]
+            return cls.reset(self, *args, **kwargs)
+
+        def step(self: Any, action: Any) -> Any:
+            self.__dict__["calls_made"].append(("step", (copy.deepcopy(action),), {}))
+            return cls.step(self, action)
+
+        def duplicate(self: Any, memo: Any) -> Any:
+            return played(list(self.__dict__["calls_made"]))
+
+        def reduce(self: Any, protocol: Any) -> Any:
+            return played, (list(self.__dict__["calls_made"]),)
+
+        played.__module__, played.__qualname__ = "__main__", "played"
+        sys.modules["__main__"].__dict__["played"] = played  # by which pickle finds it
+        methods = {"__deepcopy__": duplicate, "__reduce_ex__": reduce}
+        return with_class(env, reset=reset, step=step, **methods)
+
+    return built
+
+
 @contextmanager
 def still_entropy() -> Iterator[None]:
     """Within it a generator that asks the system for entropy gets the same bits each time."""
@@ -168,16 +205,19 @@ class Hold:
     Attributes:
         words: what is done, for `follows_from`.
         function: takes `make`, returns another.
+        consequences: checks whose failure may follow from the cause; empty: of any.
     """
 
     words: str
     function: Callable[[Callable[[], Any]], Callable[[], Any]]
+    consequences: tuple[str, ...] = ()
 
 
 GLOBALS: Final = Hold("global generators seeded before each call", globals_held)
 ENTROPY: Final = Hold("the system's entropy replaced by a constant", entropy_held)
 GENERATORS: Final = Hold("own generators restarted at each reset", generators_held)
 INSTANCES: Final = Hold("a fresh instance for each reset", instances_held)
+COPIES: Final = Hold("copies made by playing the same calls again", copies_held, ("GK702", "GK703"))
 
 OF_DRAWS: Final = (GLOBALS, ENTROPY)
 """Held where the same play differs by itself, so that another fault in it can be shown."""
@@ -187,6 +227,7 @@ HOLDS: Final = {
     "GK605": ENTROPY,
     "GK606": INSTANCES,
     "GK604": INSTANCES,
+    "GK701": COPIES,
 }
 """By the check whose failure is a cause, in the order in which causes are established."""
 

@@ -43,21 +43,6 @@ def refused(way: str) -> Callable[[Contract, ProbeEvidence], str | None]:
     return against
 
 
-def copied_likewise(contract: Contract, evidence: ProbeEvidence) -> str | None:
-    """Reason why there is no case: pickles refuse, or go wrong just as deep copies do."""
-    wrong = {
-        way: {
-            (fact.where.play, fact.value.copy)
-            for fact in evidence.facts(CopiedEnv)
-            if fact.where.field == way and fact.value.copy is not None
-        }
-        for way in ("deepcopy", "pickle")
-    }
-    if wrong["pickle"] and wrong["pickle"] <= wrong["deepcopy"]:
-        return "a deep copy goes wrong in the same way, as GK701 says"
-    return refused("pickle")(contract, evidence)
-
-
 @check(
     "GK701",
     needs=("copies",),
@@ -126,7 +111,7 @@ def originals_go_on_beside_a_deepcopy(
     needs=("copies",),
     severity=MEDIUM,
     fix="leave nothing of the game's state out of __getstate__, or raise there",
-    applies=copied_likewise,
+    applies=refused("pickle"),
 )
 def pickled_copies_go_on_the_same(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """A copy by pickle that is made in mid-episode goes on like its original, state() too.
