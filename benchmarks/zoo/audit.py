@@ -33,7 +33,6 @@ OUTER_S: Final = 300
 SURROUNDINGS: Final = {
     "SDL_VIDEODRIVER": "dummy",
     "MPLBACKEND": "Agg",
-    "NUMBA_DISABLE_JIT": "1",  # what is compiled takes a minute of each process
 }
 
 
