@@ -147,11 +147,19 @@ def show_failed_rows(
 
 
 def say_not_exercised(screen: Screen, document: Mapping[str, Any]) -> None:
-    """Counts checks that were not exercised, and shows checks that raised, on stderr."""
-    from gamekeeper.reporting.audit_text import errors_text, not_exercised_text, verdicts_of
+    """Counts checks not exercised or on few cases, and shows checks that raised, on stderr."""
+    from gamekeeper.reporting.audit_text import (
+        chances_text,
+        errors_text,
+        not_exercised_text,
+        verdicts_of,
+    )
 
     if verdicts_of(document, "not_exercised"):
         screen.note(not_exercised_text(document, width=screen.width))
+    chances = chances_text(document, width=screen.width)
+    if chances:
+        screen.note(chances)
     if verdicts_of(document, "error"):
         screen.error(errors_text(document, width=screen.width))
         screen.error(

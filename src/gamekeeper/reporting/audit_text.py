@@ -29,6 +29,8 @@ OUTCOMES: Final = (
 """Outcomes of verdicts in the order in which they are counted."""
 SURE: Final = 0.995
 """Confidence from which on it isn't shown."""
+LARGE_SHARE: Final = 0.1
+"""Share of cases from which on it is told that a fault in fewer could have been missed."""
 MOST_SHOWN: Final = 400
 """Characters of a value that a finding shows; the JSON document has all of it."""
 
@@ -41,8 +43,8 @@ def verdicts_of(audit: Document, *outcomes: str) -> list[Document]:
 
 def title_text(audit: Document) -> str:
     """The environment and the result of its audit, in one line."""
-    api = {"aec": "AEC", "parallel": "Parallel"}.get(audit["api"], audit["api"])
-    return f"{one_line(audit['environment'])} ({api}): {counts_text(audit)}"
+    api = {"aec": " (AEC)", "parallel": " (Parallel)"}.get(audit["api"], "")
+    return f"{one_line(audit['environment'])}{api}: {counts_text(audit)}"
 
 
 def counts_text(audit: Document) -> str:
@@ -211,6 +213,22 @@ def not_exercised_text(audit: Document, *, width: int) -> str:
         (id, *_), *_ = by_reason.values()
         rows.append(("", f"(gamekeeper explain {id} says what a check looks at)"))
     return _section("Checks not exercised", rows, width)
+
+
+def chances_text(audit: Document, *, width: int) -> str:
+    """Passed checks with few cases, by what these could have missed, the fewest cases first."""
+    by_share: dict[str, list[str]] = {}
+    passed = sorted(verdicts_of(audit, "passed"), key=lambda each: each["cases"])
+    for each in passed:
+        missed = each.get("could_miss")  # a document of an earlier version has none
+        if missed is not None and missed > LARGE_SHARE:
+            share = f"{100 * missed:.0f} %"
+            by_share.setdefault(f"{_counted(each['cases'], 'case')} ({share})", []).append(
+                each["id"]
+            )
+    rows = [(cases, ", ".join(ids)) for cases, ids in by_share.items()]
+    title = "Passed on few cases (could miss a fault that shows in fewer than this share of cases)"
+    return _section(title, rows, width)
 
 
 def errors_text(audit: Document, *, width: int) -> str:
