@@ -91,13 +91,22 @@ def shares_of(select: Sequence[str], ignore: Sequence[str]) -> dict[str, float]:
 def show_audit(screen: Screen, document: Mapping[str, Any]) -> None:
     """Shows an audit: failed checks and a program, waived checks, the measured game form."""
     from gamekeeper.checks.check import checks
-    from gamekeeper.reporting.audit_text import program_of, suspected_text, title_text, waived_text
+    from gamekeeper.reporting.audit_text import (
+        program_of,
+        suspected_text,
+        title_text,
+        verdicts_of,
+        waived_text,
+    )
     from gamekeeper.reporting.measured_text import measured_text
 
     width = screen.width
     screen.verdict(title_text(document), _manner(document))
     if document["stopped"]:
         screen.show(f"This audit is incomplete: {document['stopped']}.")
+    source = document.get("source") or {}
+    if source.get("file") and verdicts_of(document, "failed", "suspected"):
+        screen.show(f"Rules: {source['file']}:{source.get('line', 1)}")
     show_failed(screen, document)
     program = program_of(document)
     if program is not None:
