@@ -71,6 +71,8 @@ class FollowsFrom:
     held_still: str
 
 
+MINOR: Final = "minor: "
+"""Begins the reason of what isn't promised, and is shown all the same."""
 NESTED: Final = ("findings", "reproduced", "follows_from")
 SURE_OF: Final = 0.05
 """Chance of passing all cases that is left to a fault of the share that `could_miss` gives."""

@@ -92,6 +92,7 @@ def show_audit(screen: Screen, document: Mapping[str, Any]) -> None:
     """Shows an audit: failed checks and a program, waived checks, the measured game form."""
     from gamekeeper.checks.check import checks
     from gamekeeper.reporting.audit_text import (
+        minor_text,
         program_of,
         suspected_text,
         title_text,
@@ -124,6 +125,7 @@ def show_audit(screen: Screen, document: Mapping[str, Any]) -> None:
     known = checks().keys()
     for part in (
         suspected_text(document, width=width),
+        minor_text(document, width=width),
         waived_text(document, known=known, width=width),
         measured_text(document, width=width),
     ):

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from gamekeeper.checks.verdict import LOW, SEVERITIES
+from gamekeeper.checks.verdict import LOW, MINOR, SEVERITIES
 from gamekeeper.contract.validation import one_line
 from gamekeeper.reporting.results_text import table_lines
 from gamekeeper.reporting.text_columns import wrapped
@@ -213,6 +213,16 @@ def not_exercised_text(audit: Document, *, width: int) -> str:
         (id, *_), *_ = by_reason.values()
         rows.append(("", f"(gamekeeper explain {id} says what a check looks at)"))
     return _section("Checks not exercised", rows, width)
+
+
+def minor_text(audit: Document, *, width: int) -> str:
+    """What isn't promised and may be missed all the same, a reason once with its checks."""
+    by_reason: dict[str, list[str]] = {}
+    for each in verdicts_of(audit, "not_applicable"):
+        if each["reason"].startswith(MINOR):
+            by_reason.setdefault(_short(each["reason"].removeprefix(MINOR)), []).append(each["id"])
+    rows = [(", ".join(ids), reason) for reason, ids in by_reason.items()]
+    return _section("Minor (not promised, not failed)", rows, width)
 
 
 def chances_text(audit: Document, *, width: int) -> str:
