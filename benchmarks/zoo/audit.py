@@ -30,11 +30,7 @@ AUDIT_S: Final = 90
 """Time limit that the audit is given (`--seconds`)."""
 OUTER_S: Final = 300
 """Time after which the process is ended: an audit that doesn't keep its limit."""
-SURROUNDINGS: Final = {
-    "SDL_VIDEODRIVER": "dummy",
-    "MPLBACKEND": "Agg",
-    "NUMBA_DISABLE_JIT": "1",  # what is compiled takes a minute of each process
-}
+SURROUNDINGS: Final = {"SDL_VIDEODRIVER": "dummy", "MPLBACKEND": "Agg"}
 
 
 def main() -> int:

@@ -11,7 +11,7 @@ from typing import Any, Final, Literal
 HERE: Final = Path(__file__).parent
 CATALOGUE: Final = HERE / "environments.toml"
 GROUPS: Final = HERE / "groups.toml"
-Group = Literal["tuned", "related", "new"]
+Group = Literal["tuned", "related", "new", "left", "fresh"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +28,8 @@ class Listed:
     spec: str
     kwargs: Mapping[str, Any]
     group: Group
-    """*tuned*: checks were changed by it; *related*: by others of its package; *new*: neither."""
+    """*tuned*: checks were changed by it; *related*: by others of its package; *new*: neither;
+    *left* and *fresh*: audited for the first time once checks were changed by all of these."""
 
     @property
     def key(self) -> str:
@@ -42,8 +43,9 @@ def catalogue(path: Path = CATALOGUE) -> Iterator[Listed]:
     for package in tomllib.loads(path.read_text())["packages"]:
         for each in package["environments"]:
             group: Group = "related" if package["name"] in groups["related"] else "new"
-            if f"{package['name']}/{each['name']}" in groups["tuned"]:
-                group = "tuned"
+            key = f"{package['name']}/{each['name']}"
+            apart: tuple[Group, ...] = ("tuned", "left", "fresh")
+            group = next((name for name in apart if key in groups[name]), group)
             yield Listed(
                 package=package["name"],
                 version=package.get("version") or package["commit"],

@@ -3,7 +3,7 @@
 Reads the results that audit.py kept, and judgements.toml: whether an environment's source shows the
 fault, for each failed verdict of severity high or medium that is a cause.
 
-    python benchmarks/zoo/table.py --results FOLDER > docs/zoo.md
+    python benchmarks/zoo/table.py --results FOLDER [FOLDER ...] > docs/zoo.md
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ import json
 import sys
 import tomllib
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 from typing import Any, Final
 
 sys.path.insert(0, str(Path(__file__).parent))
-from again import agreement
+from again import AGAIN, BLIND, agreement, blind_agreement
 from catalogue import CATALOGUE, HERE, Listed, catalogue
 from prove import TRIES
 
@@ -31,9 +31,13 @@ SHOWN: Final[Mapping[str, tuple[str, ...]]] = {
     "related": ("related",),
     "new": ("new",),
     "related and new": ("related", "new"),
+    "left": ("left",),
+    "fresh": ("fresh",),
+    "left and fresh": ("left", "fresh"),
 }
 """Groups of environments that precision is counted over."""
-BY_CHECK: Final = ("tuned", "related and new")
+SINGLE: Final = tuple(name for name, groups in SHOWN.items() if groups == (name,))
+BY_CHECK: Final = ("tuned", "related and new", "left and fresh")
 EXERCISED: Final = ("passed", "failed", "suspected", "waived")
 Judgements = Mapping[str, Mapping[str, str]]
 
@@ -70,14 +74,16 @@ class Row:
 def main() -> int:
     """Prints the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--results", type=Path, required=True)
+    parser.add_argument("--results", type=Path, nargs="+", required=True)
     parser.add_argument("--judgements", type=Path, default=HERE / "judgements.toml")
     asked = parser.parse_args()
     rows = [Row(each, _result(asked.results, each)) for each in catalogue()]
     judged = tomllib.loads(asked.judgements.read_text())
-    again = tomllib.loads((HERE / "judgements_again.toml").read_text())
+    again = tomllib.loads(AGAIN.read_text())
     parts = [opening(rows), written_up(), precision(rows, judged), shown_later(rows, judged)]
     parts.append(agreement(again))
+    if BLIND.exists():
+        parts.append(blind_agreement(judged, tomllib.loads(BLIND.read_text())))
     parts.append(table(rows, judged))
     print("\n".join(line for part in [*parts, rest(rows, judged)] for line in part))
     return 0
@@ -94,7 +100,7 @@ def opening(rows: list[Row]) -> Iterator[str]:
         f"{len(rows)} environments of {len(packages)} packages, "
         f"{sum('/' in each for each in packages)} of them public repositories. "
         f"{len(audited)} gave an audit: {groups['tuned']} tuned, {groups['related']} related, "
-        f"{groups['new']} new."
+        f"{groups['new']} new, {groups['left']} left, {groups['fresh']} fresh."
     )
     yield ""
 
@@ -134,7 +140,7 @@ def precision(rows: list[Row], judged: Judgements) -> Iterator[str]:
 
 def shown_later(rows: list[Row], judged: Judgements) -> Iterator[str]:
     """What audits could only suspect, as their time was over, and prove.py showed afterwards."""
-    counts = {group: Counter[str]() for group in ("tuned", "related", "new")}
+    counts = {group: Counter[str]() for group in SINGLE}
     for row in rows:
         for check, ran in (row.result or {}).get("proved", {}).items():
             count = counts[row.listed.group]
@@ -219,9 +225,11 @@ def _judgement(judged: Judgements, row: Row, check: str) -> tuple[str, str]:
     return (word, reason.strip())
 
 
-def _result(folder: Path, each: Listed) -> Mapping[str, Any] | None:
-    path = folder / f"{each.key.replace('/', '+')}.json"
-    return json.loads(path.read_text()) if path.exists() else None
+def _result(folders: Sequence[Path], each: Listed) -> Mapping[str, Any] | None:
+    """The result of its first audit, from the first folder that has one."""
+    paths = (folder / f"{each.key.replace('/', '+')}.json" for folder in folders)
+    path = next((path for path in paths if path.exists()), None)
+    return None if path is None else json.loads(path.read_text())
 
 
 if __name__ == "__main__":

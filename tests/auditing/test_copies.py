@@ -7,6 +7,7 @@ import pytest
 from gymnasium.utils import EzPickle
 
 from gamekeeper.auditing.audit import audit_here
+from gamekeeper.reporting.audit_text import minor_text
 from tests.faults.lanterns import Lanterns
 from tests.faults.rovers import Rovers
 from tests.faults.tokens import Tokens
@@ -35,9 +36,13 @@ class Refusing(Rovers):
         raise TypeError("this environment can't be copied")
 
 
-def test_refusing_to_be_copied_is_not_applicable() -> None:
-    """Nobody promises that an environment can be copied."""
-    assert outcomes(Refusing, *COPIES) == dict.fromkeys(COPIES, "not_applicable")
+def test_refusing_to_be_copied_is_minor() -> None:
+    """Nobody promises that an environment can be copied; who needs it is told that it can't be."""
+    found = audit_here(Refusing, select=COPIES, budget=300)
+    assert {"not_applicable"} == {found.of(id).outcome for id in COPIES}
+    assert "can't be copied" in minor_text(found.to_json(), width=300)
+    anew = audit_here(Anew, select=COPIES, budget=300)
+    assert minor_text(anew.to_json(), width=300) == ""
 
 
 class Anew(EzPickle, Rovers):

@@ -32,6 +32,13 @@ def test_every_check_fails_on_a_faulty_environment_and_passes_on_a_clean_one() -
     assert set(checks()) == faulty == passed
 
 
+def test_copies_that_go_wrong_together_are_one_cause() -> None:
+    """What a deep copy loses, a pickle loses: it follows, and passes with copies held still."""
+    follows = seen("CopyLosesAView").of("GK703").follows_from
+    assert follows is not None
+    assert follows.id == "GK701"
+
+
 def _passed(verdict: Verdict) -> bool | None:
     """What there can be to see without the trigger: that it passed, or nothing."""
     return verdict.reproduced.unchanged_passed or None if verdict.reproduced else None

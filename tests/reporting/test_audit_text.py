@@ -2,6 +2,7 @@ import pytest
 
 from gamekeeper.reporting.audit_text import (
     brief_rows,
+    chances_text,
     counts_text,
     errors_text,
     failed_blocks,
@@ -120,6 +121,17 @@ def test_not_exercised_checks_are_gathered_by_reason() -> None:
         "  GK1  The promise of GK1.\n"
         "  GK2  The promise of GK2."
     )
+
+
+def test_passed_checks_with_few_cases_say_what_they_could_miss() -> None:
+    """Those with many cases stay unnamed."""
+    document = audit(
+        *(verdict(id, "passed", cases=4, could_miss=0.527) for id in ("GK1", "GK2")),
+        verdict("GK3", "passed", cases=400, could_miss=0.0075),
+    )
+    title, row = chances_text(document, width=120).splitlines()
+    assert "could miss" in title
+    assert row.split() == ["4", "cases", "(53", "%)", "GK1,", "GK2"]
 
 
 def test_errors_show_the_last_line_of_the_traceback() -> None:

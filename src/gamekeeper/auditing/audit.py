@@ -16,7 +16,7 @@ from gamekeeper.auditing.measured import PROBES, measured
 from gamekeeper.auditing.reproduce import Reproduction, draft_of
 from gamekeeper.auditing.result import AuditResult, spaces_text
 from gamekeeper.auditing.snippet import home
-from gamekeeper.auditing.source import source_of
+from gamekeeper.auditing.source import place_of, source_of
 from gamekeeper.checks.check import Check, selected
 from gamekeeper.contract import Contract
 from gamekeeper.errors import EvidenceError
@@ -99,6 +99,7 @@ def audit_here(
             home(opened.spec, opened.identity, kwargs),
             0 if gathering.stopped else int(budget * SHRINKING),
             None if seconds is None else begun_s + seconds * (1 + PROBING) / 2,
+            place_of(source_of(opened.env)),
         )
         until_s = None if seconds is None else begun_s + seconds
         until_s = 0.0 if gathering.stopped == INTERRUPTED else until_s

@@ -8,8 +8,11 @@ from os import PathLike, fspath
 from typing import Any, Final
 
 from gamekeeper.auditing.audit import BUDGET, QUICK, AuditAttempt, OnProbe, audit_here
+from gamekeeper.auditing.gather import INTERRUPTED
 from gamekeeper.auditing.recorded import audit_run, is_run
 from gamekeeper.auditing.result import AuditResult
+from gamekeeper.checks.check import selected
+from gamekeeper.checks.verdict import Verdict
 from gamekeeper.contract import Contract
 from gamekeeper.errors import EnvError, GamekeeperError
 from gamekeeper.rollouts.workers import run_task
@@ -142,7 +145,7 @@ def _tried(
             raise AuditInterruptedError(result)
         return result
     if outcome.status == "interrupted":
-        raise KeyboardInterrupt
+        raise AuditInterruptedError(_nothing_known(spec, asked, outcome.seconds))
     if outcome.status == "raised" or not current or current in died:
         raise EnvError(
             f"the environment's process {outcome.status}: {outcome.error}",
@@ -152,6 +155,24 @@ def _tried(
         )
     died[current] = f"{outcome.status}: {outcome.error}"
     return None
+
+
+def _nothing_known(spec: str, asked: Mapping[str, Any], seconds: float) -> AuditResult:
+    """The audit that was interrupted before its process could answer: nothing was exercised."""
+    checks = selected(tuple(asked["select"]), tuple(asked["ignore"]))
+    verdicts = (
+        Verdict(each.id, each.claim, "not_exercised", each.severity, reason=INTERRUPTED)
+        for each in checks.values()
+    )
+    return AuditResult(
+        environment=spec,
+        api="",
+        seconds=seconds,
+        steps=0,
+        seed=asked["seed"],
+        verdicts=tuple(verdicts),
+        stopped=INTERRUPTED,
+    )
 
 
 def _env_step(contract: Contract | str | PathLike[str] | None) -> Any:

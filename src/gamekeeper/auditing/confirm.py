@@ -184,8 +184,8 @@ def _confirmed(
 
 
 def _order(draft: tuple[Verdict, Sequence[Programs]]) -> tuple[int, int]:
-    """Causes that can be held still in their order, then the others by severity."""
-    ids = list(HOLDS)
+    """Causes that explain any other in their order, then the others by severity."""
+    ids = [id for id, hold in HOLDS.items() if not hold.consequences]
     place = ids.index(draft[0].id) if draft[0].id in ids else len(ids)
     return place, SEVERITIES.index(draft[0].severity)
 
@@ -194,9 +194,11 @@ def _others(causes: Iterable[str], id: str) -> Iterator[tuple[str, Hold]]:
     """The established causes, each kind of hold once."""
     held: set[str] = set()
     for cause in causes:
-        if cause != id and HOLDS[cause].words not in held:
-            held.add(HOLDS[cause].words)
-            yield cause, HOLDS[cause]
+        hold = HOLDS[cause]
+        explains = not hold.consequences or id in hold.consequences
+        if cause != id and explains and hold.words not in held:
+            held.add(hold.words)
+            yield cause, hold
 
 
 def _cause_of(

@@ -6,6 +6,9 @@ one cause held still. Its source stands at the head of the program, so it names 
 
 from __future__ import annotations
 
+import copy
+import gc
+import inspect
 import random
 import sys
 from collections.abc import Callable, Iterator
@@ -95,6 +98,43 @@ def entropy_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return make
 
 
+def generators_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Restarts the environment's own generators at each reset, and holds the system's entropy."""
+    hold_entropy()
+
+    def generators(root: Any) -> Iterator[Any]:
+        seen: dict[int, Any] = {}
+        waiting = [root]
+        while waiting and len(seen) < 100_000:
+            each = waiting.pop()
+            if id(each) in seen or inspect.isroutine(each) or inspect.ismodule(each):
+                continue
+            seen[id(each)] = each
+            if isinstance(each, np.random.Generator | np.random.RandomState | random.Random):
+                yield each
+            elif not isinstance(each, type):
+                waiting += gc.get_referents(each)
+
+    def restart(env: Any) -> None:
+        for each in generators(env):
+            if isinstance(each, np.random.RandomState | random.Random):
+                each.seed(0)
+            else:
+                each.bit_generator.state = type(each.bit_generator)(0).state
+
+    def built() -> Any:
+        env = make()
+        cls = type(env)
+
+        def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
+            restart(self)
+            return cls.reset(self, *args, **kwargs)
+
+        return with_class(env, reset=reset)
+
+    return built
+
+
 def instances_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Resets a fresh instance in place of a used one."""
 
@@ -108,6 +148,42 @@ def instances_held(make: Callable[[], Any]) -> Callable[[], Any]:
             return cls.reset(self, *args, **kwargs)
 
         return with_class(env, reset=reset)
+
+    return built
+
+
+def copies_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Makes each copy by playing the same calls again in a fresh instance."""
+
+    def played(calls: Any) -> Any:
+        env = built()
+        for name, args, kwargs in calls:
+            getattr(env, name)(*args, **kwargs)
+        return env
+
+    def built() -> Any:
+        env = make()
+        cls = type(env)
+        env.__dict__["calls_made"] = []
+
+        def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
+            self.__dict__["calls_made"] = [("reset", args, kwargs)]
+            return cls.reset(self, *args, **kwargs)
+
+        def step(self: Any, action: Any) -> Any:
+            self.__dict__["calls_made"].append(("step", (copy.deepcopy(action),), {}))
+            return cls.step(self, action)
+
+        def duplicate(self: Any, memo: Any) -> Any:
+            return played(list(self.__dict__["calls_made"]))
+
+        def reduce(self: Any, protocol: Any) -> Any:
+            return played, (list(self.__dict__["calls_made"]),)
+
+        played.__module__, played.__qualname__ = "__main__", "played"
+        sys.modules["__main__"].__dict__["played"] = played  # by which pickle finds it
+        methods = {"__deepcopy__": duplicate, "__reduce_ex__": reduce}
+        return with_class(env, reset=reset, step=step, **methods)
 
     return built
 
@@ -129,24 +205,29 @@ class Hold:
     Attributes:
         words: what is done, for `follows_from`.
         function: takes `make`, returns another.
+        consequences: checks whose failure may follow from the cause; empty: of any.
     """
 
     words: str
     function: Callable[[Callable[[], Any]], Callable[[], Any]]
+    consequences: tuple[str, ...] = ()
 
 
 GLOBALS: Final = Hold("global generators seeded before each call", globals_held)
 ENTROPY: Final = Hold("the system's entropy replaced by a constant", entropy_held)
+GENERATORS: Final = Hold("own generators restarted at each reset", generators_held)
 INSTANCES: Final = Hold("a fresh instance for each reset", instances_held)
+COPIES: Final = Hold("copies made by playing the same calls again", copies_held, ("GK702", "GK703"))
 
 OF_DRAWS: Final = (GLOBALS, ENTROPY)
 """Held where the same play differs by itself, so that another fault in it can be shown."""
 HOLDS: Final = {
     "GK602": GLOBALS,
-    "GK601": ENTROPY,
+    "GK601": GENERATORS,
     "GK605": ENTROPY,
     "GK606": INSTANCES,
     "GK604": INSTANCES,
+    "GK701": COPIES,
 }
 """By the check whose failure is a cause, in the order in which causes are established."""
 

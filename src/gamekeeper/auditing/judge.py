@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
 from gamekeeper.checks.case import Case
 from gamekeeper.checks.check import Check
 from gamekeeper.checks.probe_evidence import ProbeEvidence
-from gamekeeper.checks.verdict import Finding, Outcome, Verdict
+from gamekeeper.checks.verdict import SEVERITIES, Finding, Outcome, Severity, Verdict
 from gamekeeper.contract import Contract
 
 MOST_SHOWN: Final = 3
@@ -30,6 +30,7 @@ class Judged:
     shown: tuple[Case, ...] = ()
     confidence: float = 1.0
     reason: str = ""
+    severity: Severity | None = None
 
 
 def verdict_of(judged: Judged, findings: tuple[Finding, ...]) -> Verdict:
@@ -39,7 +40,7 @@ def verdict_of(judged: Judged, findings: tuple[Finding, ...]) -> Verdict:
         id=check.id,
         claim=check.claim,
         outcome=judged.outcome,
-        severity=check.severity,
+        severity=judged.severity or check.severity,
         confidence=judged.confidence,
         cases=judged.cases,
         failed=judged.failed,
@@ -67,8 +68,16 @@ def judge(
     if bad:
         sure = max(each.confidence or check.confidence for each in bad)
         outcome: Outcome = "failed" if waiver is None else "waived"
+        worst = min(bad, key=_badness(check))
         return Judged(
-            check, outcome, len(cases), len(bad), _first_by_field(bad), sure, waiver or ""
+            check,
+            outcome,
+            len(cases),
+            len(bad),
+            _first_by_field(bad, check),
+            sure,
+            waiver or "",
+            worst.severity,
         )
     if not cases:
         return Judged(check, "not_exercised", reason=_not_exercised(check, evidence))
@@ -87,10 +96,16 @@ def _not_exercised(check: Check, evidence: ProbeEvidence) -> str:
     return NOISE if is_noisy else "no episode had a case for it"
 
 
-def _first_by_field(bad: list[Case]) -> tuple[Case, ...]:
-    """The earliest broken case of each field, the earliest first."""
+def _badness(check: Check) -> Callable[[Case], int]:
+    """Order of cases by severity, the worst first."""
+    return lambda case: SEVERITIES.index(case.severity or check.severity)
+
+
+def _first_by_field(bad: list[Case], check: Check) -> tuple[Case, ...]:
+    """The earliest of the worst broken cases of each field, the worst and earliest first."""
+    badness = _badness(check)
     firsts: dict[str, Case] = {}
-    for case in sorted(bad, key=_earliness):
+    for case in sorted(bad, key=lambda case: (badness(case), *_earliness(case))):
         firsts.setdefault(case.where.field, case)
     return tuple(firsts.values())[:MOST_SHOWN]
 

@@ -33,6 +33,7 @@ class Reproduction:
 
     Attributes:
         until_s: time of the monotonic clock after which nothing is shrunk; None: no such time.
+        rules: file and line of the class of the rules; empty where they aren't known.
     """
 
     gathering: Gathering
@@ -40,6 +41,7 @@ class Reproduction:
     home: Home
     steps_left: int
     until_s: float | None = None
+    rules: str = ""
 
     @property
     def is_spent(self) -> bool:
@@ -72,6 +74,7 @@ def _programs(check: Check, case: Case, bench: Reproduction) -> Programs:
         and proof.compares
     )
     title, shows = f"{check.id}: {check.claim}", f"expected: {expected}\nactual: {actual}"
+    shows += f"\nrules: {bench.rules}" if bench.rules else ""
 
     def program(of: EpisodePlan, proof: Reproducer | None) -> str:
         text = snippet(bench.home, lab.api, of, proof, title=title, shows=shows)
@@ -150,6 +153,7 @@ def _broken_alike(
         each
         for each in bad
         if each.where.field == case.where.field
+        and each.severity == case.severity
         and (not isinstance(case.expected, str) or each.expected == case.expected)
     ]
     return min(alike, key=lambda each: each.where.turn or 0, default=None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Mapping
 from typing import Any
 
 
@@ -19,6 +20,12 @@ def source_of(env: Any) -> dict[str, Any]:
     except (TypeError, OSError, IndexError):  # typed at a prompt, compiled, or edited meanwhile
         pass
     return {name: value for name, value in found.items() if value is not None}
+
+
+def place_of(source: Mapping[str, Any]) -> str:
+    """File and line of `source_of`, as compilers write them; empty where they aren't known."""
+    file, line = source.get("file"), source.get("line")
+    return f"{file}:{line}" if file and line else str(file or "")
 
 
 def _class_of(env: Any) -> type:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from gamekeeper.checks.verdict import Severity
 from gamekeeper.episodes.where import Where
 
 
@@ -49,6 +50,7 @@ class Case:
         actual: what was there.
         proof: lines that raise while the fault is there; text stands for `Reproducer(text)`.
         confidence: how sure it is, in (0, 1]; None: as sure as the check in general.
+        severity: how bad it is; None: as bad as the check in general.
     """
 
     where: Where
@@ -57,3 +59,4 @@ class Case:
     actual: Any = None
     proof: Reproducer | str | None = None
     confidence: float | None = None
+    severity: Severity | None = None

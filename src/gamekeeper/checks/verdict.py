@@ -71,7 +71,11 @@ class FollowsFrom:
     held_still: str
 
 
+MINOR: Final = "minor: "
+"""Begins the reason of what isn't promised, and is shown all the same."""
 NESTED: Final = ("findings", "reproduced", "follows_from")
+SURE_OF: Final = 0.05
+"""Chance of passing all cases that is left to a fault of the share that `could_miss` gives."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,10 +111,22 @@ class Verdict:
     reproduced: Reproduced | None = None
     follows_from: FollowsFrom | None = None
 
+    @property
+    def could_miss(self) -> float | None:
+        """Share of cases below which a fault may show and still pass; None of what didn't pass.
+
+        A fault that shows in a larger share would have failed one of these cases with 95 %, if
+        they were independent: the bound p of (1 - p)^n = 5 %, about 3 / n ("rule of three").
+
+        Source: Hanley & Lippman-Hand 1983, If Nothing Goes Wrong, Is Everything All Right?
+        """
+        return 1 - SURE_OF ** (1 / self.cases) if self.outcome == "passed" and self.cases else None
+
     def to_json(self) -> dict[str, Any]:
         """Plain data, as it stands in the audit's document."""
         return {
             **{name: getattr(self, name) for name in self.__slots__ if name not in NESTED},
+            "could_miss": self.could_miss,
             "reproduced": None if self.reproduced is None else asdict(self.reproduced),
             "follows_from": None if self.follows_from is None else asdict(self.follows_from),
             "findings": [finding.to_json() for finding in self.findings],
@@ -125,4 +141,5 @@ class Verdict:
             "reproduced": None if reproduced is None else Reproduced(**reproduced),
             "follows_from": None if cause is None else FollowsFrom(**cause),
         }
-        return cls(**{**data, **nested})
+        own = {name: data[name] for name in cls.__slots__ if name not in NESTED}
+        return cls(**{**own, **nested})

@@ -91,13 +91,23 @@ def shares_of(select: Sequence[str], ignore: Sequence[str]) -> dict[str, float]:
 def show_audit(screen: Screen, document: Mapping[str, Any]) -> None:
     """Shows an audit: failed checks and a program, waived checks, the measured game form."""
     from gamekeeper.checks.check import checks
-    from gamekeeper.reporting.audit_text import program_of, suspected_text, title_text, waived_text
+    from gamekeeper.reporting.audit_text import (
+        minor_text,
+        program_of,
+        suspected_text,
+        title_text,
+        verdicts_of,
+        waived_text,
+    )
     from gamekeeper.reporting.measured_text import measured_text
 
     width = screen.width
     screen.verdict(title_text(document), _manner(document))
     if document["stopped"]:
         screen.show(f"This audit is incomplete: {document['stopped']}.")
+    source = document.get("source") or {}
+    if source.get("file") and verdicts_of(document, "failed", "suspected"):
+        screen.show(f"Rules: {source['file']}:{source.get('line', 1)}")
     show_failed(screen, document)
     program = program_of(document)
     if program is not None:
@@ -115,6 +125,7 @@ def show_audit(screen: Screen, document: Mapping[str, Any]) -> None:
     known = checks().keys()
     for part in (
         suspected_text(document, width=width),
+        minor_text(document, width=width),
         waived_text(document, known=known, width=width),
         measured_text(document, width=width),
     ):
@@ -147,11 +158,19 @@ def show_failed_rows(
 
 
 def say_not_exercised(screen: Screen, document: Mapping[str, Any]) -> None:
-    """Counts checks that were not exercised, and shows checks that raised, on stderr."""
-    from gamekeeper.reporting.audit_text import errors_text, not_exercised_text, verdicts_of
+    """Counts checks not exercised or on few cases, and shows checks that raised, on stderr."""
+    from gamekeeper.reporting.audit_text import (
+        chances_text,
+        errors_text,
+        not_exercised_text,
+        verdicts_of,
+    )
 
     if verdicts_of(document, "not_exercised"):
         screen.note(not_exercised_text(document, width=screen.width))
+    chances = chances_text(document, width=screen.width)
+    if chances:
+        screen.note(chances)
     if verdicts_of(document, "error"):
         screen.error(errors_text(document, width=screen.width))
         screen.error(

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from gamekeeper.checks.verdict import LOW, SEVERITIES
+from gamekeeper.checks.verdict import LOW, MINOR, SEVERITIES
 from gamekeeper.contract.validation import one_line
 from gamekeeper.reporting.results_text import table_lines
 from gamekeeper.reporting.text_columns import wrapped
@@ -29,6 +29,8 @@ OUTCOMES: Final = (
 """Outcomes of verdicts in the order in which they are counted."""
 SURE: Final = 0.995
 """Confidence from which on it isn't shown."""
+LARGE_SHARE: Final = 0.1
+"""Share of cases from which on it is told that a fault in fewer could have been missed."""
 MOST_SHOWN: Final = 400
 """Characters of a value that a finding shows; the JSON document has all of it."""
 
@@ -41,8 +43,8 @@ def verdicts_of(audit: Document, *outcomes: str) -> list[Document]:
 
 def title_text(audit: Document) -> str:
     """The environment and the result of its audit, in one line."""
-    api = {"aec": "AEC", "parallel": "Parallel"}.get(audit["api"], audit["api"])
-    return f"{one_line(audit['environment'])} ({api}): {counts_text(audit)}"
+    api = {"aec": " (AEC)", "parallel": " (Parallel)"}.get(audit["api"], "")
+    return f"{one_line(audit['environment'])}{api}: {counts_text(audit)}"
 
 
 def counts_text(audit: Document) -> str:
@@ -212,6 +214,32 @@ def not_exercised_text(audit: Document, *, width: int) -> str:
         for reason, rows in by_reason.items()
     ]
     return "\n\n".join(parts)
+
+
+def minor_text(audit: Document, *, width: int) -> str:
+    """What isn't promised and may be missed all the same, a reason once with its checks."""
+    by_reason: dict[str, list[str]] = {}
+    for each in verdicts_of(audit, "not_applicable"):
+        if each["reason"].startswith(MINOR):
+            by_reason.setdefault(_short(each["reason"].removeprefix(MINOR)), []).append(each["id"])
+    rows = [(", ".join(ids), reason) for reason, ids in by_reason.items()]
+    return _section("Minor (not promised, not failed)", rows, width)
+
+
+def chances_text(audit: Document, *, width: int) -> str:
+    """Passed checks with few cases, by what these could have missed, the fewest cases first."""
+    by_share: dict[str, list[str]] = {}
+    passed = sorted(verdicts_of(audit, "passed"), key=lambda each: each["cases"])
+    for each in passed:
+        missed = each.get("could_miss")  # a document of an earlier version has none
+        if missed is not None and missed > LARGE_SHARE:
+            share = f"{100 * missed:.0f} %"
+            by_share.setdefault(f"{_counted(each['cases'], 'case')} ({share})", []).append(
+                each["id"]
+            )
+    rows = [(cases, ", ".join(ids)) for cases, ids in by_share.items()]
+    title = "Passed on few cases (could miss a fault that shows in fewer than this share of cases)"
+    return _section(title, rows, width)
 
 
 def errors_text(audit: Document, *, width: int) -> str:

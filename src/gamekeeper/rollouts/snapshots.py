@@ -120,9 +120,12 @@ def overwrite(value: Any, undo: Undo | None = None) -> int:
 
 
 def share_memory(one: Any, other: Any) -> bool:
-    """Tells whether writing into an array of `one` changes one of `other`."""
+    """Tells whether writing numbers into an array of `one` changes one of `other`."""
     return any(
-        a.flags.writeable and np.may_share_memory(a, b) and np.shares_memory(a, b)
+        a.dtype.kind in NUMBERS
+        and a.flags.writeable
+        and np.may_share_memory(a, b)
+        and np.shares_memory(a, b)
         for a in arrays(one)
         for b in arrays(other)
     )

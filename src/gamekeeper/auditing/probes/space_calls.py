@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
+import numpy as np
 from gymnasium.spaces import Space
 
 from gamekeeper.auditing.probe import probe
@@ -16,6 +17,7 @@ from gamekeeper.auditing.probe_session import Called, ProbeSession, Saw
 from gamekeeper.checks.facts.space_facts import (
     AskedSpace,
     ChangedSpace,
+    NumpyFlag,
     OthersView,
     PickledInfo,
     SpaceEntry,
@@ -57,7 +59,8 @@ def spaces(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     Traces of plays in which actions are held, which come to the borders of what is observed.
 
     Facts:
-        `AskedSpace`, `ChangedSpace`, `SpaceFaults`, `SpaceEntry`, `OthersView`, `PickledInfo`.
+        `AskedSpace`, `ChangedSpace`, `SpaceFaults`, `SpaceEntry`, `OthersView`, `PickledInfo`,
+        `NumpyFlag`.
     """
     env = lab.env()
     if play.stream >= HELD:
@@ -103,6 +106,7 @@ class _Watch:
     _sound: set[int] = field(default_factory=set)
     _roster: list[Any] = field(default_factory=list)
     _observed: int = 0
+    _has_numpy_flag: bool = False
 
     def __call__(self, turn: int, env: Any, out: Any) -> None:
         """After the reset and after every step."""
@@ -113,6 +117,8 @@ class _Watch:
             self.ask_all(gone[:MOST_AGENTS], "after it left", turn)
             self.ask_all(roster[:MOST_AGENTS], "live", turn)
             self._look_at_infos(turn, out, roster)
+        if not self._has_numpy_flag:
+            self._look_at_flags(turn, out)
         if self.lab.api == "aec" and self._observed < MOST_OBSERVED:
             self._observe(turn, roster)
 
@@ -187,6 +193,17 @@ class _Watch:
                 done = self.lab.call("pickle", pickle.dumps, infos[agent])
                 why = None if done.failed is None else f"{done.failed.kind}: {done.failed.text}"
                 self._note(PickledInfo(unpicklable=why), turn, agent, "infos")
+
+    def _look_at_flags(self, turn: int, out: Any) -> None:
+        """Notes the first flag that is a bool of NumPy's."""
+        for place, name in enumerate(("terminations", "truncations"), 2):
+            flags = getattr(self.env, name, None) if self.lab.api == "aec" else None
+            if isinstance(out, tuple | list) and len(out) == 5:
+                flags = out[place]
+            for agent, flag in flags.items() if isinstance(flags, dict) else ():
+                if isinstance(flag, np.bool_) and not self._has_numpy_flag:
+                    self._has_numpy_flag = True
+                    self._note(NumpyFlag(), turn, agent, name)
 
     def _note(self, value: object, turn: int | None, agent: Any, place: str) -> None:
         self.facts.append(self.lab.fact(value, turn=turn, agent=agent, field=place))

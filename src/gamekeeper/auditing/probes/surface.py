@@ -6,6 +6,7 @@ import inspect
 import operator
 import re
 import sys
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from types import FunctionType, MethodType, ModuleType
@@ -155,7 +156,7 @@ def surface(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
     yield lab.fact(TimeLimits(limits), field="terminations")
     yield lab.fact(AgentCounts(seen.counts), field="num_agents")
     returned = [_wrong_last(lab, env)] if lab.api == "aec" else seen.returned
-    yield lab.fact(ReturnedForms(returned), field="returned")
+    yield lab.fact(ReturnedForms(returned, seen.infos_answer), field="returned")
     if lab.api == "aec":
         yield lab.fact(BookEntries(seen.books), field="books")
         flagged += [seen.flagged, _flagged(env)]
@@ -173,6 +174,7 @@ class _Seen:
         self.books: list[TurnBooks] = []
         self.kinds: list[tuple[int, list[str]]] = []
         self.flagged: list[str] = []
+        self.infos_answer = False
         self._lab = lab
         self._last: dict[str, tuple[Any, Any]] = {}
 
@@ -186,6 +188,7 @@ class _Seen:
         self.counts.append([*counted, *sizes])
         if self._lab.api == "parallel":
             self.returned.append(_wrong(out, 5 if turn else 2))
+            self.infos_answer |= isinstance(out, tuple) and isinstance(out[-1], defaultdict)
         else:
             self.books.append(_books(env))
         kinds = [_kind(env, name) for name in ("agents", "possible_agents")]

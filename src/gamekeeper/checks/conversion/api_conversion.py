@@ -18,6 +18,15 @@ def not_said(contract: Contract, evidence: ProbeEvidence) -> str | None:
     return "its metadata don't say that it is parallelizable" if said and not any(said) else None
 
 
+def not_converted(contract: Contract, evidence: ProbeEvidence) -> str | None:
+    """Reason why a converted game can't be compared: there is none."""
+    failed = [fact.value.failed for fact in evidence.facts(ConvertedEnv)]
+    is_told = any(each is not None for each in failed)
+    return not_said(contract, evidence) or (
+        "aec_to_parallel doesn't step it, as GK710 says" if is_told else None
+    )
+
+
 @check(
     "GK710",
     needs=("conversion",),
@@ -63,7 +72,7 @@ def parallelizable_means_in_cycles(contract: Contract, evidence: ProbeEvidence) 
     severity=MEDIUM,
     fix='change what agents observe at the end of a cycle only; or say "is_parallelizable": False',
     api="aec",
-    applies=not_said,
+    applies=not_converted,
 )
 def cycles_show_nothing_before_their_end(
     contract: Contract, evidence: ProbeEvidence

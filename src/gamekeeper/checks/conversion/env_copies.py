@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import Final
 
 from gamekeeper.checks.case import Case
 from gamekeeper.checks.check import MEDIUM, check
@@ -11,7 +12,11 @@ from gamekeeper.checks.facts.copy_facts import CopiedEnv
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.reproducer_source import reproducer_of
 from gamekeeper.checks.reproducers import copies_go_on
+from gamekeeper.checks.verdict import MINOR
 from gamekeeper.contract import Contract
+
+ANEW: Final = "begins anew"
+"""Said of a copy that wants a reset, which is all that worker processes need."""
 
 
 def copied_cases(evidence: ProbeEvidence, way: str, who: str) -> Iterator[Case]:
@@ -36,9 +41,12 @@ def refused(way: str) -> Callable[[Contract, ProbeEvidence], str | None]:
 
     def against(contract: Contract, evidence: ProbeEvidence) -> str | None:
         reasons = [f.value.refused for f in evidence.facts(CopiedEnv) if f.where.field == way]
-        if reasons and all(reasons):
-            return f"it doesn't let itself be copied, which nobody promises ({reasons[0]:.120})"
-        return None
+        if not reasons or not all(reasons):
+            return None
+        begins_anew = ANEW in str(reasons[0])
+        start = "" if begins_anew else MINOR
+        needed = "search in copies" if way == "deepcopy" else "worker processes"
+        return f"{start}no {way} of it goes on, which {needed} would need ({reasons[0]:.120})"
 
     return against
 

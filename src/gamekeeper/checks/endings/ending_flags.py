@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Final
 
-from gamekeeper.checks.check import HIGH, MEDIUM, Case, check
+from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, check
 from gamekeeper.checks.ended_agents import ended_in, plays_with_rosters
+from gamekeeper.checks.facts.space_facts import NumpyFlag
 from gamekeeper.checks.facts.surface_facts import FlaggedAgents, LiveRosters
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.reproducer_source import reproducer_of
@@ -21,15 +22,16 @@ BOOKS: Final = {"terminated": "terminations", "truncated": "truncations"}
 
 @check(
     "GK504",
-    needs=("rollout",),
+    needs=("rollout", "spaces"),
     severity=MEDIUM,
     fix="make a bool of it: `terminations[agent] = bool(...)`",
 )
 def flags_are_bools(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
-    """Terminations and truncations are bools (Python's or NumPy's), not numbers, None or arrays.
+    """Terminations and truncations are bools, not numbers, None or arrays.
 
     `flag is True`, `~flag` and masks of arrays mean something else for 1 than for True, and None or
-    an array isn't an answer at all.
+    an array isn't an answer at all. NumPy's bool is of low severity: PettingZoo's own API test
+    refuses it, and it can't be written as JSON.
 
     Bad: `terminations[agent] = self.steps // 100`.
 
@@ -50,17 +52,20 @@ def flags_are_bools(contract: Contract, evidence: ProbeEvidence) -> Iterator[Cas
                     False,
                     "a bool",
                     f"{flag['type']}: {shown(flag.get('value'))}",
-                    proof=_proof(evidence.api, name),
+                    proof=_proof(evidence.api, BOOKS[name]),
                 )
             if not bad and (turn.terminated or turn.truncated):
                 yield Case(trace.at(turn, None, "terminations"), True)
+    for fact in evidence.facts(NumpyFlag):
+        proof = _proof(evidence.api, fact.where.field, "bool")
+        yield Case(fact.where, False, "Python's bool", "NumPy's bool", proof=proof, severity=LOW)
 
 
-def _proof(api: str, name: str) -> str:
-    book = BOOKS[name] if api == "parallel" else f"env.{BOOKS[name]}"
+def _proof(api: str, book: str, kinds: str = "(bool, np.bool_)") -> str:
+    flags = book if api == "parallel" else f"env.{book}"
     return (
-        f"flags = {book}\n"
-        "odd = {a: flags[a] for a in flags if not isinstance(flags[a], (bool, np.bool_))}\n"
+        f"flags = {flags}\n"
+        f"odd = {{a: flags[a] for a in flags if not isinstance(flags[a], {kinds})}}\n"
         "assert not odd, odd"
     )
 

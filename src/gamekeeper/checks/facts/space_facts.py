@@ -92,3 +92,8 @@ class PickledInfo:
     """
 
     unpicklable: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class NumpyFlag:
+    """The first flag of an episode that is a bool of NumPy's; the field names the dictionary."""

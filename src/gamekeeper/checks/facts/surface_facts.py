@@ -72,9 +72,11 @@ class ReturnedForms:
     Attributes:
         calls: by call of reset and step (Parallel), or of `last` after the third reset (AEC): what
             is wrong, in words; empty if nothing is.
+        infos_answer: whether infos answer for any agent, as a defaultdict does.
     """
 
     calls: list[str]
+    infos_answer: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -283,7 +283,7 @@ def every_agent_is_given_an_info(contract: Contract, evidence: ProbeEvidence) ->
     """Every agent has its entry in infos: after reset, in every step, and in its last one.
 
     Wrappers and trainers read `infos[agent]` for masks and statistics, and raise KeyError where an
-    entry is missing; an empty dictionary does.
+    entry is missing; an empty dictionary does, and so does a defaultdict.
 
     Bad: `return observations, {}` from reset.
 
@@ -301,6 +301,7 @@ def every_agent_is_given_an_info(contract: Contract, evidence: ProbeEvidence) ->
                     proof=IN_BOOKS,
                 )
         return
+    answers = any(fact.value.infos_answer for fact in evidence.facts(ReturnedForms))
     for trace in evidence["rollout"]:
         for each in turn_entries(trace):
             if each.says_nothing:
@@ -308,7 +309,7 @@ def every_agent_is_given_an_info(contract: Contract, evidence: ProbeEvidence) ->
             live = each.turn.live if not each.turn.index else each.turn.live & each.before
             owed = live | {agent for agent in each.acted if each.has(agent)}
             owed &= set(each.turn.agents)
-            lost = sorted(a for a in owed if "info" in each.missing.get(a, ()))
+            lost = sorted(a for a in owed if "info" in each.missing.get(a, ()) and not answers)
             yield Case(
                 trace.at(each.turn, lost[0] if lost else None, "infos"),
                 not lost,

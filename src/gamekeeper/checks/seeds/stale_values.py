@@ -103,7 +103,7 @@ def _apart_proof(api: str, field: str, one: object, other: object) -> str:
         "def arrays(value):\n"
         "    items = value.values() if isinstance(value, dict) else value\n"
         "    if isinstance(value, np.ndarray):\n"
-        "        return [value]\n"
+        "        return [value] if value.dtype.kind in 'biufc' else []\n"
         "    if isinstance(value, (dict, list, tuple)):\n"
         "        return [array for item in items for array in arrays(item)]\n"
         "    return []\n"
@@ -239,7 +239,7 @@ def observations_are_apart(contract: Contract, evidence: ProbeEvidence) -> Itera
     """The observations of two agents share no memory that can be written to.
 
     A wrapper that normalises one agent's observation in place normalises the other's as well.
-    Equal observations are fine, in arrays of their own or in one that is read-only.
+    Equal observations are fine in arrays of their own, or in one that is read-only or holds texts.
 
     Bad:
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -89,6 +89,23 @@ def fits(space: Any, mask: Any) -> str | None:
     return None
 
 
+def is_joint(space: Any, mask: Any) -> bool:
+    """Tells whether a mask has one number for each joint action of a MultiDiscrete space."""
+    if not isinstance(space, spaces.MultiDiscrete) or not isinstance(mask, np.ndarray):
+        return False
+    return mask.shape == tuple(space.nvec.ravel()) and fits(space, mask) is not None
+
+
+def stands_elsewhere(space: Any, turn: Turn, agent: str) -> bool:
+    """Tells whether an agent is given a mask under a name that nobody reads: `mask`."""
+    sizes = {int(getattr(space, "n", 0))}
+    if isinstance(space, spaces.MultiDiscrete):
+        sizes = {int(space.nvec.sum()), int(space.nvec.prod())}
+    given = (turn.observations.get(agent), turn.infos.get(agent))
+    found = (each.get("mask") for each in given if isinstance(each, Mapping))
+    return any(isinstance(mask, np.ndarray | list) and np.size(mask) in sizes for mask in found)
+
+
 def mask_parts(space: Any, mask: Any) -> list[Any]:
     """One array of flags for each choice that the mask leaves, of Discrete and MultiDiscrete."""
     if isinstance(space, spaces.Discrete):
@@ -107,6 +124,8 @@ def is_legal(space: Any, mask: Any, action: Any) -> bool:
             return False
         if mask is None:
             return True
+        if is_joint(space, mask):
+            return bool(mask[tuple(np.ravel(action) - np.ravel(space.start))])
         flags = mask_parts(space, mask)
         if isinstance(space, spaces.Discrete):
             return bool(flags[0][int(action) - int(space.start)])
@@ -137,7 +156,8 @@ def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> I
     """An action mask has one number for each action of its agent, no more and no fewer.
 
     A mask of another length, or of another agent's action space, can't be laid over what a policy
-    may choose: some actions are never offered, or choosing crashes.
+    may choose: some actions are never offered, or choosing crashes. One number for each joint
+    action of a MultiDiscrete space is a mask too.
 
     Bad:
 
@@ -150,7 +170,7 @@ def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> I
     for each in masks(contract, evidence):
         where = each.trace.at(each.turn, each.agent, each.place)
         fault = fits(each.space, each.mask)
-        if fault is None:
+        if fault is None or is_joint(each.space, each.mask):
             yield Case(where, True)
             continue
         expected, _, seen = fault.partition(", actual ")

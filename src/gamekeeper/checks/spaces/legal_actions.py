@@ -13,7 +13,7 @@ from gamekeeper.checks.facts.action_facts import TriedAction
 from gamekeeper.checks.facts.play_facts import RaisedCall
 from gamekeeper.checks.literal import literal
 from gamekeeper.checks.probe_evidence import ProbeDeath, ProbeEvidence, ProbeRun
-from gamekeeper.checks.spaces.action_masks import is_legal, mask_of
+from gamekeeper.checks.spaces.action_masks import is_legal, mask_of, stands_elsewhere
 from gamekeeper.checks.spaces.observation_values import spaces_of
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.episode import Episode, Turn
@@ -52,6 +52,8 @@ def legal_turns(contract: Contract, evidence: ProbeEvidence) -> Iterator[LegalTu
                     continue
                 masks = {agent: mask_of(contract, turn, agent) for agent in acting}
                 if raised and not all(_plays(known, turn, each, masks[each]) for each in acting):
+                    break
+                if any(stands_elsewhere(known.get(each), turn, each) for each in acting):
                     break
                 said = raised if turn.raised else None
                 masked = any(mask is not None for mask in masks.values())

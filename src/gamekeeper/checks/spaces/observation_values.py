@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from gamekeeper.checks.check import HIGH, MEDIUM, Case, check
+from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, check
 from gamekeeper.checks.facts.space_facts import AskedSpace, OthersView
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract
@@ -96,7 +96,12 @@ def _looked(
         return Case(trace.at(turn, agent, "observations"), True)
     where = trace.at(turn, agent, f"observations{found.path}")
     return Case(
-        where, False, found.expected, found.actual, proof=misfit_proof(evidence.api, agent, found)
+        where,
+        False,
+        found.expected,
+        found.actual,
+        proof=misfit_proof(evidence.api, agent, found),
+        severity=LOW if found.is_taken else None,
     )
 
 

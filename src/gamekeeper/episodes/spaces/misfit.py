@@ -33,6 +33,7 @@ class Misfit:
         expected: in words.
         actual: in words.
         test: Python that holds for a value as it should be, over `value` and `space`.
+        is_taken: Gymnasium's `contains` takes it all the same, and loses nothing of it.
     """
 
     kind: str
@@ -40,6 +41,7 @@ class Misfit:
     expected: str
     actual: str
     test: str
+    is_taken: bool = False
 
 
 def misfits(space: Space, value: object, path: str = "") -> Iterator[Misfit]:
@@ -174,11 +176,14 @@ def _of_array(space: Any, value: object, path: str) -> Iterator[Misfit]:
     if not isinstance(value, np.ndarray) or value.dtype.kind not in "biufc":
         test = f"isinstance(value{path}, np.ndarray) and value{path}.dtype.kind in 'biuf'"
         expected = f"an array of {space.dtype} {list(space.shape)}"
-        yield Misfit(STRUCTURE, path, expected, _described(value), test)
+        is_taken = isinstance(value, tuple | list) and not isinstance(space, spaces.Box)
+        is_taken = is_taken and contains(space, value)
+        yield Misfit(STRUCTURE, path, expected, _described(value), test, is_taken)
         return
     if value.dtype != space.dtype:
         test = f"value{path}.dtype == space{path}.dtype"
-        yield Misfit(DTYPE, path, str(space.dtype), str(value.dtype), test)
+        is_taken = np.can_cast(value.dtype, space.dtype)
+        yield Misfit(DTYPE, path, str(space.dtype), str(value.dtype), test, is_taken)
     if value.shape != tuple(space.shape):
         test = f"value{path}.shape == space{path}.shape"
         yield Misfit(SHAPE, path, f"shape {tuple(space.shape)}", f"shape {value.shape}", test)

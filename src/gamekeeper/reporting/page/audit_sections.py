@@ -97,7 +97,7 @@ def _judged(verdict: Mapping[str, Any]) -> VerdictEntry:
         outcome=str(verdict.get("outcome")),
         severity=str(verdict.get("severity", "")),
         reason=str(verdict.get("reason") or ""),
-        cases=f"{verdict.get('failed') or 0:,} of {verdict.get('cases', 0):,} cases failed",
+        cases=_cases(verdict),
         findings=tuple(
             FindingEntry(
                 facts=tuple((key, str(each[key])) for key in FACTS if each.get(key)),
@@ -107,6 +107,15 @@ def _judged(verdict: Mapping[str, Any]) -> VerdictEntry:
             for k, each in enumerate(verdict.get("findings") or ())
         ),
     )
+
+
+def _cases(verdict: Mapping[str, Any]) -> str:
+    """`0 of 40 cases failed; could miss a fault that shows in fewer than 7.2 % of cases`."""
+    text = f"{verdict.get('failed') or 0:,} of {verdict.get('cases', 0):,} cases failed"
+    share = verdict.get("could_miss")
+    if share is None:
+        return text
+    return f"{text}; could miss a fault that shows in fewer than {100 * share:.2g} % of cases"
 
 
 KINDS: Final = ("mask", "observation", "reward", "ending")
