@@ -242,7 +242,7 @@ class _Ledger:
         return flags_of(self.cell.form, self._code(agent))
 
     def _move(self, env: Any, actions: dict[str, Any], ticks: float) -> None:
-        """Pays who acted, and the time to those who watched; ends and brings in whose time it is."""
+        """Pays for actions, and the time to those who watched; ends agents and brings them in."""
         self.time += 1
         for place, agent in enumerate(self.possible_agents):
             if agent in actions:

@@ -51,11 +51,9 @@ def on_policy(cell: Cell) -> str:
 
     from gamekeeper.adapters import sb3
 
-    role = {"role": "dog", "others": "first-legal"} if cell.roles == 2 else {}
-    try:
-        venv = sb3.vec_env(cell.spec, ENVS, check=None, seed=SEED, env_kwargs=cell.kwargs, **role)
-    except SpecError as error:
-        return f"refused: {str(error).splitlines()[0].rpartition(': ')[2]}"
+    venv = _opened(cell)
+    if isinstance(venv, str):
+        return venv
     steps = steps_of(cell)
     model = (MaskablePPO if cell.mask else PPO)(
         network(venv.observation_space),
@@ -74,6 +72,52 @@ def on_policy(cell: Cell) -> str:
     compare(model.rollout_buffer, cell, asked)
     venv.close()
     return ""
+
+
+def off_policy(cell: Cell) -> str:
+    """Fills a replay buffer as `on_policy` does a rollout buffer; says why if refused."""
+    from stable_baselines3 import DQN, SAC
+    from stable_baselines3.common.type_aliases import TrainFreq, TrainFrequencyUnit
+
+    from gamekeeper.adapters import sb3
+
+    if cell.form not in ("Box", "Discrete"):
+        return "no algorithm: DQN takes Discrete actions, SAC Box"
+    venv = _opened(cell)
+    if isinstance(venv, str):
+        return venv
+    model: Any = (SAC if cell.form == "Box" else DQN)(
+        network(venv.observation_space),
+        venv,
+        buffer_size=200,
+        device="cpu",
+        policy_kwargs={"net_arch": []},
+        **sb3.replay_buffer(venv),
+    )
+
+    def sampled(*_: Any) -> Any:
+        codes = [ledger.decode(cell.seen, row) for row in rows(model._last_obs)]
+        acts = np.array([ledger.act(cell.form, code, masked=cell.mask) for code in codes])
+        return acts, acts
+
+    model._sample_action = sampled
+    _, callback = model._setup_learn(1)
+    freq = TrainFreq(steps_of(cell), TrainFrequencyUnit.STEP)
+    model.collect_rollouts(model.env, callback, freq, model.replay_buffer, learning_starts=0)
+    compare_transitions(model.replay_buffer, cell)
+    venv.close()
+    return ""
+
+
+def _opened(cell: Cell) -> Any:
+    """The adapter's environment of a cell, or why it is refused."""
+    from gamekeeper.adapters import sb3
+
+    role = {"role": "dog", "others": "first-legal"} if cell.roles == 2 else {}
+    try:
+        return sb3.vec_env(cell.spec, ENVS, check=None, seed=SEED, env_kwargs=cell.kwargs, **role)
+    except SpecError as error:
+        return f"refused: {str(error).splitlines()[0].rpartition(': ')[2]}"
 
 
 def network(space: Any) -> str:
@@ -136,6 +180,26 @@ def compare(buffer: Any, cell: Cell, alone: list[Code]) -> None:
         assert buffer.returns[at, 0] == credited + value(code)
     cut = [d.following for d in expected.values() if d.end == (False, True)]
     assert sorted(alone) == sorted(cut)
+
+
+def compare_transitions(buffer: Any, cell: Cell) -> None:
+    """Asserts that a replay buffer holds the log, transition by transition."""
+    expected, count = log(cell), buffer.pos
+    both = [
+        [_unbatched(row, cell) for row in rows(_squeezed(part))][:count]
+        for part in (buffer.observations, buffer.next_observations)
+    ]
+    codes = [ledger.decode(cell.seen, row) for row in both[0]]
+    assert sorted(codes) == sorted(expected)
+    for at, code in enumerate(codes):
+        decision = expected[code]
+        assert decision.following is not None
+        ledger.same(both[0][at], ledger.encode(cell.seen, code))
+        ledger.same(both[1][at], ledger.encode(cell.seen, decision.following))
+        ledger.same(buffer.actions[at, 0].ravel(), np.ravel(decision.action))
+        assert buffer.rewards[at, 0] == decision.reward
+        assert bool(buffer.dones[at, 0]) == any(decision.end)
+        assert bool(buffer.timeouts[at, 0]) == (decision.end == (False, True))
 
 
 def _squeezed(seen: Any) -> Any:
