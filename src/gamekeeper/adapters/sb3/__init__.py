@@ -16,7 +16,17 @@ except ImportError as error:
 
 from gamekeeper.adapters.sb3.sb3_buffers import buffer, replay_buffer
 from gamekeeper.adapters.sb3.sb3_envs import vec_env
+from gamekeeper.adapters.sb3.sb3_normalization import normalized, save
 from gamekeeper.adapters.sb3.sb3_policy import EvalCallback, RecordCallback, policy
 
 VERSION = stable_baselines3.__version__
-__all__ = ["EvalCallback", "RecordCallback", "buffer", "policy", "replay_buffer", "vec_env"]
+__all__ = [
+    "EvalCallback",
+    "RecordCallback",
+    "buffer",
+    "normalized",
+    "policy",
+    "replay_buffer",
+    "save",
+    "vec_env",
+]

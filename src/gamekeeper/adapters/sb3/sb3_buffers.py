@@ -16,6 +16,7 @@ from stable_baselines3.common.buffers import (
     ReplayBuffer,
     RolloutBuffer,
 )
+from stable_baselines3.common.vec_env import VecNormalize
 
 from gamekeeper.adapters.decisions import decided
 from gamekeeper.adapters.slot_views import at
@@ -34,7 +35,7 @@ def buffer(venv: Any, *, masked: bool = False) -> dict[str, Any]:
     **buffer(venv))`.
 
     Args:
-        venv: what `vec_env` returned, before it is wrapped in anything.
+        venv: what `vec_env` or `normalized` returned.
         masked: for sb3-contrib's MaskablePPO.
     """
     plain, of_dicts = (
@@ -45,7 +46,7 @@ def buffer(venv: Any, *, masked: bool = False) -> dict[str, Any]:
     is_dict = isinstance(venv.observation_space, spaces.Dict)
     return {
         "rollout_buffer_class": of_dicts if is_dict else plain,
-        "rollout_buffer_kwargs": {"watched": Watched(venv.slots)},
+        "rollout_buffer_kwargs": {"watched": _watched(venv)},
     }
 
 
@@ -56,13 +57,17 @@ def replay_buffer(venv: Any) -> dict[str, Any]:
     actions, unless its rules have a penalty for them.
 
     Args:
-        venv: what `vec_env` returned, before it is wrapped in anything.
+        venv: what `vec_env` or `normalized` returned.
     """
     is_dict = isinstance(venv.observation_space, spaces.Dict)
     return {
         "replay_buffer_class": DecisionsDictReplayBuffer if is_dict else DecisionsReplayBuffer,
-        "replay_buffer_kwargs": {"watched": Watched(venv.slots)},
+        "replay_buffer_kwargs": {"watched": _watched(venv)},
     }
+
+
+def _watched(venv: Any) -> Watched:
+    return Watched(venv.slots, is_normalized=isinstance(venv, VecNormalize))
 
 
 class Watched:
@@ -70,13 +75,14 @@ class Watched:
 
     Attributes:
         slots: None once it was saved and loaded.
+        is_normalized: the environment's observations or rewards were normalized.
     """
 
-    def __init__(self, slots: Slots | None) -> None:
-        self.slots = slots
+    def __init__(self, slots: Slots | None, *, is_normalized: bool = False) -> None:
+        self.slots, self.is_normalized = slots, is_normalized
 
-    def __reduce__(self) -> tuple[type[Watched], tuple[None]]:
-        return Watched, (None,)
+    def __reduce__(self) -> tuple[Any, tuple[bool]]:
+        return _saved, (self.is_normalized,)
 
     def seen(self) -> Slots:
         """The slots.
@@ -91,6 +97,11 @@ class Watched:
                 fix=FIX,
             )
         return self.slots
+
+
+def _saved(is_normalized: bool) -> Watched:
+    """Returns what a saved model holds."""
+    return Watched(None, is_normalized=is_normalized)
 
 
 class _Decisions:
