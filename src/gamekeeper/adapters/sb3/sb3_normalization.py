@@ -90,11 +90,14 @@ class _ActingOnly(RunningMeanStd):
 class Normalized(VecNormalize):
     """Use `normalized`."""
 
+    obs_rms: Any
+    returns: Any
+
     def __init__(self, venv: Any, **options: Any) -> None:
         super().__init__(venv, **options)
         watched = Watched(venv.slots)
         if self.norm_obs:
-            rms: Any = self.obs_rms
+            rms = self.obs_rms
             self.obs_rms = (
                 {key: _ActingOnly(watched, one.mean.shape) for key, one in rms.items()}
                 if isinstance(rms, dict)
