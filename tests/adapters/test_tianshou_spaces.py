@@ -112,10 +112,10 @@ def test_every_kind_of_space_is_learnt_from(kind: dict[str, Any], spec: str) -> 
 def test_masked_networks_serve_environments_without_masks() -> None:
     """One program for both: `masked` and `unmasked` change nothing where there is no mask."""
     import torch
+    from tianshou.utils.net.common import Net
     from tianshou.utils.net.discrete import DiscreteActor, DiscreteCritic
 
     from gamekeeper.adapters.tianshou import masked, unmasked
-    from tianshou.utils.net.common import Net
 
     env = made(kinds.HERE, 2)
     rows, _ = env.reset()
