@@ -107,3 +107,21 @@ def test_every_kind_of_space_is_learnt_from(kind: dict[str, Any], spec: str) -> 
         assert learnt.version != before
         kinds.plays(spec, kind, learnt)
     env.close()
+
+
+def test_masked_networks_serve_environments_without_masks() -> None:
+    """One program for both: `masked` and `unmasked` change nothing where there is no mask."""
+    import torch
+    from tianshou.utils.net.common import Net
+    from tianshou.utils.net.discrete import DiscreteActor, DiscreteCritic
+
+    from gamekeeper.adapters.tianshou import masked, unmasked
+
+    env = made(kinds.HERE, 2)
+    rows, _ = env.reset()
+    net = Net(state_shape=2, hidden_sizes=[4])
+    actor = DiscreteActor(preprocess_net=net, action_shape=3, softmax_output=False)
+    critic = DiscreteCritic(preprocess_net=net)
+    assert torch.equal(masked(actor)(rows)[0], actor(rows)[0])
+    assert torch.equal(unmasked(critic)(rows), critic(rows))
+    env.close()

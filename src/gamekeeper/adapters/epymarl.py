@@ -213,7 +213,9 @@ class MultiAgentEnv:
             self._tick(chosen)
         is_over = not self.env.agents
         is_cut = not is_over and self._steps >= self.episode_limit
+        was_live = self.live
         self._look()
+        self._note_departures(was_live & ~self.live)
         if is_cut:  # agents that are live now, not those that were before the step
             self.truncations |= self.live
         self._is_begun = not (is_over or is_cut)
@@ -273,6 +275,14 @@ class MultiAgentEnv:
             self.rewards[i] += float(paid.get(agent, 0.0))
             if agent in ended:
                 self.terminations[i], self.truncations[i] = terms[agent], truncs[agent]
+
+    def _note_departures(self, gone: Any) -> None:
+        """Notes agents that left without an ending as terminated."""
+        left = [i for i in gone.nonzero()[0] if self.agents[i] not in self._ended]
+        self._ended.update(self.agents[i] for i in left)
+        if left:
+            self.terminations[left] = True
+            self._is_all_cut = False
 
     def _turns(self) -> None:
         """Plays the turns of ended agents (None) and of other agents, up to a learner's."""

@@ -13,11 +13,13 @@ from typing import Any, Final
 
 import numpy as np
 
+from gamekeeper.adapters.alike import alike
 from gamekeeper.auditing.audit_process import audit
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.canonical import to_json
 from gamekeeper.episodes.layout import role as role_in_name
 from gamekeeper.errors import ContractError, SpecError
+from gamekeeper.interface.declared_contract import declared_contract
 from gamekeeper.interface.joint_policy import Choices, JointPolicy
 from gamekeeper.interface.opening import open_env
 from gamekeeper.interface.policy import EVERYONE
@@ -73,7 +75,25 @@ def checked(
         )
     for verdict in found.failed:
         sys.stderr.write(f"gamekeeper: {verdict.id} failed: {verdict.claim}\n")
+    _warn_of_likeness(spec, env_kwargs)
     PASSED[name] = spec
+
+
+def _warn_of_likeness(spec: object, env_kwargs: Mapping[str, Any] | None) -> None:
+    """Says on stderr which agents a shared policy couldn't tell apart."""
+    opened = open_env(spec, **dict(env_kwargs or {}))
+    try:
+        contract = declared_contract(None, opened)
+        cast = cast_of("random", opened.env, contract)
+        found = alike(opened.env, cast, opened.api, lambda agent: role_of(contract, agent))
+    finally:
+        opened.env.close()
+    for agents, looks in found.values():
+        sys.stderr.write(
+            f"gamekeeper: {', '.join(map(str, agents))} were shown the same observation in all "
+            f"{looks} comparisons: a policy that they share can't tell them apart "
+            "(fix: put the agent's number into its observation, or train a policy for each)\n"
+        )
 
 
 def role_of(contract: Contract | None, agent: Any) -> str:

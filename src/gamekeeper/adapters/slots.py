@@ -73,6 +73,7 @@ class Slots:
         acting: [slot], slots that act in the next one.
         masks: [slot, action], actions that each may take; ones where it doesn't matter.
         seed: of the run.
+        runs: how many runs were begun.
     Raises:
         SpecError: the learners differ in their spaces, or another agent has no policy.
     """
@@ -90,7 +91,7 @@ class Slots:
         self.venv = venv = make(
             spec, num_envs, seed=seed, infos=others is not None, copy=False, **options
         )
-        self.seed = seed
+        self.seed, self.runs = seed, 0
         self._contract = venv.seen.contract
         try:
             learners = find_learners(venv.groups, role, self._contract)
@@ -126,6 +127,7 @@ class Slots:
         """Begins a run (without a seed the same one again), and returns each slot's observation."""
         if seed is not None:
             self.seed = int(seed)
+        self.runs += 1
         self._obs, self._infos = self.venv.reset(seed=self.seed)
         self._lengths[...] = 0
         self._returns[...] = 0.0
@@ -146,12 +148,8 @@ class Slots:
         self._lengths += self.acted
         self._returns += rewards
         ended = terminated | truncated
-        was_live = None if view.are_all_live else view.live.copy()
         self._others.begin(over, self.seed, infos)
         self._seen = view.look(self._seen, self._obs, infos, over)
-        if len(over) or not view.are_all_live:
-            terminated |= self._left(was_live, ended, over)
-            ended = terminated | truncated
         if not ended.any():
             return Step(self._seen, rewards, terminated, truncated, {}, {}, {})
         slots = ended.nonzero()[0].tolist()
@@ -166,10 +164,3 @@ class Slots:
     def close(self) -> None:
         """Closes every sub-environment."""
         self.venv.close()
-
-    def _left(self, was_live: Any, ended: Any, over: Any) -> Any:
-        """Slots that left without an ending: not live any more, or in a reset sub-environment."""
-        left = ~ended if was_live is None else was_live & ~ended  # None: all of them were live
-        stays = self._view.live.reshape(self.venv.num_envs, -1).copy()
-        stays[over] = False
-        return left & ~stays.reshape(-1)

@@ -6,7 +6,7 @@ tick: a row of an array costs more to write alone than all of them together.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from itertools import chain
 from operator import itemgetter
 from typing import Any, TypeAlias
@@ -62,7 +62,7 @@ class TickBlock(SubEnvBlock):
                 paid += pick(out[1])
             except KeyError:  # not everybody is there
                 paid += [out[1].get(agent, 0.0) for agent in agents]
-            self._take(e, env.agents, out, said)
+            self._take(e, acted, env.agents, out, said)
             self._after_env()
         self._pour()
         arrays["rewards"].reshape(-1)[:] = paid
@@ -79,9 +79,13 @@ class TickBlock(SubEnvBlock):
         self._episodes[e] += self._slots
         self._begin(e, said)
 
-    def _take(self, e: int, live: Sequence[AgentId], out: Any, said: Said) -> None:
+    def _take(
+        self, e: int, acted: Collection[AgentId], live: Sequence[AgentId], out: Any, said: Said
+    ) -> None:
         """Keeps what a tick gave; `out` is what the environment returned."""
         observations, _, terms, truncs, infos = out
+        if len(acted) != self._count or len(live) != self._count:
+            terms = self._with_departures(acted, live, terms, truncs)
         has_ended = True in terms.values() or True in truncs.values()
         if has_ended:
             self._note_ends(e, terms, truncs)
@@ -100,6 +104,14 @@ class TickBlock(SubEnvBlock):
         else:
             self._arrays["over"][e] = True
             self._show(e, observations, infos, ())
+
+    def _with_departures(
+        self, acted: Collection[AgentId], live: Sequence[AgentId], terms: Any, truncs: Any
+    ) -> Any:
+        """Returns terminations, with those of agents that left without an ending."""
+        here = set(live)
+        left = [a for a in acted if a not in here and not (terms.get(a) or truncs.get(a))]
+        return {**terms, **dict.fromkeys(left, True)} if left else terms
 
     def _note_ends(self, e: int, terms: Any, truncs: Any) -> None:
         column = self._column

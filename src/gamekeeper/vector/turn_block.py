@@ -9,6 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gamekeeper.interface.capture import AgentId
 from gamekeeper.vector.sub_env_block import Said, SubEnvBlock, bare, put_mask
 from gamekeeper.vector.vector_form import getter
@@ -33,7 +36,8 @@ class TurnBlock(SubEnvBlock):
     def _begin(self, e: int, said: Said) -> None:
         self._reset_door(e)
         self._told[e], self._ended[e] = {}, set()
-        self._find_live(e)
+        self._arrays["live"][e] = False
+        self._find_live(e, said)
         self._turn_of_the_living(e, said, {})
 
     def step(self) -> Said:
@@ -85,7 +89,7 @@ class TurnBlock(SubEnvBlock):
             if not (terminated or truncated):
                 if self._ended[e]:
                     self._tell_the_late(e, said)
-                self._find_live(e)
+                self._find_live(e, said)
                 self._show(e, agent, observation, info, said)
                 return
             self._tell(e, agent, observation, info, said)
@@ -117,15 +121,31 @@ class TurnBlock(SubEnvBlock):
         for name in self._finals:
             self._arrays[name][e] = 0
 
-    def _find_live(self, e: int) -> None:
+    def _find_live(self, e: int, said: Said) -> None:
         env, row = self._envs[e], self._arrays["live"][e]
         if len(env.agents) == self._count and not self._ended[e]:
             row[...] = True
             return
+        was_live = row.copy()
         row[...] = False
         for agent in env.agents:
             is_dead = env.terminations.get(agent) or env.truncations.get(agent)
             row[self._column[agent]] = not is_dead
+        self._note_departures(e, was_live & ~row, said)
+
+    def _note_departures(self, e: int, gone: NDArray[np.bool_], said: Said) -> None:
+        """Notes agents that left without an ending as terminated; they have no last observation."""
+        ended = {agent for _, agent in self._ended[e]}
+        for column in gone.nonzero()[0].tolist():
+            agent = self._agents[column]
+            if agent in ended:
+                continue
+            self._ended[e].add(("terminated", agent))
+            self._arrays["terminated"][e, column] = True
+            if not self._told[e]:
+                self._blank_finals(e)
+            self._told[e][agent] = {}
+            said.final[e] = dict(self._told[e])
 
     def _show(self, e: int, agent: AgentId, observation: Any, info: Any, said: Said) -> None:
         column = self._column[agent]
@@ -143,6 +163,7 @@ class TurnBlock(SubEnvBlock):
 
     def _over(self, e: int, said: Said) -> None:
         arrays = self._arrays
+        self._note_departures(e, arrays["live"][e], said)
         if not self._told[e]:
             self._blank_finals(e)
         said.final[e] = dict(self._told[e])

@@ -193,13 +193,13 @@ class Ticks(World):
         return told
 
     def _gone(self, agent: Any, reward: float) -> StepOutput:
-        """Output of an agent that left without an ending: truncated, with its last observation."""
+        """Output of an agent that left without an ending: terminated, with its last observation."""
         last = self.live[agent]
         return StepOutput(
             self._seen.get(agent, last.observation),
             reward,
             self._infos.get(agent, last.info),
-            truncated=True,
+            terminated=True,
         )
 
 
@@ -255,8 +255,8 @@ class Turns(World):
         """Output of an agent that left without a last turn, with its last observation."""
         env, last = self.env, self.live[agent]
         amount = self._pay(agent, env._cumulative_rewards.get(agent, 0.0))
-        terminated = bool(env.terminations.get(agent))
-        return StepOutput(last.observation, amount, last.info, terminated, not terminated)
+        is_cut = bool(env.truncations.get(agent)) and not env.terminations.get(agent)
+        return StepOutput(last.observation, amount, last.info, not is_cut, is_cut)
 
 
 ALL: Final = "__all__"
@@ -284,7 +284,7 @@ def multi_agent_env(
     | | |
     |---|---|
     | kept | agents by name, in the order of `possible_agents`; each one's own spaces, end, last observation, info; truncation apart from termination; who joins late comes when it comes; AEC: only who has the turn is observed, and its reward is all that it was paid since its last action, its last one comes with its end; seeds: episode k of run s is reset as `gk.rollout` resets it, and env runners play disjoint episodes |
-    | changed | an observation becomes `{"action_mask", "observations"}` where the environment has masks (`masks=False`: it doesn't; the info keeps the mask); `flatten=True` makes one row of float32 of it; a Discrete or MultiDiscrete action counts from 0; names are texts. RLlib takes an episode for terminated as soon as all the agents that it has seen have flags of their own: so those whom the last step truncates are told by `__all__` alone (one that is terminated in that step is both, and counts as terminated), and an end is told with the next step where others are still to come. Who leaves without an ending is truncated. The episode is over once all learners have ended |
+    | changed | an observation becomes `{"action_mask", "observations"}` where the environment has masks (`masks=False`: it doesn't; the info keeps the mask); `flatten=True` makes one row of float32 of it; a Discrete or MultiDiscrete action counts from 0; names are texts. RLlib takes an episode for terminated as soon as all the agents that it has seen have flags of their own: so those whom the last step truncates are told by `__all__` alone (one that is terminated in that step is both, and counts as terminated), and an end is told with the next step where others are still to come. Who leaves without an ending is terminated. The episode is over once all learners have ended |
     | lost | what an agent is paid before its first decision, and an agent that never decides; `state()`; what the others see and are paid (`returns` has the sums) |
     | refused | others without a policy (`others=`), MultiBinary actions, Dict and Tuple actions whose parts don't count from 0, an environment that doesn't name its agents before it runs, one that breaks its contract (`check=None` lets it pass), a name that comes back after its end |
 

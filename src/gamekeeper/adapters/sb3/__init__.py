@@ -1,4 +1,4 @@
-"""Stable-Baselines3: `vec_env`, `buffer`, `policy`, and callbacks that evaluate and record."""
+"""Stable-Baselines3: `vec_env`, buffers, `policy`, and callbacks that evaluate and record."""
 
 from __future__ import annotations
 
@@ -14,8 +14,19 @@ except ImportError as error:
         fix="pip install 'gamekeeper[sb3]'",
     ) from error
 
-from gamekeeper.adapters.sb3.sb3_envs import buffer, vec_env
+from gamekeeper.adapters.sb3.sb3_buffers import buffer, replay_buffer
+from gamekeeper.adapters.sb3.sb3_envs import vec_env
+from gamekeeper.adapters.sb3.sb3_normalization import normalized, save
 from gamekeeper.adapters.sb3.sb3_policy import EvalCallback, RecordCallback, policy
 
 VERSION = stable_baselines3.__version__
-__all__ = ["EvalCallback", "RecordCallback", "buffer", "policy", "vec_env"]
+__all__ = [
+    "EvalCallback",
+    "RecordCallback",
+    "buffer",
+    "normalized",
+    "policy",
+    "replay_buffer",
+    "save",
+    "vec_env",
+]

@@ -1,7 +1,4 @@
-"""A vector environment of ours as Stable-Baselines3's VecEnv, and rollout buffers for it.
-
-The buffers hold agents' decisions only, not the steps in which an agent waits or has ended.
-"""
+"""A vector environment of ours as Stable-Baselines3's VecEnv."""
 
 from __future__ import annotations
 
@@ -11,159 +8,12 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from sb3_contrib.common.maskable.buffers import MaskableDictRolloutBuffer, MaskableRolloutBuffer
-from stable_baselines3.common.buffers import DictRolloutBuffer, RolloutBuffer
 from stable_baselines3.common.vec_env import VecEnv
 
-from gamekeeper.adapters.decisions import decided
 from gamekeeper.adapters.requirements import checked
 from gamekeeper.adapters.slots import Slots
 from gamekeeper.errors import SpecError
 from gamekeeper.interface.joint_policy import Choices
-
-FIX = "load(path, env=venv, **sb3.buffer(venv))"
-
-
-def buffer(venv: Any, *, masked: bool = False) -> dict[str, Any]:
-    """Keyword arguments of PPO, A2C or MaskablePPO: `PPO("MlpPolicy", venv, **buffer(venv))`.
-
-    A saved model doesn't hold the environment: to learn on, `PPO.load(path, env=venv,
-    **buffer(venv))`.
-
-    Args:
-        venv: what `vec_env` returned, before it is wrapped in anything.
-        masked: for sb3-contrib's MaskablePPO.
-    """
-    plain, of_dicts = (
-        (DecisionsMaskableRolloutBuffer, DecisionsMaskableDictRolloutBuffer)
-        if masked
-        else (DecisionsRolloutBuffer, DecisionsDictRolloutBuffer)
-    )
-    is_dict = isinstance(venv.observation_space, spaces.Dict)
-    return {
-        "rollout_buffer_class": of_dicts if is_dict else plain,
-        "rollout_buffer_kwargs": {"watched": Watched(venv.slots)},
-    }
-
-
-class Watched:
-    """Slots that a buffer looks at; a saved model holds it without them.
-
-    Attributes:
-        slots: None once it was saved and loaded.
-    """
-
-    def __init__(self, slots: Slots | None) -> None:
-        self.slots = slots
-
-    def __reduce__(self) -> tuple[type[Watched], tuple[None]]:
-        return Watched, (None,)
-
-    def seen(self) -> Slots:
-        """The slots.
-
-        Raises:
-            SpecError: they are those of another process.
-        """
-        if self.slots is None:
-            raise SpecError(
-                "a loaded model doesn't know which agents acted in its environment",
-                where="rollout_buffer_kwargs",
-                fix=FIX,
-            )
-        return self.slots
-
-
-class _Decisions:
-    """Keeps steps in which a slot acted, each with all it was paid until it acted again.
-
-    Generalised advantage estimation runs over a slot's own decisions: a reward that comes while it
-    waits (or the bootstrap of its truncation) is added to that of its last action, the next value
-    is that of its next decision. What was still open as the rollout ended is left out, and so is
-    what was paid before an agent had done anything. Where everybody acts in every step this is
-    Stable-Baselines3's own estimate.
-    """
-
-    buffer_size: int
-    n_envs: int
-
-    def __init__(self, *args: Any, watched: Watched, **kwargs: Any) -> None:
-        self._watched = watched
-        super().__init__(*args, **kwargs)
-        self._whole = self.buffer_size, self.n_envs
-
-    def reset(self) -> None:
-        self.buffer_size, self.n_envs = getattr(self, "_whole", (self.buffer_size, self.n_envs))
-        self._acted = np.zeros((self.buffer_size, self.n_envs), bool)
-        super().reset()  # type: ignore[misc]  # a buffer of Stable-Baselines3 stands behind
-
-    def add(self, *args: Any, **kwargs: Any) -> None:
-        self._acted[self.pos] = self._watched.seen().acted  # type: ignore[attr-defined]  # likewise
-        super().add(*args, **kwargs)  # type: ignore[misc]  # likewise
-
-    def compute_returns_and_advantage(self, last_values: Any, dones: Any) -> None:
-        buffer: Any = self  # a buffer of Stable-Baselines3 stands behind
-        last = last_values.clone().cpu().numpy().flatten()
-        ends = np.concatenate([buffer.episode_starts[1:], dones[None]]).astype(bool)
-        buffer.advantages, valid = decided(
-            buffer.rewards,
-            buffer.values,
-            self._acted,
-            ends,
-            last,
-            buffer._watched.seen().acting,
-            gamma=buffer.gamma,
-            trace=buffer.gae_lambda,
-        )
-        buffer.returns = buffer.advantages + buffer.values
-        if valid.sum() < 2:  # nothing has a deviation of one
-            raise SpecError(
-                f"{valid.sum()} decisions were made in a whole rollout",
-                where="n_steps",
-                expected="2 or more, to learn from them",
-                actual=f"{len(valid)} steps of {valid.shape[1]} slots",
-                fix="take more steps, or more copies",
-            )
-        self._keep(valid)
-
-    def get(self, batch_size: int | None = None) -> Any:
-        """Batches in an order drawn anew; one decision left over waits for another time.
-
-        How many decisions there are depends on what was played, so that now and then one is left
-        over, and MaskablePPO divides by its deviation: the network would be no numbers from then.
-        """
-        for batch in super().get(batch_size):  # type: ignore[misc]  # likewise
-            if len(batch.actions) > 1:
-                yield batch
-
-    def _keep(self, valid: Any) -> None:
-        """Leaves nothing in the arrays but these steps, as those of one environment."""
-
-        def kept(value: Any) -> Any:
-            is_of_steps = isinstance(value, np.ndarray) and value.shape[:2] == valid.shape
-            return value[valid][:, None] if is_of_steps else value
-
-        for name, value in vars(self).items():
-            is_dict = isinstance(value, dict)
-            parts = {key: kept(part) for key, part in value.items()} if is_dict else kept(value)
-            setattr(self, name, parts)
-        self.buffer_size, self.n_envs = int(valid.sum()), 1
-
-
-class DecisionsRolloutBuffer(_Decisions, RolloutBuffer):
-    """Rollout buffer of PPO and A2C."""
-
-
-class DecisionsDictRolloutBuffer(_Decisions, DictRolloutBuffer):
-    """Rollout buffer of PPO and A2C, for observations that are dictionaries."""
-
-
-class DecisionsMaskableRolloutBuffer(_Decisions, MaskableRolloutBuffer):
-    """Rollout buffer of MaskablePPO."""
-
-
-class DecisionsMaskableDictRolloutBuffer(_Decisions, MaskableDictRolloutBuffer):
-    """Rollout buffer of MaskablePPO, for observations that are dictionaries."""
 
 
 def vec_env(
@@ -184,8 +34,8 @@ def vec_env(
     | | |
     |---|---|
     | kept | every agent's own end, `terminal_observation`, `TimeLimit.truncated` of each agent, action masks (`env_method("action_masks")`, as MaskablePPO asks for them), seeds: slot e * A + a plays the episodes e, e + num_envs, ... of run `seed`, the same ones as `gk.rollout` |
-    | changed | an agent that ended before its copy is over shows zeros and reward 0 until that resets; who leaves without an ending counts as terminated; in an AEC environment a slot acts in its turns only. `buffer(venv)` keeps such steps out of on-policy training and credits each reward to the action that earned it. A Dict observation loses its `action_mask`; of one other part only that part is left |
-    | lost | infos but for the mask; state(); who acts with whom. Off-policy buffers (DQN, SAC) also store the steps of slots that didn't act, and a recurrent policy isn't told that an agent which had ended begins anew |
+    | changed | an agent that ended before its copy is over shows zeros and reward 0 until that resets; who leaves without an ending counts as terminated; in an AEC environment a slot acts in its turns only. `buffer(venv)` (PPO, A2C, MaskablePPO) and `replay_buffer(venv)` (DQN, SAC and their kin) keep such steps out and credit each reward to the action that earned it. A Dict observation loses its `action_mask`; of one other part only that part is left |
+    | lost | infos but for the mask; state(); who acts with whom; what an agent is paid before its first decision. Off-policy algorithms don't read masks, and a recurrent policy isn't told that an agent which had ended begins anew |
     | refused | spaces that Stable-Baselines3's networks don't take: Tuple, a Dict within a Dict or as an action, MultiDiscrete of two axes, actions of MultiBinary of two, whole numbers that don't count from 0; learners that differ in their spaces (`role=`), others without a policy (`others=`), an environment that breaks the contract (`check=None` lets it pass) |
 
     Args:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping
+from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,12 @@ import torch
 from stable_baselines3.common.callbacks import BaseCallback
 
 from gamekeeper.adapters.requirements import role_of, weights_digest
+from gamekeeper.adapters.sb3.sb3_normalization import (
+    Normalization,
+    normalization_of,
+    save,
+    saved_normalization,
+)
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import PolicyError
 from gamekeeper.runs.recording import rollout
@@ -29,10 +36,19 @@ class ModelPolicy:
         version: kept with the evidence.
         deterministic: takes the likeliest action; else one is drawn, from a generator that the
             agent's own stream seeds, so that the draws of a learner meanwhile stay the same.
+        normalization: of observations; None: they are shown as they are.
     """
 
-    def __init__(self, model: Any, *, version: str, deterministic: bool = True) -> None:
+    def __init__(
+        self,
+        model: Any,
+        *,
+        version: str,
+        deterministic: bool = True,
+        normalization: Normalization | None = None,
+    ) -> None:
         self.model, self.version, self.deterministic = model, version, deterministic
+        self.normalization = normalization
         self._is_masked = type(model).__name__.startswith("Maskable")
 
     def __call__(self, observation: Any, agent: Any, info: Any, rng: Any) -> Any:
@@ -49,6 +65,8 @@ class ModelPolicy:
         if self._is_masked and mask is not None:
             parts = mask if isinstance(mask, tuple | list) else [mask]
             more["action_masks"] = np.concatenate([np.atleast_1d(part) for part in parts]) != 0
+        if self.normalization is not None:
+            observation = self.normalization(observation)
         if self.deterministic:
             action, _ = self.model.predict(observation, deterministic=True, **more)
         else:
@@ -71,11 +89,34 @@ def policy(model: Any, *, deterministic: bool = True, version: str | None = None
         PolicyError: there is no such file, or no model in it.
     """
     if isinstance(model, str | Path):
-        model = _loaded(Path(model))
+        path, model = Path(model), _loaded(Path(model))
+        kept = saved_normalization(path)
+        if kept is None and _was_normalized(model):
+            raise PolicyError(
+                "the model learnt from normalized observations, and their statistics aren't saved",
+                where=str(path),
+                expected="a file that gamekeeper.adapters.sb3.save(model, path) wrote",
+                actual="one of model.save(path)",
+                fix="save it so; or policy(model), with the model in memory",
+            )
+    else:
+        kept = normalization_of(model)
     if version is None:
         digest = weights_digest(sorted(model.policy.state_dict().items()))
         version = f"{model.num_timesteps} steps, {digest}"
-    return ModelPolicy(model, version=version, deterministic=deterministic)
+        if kept is not None:
+            seen = blake2b(kept.to_json().encode(), digest_size=4).hexdigest()
+            version += f", normalized by {seen}"
+    return ModelPolicy(model, version=version, deterministic=deterministic, normalization=kept)
+
+
+def _was_normalized(model: Any) -> bool:
+    """True if a loaded model's buffer remembers that its environment was normalized."""
+    kept = [
+        getattr(model, name, None) or {}
+        for name in ("rollout_buffer_kwargs", "replay_buffer_kwargs")
+    ]
+    return any(getattr(each.get("watched"), "is_normalized", False) for each in kept)
 
 
 def _loaded(path: Path) -> Any:
@@ -174,7 +215,7 @@ class EvalCallback(BaseCallback):
         if score > self.best:
             self.best = score
             if self.best_path is not None:
-                self.model.save(self.best_path)
+                save(self.model, self.best_path)
         return returns
 
 

@@ -20,7 +20,8 @@ from gamekeeper.vector.vector_form import MASK
 def masked(actor: Any) -> MaskedNet:
     """An actor that never takes an action that its mask forbids; it gives logits, not shares.
 
-    Tianshou's Q-learning policies look at masks themselves; its actors don't.
+    Tianshou's Q-learning policies look at masks themselves; its actors don't. Where the environment
+    has no masks it is the actor as it was.
 
     Raises:
         SpecError: the actor ends in a softmax.
@@ -37,7 +38,7 @@ def masked(actor: Any) -> MaskedNet:
 
 
 def unmasked(net: Any) -> Unmasked:
-    """A critic (or any network) that is given the bare observation, without the mask."""
+    """A critic (or any network) that is shown the bare observation, masked or not."""
     return Unmasked(net)
 
 
@@ -54,7 +55,9 @@ class MaskedNet(AbstractDiscreteActor):
 
     def forward(self, obs: Any, state: Any = None, info: Any = None) -> Any:
         """Returns logits and hidden state; logits of masked actions are the least there is."""
-        logits, hidden = self.actor(obs.obs, state=state, info=info)
+        logits, hidden = self.actor(_bare(obs), state=state, info=info)
+        if not _has(obs, "mask"):
+            return logits, hidden
         legal = torch.as_tensor(obs.mask, device=logits.device).bool()
         return logits.masked_fill(~legal, torch.finfo(logits.dtype).min), hidden
 
@@ -68,7 +71,16 @@ class Unmasked(ModuleWithVectorOutput):
 
     def forward(self, obs: Any, *args: Any, **kwargs: Any) -> Any:
         """Returns the network's output for the bare observation."""
-        return self.net(obs.obs, *args, **kwargs)
+        return self.net(_bare(obs), *args, **kwargs)
+
+
+def _has(obs: Any, name: str) -> bool:
+    return isinstance(obs, Batch) and name in obs.get_keys()
+
+
+def _bare(obs: Any) -> Any:
+    """The observation out of a row that also holds its mask or its agent's name."""
+    return obs.obs if _has(obs, "mask") or _has(obs, "agent_id") else obs
 
 
 def policy(
