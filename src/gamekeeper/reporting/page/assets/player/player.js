@@ -54,7 +54,9 @@ gk.Player = class {
     this.pairing = gk.node("p", { class: "pairing", hidden: true }, gk.node("label", {}, "Compare: ", this.pair));
     this.follow = gk.node("input", { type: "checkbox" });
     this.following = gk.node("label", { class: "following", hidden: true }, this.follow, " follow the recording");
-    this.host.append(this.list.root, this.pairing, this.trouble, this.parted, this.#controls(), this.jumps, this.stage, this.#keys(), this.status);
+    const parts = [this.pairing, this.trouble, this.parted, this.#controls(), this.jumps, this.stage, this.#keys()];
+    // A report begins with its episode; in `gamekeeper view` the list is the way to all of them.
+    this.host.append(...(gk.served ? [this.list.root, ...parts] : [...parts, this.list.root]), this.status);
   }
 
   #controls() {

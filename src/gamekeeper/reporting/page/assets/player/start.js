@@ -21,8 +21,8 @@ const copyFrom = async (button) => {
 };
 
 // `#play:RUN/EPISODE/TURN`, of two side by side `#play:RUN/EPISODE/TURN+RUN/EPISODE`; or null.
-const placeInAddress = () => {
-  const found = /^#play:([^/+]*)\/(\d+)(?:\/(\d+))?(?:\+([^/+]*)\/(\d+))?$/.exec(location.hash);
+const placeIn = (hash) => {
+  const found = /^#play:([^/+]*)\/(\d+)(?:\/(\d+))?(?:\+([^/+]*)\/(\d+))?$/.exec(hash);
   if (!found) return null;
   const [, run, episode, turn, other, beside] = found;
   const place = (key, number) => ({ run: decodeURIComponent(key), episode: Number(number) });
@@ -44,12 +44,11 @@ const followLinks = (player) => {
   document.addEventListener("click", (event) => {
     const button = event.target.closest?.("button[data-copy]");
     if (button) copyFrom(button);
-    const link = event.target.closest?.("a[data-episode]");
+    const link = event.target.closest?.('a[href^="#play:"]'); // also where the address is there already
     if (!link || event.ctrlKey || event.metaKey || event.shiftKey) return;
-    const { run, episode, turn, agent } = link.dataset;
-    if (goTo(player, { run, episode: Number(episode), turn: turn === undefined ? undefined : Number(turn), agent })) event.preventDefault();
+    if (goTo(player, placeIn(link.hash))) event.preventDefault();
   });
-  window.addEventListener("hashchange", () => goTo(player, placeInAddress()));
+  window.addEventListener("hashchange", () => goTo(player, placeIn(location.hash)));
 };
 
 // Keeps the list true while a run is still recorded.
@@ -87,7 +86,7 @@ const keepUp = (player) => {
 };
 
 const begin = (player) => {
-  if (goTo(player, placeInAddress())) return;
+  if (goTo(player, placeIn(location.hash))) return;
   // A report's list begins with what it was asked for; that of `gamekeeper view` is by number, and begins with what was broken off.
   const packed = player.entries.filter((entry) => entry.packed);
   const first = (gk.served && packed.find((entry) => ["open", "torn", "failed"].includes(entry.end))) || packed[0];
