@@ -34,6 +34,7 @@ PARTS: Final = (
     "lanes.js",
     "lane_ink.js",
     "ruler.js",
+    "scene.js",
     "map.js",
     "cells.js",
     "drawing.js",

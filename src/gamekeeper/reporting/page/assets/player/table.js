@@ -27,6 +27,14 @@ const COLUMNS = [
   { field: "nonconforming", title: "nonconforming", note: "values that don't fit their space or the protocol", long: true },
 ];
 
+// An action by its number and name; · marks the declared noop.
+gk.actionText = (episode, row) => {
+  const value = episode.value(episode.action[row]);
+  const name = gk.own(episode.agents[episode.agent[row]].actions ?? [], value);
+  const text = name === null || !Number.isInteger(value) ? gk.plain(value) : `${value} ${gk.visible(name)}`;
+  return episode.isIdle(row) ? `${text} ·` : text;
+};
+
 gk.TurnTable = class {
   constructor(episode, label) {
     this.episode = episode;
@@ -129,7 +137,7 @@ gk.TurnTable = class {
     if (field === "cumulative_reward") return gk.say(cell, gk.number(e.cumulative_reward[row]));
     if (field === "ended") return gk.say(cell, this.#ended(row));
     if (field === "mask") return gk.sayValue(cell, e.mask[row] < 0 ? null : maskText(e.value(e.mask[row])));
-    if (field === "action" && e.isIdle(row)) return gk.sayValue(cell, `${gk.plain(e.value(e.action[row]))} ·`);
+    if (field === "action" && e.action[row] >= 0) return gk.sayValue(cell, gk.actionText(e, row));
     if (field === "nonconforming") return gk.sayValue(cell, e.nonconforming[row] < 0 ? null : `⚠ ${gk.plain(e.value(e.nonconforming[row]))}`);
     return gk.sayValue(cell, e.value(e[field][row]));
   }
