@@ -3,7 +3,7 @@
 const TRAIL = 40; // turns
 const NAMED = 24; // as many agents have their names beside them
 const SIZE = 5; // pixels from a sign's centre to its edge
-const SIDE = 400; // pixels of the picture's longer side, at most
+const SIDE = 360; // pixels of the picture's longer side, at most
 const CELL = 48; // pixels of a cell's side, at most
 
 const SHAPES = [
@@ -33,6 +33,7 @@ gk.MapDrawing = class {
     this.extent = extent;
     this.scene = scene ? new gk.Scene(scene, episode) : null;
     this.chosen = null; // the agent that stands out
+    this.ghost = null; // the map beside this one, whose agents are drawn as outlines where they are elsewhere
     this.tracks = Object.entries(tracks).map(([name, points]) => {
       const seat = episode.seat.get(name);
       const role = seat === undefined ? 0 : gk.placeOf("role", episode.agents[seat].role);
@@ -79,6 +80,7 @@ gk.MapDrawing = class {
     ink.font = `11px ${colours.font}`;
     const labels = [];
     for (const track of this.tracks) this.#draw(ink, track, turn, labels);
+    for (const track of this.ghost?.tracks ?? []) this.#haunt(ink, track, turn);
     ink.fillStyle = colours.ink;
     if (this.tracks.length <= NAMED) labels.forEach(([text, x, y]) => this.#write(ink, text, x, y));
     this.canvas.setAttribute("aria-label", `Map at turn ${turn}: ${this.#places(turn)}`);
@@ -106,13 +108,36 @@ gk.MapDrawing = class {
     track.shape(ink, x, y, this.size);
     if (gone) ink.stroke();
     else ink.fill();
-    if (this.scene?.carries(track.name, turn)) {
+    if (this.scene?.isCarrying(track.name, turn)) {
       const side = this.size * 0.8;
       ink.fillStyle = gk.colours().ink;
       ink.fillRect(x - side / 2, y - side / 2, side, side);
     }
     ink.globalAlpha = 1;
     if (faint === 1) labels.push([gk.visible(track.name), x, y]);
+  }
+
+  // An agent of the episode beside this one: an outline, joined to where the agent is here.
+  #haunt(ink, track, turn) {
+    const there = gk.lastUntil(track.turns, turn);
+    if (there < 0 || Number.isNaN(track.xs[there])) return;
+    const mine = this.tracks.find((each) => each.name === track.name);
+    const here = mine ? gk.lastUntil(mine.turns, turn) : -1;
+    if (here >= 0 && mine.xs[here] === track.xs[there] && mine.ys[here] === track.ys[there]) return;
+    const [x, y] = [this.x(track.xs[there]), this.y(track.ys[there])];
+    ink.strokeStyle = gk.colourAt(gk.placeOf("agent", track.name));
+    ink.lineWidth = 1.5;
+    ink.setLineDash([3, 2]);
+    ink.beginPath();
+    if (here >= 0 && !Number.isNaN(mine.xs[here])) {
+      ink.moveTo(this.x(mine.xs[here]), this.y(mine.ys[here]));
+      ink.lineTo(x, y);
+      ink.stroke();
+      ink.beginPath();
+    }
+    track.shape(ink, x, y, this.size);
+    ink.stroke();
+    ink.setLineDash([]);
   }
 
   // An agent's sign in a cell of a board; false where the word is no agent.

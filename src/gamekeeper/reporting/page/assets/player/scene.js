@@ -41,18 +41,21 @@ gk.Scene = class {
     Object.assign(this, scene);
     this.layers = scene.cells.map((layer) => new Layer(layer));
     this.things = scene.things.map(({ name, track }) => ({ name, ...gk.trackOf(track) }));
-    const words = this.layers.flatMap((layer) => Object.values(layer.values)).filter((word) => !episode.seat.has(word));
+    const there = (layer) => new Set([...layer.base, ...layer.changes.map((change) => change[2])].map(String));
+    const wordsOf = (layer, numbers) => Object.entries(layer.values).flatMap(([number, word]) => (numbers.has(number) ? [word] : []));
+    const words = this.layers.flatMap((layer) => wordsOf(layer, there(layer))).filter((word) => !episode.seat.has(word));
     this.letters = lettersOf([...new Set([...words, ...this.things.map(({ name }) => name)])]);
-    this.carried = Object.fromEntries(Object.entries(scene.carries).map(([name, track]) => [name, track]));
+    this.carried = scene.carries;
   }
 
   get legend() {
-    const words = [...this.letters].map(([word, letter]) => `${SOLID.includes(word) ? "filled" : letter}: ${gk.visible(word)}`);
-    if (Object.keys(this.carried).length) words.push("a square on an agent: it carries something");
+    const sign = (word, letter) => (SOLID.includes(word) ? "filled" : SMALL.includes(word) && this.grid ? "small square" : letter);
+    const words = [...this.letters].map(([word, letter]) => `${sign(word, letter)}: ${gk.visible(word)}`);
+    if (Object.keys(this.carried).length) words.push("square on an agent: it carries something");
     return words.join(" · ");
   }
 
-  carries(name, turn) {
+  isCarrying(name, turn) {
     const track = this.carried[name];
     if (!track) return false;
     let last = 0;
@@ -112,14 +115,15 @@ gk.Scene = class {
 
   #thing(ink, thing, turn, { x, y, per }, colours) {
     const here = gk.lastUntil(thing.turns, turn);
-    if (here < 0 || Number.isNaN(thing.xs[here])) return;
+    if (here < 0 || Number.isNaN(thing.xs[here])) return undefined;
     const [px, py] = [x(thing.xs[here]), y(thing.ys[here])];
+    if (SMALL.includes(thing.name) && this.grid) return this.#cell(ink, thing.name, px, py, per, colours);
     const size = this.grid ? per * 0.36 : 9;
     ink.strokeStyle = colours.grey;
     ink.lineWidth = 1.5;
     ink.beginPath();
     ink.arc(px, py, size, 0, 2 * Math.PI);
     ink.stroke();
-    this.#letter(ink, thing.name, px, py, 2 * size, colours);
+    return this.#letter(ink, thing.name, px, py, 2 * size, colours);
   }
 };

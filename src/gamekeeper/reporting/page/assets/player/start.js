@@ -20,14 +20,15 @@ const copyFrom = async (button) => {
   setTimeout(() => (button.textContent = before), 2000);
 };
 
-// `#play:RUN/EPISODE/TURN`, of two side by side `#play:RUN/EPISODE/TURN+RUN/EPISODE`; or null.
+// `#play:RUN/EPISODE/TURN`, of two side by side `#play:RUN/EPISODE/TURN+RUN/EPISODE`, with a chosen agent `…@AGENT`, alone `…@AGENT!`; or null.
 const placeIn = (hash) => {
-  const found = /^#play:([^/+]*)\/(\d+)(?:\/(\d+))?(?:\+([^/+]*)\/(\d+))?$/.exec(hash);
+  const found = /^#play:([^/+]*)\/(\d+)(?:\/(\d+))?(?:\+([^/+]*)\/(\d+))?(?:@([^!]*)(!)?)?$/.exec(hash);
   if (!found) return null;
-  const [, run, episode, turn, other, beside] = found;
+  const [, run, episode, turn, other, beside, agent, solo] = found;
   const place = (key, number) => ({ run: decodeURIComponent(key), episode: Number(number) });
   try {
-    return { ...place(run, episode), turn: turn === undefined ? undefined : Number(turn), beside: other === undefined ? null : place(other, beside) };
+    const chosen = agent ? { agent: decodeURIComponent(agent), solo: Boolean(solo) } : {};
+    return { ...place(run, episode), ...chosen, turn: turn === undefined ? undefined : Number(turn), beside: other === undefined ? null : place(other, beside) };
   } catch {
     return null; // not an address that we wrote
   }
@@ -36,7 +37,7 @@ const placeIn = (hash) => {
 const goTo = (player, place) => {
   const entries = [place, place?.beside].filter(Boolean).map(({ run, episode }) => player.entry(run, episode));
   if (!entries.length || !entries.every((entry) => entry?.packed)) return false;
-  player.open(entries, { turn: place.turn, agent: place.agent, focus: true });
+  player.open(entries, { turn: place.turn, agent: place.agent, solo: place.solo, focus: true });
   return true;
 };
 

@@ -40,6 +40,7 @@ gk.TurnTable = class {
     this.episode = episode;
     this.from = 0;
     this.other = null;
+    this.chosen = null;
     this.columns = this.#columns();
     this.head = gk.node("tr", {}, gk.node("th", { scope: "col", text: "agent" }), ...this.columns.map(headCell));
     this.body = gk.node("tbody");
@@ -91,11 +92,20 @@ gk.TurnTable = class {
       cells.row.hidden = i >= shown;
       if (i >= shown) return;
       const agent = few ? i : e.agent[from + this.from + i];
+      const name = e.agents[agent].name;
+      cells.row.hidden = this.solo && this.chosen !== null && name !== this.chosen;
+      cells.row.classList.toggle("chosen", name === this.chosen);
       this.#fill(cells, agent, few ? rowAmong(e, from, past, agent) : from + this.from + i, turn);
     });
     gk.say(this.caption, this.#says(turn, from, past));
     this.pager.hidden = count <= AT_ONCE;
     if (!this.pager.hidden) gk.say(this.range, ` ${this.from + 1} to ${this.from + shown} of ${count} `);
+  }
+
+  // An agent's row stands out, or is alone.
+  stress(name, solo) {
+    this.chosen = this.episode.seat.has(name) ? name : null;
+    this.solo = solo;
   }
 
   #says(turn, from, past) {
@@ -108,15 +118,17 @@ gk.TurnTable = class {
   }
 
   #addRow() {
+    const sign = gk.node("i", { class: "agent-sign", "aria-hidden": "true" });
     const name = gk.node("bdi");
     const cells = this.columns.map(({ number, long }) => gk.node("td", { class: number ? "num" : long ? "long" : null }));
-    const row = gk.node("tr", {}, gk.node("th", { scope: "row" }, name), ...cells);
+    const row = gk.node("tr", {}, gk.node("th", { scope: "row" }, sign, name), ...cells);
     this.body.append(row);
-    this.rows.push({ row, name, cells });
+    this.rows.push({ row, sign, name, cells });
   }
 
-  #fill({ row: line, name, cells }, agent, row, turn) {
+  #fill({ row: line, sign, name, cells }, agent, row, turn) {
     const e = this.episode;
+    gk.signAgent(sign, e.agents[agent]);
     gk.say(name, gk.visible(e.agents[agent].name));
     line.classList.toggle("absent", row < 0);
     line.classList.toggle("acted", row >= 0 && e.acted(row));
