@@ -129,7 +129,7 @@ def _drawn(scene: Scene, sources: SceneSources) -> dict[str, Any]:
                 carries[agent] = _moves(turns, carried[:, None])
     if scene.agents and not tracks:
         raise _SourceError("agents")
-    things = [
+    things: list[dict[str, Any]] = [
         {"name": name, "track": track}
         for name, body in scene.things.items()
         for track in _things(scene, sources, body, tracks)

@@ -122,7 +122,8 @@ gk.MapDrawing = class {
     const there = gk.lastUntil(track.turns, turn);
     if (there < 0 || Number.isNaN(track.xs[there])) return;
     const mine = this.tracks.find((each) => each.name === track.name);
-    const here = mine ? gk.lastUntil(mine.turns, turn) : -1;
+    if (!mine) return; // this episode never had it
+    const here = gk.lastUntil(mine.turns, turn);
     if (here >= 0 && mine.xs[here] === track.xs[there] && mine.ys[here] === track.ys[there]) return;
     const [x, y] = [this.x(track.xs[there]), this.y(track.ys[there])];
     ink.strokeStyle = gk.colourAt(gk.placeOf("agent", track.name));

@@ -83,7 +83,7 @@ gk.Player = class {
     this.alone = gk.node("input", { type: "checkbox" });
     this.alone.addEventListener("change", () => this.pick(this.chosen, this.alone.checked));
     this.picked = gk.node("bdi");
-    this.picking = gk.node("label", { class: "following", hidden: true }, this.alone, " only ", this.picked);
+    this.picking = gk.node("label", { class: "picking", hidden: true }, this.alone, " only ", this.picked);
     this.ticks = gk.node("canvas", { class: "scrub-marks", "aria-hidden": "true" });
     const speed = gk.node("span", { class: "speed" }, slower, this.pace, button("faster", "Faster (+)", () => this.faster(1)));
     this.slider = gk.node("input", { type: "range", min: "0", max: "0", value: "0", step: "1", "aria-label": "Turn", class: "scrub" });
