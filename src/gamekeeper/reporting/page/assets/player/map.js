@@ -73,6 +73,7 @@ gk.MapDrawing = class {
     ink.fillStyle = colours.raised;
     ink.fillRect(0, 0, this.width, this.height);
     ink.strokeStyle = colours.line;
+    ink.lineWidth = 1;
     ink.strokeRect(0.5, 0.5, this.width - 1, this.height - 1);
     ink.font = `11px ${colours.font}`;
     ink.textBaseline = "middle";

@@ -384,7 +384,8 @@ gk.Player = class {
     this.settled = setTimeout(() => {
       gk.say(this.status, this.#spoken());
       if (this.turn !== this.began) this.moved = true; // an untouched page keeps its address
-      if (this.moved) history.replaceState(null, "", this.address);
+      const hasAddress = location.protocol !== "about:"; // a frame in a notebook has none
+      if (this.moved && hasAddress) history.replaceState(null, "", this.address);
     }, SETTLED);
   }
 
