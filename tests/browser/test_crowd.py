@@ -3,7 +3,9 @@
 import pytest
 
 from tests.browser.episodes import page_of, parallel_episode
-from tests.browser.waits import Open, turn_of
+from tests.browser.waits import Open, expect, turn_of
+
+LANES = "gamekeeper.player.decks[0].lanes"
 
 pytestmark = pytest.mark.browser
 
@@ -44,7 +46,17 @@ def test_crowd_scrolls_to_the_last_lane(open_page: Open) -> None:
     page.locator(".lanes-scroll").evaluate("(lanes) => { lanes.scrollTop = lanes.scrollHeight; }")
     assert turn_of(page) == 13
     names = page.locator(".lane-name:not([hidden])").all_inner_texts()
-    assert names[-1] == "carrier_149"
+    last = page.evaluate(f"{LANES}.episode.agents[{LANES}.order.at(-1)].name")
+    assert names[-1] == last
+
+
+def test_outliers_of_a_crowd_come_first(open_page: Open) -> None:
+    """Among fifty agents and more the first lane is that of the return furthest from the others."""
+    packed = parallel_episode(agents=60, turns=20)
+    packed["rows"]["reward"][60 * 3 + 41] = 500.0
+    page = open_page(page_of([packed]))
+    page.wait_for_selector("#gk-player[data-turn]")
+    expect(page.locator(".lane-name bdi").first).to_have_text(packed["agents"][41]["name"])
 
 
 def test_scrubbing_draws_nothing_in_the_lanes(open_page: Open) -> None:

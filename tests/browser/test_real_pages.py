@@ -65,9 +65,38 @@ def test_report_is_accessible(open_page: Open, runs: tuple[Path, Path], tmp_path
     assert faults(page) == []
 
 
+def test_first_screen_answers_and_leads_to_the_turn(
+    open_page: Open, runs: tuple[Path, Path], tmp_path: Path
+) -> None:
+    """Answers come first, then the player, both on the first screen; a link opens its turn."""
+    file = report(runs[1], tmp_path / "report.html")
+    page = open_page(file.read_text(encoding="utf-8"), viewport={"width": 1440, "height": 900})
+    page.wait_for_selector("#gk-player[data-turn]")
+    assert page.locator("#player").bounding_box()["y"] < 600
+    link = page.locator(".answers div", has_text="Outcome").get_by_role("link")
+    place = re.fullmatch(r"#play:a/(\d+)/(\d+)", link.get_attribute("href"))
+    assert place is not None
+    link.click()
+    expect(page.locator(".deck h3")).to_contain_text(f"episode {place[1]}")
+    assert turn_of(page) == int(place[2])
+
+
+def test_notebook_holds_a_player(open_page: Open, runs: tuple[Path, Path]) -> None:
+    """The frame of `gk.player` plays one episode by itself, and asks for nothing."""
+    shown = gk.player(gk.load(runs[0]), 2)
+    assert "root digest" in shown.caption
+    page = open_page(f"<!doctype html><html lang=en><title>n</title>{shown._repr_html_()}")
+    frame = page.frame_locator("iframe")
+    expect(frame.locator(".deck h3")).to_contain_text("episode 2")
+    frame.locator(".scrub").focus()
+    page.keyboard.press("End")
+    expect(frame.locator(".where")).to_have_text(re.compile(r"(\d+) / \1"))
+    page.wait_for_timeout(700)  # until the cursor has come to rest
+
+
 def test_report_of_turns_is_accessible(open_page: Open, tmp_path: Path) -> None:
     """Nor in one of a game in turns, where an observation is drawn that nobody was given yet."""
-    gk.rollout("handover", episodes=1, out=tmp_path / "run")
+    gk.rollout("handover", episodes=1, out=tmp_path / "run", env_kwargs={"reach": 3})
     file = report(tmp_path / "run", tmp_path / "report.html")
     page = open_page(file.read_text(encoding="utf-8"), address="#play:a/0/0", bypass_csp=True)
     page.wait_for_selector("#gk-player[data-turn]")

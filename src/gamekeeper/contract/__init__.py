@@ -13,6 +13,7 @@ from gamekeeper.contract.failure import Failure
 from gamekeeper.contract.file import contract_text
 from gamekeeper.contract.html import contract_html
 from gamekeeper.contract.reader import SECTIONS, read_sections, with_placeholders
+from gamekeeper.contract.scene import Body, Cells, Scene
 from gamekeeper.contract.sections import (
     NONE,
     Ending,
@@ -39,6 +40,8 @@ from gamekeeper.contract.validation import (
 from gamekeeper.errors import ContractError, GamekeeperError
 
 __all__ = [
+    "Body",
+    "Cells",
     "Contract",
     "Ending",
     "Failure",
@@ -47,6 +50,7 @@ __all__ = [
     "Question",
     "RewardTerm",
     "Role",
+    "Scene",
     "Schedule",
     "Seeds",
 ]
@@ -71,6 +75,7 @@ class Contract:
         seeds: what a seed settles.
         infos: fields of the infos by name.
         knobs: arguments that make the task harder, by name.
+        scene: how a turn is drawn.
         failure: when a rollout failed, for the `team`, an `agent`, or a role.
         waivers: why a check's finding is as it should be, by the check's id.
         places: the lines of the text it was read from; no part of its value.
@@ -91,6 +96,7 @@ class Contract:
     seeds: Seeds = field(default_factory=Seeds)
     infos: Mapping[str, InfoField] = field(default_factory=Table)
     knobs: Mapping[str, Knob] = field(default_factory=Table)
+    scene: Scene = field(default_factory=Scene)
     failure: Mapping[str, Failure] = field(default_factory=Table)
     waivers: Mapping[str, str] = field(default_factory=Table)
     places: SourceLines = field(default=NOWHERE, compare=False, repr=False)

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from gamekeeper.contract.failure import Failure
+from gamekeeper.contract.scene import SCENE
 from gamekeeper.contract.sections import (
     AFTER_END,
     APIS,
@@ -190,6 +191,7 @@ SECTIONS: Final[Mapping[str, Read[object]]] = {
     "seeds": section(Seeds, {"deterministic": truth}),
     "infos": named(INFO),
     "knobs": named(KNOB),
+    "scene": SCENE,
     "failure": named(failure),
     "waivers": named(waiver),
 }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from numbers import Integral, Real
 from typing import Final, Generic, TypeAlias, TypeVar
 
@@ -209,13 +209,24 @@ def is_single(role: Role) -> bool:
 def plain(part: object) -> object:
     """The part as dictionaries, lists and scalars, without what isn't declared."""
     if is_dataclass(part) and not isinstance(part, type | Failure):
-        pairs = ((field.name, getattr(part, field.name)) for field in fields(part))
-        return {name: _plain_field(name, value) for name, value in pairs if value is not None}
+        pairs = ((field, getattr(part, field.name)) for field in fields(part))
+        return {
+            field.name: _plain_field(field.name, value)
+            for field, value in pairs
+            if not _is_default(field, value)
+        }
     if isinstance(part, Failure):
         return part.text
     if isinstance(part, Mapping):
         return {name: plain(value) for name, value in part.items()}
     return [plain(item) for item in part] if isinstance(part, tuple | list) else part
+
+
+def _is_default(field: Field[object], value: object) -> bool:
+    """The value is the one of a field that isn't declared."""
+    if field.default_factory is not MISSING:
+        return value == field.default_factory()
+    return value is None or (field.default is not MISSING and value == field.default)
 
 
 def _plain_field(name: str, value: object) -> object:

@@ -212,6 +212,7 @@ KEYS: Final[Mapping[str, tuple[str, ...]]] = {
     "seeds": tuple(field.name for field in fields(Seeds)),
     "infos": (),
     "knobs": (),
+    "scene": (),
     "failure": (),
     "waivers": (),
 }

@@ -18,6 +18,7 @@ from gamekeeper.auditing.recorded import failed_rows
 from gamekeeper.diagnosis.labels import labels
 from gamekeeper.episodes.plain_json import legible
 from gamekeeper.errors import EvidenceError, GamekeeperError, RunError
+from gamekeeper.reporting.page.answers import answers_of, not_asked
 from gamekeeper.reporting.page.composition import (
     Documents,
     Pair,
@@ -37,7 +38,7 @@ from gamekeeper.reporting.page.episode_list import (
     order_of,
 )
 from gamekeeper.reporting.page.page_data import Page
-from gamekeeper.reporting.page.page_html import render
+from gamekeeper.reporting.page.page_html import env_words, render
 from gamekeeper.runs.files.folder import replace, system_error
 from gamekeeper.runs.load_run import load
 from gamekeeper.viewing.report_documents import Given, PathText, documents_of
@@ -256,7 +257,9 @@ def _page(
         chosen += f" The list holds {len(entries):,} of {len(every):,}."
     return Page(
         title=main.name if title is None else title,
-        lead=lead_of(runs, documents),
+        lead=lead_of(runs),
+        answers=answers_of(main, documents),
+        not_asked=not_asked(main, documents, env=env_words(main.evidence) or "ENV"),
         alerts=(*alerts_of(runs), *_row_alerts(main)),
         runs=tuple(run.card for run in (*runs, *counterfactuals)),
         sections=sections_of(runs, documents, version=__version__, rng=np.random.default_rng(SEED)),

@@ -10,6 +10,7 @@ import numpy as np
 
 from gamekeeper._version import __version__
 from gamekeeper.errors import GamekeeperError
+from gamekeeper.reporting.page.answers import answers_of, not_asked
 from gamekeeper.reporting.page.composition import (
     PLAYER,
     Documents,
@@ -21,7 +22,14 @@ from gamekeeper.reporting.page.composition import (
 from gamekeeper.reporting.page.diagnosis_sections import causes_section
 from gamekeeper.reporting.page.episode_list import packed_of
 from gamekeeper.reporting.page.page_data import Cell, Page, PageBlock, PageSection, PageTable, name
-from gamekeeper.reporting.page.page_html import policy_of, provenance_section, render, script, style
+from gamekeeper.reporting.page.page_html import (
+    env_words,
+    policy_of,
+    provenance_section,
+    render,
+    script,
+    style,
+)
 from gamekeeper.runs.load_run import load
 from gamekeeper.viewing.admission import HTML, Response
 from gamekeeper.viewing.report_file import documents_of
@@ -50,7 +58,7 @@ def front_page(editions: Sequence[Edition]) -> Response:
     sections = (
         PageSection(PLAYER, "Episodes"),
         _states(editions),
-        *((causes_section(*known, key=runs[0].key),) if known != (None, None) else ()),
+        *filter(None, (causes_section(*known, key=runs[0].key),)),
         provenance_section(named, version=__version__, audit=documents.audit),
     )
     return _answer(runs, documents, sections, links=TO_WHOLE)
@@ -85,9 +93,13 @@ def _answer(
     *,
     links: tuple[tuple[str, str], ...],
 ) -> Response:
+    main, is_open = runs[0], runs[0].card.status == "open"
     page = Page(
         title=" · ".join(run.name for run in runs),
-        lead=_lead(runs, documents),
+        lead=_lead(runs),
+        # Figures of a run that grows would be wrong soon.
+        answers=() if is_open else answers_of(main, documents),
+        not_asked=not_asked(main, documents, env=env_words(main.evidence) or "ENV"),
         alerts=alerts_of(runs),
         runs=tuple(run.card for run in runs),
         sections=sections,
@@ -116,11 +128,11 @@ def _states(editions: Sequence[Edition]) -> PageSection:
     return PageSection("runs", "Runs", (PageBlock(alerts=tuple(alerts), tables=(table,)),))
 
 
-def _lead(runs: Sequence[ShownRun], documents: Documents) -> str:
-    """The summary at the top; of a run that grows, without figures that would be wrong soon."""
+def _lead(runs: Sequence[ShownRun]) -> str:
+    """The subject of the page; of a run that grows, without figures that would be wrong soon."""
     main = runs[0].card
     if main.status != "open":
-        return lead_of(runs, documents)
+        return lead_of(runs)
     return f"{main.environment} ({main.api}), still recording or never finalized."
 
 

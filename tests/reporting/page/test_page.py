@@ -14,7 +14,8 @@ import pytest
 import gamekeeper as gk
 from gamekeeper.diagnosis.labels import label
 from gamekeeper.errors import EnvError, EvidenceError, RunError
-from gamekeeper.reporting.page.composition import Documents, continues, lead_of, shown
+from gamekeeper.reporting.page.answers import answers_of
+from gamekeeper.reporting.page.composition import Documents, continues, shown
 from gamekeeper.reporting.page.page_data import Page
 from gamekeeper.reporting.page.page_html import render
 from gamekeeper.runs.files.notes import annotate
@@ -191,11 +192,15 @@ def test_small_budget_leaves_episodes_out_and_says_so(tmp_path: Path) -> None:
 
 
 def test_page_of_a_bare_run_says_what_is_missing(tmp_path: Path) -> None:
-    """Without documents every section names the command that makes one; laziness isn't guessed."""
-    recorded(tmp_path / "run")
-    text = " ".join(Read(report(tmp_path / "run", tmp_path / "p.html").read_text()).text.split())
-    for command in ("audit ENV", "diagnose RUN", "attribute RUN", "evaluate ..."):
+    """Without documents one line names the commands that make them; laziness isn't guessed."""
+    run = recorded(tmp_path / "run") and tmp_path / "run"
+    page = report(run, tmp_path / "p.html").read_text()
+    text = " ".join(Read(page).text.split())
+    assert "Not asked: diagnosis, attribution, audit, evaluation." in text
+    for command in (f"diagnose {run}", f"attribute {run}", "audit ", "evaluate ..."):
         assert f"gamekeeper {command}" in text
+    ids = [value for tag, name, value in Read(page).attributes if (tag, name) == ("section", "id")]
+    assert ids == ["player", "agents", "form", "provenance"]
     assert "not tested" in text
 
 
@@ -267,13 +272,26 @@ def test_wrong_document_is_refused(tmp_path: Path, content: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("failure", "told"),
-    [("gain > 1e9", "; failed: 0 of 3 episodes."), (None, "; no failure condition declared.")],
+    ("failure", "expected"),
+    [("gain > 1e9", ["0 of 3 episodes failed (team: gain > 1e9)."]), (None, [])],
 )
-def test_lead_tells_none_failed_from_nobody_can_say(failure: str | None, told: str) -> None:
+def test_outcome_needs_a_condition(failure: str | None, expected: list[str]) -> None:
     """Where no failure is declared the page doesn't count to zero."""
     run = shown(recorded(failure=failure), key="a", path="run", name="run")
-    assert lead_of([run], Documents()).endswith(told)
+    answers = {each.question: each.text for each in answers_of(run, Documents())}
+    assert [answers[name] for name in answers if name == "Outcome"] == expected
+    assert answers["Verified"] == "A run that isn't finalized has no checksums to compare."
+
+
+def test_cause_links_to_the_turn_of_its_counterfactual() -> None:
+    """The likely cause is the diagnosis' own, with the first restored counterfactual's turn."""
+    run = shown(recorded(), key="a", path="run", name="run")
+    told = documents.diagnosis("w", PLAIN)
+    found = {each.question: each for each in answers_of(run, Documents(diagnosis=told))}
+    cause = found["Likely cause"]
+    restored = next(each for each in told["counterfactuals"] if each["restored"])
+    assert f"#play:a/{restored['episode']}/{restored['turn']}" == cause.link
+    assert cause.word == "isolated"
 
 
 def test_missing_run_is_refused(tmp_path: Path) -> None:

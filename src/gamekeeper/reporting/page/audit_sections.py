@@ -42,20 +42,14 @@ BAD: Final = ("failed", "error")
 FACTS: Final = ("where", "expected", "actual", "fix")
 
 
-def verdicts_section(audit: Mapping[str, Any] | None) -> PageSection:
-    """The verdict of every check; without an audit, the command that makes one.
+def verdicts_section(audit: Mapping[str, Any] | None) -> PageSection | None:
+    """The verdict of every check; None without an audit.
 
     Args:
         audit: the document of `gamekeeper audit --json`.
     """
-    title = "Verdicts"
     if audit is None:
-        return PageSection(
-            "verdicts",
-            title,
-            missing="No audit was given. `gamekeeper audit ENV --json > audit.json`, then "
-            "`gamekeeper report RUN --audit audit.json`.",
-        )
+        return None
     judged = [_judged(each) for each in audit["verdicts"] if isinstance(each, Mapping)]
     bad = sorted((each for each in judged if each.outcome in BAD), key=_weight)
     rest = tuple(
@@ -69,7 +63,7 @@ def verdicts_section(audit: Mapping[str, Any] | None) -> PageSection:
     found = Verdicts(
         _summary(judged), tuple(bad), tuple((o, each) for o, each in rest if each), notes
     )
-    return PageSection("verdicts", title, verdicts=found)
+    return PageSection("verdicts", "Verdicts", verdicts=found)
 
 
 def _summary(judged: Sequence[VerdictEntry]) -> tuple[Cell, ...]:

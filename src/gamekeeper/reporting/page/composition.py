@@ -17,7 +17,6 @@ from gamekeeper.reporting.page.episode_figures import (
     UNFINISHED,
     Figures,
     compared_block,
-    failed_text,
     failing,
     figures_of,
 )
@@ -135,26 +134,26 @@ def sections_of(
         names = (main.name, run.name)
         agents.append(compared_block(main.figures, run.figures, names=names, rng=rng))
     same = [(run.key, run.figures) for run in runs if run is main or continues(main, run)]
-    return (
-        form_section(
-            main.evidence,
-            main.figures,
-            main.roster,
-            audit=documents.audit,
-            attribution=documents.attribution,
-        ),
-        verdicts_section(documents.audit),
+    form = form_section(
+        main.evidence,
+        main.figures,
+        main.roster,
+        audit=documents.audit,
+        attribution=documents.attribution,
+    )
+    provenance = provenance_section(
+        [(run.key, run.path, run.evidence) for run in runs], version=version, audit=documents.audit
+    )
+    backing = (
         PageSection("agents", "Agents", tuple(agents)),
-        PageSection(PLAYER, "Player"),
         causes_section(documents.diagnosis, documents.attribution, key=main.key),
+        verdicts_section(documents.audit),
+        form,
         learning_section(same, rng),
         evaluation_section(documents.evaluation),
-        provenance_section(
-            [(run.key, run.path, run.evidence) for run in runs],
-            version=version,
-            audit=documents.audit,
-        ),
+        provenance,
     )
+    return (PageSection(PLAYER, "Player"), *(each for each in backing if each is not None))
 
 
 def continues(one: ShownRun, two: ShownRun) -> bool:
@@ -202,28 +201,14 @@ def _stopped(evidence: Evidence, header: Mapping[str, Any]) -> str:
     return f"is unfinished: its recording stopped after {evidence.turns_of(header)} steps"
 
 
-def lead_of(runs: Sequence[ShownRun], documents: Documents) -> str:
-    """The summary at the top of the page, in a sentence or two."""
+def lead_of(runs: Sequence[ShownRun]) -> str:
+    """The subject of the page, in a sentence or two."""
     main = runs[0]
     card = main.card
-    # Without a condition it isn't known if episodes failed; a diagnosis may have one of its own.
-    is_judged = any(each is not None for each in main.failed)
-    failed = f"failed: {failed_text(main.failed)}" if is_judged else "no failure condition declared"
     text = (
-        f"{card.episodes} episodes of {card.environment} ({card.api}), "
-        f"{len(main.figures.agents)} agents; {failed}."
+        f"{card.episodes} episode{'' if card.episodes == 1 else 's'} of {card.environment} "
+        f"({card.api}), {len(main.figures.agents)} agents."
     )
-    if documents.audit is not None:
-        outcomes = [each.get("outcome") for each in documents.audit["verdicts"]]
-        text += f" Audit: {outcomes.count('failed')} checks failed."
-    if documents.diagnosis is not None:
-        causes = {
-            cause
-            for each in documents.diagnosis["agents"].values()
-            for cause in (each["labels"] or [each["component"]])
-            if cause
-        }
-        text += f" Diagnosis: {', '.join(sorted(causes)) or 'no cause named'}."
     if len(runs) > 1:
         text += f" Compared with {', '.join(run.name for run in runs[1:])}."
     return text

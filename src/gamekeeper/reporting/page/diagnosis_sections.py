@@ -302,20 +302,16 @@ def _untested(document: Document) -> PageTable:
 
 def causes_section(
     diagnosis: Document | None, attribution: Document | None, *, key: str
-) -> PageSection:
-    """Causes of failure and contributions of agents, or the commands that find them.
+) -> PageSection | None:
+    """Causes of failure and contributions of agents; None where neither was looked for.
 
     Args:
         diagnosis: the document of `gamekeeper diagnose`.
         attribution: that of `gamekeeper attribute`.
         key: the letter of the run.
     """
-    blocks = [PageBlock(title="Diagnosis", notes=("To make one: `gamekeeper diagnose RUN`.",))]
-    if diagnosis is not None:
-        blocks = diagnosis_blocks(diagnosis, key=key)
-    if attribution is not None:
-        blocks += attribution_blocks(attribution)
-    else:
-        notes = ("To make one: `gamekeeper attribute RUN`.",)
-        blocks.append(PageBlock(title="Attribution", notes=notes))
+    blocks = [] if diagnosis is None else diagnosis_blocks(diagnosis, key=key)
+    blocks += [] if attribution is None else attribution_blocks(attribution)
+    if not blocks:
+        return None
     return PageSection("causes", "Causes and contributions", tuple(blocks))

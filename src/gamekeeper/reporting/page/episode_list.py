@@ -20,7 +20,8 @@ from gamekeeper.reporting.page.packed_episode import (
     packed_agents,
     packed_episode,
 )
-from gamekeeper.reporting.page.player_drawing import Drawing, drawn
+from gamekeeper.reporting.page.player_drawing import DeclaredScene, Drawing, drawn
+from gamekeeper.reporting.page.scene_drawing import scene_of
 
 Label = Mapping[str, Any]
 
@@ -129,15 +130,21 @@ def packed_of(
     trace = evidence.episode(episode)
     roster = roster or packed_agents(evidence)
     names = [member.name for member in roster]
+    environment = evidence.manifest.get("environment") or {}
+    declared = DeclaredScene(
+        scene_of(evidence),
+        [(member.name, member.role) for member in roster],
+        environment.get("kwargs") or {},
+    )
     every = [*marks, *_label_marks(trace, labels), *_failure_marks(evidence, trace, has_failed)]
     return packed_episode(
         trace,
         roster,
         run=run,
-        api=str((evidence.manifest.get("environment") or {}).get("api") or "parallel"),
+        api=str(environment.get("api") or "parallel"),
         marks=every,
         volatile=evidence.contract.volatile_infos(),
-        drawing=lambda infos: drawn(trace, names, frames=frames, infos=infos),
+        drawing=lambda infos: drawn(trace, names, frames=frames, infos=infos, declared=declared),
     )
 
 

@@ -29,20 +29,14 @@ MOST_CELLS: Final = 400
 """Pairings in a table."""
 
 
-def evaluation_section(document: Document | None) -> PageSection:
-    """All results of an evaluation; without one, the command that makes it.
+def evaluation_section(document: Document | None) -> PageSection | None:
+    """All results of an evaluation; None without one.
 
     Args:
         document: `evaluation.json` of `gamekeeper evaluate`.
     """
-    title = "Evaluation and cross-play"
     if document is None:
-        return PageSection(
-            "evaluation",
-            title,
-            missing="No evaluation was given. `gamekeeper evaluate ... --out FOLDER`, then "
-            "`gamekeeper report RUN --evaluation FOLDER/evaluation.json`.",
-        )
+        return None
     results = [each for each in document.get("results") or () if isinstance(each, Mapping)]
     blocks = [
         _head(document),
@@ -64,7 +58,7 @@ def evaluation_section(document: Document | None) -> PageSection:
             else (),
         ),
     ]
-    return PageSection("evaluation", title, tuple(blocks))
+    return PageSection("evaluation", "Evaluation and cross-play", tuple(blocks))
 
 
 def _head(document: Document) -> PageBlock:

@@ -66,22 +66,16 @@ class LearningPhase:
         return f"{self.run}: {self.first} to {self.last}"
 
 
-def learning_section(runs: Sequence[tuple[str, Figures]], rng: Generator) -> PageSection:
-    """Returns by version, agent by agent; runs follow one another as they were given.
+def learning_section(runs: Sequence[tuple[str, Figures]], rng: Generator) -> PageSection | None:
+    """Returns by version, agent by agent; None of one version. Runs follow one another.
 
     Args:
         runs: letters and figures of runs of one environment.
         rng: draws the resamples.
     """
-    title = "Learning over time"
     phases = phases_of(runs)
     if len(phases) < 2:
-        return PageSection(
-            "learning",
-            title,
-            missing="All episodes were played by one version of every policy. Policies with a "
-            "`version` attribute that are recorded while they learn are compared here.",
-        )
+        return None
     block = PageBlock(
         charts=(_chart(phases, rng),),
         tables=(_nonstationary(phases), _versions(phases, rng)),
@@ -90,7 +84,7 @@ def learning_section(runs: Sequence[tuple[str, Figures]], rng: Generator) -> Pag
             "return changes while its own version stays, the others' learning changed it.",
         ),
     )
-    return PageSection("learning", title, (block,))
+    return PageSection("learning", "Learning over time", (block,))
 
 
 def phases_of(runs: Sequence[tuple[str, Figures]]) -> list[LearningPhase]:

@@ -19,6 +19,7 @@ from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.known_extent import env_steps
 from gamekeeper.episodes.layout import role as role_in_name
 from gamekeeper.reporting.page.packed_values import PackedValues, fields_of_text, row_columns
+from gamekeeper.reporting.page.scene_drawing import scene_of
 
 APART: Final = 3
 """Most agents with equal endings at one turn that have a mark each; more share one."""
@@ -41,11 +42,13 @@ class PackedAgent:
         name: the agent.
         role: declared, else its name without the number.
         noop: the declared noop; None where there is none.
+        actions: names of its actions, by number; empty where none are declared.
     """
 
     name: str
     role: str
     noop: Any = None
+    actions: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,11 +70,12 @@ class Mark:
 
 def packed_agents(evidence: Evidence) -> tuple[PackedAgent, ...]:
     """Every agent of a run, in the order of `possible_agents`."""
-    contract = evidence.contract
-    return tuple(
-        PackedAgent(name, contract.role_of(name) or role_in_name(name), contract.noop_of(name))
-        for name in map(str, evidence.manifest.get("agents") or ())
-    )
+    contract, scene = evidence.contract, scene_of(evidence)
+    found = []
+    for name in map(str, evidence.manifest.get("agents") or ()):
+        role = contract.role_of(name) or role_in_name(name)
+        found.append(PackedAgent(name, role, contract.noop_of(name), scene.actions_of(role)))
+    return tuple(found)
 
 
 def packed_episode(

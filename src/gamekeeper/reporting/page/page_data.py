@@ -152,19 +152,38 @@ class PageSection:
         id: its address.
         title: its heading.
         blocks: its parts; empty ones aren't shown.
-        missing: reason why it is empty, and the command that fills it.
     """
 
     id: str
     title: str
     blocks: tuple[PageBlock, ...] = ()
-    missing: str = ""
     verdicts: Verdicts | None = None
 
     @property
     def shown(self) -> tuple[PageBlock, ...]:
         """The blocks that aren't empty."""
         return tuple(block for block in self.blocks if block)
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """A question of the first screen, answered in a sentence.
+
+    Attributes:
+        question: one or two words.
+        text: the sentence.
+        word: the answer in a word.
+        badge: the style of this word.
+        link: the address on the page of its turn, or of what backs it.
+        link_text: the words of the link.
+    """
+
+    question: str
+    text: str
+    word: str = ""
+    badge: str = "plain"
+    link: str = ""
+    link_text: str = "details"
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,10 +222,11 @@ class Page:
 
     Attributes:
         title: its subject.
-        lead: summary in a sentence or two.
+        lead: its subject in a sentence.
+        answers: the first screen; beside it what was not asked, in one closed line.
         alerts: warnings at the top, such as a run that was killed.
         runs: the first one is its subject.
-        sections: in their order; the player stands after the agents.
+        sections: in their order; the player stands first.
         episodes: the entries of all episodes, as the page's script reads them.
         packed: the episodes that are on the page, by run and number, deflated.
         chosen: sentence that names these episodes.
@@ -226,6 +246,8 @@ class Page:
     extra: Mapping[str, Any] = field(default_factory=dict)
     links: tuple[tuple[str, str], ...] = ()
     alerts: tuple[str, ...] = ()
+    answers: tuple[Answer, ...] = ()
+    not_asked: PageBlock | None = None
 
 
 def name(text: object) -> Cell:

@@ -34,6 +34,7 @@ PARTS: Final = (
     "lanes.js",
     "lane_ink.js",
     "ruler.js",
+    "scene.js",
     "map.js",
     "cells.js",
     "drawing.js",
@@ -195,7 +196,7 @@ def provenance_section(
             PageBlock(title="Episodes and seeds", tables=(_seeds(evidence),), folded=True)
         )
     if len(runs) > 1:
-        lines = [f"gamekeeper diff {_quoted(runs[0][1])} {_quoted(each[1])}" for each in runs[1:]]
+        lines = [f"gamekeeper diff {quoted(runs[0][1])} {quoted(each[1])}" for each in runs[1:]]
         blocks.append(
             PageBlock(title="Compare", snippets=(("Compare", "\n".join(lines)),), anchor="compare")
         )
@@ -226,31 +227,38 @@ def commands(evidence: Evidence, path: str, audit: Mapping[str, Any] | None) -> 
 
     Names from evidence are quoted, so that a line does only what it shows.
     """
-    run = _quoted(path)
+    run, env = quoted(path), env_words(evidence)
     lines = [f"gamekeeper verify {run}", f"gamekeeper replay {run}"]
-    try:
-        spec = spec_of(evidence.manifest.get("environment") or {})
-    except GamekeeperError:
+    if env is None:
         return [*lines, "# the environment was an object in memory: it can't be opened by name"]
-    kwargs = evidence.manifest["environment"].get("kwargs") or {}
-    given = f" --kwargs {_quoted(json.dumps(kwargs, sort_keys=True))}" if kwargs else ""
     record = (
-        f"gamekeeper rollout {_quoted(spec)}{given}"
-        f"{''.join(f' {_quoted(word)}' for word in policy_words(evidence))}"
+        f"gamekeeper rollout {env}"
+        f"{''.join(f' {quoted(word)}' for word in policy_words(evidence))}"
         f" --episodes {evidence.episode_table.num_rows}"
     )
     seed = evidence.manifest.get("seed")
     if seed is not None:
         again = f"{path.rstrip('/')}-again"
         lines += [
-            f"{record} --seed {seed} --out {_quoted(again)}",
-            f"gamekeeper diff {run} {_quoted(again)}",
+            f"{record} --seed {seed} --out {quoted(again)}",
+            f"gamekeeper diff {run} {quoted(again)}",
         ]
     audited = f" --seed {audit.get('seed')}" if audit is not None else ""
-    return [*lines, f"gamekeeper audit {_quoted(spec)}{given}{audited}"]
+    return [*lines, f"gamekeeper audit {env}{audited}"]
 
 
-def _quoted(text: str) -> str:
+def env_words(evidence: Evidence) -> str | None:
+    """The environment and its arguments as commands name them; None of an object in memory."""
+    try:
+        spec = spec_of(evidence.manifest.get("environment") or {})
+    except GamekeeperError:
+        return None
+    kwargs = evidence.manifest["environment"].get("kwargs") or {}
+    given = f" --kwargs {quoted(json.dumps(kwargs, sort_keys=True))}" if kwargs else ""
+    return f"{quoted(spec)}{given}"
+
+
+def quoted(text: str) -> str:
     """Quotes one word of a shell; line ends would end it, so they are written out."""
     return shlex.quote(text.replace("\n", "\\n").replace("\r", "\\r"))
 

@@ -1,7 +1,7 @@
 """Drawing of an episode in the player: pictures, positions on a map, or cells in shades.
 
-The first that exists of: recorded frames; positions in infos, observations or the state; pictures
-that agents observed; state and observations in shades.
+The first that exists of: recorded frames; the declared scene; positions in infos, observations or
+the state; pictures that agents observed; state and observations in shades.
 """
 
 from __future__ import annotations
@@ -15,11 +15,13 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from gamekeeper.contract.scene import Scene
 from gamekeeper.episodes.arrow import cells_of
 from gamekeeper.episodes.block import Raw
 from gamekeeper.episodes.episode import MASK, Episode
 from gamekeeper.episodes.layout import Column, value_columns
 from gamekeeper.reporting.page.packed_values import data_url, is_picture, plain_of_text, png
+from gamekeeper.reporting.page.scene_drawing import SceneSources, Series, drawn_scene
 
 POSITIONS: Final = ("position", "pos", "xy", "location", "coordinates", "positions", "locations")
 """Fields of one or two numbers that are an agent's position."""
@@ -61,6 +63,21 @@ class DrawnLeaf:
 
 
 @dataclass(frozen=True, slots=True)
+class DeclaredScene:
+    """A scene, and what it needs to know of the run.
+
+    Attributes:
+        scene: of the contract, or of our file of other environments.
+        agents: every agent in order, with its role.
+        arguments: of the environment.
+    """
+
+    scene: Scene
+    agents: Sequence[tuple[str, str]]
+    arguments: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
 class Drawing:
     """Frames that were rendered while an episode was recorded.
 
@@ -79,6 +96,7 @@ def drawn(
     *,
     frames: Drawing | None = None,
     infos: Sequence[Any] | None = None,
+    declared: DeclaredScene | None = None,
 ) -> tuple[dict[str, Any] | None, str]:
     """Makes the drawing of an episode, and names its source, or the reason why there is none.
 
@@ -87,12 +105,21 @@ def drawn(
         agents: every agent of the run, in the order of `possible_agents`.
         frames: recorded frames.
         infos: of every row as plain JSON, where they were read already.
+        declared: the scene of the run.
     """
     if frames is not None and frames.shown:
         at = sorted(frames.shown)
         kind, held = ("text", "texts") if frames.is_text else ("frames", "images")
         return {"kind": kind, held: [frames.shown[k] for k in at], "at": at}, "recorded frames"
     leaves = [*_state_leaves(trace), *_observed(trace, agents)]
+    infos = infos if infos is not None else _infos(trace)
+    if declared is not None:
+        sources = SceneSources(
+            *_by_source(trace, leaves, infos), declared.agents, declared.arguments
+        )
+        found = drawn_scene(declared.scene, sources)
+        if found is not None:
+            return found, "the declared scene"
     tracks, source = _tracks(trace, leaves, agents, infos)
     if tracks:
         return {"kind": "map", "extent": _extent(tracks), "tracks": tracks}, source
@@ -155,11 +182,26 @@ def _raw(column: Column, table: pa.Table) -> Raw:
 # -- a map
 
 
+def _by_source(
+    trace: Episode, leaves: Sequence[DrawnLeaf], infos: Sequence[Any]
+) -> tuple[Series | None, dict[tuple[str, str], Series], dict[str, tuple[list[int], list[Any]]]]:
+    """The state, observations by agent and path, and infos by agent."""
+    states = [each for each in leaves if each.name == "state" and not each.path]
+    seen = {(each.name, each.path): (each.turns, each.values) for each in leaves}
+    by_agent: dict[str, tuple[list[int], list[Any]]] = {}
+    names, turns = trace.steps["agent"].to_pylist(), trace.steps["turn"].to_pylist()
+    for agent, turn, info in zip(names, turns, infos, strict=True):
+        own = by_agent.setdefault(agent, ([], []))
+        own[0].append(turn)
+        own[1].append(info)
+    return (states[0].turns, states[0].values) if states else None, seen, by_agent
+
+
 def _tracks(
-    trace: Episode, leaves: Iterable[DrawnLeaf], agents: Sequence[str], infos: Sequence[Any] | None
+    trace: Episode, leaves: Iterable[DrawnLeaf], agents: Sequence[str], infos: Sequence[Any]
 ) -> tuple[dict[str, list[list[float]]], str]:
     """By agent [turn, x, y] of each move, and the source of the positions."""
-    tracks = _in_infos(trace, infos if infos is not None else _infos(trace), agents)
+    tracks = _in_infos(trace, infos, agents)
     if tracks:
         return tracks, "positions in infos"
     for leaf in leaves:

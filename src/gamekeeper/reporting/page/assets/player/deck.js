@@ -4,12 +4,12 @@ gk.endText = (end) => gk.own({ open: "no end: still recorded, or killed", torn: 
 // One episode on show: what it is, the world drawn, its lanes, and the table under the cursor.
 
 gk.Deck = class {
-  // `choose(turn)`: the reader points at a turn in the lanes.
-  constructor(episode, entry, label, choose) {
+  // `choose(turn)`, `pick(name)`: the reader points at a turn, or an agent, in the lanes.
+  constructor(episode, entry, label, choose, pick) {
     this.episode = episode;
     this.label = label;
     this.drawing = gk.drawingOf(episode);
-    this.lanes = new gk.Lanes(episode, choose);
+    this.lanes = new gk.Lanes(episode, choose, pick);
     this.table = new gk.TurnTable(episode, label);
     const note = episode.drawingNote && gk.node("p", { class: "note", text: (episode.drawing ? "Drawn: " : "") + gk.visible(episode.drawingNote) });
     const world = gk.node("div", { class: "deck-world" }, this.drawing.root, note || "");
@@ -53,6 +53,18 @@ gk.Deck = class {
     this.lanes.show(turn);
     this.table.show(turn, other);
     this.root.classList.toggle("over", turn > this.episode.last);
+  }
+
+  // One agent stands out in the map, the lanes and the table, or is alone there; null: all alike.
+  stress(name, solo) {
+    this.drawing.chosen = this.episode.seat.has(name) ? name : null;
+    this.lanes.stress(name, solo);
+    this.table.stress(name, solo);
+  }
+
+  // The agents of the episode beside this one, as outlines on this map.
+  haunt(other) {
+    if (this.drawing instanceof gk.MapDrawing && other.drawing instanceof gk.MapDrawing) this.drawing.ghost = other.drawing;
   }
 
   // What the reader has zoomed and scrolled to, for an episode that is read again.

@@ -40,6 +40,8 @@ gk.lastUntil = (turns, turn) => {
   return low - 1;
 };
 
+const PENALTIES = 20; // as many are marked
+
 gk.Episode = class {
   constructor(packed) {
     Object.assign(this, { run: packed.run, index: packed.episode, seed: packed.seed, api: packed.api, turns: packed.turns });
@@ -74,6 +76,7 @@ gk.Episode = class {
     this.agentRows = byAgent.rows;
     this.sums = new Map();
     this.texts = new Map();
+    this.penalties = this.#penalties(); // drawn beside the marks; too many to be jumped to
     this.tallest = Math.max(1e-12, this.#tallest(this.reward), this.#tallest(this.cumulative_reward));
     this.idle = this.#idleValues();
     this.seat = new Map(this.agents.map((agent, i) => [agent.name, i]));
@@ -145,6 +148,16 @@ gk.Episode = class {
     const [from, past] = [this.agentStart[agent], this.agentStart[agent + 1]];
     if (from === past || this.turn[this.agentRows[from]] > turn) return false;
     return this.ends[agent] === null || this.ends[agent].turn >= turn;
+  }
+
+  // Rewards below 0 that are at least half as large as the largest loss; none where such losses are usual.
+  #penalties() {
+    let least = 0;
+    for (const value of this.reward) if (value < least && value !== -Infinity) least = value;
+    const rows = [];
+    for (let row = 0; least < 0 && row < this.reward.length; row++) if (this.reward[row] <= least / 2) rows.push(row);
+    if (rows.length > PENALTIES) return [];
+    return rows.map((row) => ({ turn: this.turn[row], kind: "penalty", agent: this.agents[this.agent[row]].name, text: gk.number(this.reward[row]) }));
   }
 
   #tallest(column) {

@@ -6,13 +6,18 @@ const CLOSE = 20; // the same where there are many agents
 const MANY = 24;
 const WIDEST = 44; // pixels of a turn, zoomed in
 const TALLEST = 420; // pixels of all lanes in sight at once
+const CROWD = 50; // agents from which outliers come first
 
 gk.Lanes = class {
-  // `choose(turn)` is called when the reader points at a turn.
-  constructor(episode, choose) {
+  // `choose(turn)` is called when the reader points at a turn, `pick(name)` when at an agent.
+  constructor(episode, choose, pick) {
     this.episode = episode;
     this.pyramids = new gk.Pyramids(episode);
     this.choose = choose;
+    this.pick = pick;
+    this.all = orderOf(episode); // places of agents from top to bottom
+    this.order = this.all;
+    this.chosen = null;
     this.height = episode.agents.length > MANY ? CLOSE : ROOMY;
     this.cursor = 0;
     this.span = episode.last + 1; // turns on the scale: those of the longer one of two
@@ -29,7 +34,6 @@ gk.Lanes = class {
   }
 
   #make() {
-    const total = this.height * this.episode.agents.length;
     this.ruler = gk.node("canvas", { class: "lanes-ruler", "aria-hidden": "true" });
     this.canvas = gk.node("canvas", { class: "lanes-canvas", role: "img" });
     this.names = gk.node("div", { class: "lanes-names" });
@@ -39,13 +43,27 @@ gk.Lanes = class {
     this.scroll = gk.node("div", { class: "lanes-scroll", tabindex: "0", role: "group", "aria-label": label }, this.space);
     this.line = gk.node("div", { class: "lanes-cursor", "aria-hidden": "true" });
     this.box = gk.node("div", { class: "lanes-box" }, this.ruler, this.scroll, this.line);
+    this.#fit();
+    this.canvas.setAttribute("aria-label", this.summary());
+    this.zooms = this.#zooms();
+    this.root = gk.node("div", { class: "lanes" }, this.zooms, this.box);
+  }
+
+  #fit() {
+    const total = this.height * this.order.length;
     this.inSight = Math.min(total, TALLEST);
     this.space.style.height = `${total}px`;
     this.scroll.style.height = `${this.inSight}px`;
     this.view.style.height = `${this.inSight}px`;
-    this.canvas.setAttribute("aria-label", this.summary());
-    this.zooms = this.#zooms();
-    this.root = gk.node("div", { class: "lanes" }, this.zooms, this.box);
+  }
+
+  // Makes an agent stand out, alone with `solo`; null: all alike.
+  stress(name, solo) {
+    this.chosen = this.episode.seat.has(name) ? name : null;
+    this.order = solo && this.chosen !== null ? [this.episode.seat.get(name)] : this.all;
+    this.#fit();
+    this.redraw();
+    if (this.chosen !== null) this.reveal(name);
   }
 
   #zooms() {
@@ -134,6 +152,7 @@ gk.Lanes = class {
       this.redraw();
     }
     this.#place();
+    this.#sayActions();
   }
 
   #place() {
@@ -146,7 +165,7 @@ gk.Lanes = class {
   reveal(name) {
     const agent = this.episode.seat.get(name);
     if (agent === undefined) return;
-    const top = agent * this.height;
+    const top = this.order.indexOf(agent) * this.height;
     if (top < this.scroll.scrollTop || top + this.height > this.scroll.scrollTop + this.inSight) this.scroll.scrollTop = top - this.inSight / 2;
   }
 
@@ -157,38 +176,56 @@ gk.Lanes = class {
     this.#intoRange();
     const top = this.scroll.scrollTop;
     const from = Math.floor(top / this.height);
-    const past = Math.min(this.episode.agents.length, Math.ceil((top + this.inSight) / this.height));
+    const past = Math.min(this.order.length, Math.ceil((top + this.inSight) / this.height));
     const ink = gk.sized(this.canvas, this.wide, this.inSight);
     ink.clearRect(0, 0, this.wide, this.inSight);
     const shape = { first: this.first, perTurn: this.perTurn, width: this.wide, height: this.height };
-    for (let agent = from; agent < past; agent++) {
+    for (let place = from; place < past; place++) {
+      const agent = this.order[place];
       ink.save();
-      ink.translate(0, agent * this.height - top);
+      ink.translate(0, place * this.height - top);
+      ink.globalAlpha = this.chosen === null || this.chosen === this.episode.agents[agent].name ? 1 : 0.3;
       gk.drawLane(ink, this.episode, agent, this.pyramids.level(agent, 1 / shape.perTurn), shape);
       ink.restore();
     }
-    gk.drawRuler(this.ruler, this.episode, this.marks, shape);
+    gk.drawRuler(this.ruler, this.episode, [...this.marks, ...this.episode.penalties], shape);
     this.ruler.style.marginLeft = `${this.left}px`;
     this.#nameLanes(from, past, top);
     this.#place();
+    this.drawn?.();
   }
 
   #nameLanes(from, past, top) {
     while (this.pool.length < past - from) {
-      const made = gk.node("div", { class: "lane-name" }, gk.node("i", { "aria-hidden": "true", hidden: this.episode.drawing?.kind !== "map" }), gk.node("bdi"));
+      const words = gk.node("span", { class: "lane-words" }, gk.node("bdi"), gk.node("small", { hidden: this.height === CLOSE }));
+      const made = gk.node("button", { type: "button", class: "lane-name" }, gk.node("i", { "aria-hidden": "true" }), words);
+      made.addEventListener("click", () => this.pick(this.episode.agents[made.agent].name));
       this.pool.push(made);
       this.names.append(made);
     }
     this.pool.forEach((made, i) => {
-      const agent = this.episode.agents[from + i];
       made.hidden = from + i >= past;
       if (made.hidden) return;
-      gk.say(made.lastChild, gk.visible(agent.name));
-      made.firstChild.style.background = `var(--series-${1 + (gk.placeOf("agent", agent.name) % 8)})`;
+      made.agent = this.order[from + i];
+      const agent = this.episode.agents[made.agent];
+      gk.say(made.lastChild.firstChild, gk.visible(agent.name));
+      made.setAttribute("aria-pressed", String(this.chosen === agent.name));
+      gk.signAgent(made.firstChild, agent);
       made.title = `${gk.visible(agent.name)}, ${gk.visible(agent.role ?? "")}`;
       made.style.height = `${this.height}px`;
       made.style.transform = `translateY(${(from + i) * this.height - top}px)`;
     });
+    this.#sayActions();
+  }
+
+  // What each agent did at the cursor's turn, under its name.
+  #sayActions() {
+    if (this.height === CLOSE) return;
+    for (const made of this.pool) {
+      if (made.hidden) continue;
+      const row = this.episode.rowOf(made.agent, this.cursor);
+      gk.say(made.lastChild.lastChild, row < 0 || this.episode.action[row] < 0 ? "" : gk.actionText(this.episode, row));
+    }
   }
 
   // What the picture says, for those who don't see it.
@@ -199,6 +236,17 @@ gk.Lanes = class {
     const found = marks.slice(0, 8).map((mark) => `${mark.kind} at turn ${mark.turn}`);
     return `Actions and rewards, turns 0 to ${last}: ${named.join(", ")}${more}. ${found.join(", ")}. The table below shows the chosen turn.`;
   }
+};
+
+// Agents in their order; of a crowd those first whose return is furthest from the middle one, in median deviations.
+const orderOf = (episode) => {
+  const places = episode.agents.map((_, i) => i);
+  if (places.length < CROWD) return places;
+  const middle = (values) => [...values].sort((a, b) => a - b)[values.length >> 1];
+  const returns = places.map((agent) => episode.paidUntil(agent, episode.last));
+  const centre = middle(returns);
+  const far = returns.map((value) => Math.abs(value - centre));
+  return places.sort((a, b) => far[b] - far[a] || a - b);
 };
 
 const KEYS = [

@@ -3,7 +3,8 @@
 const TRAIL = 40; // turns
 const NAMED = 24; // as many agents have their names beside them
 const SIZE = 5; // pixels from a sign's centre to its edge
-const SIDE = 340; // pixels of the picture's longer side, at most
+const SIDE = 360; // pixels of the picture's longer side, at most
+const CELL = 48; // pixels of a cell's side, at most
 
 const SHAPES = [
   (ink, x, y, r) => ink.arc(x, y, r, 0, 2 * Math.PI),
@@ -18,11 +19,21 @@ const polygon = (ink, [start, ...rest]) => {
   ink.closePath();
 };
 
+// [turn, x, y] of each move as columns; NaN where it is not there.
+gk.trackOf = (points) => ({
+  turns: Float64Array.from(points, (point) => point[0]),
+  xs: Float64Array.from(points, (point) => point[1] ?? NaN),
+  ys: Float64Array.from(points, (point) => point[2] ?? NaN),
+});
+
 gk.MapDrawing = class {
   constructor(episode) {
     this.episode = episode;
-    const { extent, tracks } = episode.drawing;
+    const { extent, tracks, scene } = episode.drawing;
     this.extent = extent;
+    this.scene = scene ? new gk.Scene(scene, episode) : null;
+    this.chosen = null; // the agent that stands out
+    this.ghost = null; // the map beside this one, whose agents are drawn as outlines where they are elsewhere
     this.tracks = Object.entries(tracks).map(([name, points]) => {
       const seat = episode.seat.get(name);
       const role = seat === undefined ? 0 : gk.placeOf("role", episode.agents[seat].role);
@@ -30,77 +41,134 @@ gk.MapDrawing = class {
         name,
         seat: seat ?? 0,
         shape: SHAPES[role % SHAPES.length],
-        turns: Float64Array.from(points, (point) => point[0]),
-        xs: Float64Array.from(points, (point) => point[1]),
-        ys: Float64Array.from(points, (point) => point[2]),
+        ...gk.trackOf(points),
       };
     });
-    this.root = gk.node("canvas", { class: "drawing-map", role: "img" });
+    this.canvas = gk.node("canvas", { class: "drawing-map", role: "img" });
+    const legend = this.scene?.legend;
+    this.root = gk.node("div", {}, this.canvas, legend ? gk.node("p", { class: "note legend", text: legend }) : "");
+  }
+
+  get size() {
+    return this.scene?.grid ? Math.max(3.5, Math.min(13, this.per * 0.3)) : SIZE;
   }
 
   #scale() {
     const [x0, x1, y0, y1] = this.extent;
-    const [across, up] = [x1 - x0 || 1, y1 - y0 || 1];
-    const per = Math.min(SIDE / across, SIDE / up);
-    this.width = Math.max(60, across * per) + 4 * SIZE;
-    this.height = Math.max(60, up * per) + 4 * SIZE;
-    this.x = (x) => 2 * SIZE + (x - x0) * per;
-    this.y = (y) => this.height - 2 * SIZE - (y - y0) * per;
+    const grid = this.scene?.grid;
+    const [across, up] = grid ? [x1 - x0 + 1, y1 - y0 + 1] : [x1 - x0 || 1, y1 - y0 || 1];
+    this.per = Math.min(SIDE / across, SIDE / up, grid ? CELL : Infinity);
+    const edge = grid ? 0 : 4 * SIZE;
+    this.width = Math.max(60, across * this.per) + edge;
+    this.height = Math.max(grid ? 1 : 60, up * this.per) + edge;
+    const half = grid ? this.per / 2 : 2 * SIZE;
+    this.x = (x) => half + (x - x0) * this.per;
+    this.y = (y) => (this.scene?.down ? half + (y - y0) * this.per : this.height - half - (y - y0) * this.per);
   }
 
   show(turn) {
     this.#scale();
     const colours = gk.colours();
-    const ink = gk.sized(this.root, this.width, this.height);
+    const ink = gk.sized(this.canvas, this.width, this.height);
     ink.fillStyle = colours.raised;
     ink.fillRect(0, 0, this.width, this.height);
     ink.strokeStyle = colours.line;
+    ink.lineWidth = 1;
     ink.strokeRect(0.5, 0.5, this.width - 1, this.height - 1);
     ink.font = `11px ${colours.font}`;
     ink.textBaseline = "middle";
+    this.scene?.draw(ink, turn, { x: this.x, y: this.y, per: this.per }, (name, x, y, size) => this.#sign(ink, name, x, y, size));
+    ink.font = `11px ${colours.font}`;
     const labels = [];
     for (const track of this.tracks) this.#draw(ink, track, turn, labels);
+    for (const track of this.ghost?.tracks ?? []) this.#haunt(ink, track, turn);
     ink.fillStyle = colours.ink;
     if (this.tracks.length <= NAMED) labels.forEach(([text, x, y]) => this.#write(ink, text, x, y));
-    this.root.setAttribute("aria-label", `Map at turn ${turn}: ${this.#places(turn)}`);
+    this.canvas.setAttribute("aria-label", `Map at turn ${turn}: ${this.#places(turn)}`);
   }
 
   #draw(ink, track, turn, labels) {
     const here = gk.lastUntil(track.turns, turn);
-    if (here < 0) return;
+    if (here < 0 || Number.isNaN(track.xs[here])) return;
+    const faint = this.chosen !== null && this.chosen !== track.name ? 0.25 : 1;
     const colour = gk.colourAt(gk.placeOf("agent", track.name));
     ink.strokeStyle = colour;
     ink.fillStyle = colour;
     ink.lineWidth = 1.5;
-    ink.globalAlpha = 0.45;
+    ink.globalAlpha = 0.45 * faint;
     ink.beginPath();
-    for (let i = here; i >= 0; i--) {
+    for (let i = here; i >= 0 && !Number.isNaN(track.xs[i]); i--) {
       ink.lineTo(this.x(track.xs[i]), this.y(track.ys[i]));
       if (track.turns[i] < turn - TRAIL) break;
     }
     ink.stroke();
     const gone = !this.episode.isThere(track.seat, turn);
-    ink.globalAlpha = 1;
+    ink.globalAlpha = faint;
     ink.beginPath();
     const [x, y] = [this.x(track.xs[here]), this.y(track.ys[here])];
-    track.shape(ink, x, y, SIZE);
+    track.shape(ink, x, y, this.size);
     if (gone) ink.stroke();
     else ink.fill();
-    labels.push([gk.visible(track.name), x, y]);
+    if (this.scene?.isCarrying(track.name, turn)) {
+      const side = this.size * 0.8;
+      ink.fillStyle = gk.colours().ink;
+      ink.fillRect(x - side / 2, y - side / 2, side, side);
+    }
+    ink.globalAlpha = 1;
+    if (faint === 1) labels.push([gk.visible(track.name), x, y]);
+  }
+
+  // An agent of the episode beside this one: an outline, joined to where the agent is here.
+  #haunt(ink, track, turn) {
+    const there = gk.lastUntil(track.turns, turn);
+    if (there < 0 || Number.isNaN(track.xs[there])) return;
+    const mine = this.tracks.find((each) => each.name === track.name);
+    if (!mine) return; // this episode never had it
+    const here = gk.lastUntil(mine.turns, turn);
+    if (here >= 0 && mine.xs[here] === track.xs[there] && mine.ys[here] === track.ys[there]) return;
+    const [x, y] = [this.x(track.xs[there]), this.y(track.ys[there])];
+    ink.strokeStyle = gk.colourAt(gk.placeOf("agent", track.name));
+    ink.lineWidth = 1.5;
+    ink.setLineDash([3, 2]);
+    ink.beginPath();
+    if (here >= 0 && !Number.isNaN(mine.xs[here])) {
+      ink.moveTo(this.x(mine.xs[here]), this.y(mine.ys[here]));
+      ink.lineTo(x, y);
+      ink.stroke();
+      ink.beginPath();
+    }
+    track.shape(ink, x, y, this.size);
+    ink.stroke();
+    ink.setLineDash([]);
+  }
+
+  // An agent's sign in a cell of a board; false where the word is no agent.
+  #sign(ink, name, x, y, size) {
+    const seat = this.episode.seat.get(name);
+    if (seat === undefined) return false;
+    ink.fillStyle = gk.colourAt(gk.placeOf("agent", name));
+    ink.beginPath();
+    SHAPES[seat % SHAPES.length](ink, x, y, size);
+    ink.fill();
+    return true;
   }
 
   // A name to the right of its sign, or to the left where the edge is near.
   #write(ink, text, x, y) {
     const short = text.length > 18 ? `${text.slice(0, 17)}…` : text;
-    const left = x + 10 + ink.measureText(short).width > this.width;
+    const apart = this.size + 3;
+    const left = x + apart + 2 + ink.measureText(short).width > this.width;
     ink.textAlign = left ? "right" : "left";
-    ink.fillText(short, left ? x - 8 : x + 8, y);
+    ink.lineWidth = 3;
+    ink.strokeStyle = gk.colours().raised; // a rim, so that names are read on cells
+    ink.strokeText(short, left ? x - apart : x + apart, y);
+    ink.fillText(short, left ? x - apart : x + apart, y);
   }
 
   #places(turn) {
     const places = this.tracks.slice(0, 8).map((track) => {
       const here = gk.lastUntil(track.turns, turn);
-      return here < 0 ? "" : `${gk.visible(track.name)} at ${gk.number(track.xs[here])}, ${gk.number(track.ys[here])}`;
+      return here < 0 || Number.isNaN(track.xs[here]) ? "" : `${gk.visible(track.name)} at ${gk.number(track.xs[here])}, ${gk.number(track.ys[here])}`;
     });
     return places.filter(Boolean).join("; ");
   }

@@ -2,6 +2,8 @@
 
 const SPEEDS = [1, 2, 5, 10, 20, 50, 100, 200, 500]; // turns a second
 const NAMED = 24; // marks with a button each; the brackets reach all
+const THUMB = 16; // pixels of the slider's thumb, as style.css has it
+const TICKS = 14; // pixels of the line of marks below the slider
 const SETTLED = 500; // milliseconds after which a turn is read out and stands in the address
 
 // Signs on buttons as paths in 16 x 16, for fonts don't have them everywhere.
@@ -33,7 +35,7 @@ const wording = (mark) => [mark.kind, mark.agent === null || mark.agent === unde
 
 gk.Player = class {
   constructor(host) {
-    Object.assign(this, { host, decks: [], turn: 0, speed: 3, playing: false, part: null, settled: 0, generation: 0, moved: false });
+    Object.assign(this, { host, decks: [], chosen: null, solo: false, turn: 0, speed: 3, playing: false, part: null, settled: 0, generation: 0, moved: false });
     this.#make();
     this.render = gk.once(() => this.#render());
     gk.onColours(() => this.decks.forEach((deck) => deck.repaint(this.turn)));
@@ -54,7 +56,9 @@ gk.Player = class {
     this.pairing = gk.node("p", { class: "pairing", hidden: true }, gk.node("label", {}, "Compare: ", this.pair));
     this.follow = gk.node("input", { type: "checkbox" });
     this.following = gk.node("label", { class: "following", hidden: true }, this.follow, " follow the recording");
-    this.host.append(this.list.root, this.pairing, this.trouble, this.parted, this.#controls(), this.jumps, this.stage, this.#keys(), this.status);
+    const parts = [this.pairing, this.trouble, this.parted, this.#controls(), this.jumps, this.stage, this.#keys()];
+    // A report begins with its episode; in `gamekeeper view` the list is the way to all of them.
+    this.host.append(...(gk.served ? [this.list.root, ...parts] : [...parts, this.list.root]), this.status);
   }
 
   #controls() {
@@ -76,6 +80,11 @@ gk.Player = class {
     ];
     this.pace = gk.node("output", { class: "pace", "aria-label": "Speed" });
     const slower = button("slower", "Slower (−)", () => this.faster(-1));
+    this.alone = gk.node("input", { type: "checkbox" });
+    this.alone.addEventListener("change", () => this.pick(this.chosen, this.alone.checked));
+    this.picked = gk.node("bdi");
+    this.picking = gk.node("label", { class: "picking", hidden: true }, this.alone, " only ", this.picked);
+    this.ticks = gk.node("canvas", { class: "scrub-marks", "aria-hidden": "true" });
     const speed = gk.node("span", { class: "speed" }, slower, this.pace, button("faster", "Faster (+)", () => this.faster(1)));
     this.slider = gk.node("input", { type: "range", min: "0", max: "0", value: "0", step: "1", "aria-label": "Turn", class: "scrub" });
     this.slider.addEventListener("input", () => this.to(Number(this.slider.value)));
@@ -84,8 +93,8 @@ gk.Player = class {
     return gk.node(
       "div",
       { class: "controls", role: "group", "aria-label": "Playback" },
-      gk.node("div", { class: "control-buttons" }, ...buttons, speed, this.following),
-      gk.node("div", { class: "control-slider" }, this.slider, this.where),
+      gk.node("div", { class: "control-buttons" }, ...buttons, speed, this.where, this.picking, this.following),
+      gk.node("div", { class: "control-slider" }, this.slider, this.ticks),
     );
   }
 
@@ -153,10 +162,28 @@ gk.Player = class {
     this.pair.value = at < 0 ? "" : String(at);
   }
 
+  // Makes an agent stand out everywhere, or releases it where it does; `solo`: it is alone.
+  pick(name, solo = false) {
+    const again = name === this.chosen && solo === this.solo;
+    this.chosen = again ? null : name;
+    this.solo = this.chosen !== null && solo;
+    this.moved = true;
+    this.#stress();
+    this.render();
+  }
+
+  #stress() {
+    this.decks.forEach((deck) => deck.stress(this.chosen, this.solo));
+    this.alone.checked = this.solo;
+    this.picking.hidden = this.chosen === null;
+    gk.say(this.picked, gk.visible(this.chosen ?? ""));
+  }
+
   // Opens an episode, or two side by side, at a turn.
-  async open(entries, { turn, focus = false, agent } = {}) {
+  async open(entries, { turn, focus = false, agent = null, solo = false } = {}) {
     await this.#show(entries, turn);
-    if (agent) this.decks[0]?.lanes.reveal(agent);
+    [this.chosen, this.solo] = [agent, agent !== null && solo];
+    this.#stress();
     if (focus) {
       this.moved = true;
       this.host.closest("section")?.scrollIntoView({ block: "start", behavior: "instant" });
@@ -193,11 +220,17 @@ gk.Player = class {
   #deal(episodes, entries) {
     const titles = episodes.length > 1 ? ["Left", "Right"] : ["Episode"];
     this.decks = episodes.map((episode, i) => {
-      const deck = new gk.Deck(episode, entries[i], `${titles[i]}: run ${gk.visible(episode.run)}, episode ${episode.index}`, (turn) => this.to(turn));
+      const deck = new gk.Deck(episode, entries[i], `${titles[i]}: run ${gk.visible(episode.run)}, episode ${episode.index}`, (turn) => this.to(turn), (name) => this.pick(name));
       Object.assign(deck, { entry: entries[i], side: titles[i].toLowerCase() });
       return deck;
     });
-    if (this.decks.length > 1) gk.Lanes.pair(this.decks[0].lanes, this.decks[1].lanes);
+    const [one, other] = this.decks;
+    if (other) {
+      gk.Lanes.pair(one.lanes, other.lanes);
+      one.haunt(other);
+      other.haunt(one);
+    }
+    one.lanes.drawn = () => this.#align();
     this.#choosePair();
     this.part = episodes.length < 2 ? null : this.known ? this.known.divergence : gk.firstDifference(...episodes);
     if (episodes.length > 1) this.decks.forEach((deck) => deck.mark(this.partMarks()));
@@ -208,7 +241,26 @@ gk.Player = class {
     this.#sayPart(episodes);
     this.#fillJumps();
     this.list.show(entries.map((entry) => `${entry.run}/${entry.episode}`));
+    this.#stress();
     this.decks.forEach((deck) => deck.lanes.draw());
+  }
+
+  // The slider stands above the lanes of one episode, its thumb above their cursor where all turns are in sight, its marks above theirs.
+  #align() {
+    const row = this.slider.parentElement;
+    const { lanes } = this.decks[0];
+    const half = THUMB / 2;
+    const one = this.decks.length === 1 && this.last > 0;
+    const per = one ? lanes.width / (this.last + 1) : 0;
+    const from = one ? lanes.canvas.getBoundingClientRect().left - row.getBoundingClientRect().left + per / 2 - half : 0;
+    const wide = one ? this.last * per + THUMB : row.clientWidth;
+    row.style.paddingLeft = `${from}px`;
+    this.slider.style.width = `${wide}px`;
+    const ink = gk.sized(this.ticks, wide, TICKS);
+    ink.clearRect(0, 0, wide, TICKS);
+    const shape = { first: 0, perTurn: (wide - THUMB) / Math.max(1, this.last), past: this.last + 1, width: wide };
+    const penalties = this.decks.flatMap((deck) => deck.episode.penalties);
+    gk.drawMarks(ink, [...this.marks, ...penalties], { ...shape, at: (turn) => half + turn * shape.perTurn });
   }
 
   // A pair begins at its first difference, what broke off where it did, a failure in the midst of an episode where it is, anything else at its beginning.
@@ -332,14 +384,16 @@ gk.Player = class {
     this.settled = setTimeout(() => {
       gk.say(this.status, this.#spoken());
       if (this.turn !== this.began) this.moved = true; // an untouched page keeps its address
-      if (this.moved) history.replaceState(null, "", this.address);
+      const hasAddress = location.protocol !== "about:"; // a frame in a notebook has none
+      if (this.moved && hasAddress) history.replaceState(null, "", this.address);
     }, SETTLED);
   }
 
-  // `#play:RUN/EPISODE/TURN`, and behind a `+` the episode beside it.
+  // `#play:RUN/EPISODE/TURN`, behind a `+` the episode beside it, behind an `@` the chosen agent, with a `!` where it is alone.
   get address() {
     const [one, other] = this.decks.map(({ episode }) => `${encodeURIComponent(episode.run)}/${episode.index}`);
-    return `#play:${one}/${this.turn}${other ? `+${other}` : ""}`;
+    const agent = this.chosen === null ? "" : `@${encodeURIComponent(this.chosen)}${this.solo ? "!" : ""}`;
+    return `#play:${one}/${this.turn}${other ? `+${other}` : ""}${agent}`;
   }
 
   #spoken() {

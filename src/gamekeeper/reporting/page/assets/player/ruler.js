@@ -10,6 +10,7 @@ gk.MARKS = {
   label: "●",
   change: "✚",
   ending: "■",
+  penalty: "▽",
 };
 
 gk.markSign = (mark) => gk.own(gk.MARKS, mark.kind) ?? "•";
@@ -38,19 +39,21 @@ gk.drawRuler = (canvas, episode, marks, { first, perTurn, width }) => {
     ink.textAlign = x < 12 ? "left" : x > width - 16 ? "right" : "center";
     ink.fillText(text, Math.max(0, Math.min(width, x)), HEIGHT - 6);
   }
-  drawMarks(ink, marks, { first, perTurn, width, past }, colours);
+  gk.drawMarks(ink, marks, { first, past, width, at: (turn) => (turn - first + 0.5) * perTurn });
 };
 
 // Where marks crowd, one a column of pixels is enough.
-const drawMarks = (ink, marks, { first, perTurn, width, past }, colours) => {
+gk.drawMarks = (ink, marks, { first, past, width, at }) => {
+  const colours = gk.colours();
+  ink.font = `11px ${colours.font}`;
   let before = -10;
   ink.textAlign = "center";
   for (const mark of marks) {
     if (mark.turn < first || mark.turn >= past) continue;
-    const x = Math.max(5, Math.min(width - 5, (mark.turn - first + 0.5) * perTurn));
+    const x = Math.max(5, Math.min(width - 5, at(mark.turn)));
     if (x - before < 4) continue;
     before = x;
-    ink.fillStyle = mark.kind === "ending" ? colours.grey : colours.mark;
+    ink.fillStyle = mark.kind === "ending" || mark.kind === "penalty" ? colours.grey : colours.mark;
     ink.fillText(gk.markSign(mark), x, 11);
   }
 };

@@ -20,14 +20,15 @@ const copyFrom = async (button) => {
   setTimeout(() => (button.textContent = before), 2000);
 };
 
-// `#play:RUN/EPISODE/TURN`, of two side by side `#play:RUN/EPISODE/TURN+RUN/EPISODE`; or null.
-const placeInAddress = () => {
-  const found = /^#play:([^/+]*)\/(\d+)(?:\/(\d+))?(?:\+([^/+]*)\/(\d+))?$/.exec(location.hash);
+// `#play:RUN/EPISODE/TURN`, of two side by side `#play:RUN/EPISODE/TURN+RUN/EPISODE`, with a chosen agent `…@AGENT`, alone `…@AGENT!`; or null.
+const placeIn = (hash) => {
+  const found = /^#play:([^/+]*)\/(\d+)(?:\/(\d+))?(?:\+([^/+]*)\/(\d+))?(?:@([^!]*)(!)?)?$/.exec(hash);
   if (!found) return null;
-  const [, run, episode, turn, other, beside] = found;
+  const [, run, episode, turn, other, beside, agent, solo] = found;
   const place = (key, number) => ({ run: decodeURIComponent(key), episode: Number(number) });
   try {
-    return { ...place(run, episode), turn: turn === undefined ? undefined : Number(turn), beside: other === undefined ? null : place(other, beside) };
+    const chosen = agent ? { agent: decodeURIComponent(agent), solo: Boolean(solo) } : {};
+    return { ...place(run, episode), ...chosen, turn: turn === undefined ? undefined : Number(turn), beside: other === undefined ? null : place(other, beside) };
   } catch {
     return null; // not an address that we wrote
   }
@@ -36,7 +37,7 @@ const placeInAddress = () => {
 const goTo = (player, place) => {
   const entries = [place, place?.beside].filter(Boolean).map(({ run, episode }) => player.entry(run, episode));
   if (!entries.length || !entries.every((entry) => entry?.packed)) return false;
-  player.open(entries, { turn: place.turn, agent: place.agent, focus: true });
+  player.open(entries, { turn: place.turn, agent: place.agent, solo: place.solo, focus: true });
   return true;
 };
 
@@ -44,12 +45,11 @@ const followLinks = (player) => {
   document.addEventListener("click", (event) => {
     const button = event.target.closest?.("button[data-copy]");
     if (button) copyFrom(button);
-    const link = event.target.closest?.("a[data-episode]");
+    const link = event.target.closest?.('a[href^="#play:"]'); // also where the address is there already
     if (!link || event.ctrlKey || event.metaKey || event.shiftKey) return;
-    const { run, episode, turn, agent } = link.dataset;
-    if (goTo(player, { run, episode: Number(episode), turn: turn === undefined ? undefined : Number(turn), agent })) event.preventDefault();
+    if (goTo(player, placeIn(link.hash))) event.preventDefault();
   });
-  window.addEventListener("hashchange", () => goTo(player, placeInAddress()));
+  window.addEventListener("hashchange", () => goTo(player, placeIn(location.hash)));
 };
 
 // Keeps the list true while a run is still recorded.
@@ -87,7 +87,7 @@ const keepUp = (player) => {
 };
 
 const begin = (player) => {
-  if (goTo(player, placeInAddress())) return;
+  if (goTo(player, placeIn(location.hash))) return;
   // A report's list begins with what it was asked for; that of `gamekeeper view` is by number, and begins with what was broken off.
   const packed = player.entries.filter((entry) => entry.packed);
   const first = (gk.served && packed.find((entry) => ["open", "torn", "failed"].includes(entry.end))) || packed[0];

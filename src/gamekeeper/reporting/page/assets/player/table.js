@@ -27,11 +27,20 @@ const COLUMNS = [
   { field: "nonconforming", title: "nonconforming", note: "values that don't fit their space or the protocol", long: true },
 ];
 
+// An action by its number and name; · marks the declared noop.
+gk.actionText = (episode, row) => {
+  const value = episode.value(episode.action[row]);
+  const name = gk.own(episode.agents[episode.agent[row]].actions ?? [], value);
+  const text = name === null || !Number.isInteger(value) ? gk.plain(value) : `${value} ${gk.visible(name)}`;
+  return episode.isIdle(row) ? `${text} ·` : text;
+};
+
 gk.TurnTable = class {
   constructor(episode, label) {
     this.episode = episode;
     this.from = 0;
     this.other = null;
+    this.chosen = null;
     this.columns = this.#columns();
     this.head = gk.node("tr", {}, gk.node("th", { scope: "col", text: "agent" }), ...this.columns.map(headCell));
     this.body = gk.node("tbody");
@@ -83,11 +92,20 @@ gk.TurnTable = class {
       cells.row.hidden = i >= shown;
       if (i >= shown) return;
       const agent = few ? i : e.agent[from + this.from + i];
+      const name = e.agents[agent].name;
+      cells.row.hidden = this.solo && this.chosen !== null && name !== this.chosen;
+      cells.row.classList.toggle("chosen", name === this.chosen);
       this.#fill(cells, agent, few ? rowAmong(e, from, past, agent) : from + this.from + i, turn);
     });
     gk.say(this.caption, this.#says(turn, from, past));
     this.pager.hidden = count <= AT_ONCE;
     if (!this.pager.hidden) gk.say(this.range, ` ${this.from + 1} to ${this.from + shown} of ${count} `);
+  }
+
+  // An agent's row stands out, or is alone.
+  stress(name, solo) {
+    this.chosen = this.episode.seat.has(name) ? name : null;
+    this.solo = solo;
   }
 
   #says(turn, from, past) {
@@ -100,15 +118,17 @@ gk.TurnTable = class {
   }
 
   #addRow() {
+    const sign = gk.node("i", { class: "agent-sign", "aria-hidden": "true" });
     const name = gk.node("bdi");
     const cells = this.columns.map(({ number, long }) => gk.node("td", { class: number ? "num" : long ? "long" : null }));
-    const row = gk.node("tr", {}, gk.node("th", { scope: "row" }, name), ...cells);
+    const row = gk.node("tr", {}, gk.node("th", { scope: "row" }, sign, name), ...cells);
     this.body.append(row);
-    this.rows.push({ row, name, cells });
+    this.rows.push({ row, sign, name, cells });
   }
 
-  #fill({ row: line, name, cells }, agent, row, turn) {
+  #fill({ row: line, sign, name, cells }, agent, row, turn) {
     const e = this.episode;
+    gk.signAgent(sign, e.agents[agent]);
     gk.say(name, gk.visible(e.agents[agent].name));
     line.classList.toggle("absent", row < 0);
     line.classList.toggle("acted", row >= 0 && e.acted(row));
@@ -129,7 +149,7 @@ gk.TurnTable = class {
     if (field === "cumulative_reward") return gk.say(cell, gk.number(e.cumulative_reward[row]));
     if (field === "ended") return gk.say(cell, this.#ended(row));
     if (field === "mask") return gk.sayValue(cell, e.mask[row] < 0 ? null : maskText(e.value(e.mask[row])));
-    if (field === "action" && e.isIdle(row)) return gk.sayValue(cell, `${gk.plain(e.value(e.action[row]))} ·`);
+    if (field === "action" && e.action[row] >= 0) return gk.sayValue(cell, gk.actionText(e, row));
     if (field === "nonconforming") return gk.sayValue(cell, e.nonconforming[row] < 0 ? null : `⚠ ${gk.plain(e.value(e.nonconforming[row]))}`);
     return gk.sayValue(cell, e.value(e[field][row]));
   }

@@ -38,6 +38,14 @@ gk.colourAt = (place) => {
   return series[place % series.length];
 };
 
+const CLIPS = ["circle(50%)", "none", "polygon(50% 0, 100% 100%, 0 100%)", "polygon(50% 0, 100% 50%, 50% 100%, 0 50%)"];
+
+// An agent's colour and its role's shape, as on the map, for an element of its own.
+gk.signAgent = (element, { name, role }) => {
+  element.style.background = `var(--series-${1 + (gk.placeOf("agent", name) % 8)})`;
+  element.style.clipPath = CLIPS[gk.placeOf("role", role) % CLIPS.length];
+};
+
 // Calls back when colours changed, so that canvases are drawn again.
 gk.onColours = (listener) => {
   listeners.push(listener);

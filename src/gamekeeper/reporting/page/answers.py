@@ -1,0 +1,257 @@
+"""First screen of a page: the questions that a reader has first, each answered in a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from gamekeeper.checks.verdict import SEVERITIES
+from gamekeeper.reporting.page.episode_figures import UNFINISHED, failed_text
+from gamekeeper.reporting.page.page_data import Answer, PageBlock, shown
+from gamekeeper.reporting.page.page_html import quoted
+from gamekeeper.reporting.results_text import few, last_line
+
+if TYPE_CHECKING:
+    from gamekeeper.reporting.page.composition import Documents, ShownRun
+
+Document = Mapping[str, Any]
+
+STATES: Final = {
+    "finalized": ("passed", "The run is complete"),
+    "recovered": ("warn", "The recorder was killed; what it had written was recovered"),
+    "open": ("warn", "The run is still recorded, or its recorder was killed"),
+    "failed": ("failed", "The recording failed"),
+}
+NAMED: Final = ("isolated", "joint", "ambiguous")
+"""Answers of a diagnosis that name a cause."""
+DIGITS: Final = 12
+"""Characters of a digest that a sentence shows."""
+
+
+def answers_of(run: ShownRun, documents: Documents) -> tuple[Answer, ...]:
+    """The answers that are known; what was not asked is left to `not_asked`.
+
+    Args:
+        run: the run that the page is about.
+        documents: about it.
+    """
+    found = (
+        _state(run),
+        _verified(run),
+        _outcome(run),
+        _weakest(run, documents.attribution),
+        _cause(run, documents.diagnosis),
+        _findings(documents.audit),
+    )
+    return tuple(each for each in found if each is not None)
+
+
+def _state(run: ShownRun) -> Answer:
+    """State of the recording; an episode that broke off comes first."""
+    status = run.card.status
+    badge, text = STATES.get(status, ("plain", "The run is in memory"))
+    for header in run.figures.headers:
+        if header.get("error"):
+            text += f"; episode {header['episode']} ended with {last_line(header['error'])}"
+            return Answer("State", f"{text}.", "failed", "failed", **_last_turn(run, header))
+        if header.get("end") in UNFINISHED:
+            text += f"; episode {header['episode']} is unfinished"
+            return Answer("State", f"{text}.", status, "warn", **_last_turn(run, header))
+    return Answer("State", f"{text}.", status, badge)
+
+
+def _verified(run: ShownRun) -> Answer:
+    """Files against their checksums; a page never replays."""
+    root = run.evidence.root
+    link = {"link": "#provenance", "link_text": "provenance"}
+    if root is None:
+        text = "A run that isn't finalized has no checksums to compare."
+        return Answer("Verified", text, "not verified", "warn", **link)
+    text = f"Every file matches its checksum, root digest {root[:DIGITS]}; not replayed here."
+    return Answer("Verified", text, "files match", "passed", **link)
+
+
+def _outcome(run: ShownRun) -> Answer | None:
+    """Episodes that failed by the contract's condition; None where it declares none."""
+    if all(each is None for each in run.failed):
+        return None
+    bad = [k for k, each in enumerate(run.failed) if each]
+    text = f"{failed_text(run.failed)} failed ({run.condition})."
+    if not bad:
+        return Answer("Outcome", text, "passed", "passed")
+    return Answer(
+        "Outcome", text, "failed", "failed", **_last_turn(run, run.figures.headers[bad[0]])
+    )
+
+
+def _last_turn(run: ShownRun, header: Mapping[str, Any]) -> dict[str, str]:
+    """A link to an episode's last turn."""
+    number, turns = header["episode"], run.evidence.turns_of(header)
+    return {
+        "link": f"#play:{run.key}/{number}/{turns}",
+        "link_text": f"episode {number}, turn {turns}",
+    }
+
+
+def _weakest(run: ShownRun, attribution: Document | None) -> Answer | None:
+    """The agent that adds least by an attribution, else the one with the lowest mean return."""
+    if len(run.figures.agents) < 2 or not len(run.figures.headers):
+        return None
+    found = _least_added(attribution) or _lowest_return(run)
+    if found is None:
+        return None
+    agent, text = found
+    place = run.figures.agents.index(agent) if agent in run.figures.agents else None
+    link = {} if place is None else _worst_episode(run, place)
+    return Answer("Weakest agent", text, agent, "plain", **link)
+
+
+def _least_added(attribution: Document | None) -> tuple[str, str] | None:
+    known = {
+        agent: part["difference"]
+        for agent, part in ((attribution or {}).get("agents") or {}).items()
+        if part.get("difference") and part["difference"].get("value") is not None
+    }
+    if not known:
+        return None
+    agent = min(known, key=lambda each: float(known[each]["value"]))
+    part = known[agent]
+    between = (
+        ""
+        if part.get("low") is None
+        else f" (95 % interval {shown(part['low'])} to {shown(part['high'])})"
+    )
+    text = f"With {part.get('baseline') or 'a baseline'} in its place the team loses least: "
+    return agent, f"{text}{shown(part['value'])}{between}."
+
+
+def _lowest_return(run: ShownRun) -> tuple[str, str] | None:
+    """By mean return, of agents in at least half of the episodes; the most idle one beside it."""
+    figures = run.figures
+    counts = figures.present.sum(axis=0)
+    places = [k for k in range(len(figures.agents)) if 2 * counts[k] >= len(figures.headers)]
+    means = {k: float(figures.returns[figures.present[:, k], k].mean()) for k in places}
+    idle = _most_idle(run, places)
+    if not means or not all(np.isfinite(value) for value in means.values()):
+        return None
+    low, high = min(means.values()), max(means.values())
+    if np.isclose(low, high):
+        text = f"All agents have one mean return, {shown(low)}, so returns don't tell"
+        return None if idle is None else (idle[0], f"{text}; {idle[1]}.")
+    place = min(means, key=lambda each: means[each])
+    text = f"Lowest mean return, {shown(low)} (highest: {shown(high)})"
+    return figures.agents[place], f"{text}; {idle[1]}." if idle else f"{text}."
+
+
+def _most_idle(run: ShownRun, places: Sequence[int]) -> tuple[str, str] | None:
+    """The agent with the largest part of declared noops, and that part in words."""
+    known = {
+        agent: own.idle
+        for agent in (run.figures.agents[k] for k in places)
+        for own in [run.evidence.summary.agents.get(agent)]
+        if own is not None and own.idle is not None
+    }
+    if not known or len(set(known.values())) == 1:
+        return None
+    agent = max(known, key=lambda each: known[each] or 0.0)
+    return agent, f"most idle is {agent}, {known[agent]:.0%} of its actions"
+
+
+def _worst_episode(run: ShownRun, place: int) -> dict[str, str]:
+    """A link to the agent's episode with its lowest return."""
+    figures = run.figures
+    values = np.where(figures.present[:, place], figures.returns[:, place], np.inf)
+    header = figures.headers[int(np.argmin(values))]
+    number = header["episode"]
+    return {"link": f"#play:{run.key}/{number}/0", "link_text": f"its worst, episode {number}"}
+
+
+def _cause(run: ShownRun, diagnosis: Document | None) -> Answer | None:
+    """The diagnosis' causes with its first restored counterfactual; None without a diagnosis."""
+    if diagnosis is None:
+        return None
+    every = {
+        **({"team": diagnosis["team"]} if diagnosis.get("team") else {}),
+        **diagnosis["agents"],
+    }
+    named = {agent: each for agent, each in every.items() if each["answer"] in NAMED}
+    if not named:
+        answers = few(
+            dict.fromkeys(str(each["answer"]).replace("_", " ") for each in every.values())
+        )
+        return Answer("Likely cause", f"None was named: {answers}.", "none named", link="#causes")
+    texts = [_named_cause(agent, each) for agent, each in named.items() if agent != "team"]
+    texts = texts or [_named_cause(agent, each) for agent, each in named.items()]
+    badge = few(dict.fromkeys(str(each["answer"]) for each in named.values()))
+    link = {"link": "#causes", "link_text": "what was tested"}
+    for each in diagnosis.get("counterfactuals") or ():
+        if each.get("restored") and each.get("turn") is not None:
+            place = f"{run.key}/{each['episode']}/{each['turn']}"
+            text = f"first difference of a counterfactual that succeeds: turn {each['turn']}"
+            link = {"link": f"#play:{place}", "link_text": text}
+            break
+    return Answer("Likely cause", f"{few(texts, most=3)}.", badge, "failed", **link)
+
+
+def _named_cause(agent: str, each: Document) -> str:
+    component = str(each["component"] or "the whole policy")
+    cause = " and ".join(each["labels"]) or component
+    return cause if agent in cause else f"{cause} of {agent}"
+
+
+def _findings(audit: Document | None) -> Answer | None:
+    """Failed checks, and those among them that don't follow from another."""
+    if audit is None:
+        return None
+    link = {"link": "#verdicts", "link_text": "verdicts"}
+    bad = [each for each in audit["verdicts"] if each.get("outcome") == "failed"]
+    if not bad:
+        text = (
+            f"{_checks(sum(each.get('outcome') == 'passed' for each in audit['verdicts']))} passed."
+        )
+        return Answer("Findings", text, "0 failed", "passed", **link)
+    causes = [each for each in bad if not each.get("follows_from")]
+    causes.sort(key=lambda each: SEVERITIES.index(each["severity"]))
+    texts = [f"{each['id']} {str(each.get('claim', '')).rstrip('.')}" for each in causes]
+    text = f"{_checks(len(bad))} failed; causes: {few(texts, most=2)}."
+    return Answer("Findings", text, f"{len(bad)} failed", "failed", **link)
+
+
+def _checks(count: int) -> str:
+    return f"{count} check{'' if count == 1 else 's'}"
+
+
+def not_asked(run: ShownRun, documents: Documents, *, env: str) -> PageBlock | None:
+    """One closed line for the documents that are missing, with the commands to copy.
+
+    Args:
+        run: the run that the page is about.
+        documents: about it.
+        env: the environment as commands name it, quoted; `ENV` where it can't be named.
+    """
+    path = quoted(run.path)
+    asked = dict(_commands(path, env))
+    missing = [name for name in asked if getattr(documents, name) is None]
+    if not missing:
+        return None
+    return PageBlock(
+        title=f"Not asked: {', '.join(missing)}. Commands",
+        snippets=(("Commands", "\n".join(asked[name] for name in missing)),),
+        folded=True,
+        anchor="not-asked",
+    )
+
+
+def _commands(path: str, env: str) -> Iterator[tuple[str, str]]:
+    yield "diagnosis", f"gamekeeper diagnose {path}"
+    yield "attribution", f"gamekeeper attribute {path}"
+    yield (
+        "audit",
+        f"gamekeeper audit {env} --json > audit.json; gamekeeper report {path} --audit audit.json",
+    )
+    yield (
+        "evaluation",
+        f"gamekeeper evaluate ... --out FOLDER; gamekeeper report {path} --evaluation FOLDER",
+    )

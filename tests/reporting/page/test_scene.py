@@ -1,0 +1,70 @@
+"""Scenes show what was recorded: places, things and cells of environments that know them."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import gamekeeper as gk
+from gamekeeper.reporting.page.episode_list import packed_of
+
+Scene = dict[str, Any]
+
+
+def drawing_of(spec: str, **kwargs: Any) -> Scene:
+    """The drawing of an episode of random actions."""
+    run = gk.rollout(spec, episodes=1, seed=3, env_kwargs=kwargs)
+    packed: Scene = packed_of(run, 0)
+    drawing: Scene = packed["drawing"]
+    return drawing
+
+
+def first_env(spec: str) -> Any:
+    """The environment as that episode began."""
+    run = gk.rollout(spec, episodes=1, seed=3)
+    env = gk.make(spec)
+    env.reset(seed=run.episode(0).seed)
+    return env.unwrapped
+
+
+def test_food_and_players_are_where_the_state_has_them() -> None:
+    """Rows count downwards: x is the column."""
+    drawing, env = drawing_of("foraging"), first_env("foraging")
+    state = np.asarray(env.state())
+    count = len(env.possible_agents)
+    players = [track[0][1:] for track in drawing["tracks"].values()]
+    food = [each["track"][0][1:] for each in drawing["scene"]["things"]]
+    assert [[x, y] for y, x, _ in state[:count].tolist()] == players
+    assert [[x, y] if level else [None, None] for y, x, level in state[count:].tolist()] == food
+    assert drawing["scene"]["size"] == [8, 8]
+
+
+@pytest.mark.parametrize(
+    "spec", ["mpe2.simple_spread_v3:parallel_env", "mpe2.simple_tag_v3:parallel_env"]
+)
+def test_particles_of_mpe2_are_where_its_world_has_them(spec: str) -> None:
+    """By our file of scenes: agents by their observations, landmarks as seen from one of them."""
+    drawing, env = drawing_of(spec), first_env(spec)
+    world = env.unwrapped.world
+    agents = [each.state.p_pos for each in world.agents]
+    marks = [each.state.p_pos for each in world.landmarks]
+    tracks = [track[0][1:] for track in drawing["tracks"].values()]
+    things = [each["track"][0][1:] for each in drawing["scene"]["things"]]
+    np.testing.assert_allclose(tracks, agents, atol=1e-3)
+    np.testing.assert_allclose(things, marks, atol=2e-3)
+    assert all(len(each["track"]) == 1 for each in drawing["scene"]["things"])
+
+
+def test_board_changes_cell_by_cell() -> None:
+    """A board's stones are cells that bear the players' names."""
+    drawing = drawing_of("tictactoe")
+    (board,) = drawing["scene"]["cells"]
+    assert board["values"] == {"1": "player_1", "2": "player_2"}
+    assert board["base"] == [0] * 9
+    assert [value for _, _, value in board["changes"][:2]] == [1, 2]
+
+
+def test_scene_does_not_hold_for_other_arguments() -> None:
+    """With an argument that it excludes nothing is drawn by it."""
+    assert "scene" not in drawing_of("handover", reach=3)
+    assert "scene" in drawing_of("handover")
