@@ -26,6 +26,7 @@ from gamekeeper.contract import Contract, Schedule
 from gamekeeper.errors import ActionError, ContractError, SpecError
 from gamekeeper.interface.author_calls import AuthorCalls, before_reset
 from gamekeeper.interface.casting import Cast, Casts, Misfit, cast_to, own
+from gamekeeper.interface.found_again import kept_arguments
 from gamekeeper.interface.legality import copied, judge, refused, tidy_mask
 from gamekeeper.randomness.stream import Stream
 
@@ -181,6 +182,7 @@ FIXED: Final = frozenset(  # never part of a snapshot: they don't change, or are
         "_Authored__casts",
         "_Authored__declared",
         "action_spaces",
+        "built_with",
         "observation_spaces",
         "possible_agents",
         "render_mode",
@@ -198,6 +200,7 @@ class Authored(AuthorCalls):
     copy: ClassVar[Any] = True  # False: what observe, info and state return is handed out as it is
     render_mode: str | None
     horizon: int | None
+    built_with: str | None  # arguments in canonical text; None: no text builds them again
     rng: Stream
     observation_spaces: dict[Any, Space[Any]]
     action_spaces: dict[Any, Space[Any]]
@@ -211,6 +214,12 @@ class Authored(AuthorCalls):
     __casts: Casts  # of this episode, each made as it is first needed
     __declared: Contract | None = None
     __is_checked = False  # no attribute has a name of the base's, as far as the first state went
+
+    def __new__(cls, *args: Any, **kwargs: Any) -> Any:
+        """Keeps the arguments as text, so that a run of the object can open it again."""
+        env = super().__new__(cls)
+        env.built_with = kept_arguments(args, kwargs)
+        return env
 
     def __init__(self, *, render_mode: str | None = None, horizon: int | None = None) -> None:
         """Takes what every environment has.
