@@ -22,12 +22,13 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from gymnasium.spaces import Dict, Space
 
-from gamekeeper.contract import Contract, Schedule
+from gamekeeper.contract import Contract, Ending, Schedule
 from gamekeeper.errors import ActionError, ContractError, SpecError
-from gamekeeper.interface.author_calls import AuthorCalls, before_reset
+from gamekeeper.interface.author_calls import HORIZON, AuthorCalls, before_reset
 from gamekeeper.interface.casting import Cast, Casts, Misfit, cast_to, own
 from gamekeeper.interface.found_again import kept_arguments
 from gamekeeper.interface.legality import copied, judge, refused, tidy_mask
+from gamekeeper.interface.said_in_rules import named_in
 from gamekeeper.randomness.stream import Stream
 
 ROOM: Final = "gamekeeper.interface"
@@ -356,7 +357,13 @@ class Authored(AuthorCalls):
 
     def known_sections(self) -> dict[str, Any]:
         """Sections of a contract that the environment knows of itself, for a draft."""
-        return {"schedule": Schedule(horizon=self._limit())}
+        limit = self._limit()
+        terms, endings = named_in(kind for kind in type(self).__mro__ if not _is_ours(kind))
+        if limit is not None:
+            endings.setdefault(HORIZON, Ending(kind="truncation", owner="all"))
+        sections = {"rewards": terms, "endings": endings}
+        known = {name: table for name, table in sections.items() if table}
+        return {"schedule": Schedule(horizon=limit), **known}
 
     # -- copies
 
