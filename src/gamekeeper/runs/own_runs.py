@@ -28,7 +28,7 @@ MOST: Final = 5_000
 """Runs that are remembered; beyond, the oldest are forgotten."""
 MOST_BYTES: Final = 1 << 24
 """Bytes remembered of a run."""
-NOT_ASKED: Final = ("__main__", "gamekeeper")
+NOT_ASKED: Final = ("__main__", "__mp_main__", "gamekeeper")
 """Packages that no replay imports on a run's behalf."""
 
 Modules = Mapping[str, tuple[str, str]]
