@@ -48,6 +48,8 @@ if TYPE_CHECKING:
     from gamekeeper.interface.env_source import Env
     from gamekeeper.interface.tick_env import TickEnv
     from gamekeeper.interface.turn_env import TurnEnv
+    from gamekeeper.runs.claim_check import Reproduction, reproduce
+    from gamekeeper.runs.claim_pack import pack
     from gamekeeper.runs.comparison import Replay, diff, replay
     from gamekeeper.runs.load_run import load
     from gamekeeper.runs.recording import record, rollout
@@ -75,6 +77,7 @@ __all__ = [
     "Pivots",
     "PolicyError",
     "Replay",
+    "Reproduction",
     "ResponseTest",
     "Resumed",
     "RunError",
@@ -93,11 +96,13 @@ __all__ = [
     "evaluate",
     "load",
     "make",
+    "pack",
     "pivots",
     "player",
     "record",
     "replay",
     "report",
+    "reproduce",
     "responses",
     "resume",
     "rollout",
@@ -117,6 +122,7 @@ _HOMES: Final = {
     "Finding": "gamekeeper.checks.verdict",
     "Pivots": "gamekeeper.diagnosis.pivot_result",
     "Replay": "gamekeeper.runs.comparison",
+    "Reproduction": "gamekeeper.runs.claim_check",
     "ResponseTest": "gamekeeper.diagnosis.response_tests",
     "Resumed": "gamekeeper.runs.resuming",
     "TickEnv": "gamekeeper.interface.tick_env",
@@ -130,11 +136,13 @@ _HOMES: Final = {
     "diff": "gamekeeper.runs.comparison",
     "evaluate": "gamekeeper.evaluation.evaluator",
     "load": "gamekeeper.runs.load_run",
+    "pack": "gamekeeper.runs.claim_pack",
     "pivots": "gamekeeper.diagnosis.pivots",
     "player": "gamekeeper.viewing.episode_player",
     "record": "gamekeeper.runs.recording",
     "replay": "gamekeeper.runs.comparison",
     "report": "gamekeeper.viewing.report_file",
+    "reproduce": "gamekeeper.runs.claim_check",
     "responses": "gamekeeper.diagnosis.responses",
     "resume": "gamekeeper.runs.resuming",
     "rollout": "gamekeeper.runs.recording",

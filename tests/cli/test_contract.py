@@ -104,3 +104,60 @@ def test_measured_draft_declares_nothing(
     assert found["measured"]["horizon"] == 4
     answers = {each["key"]: each["measured"] for each in found["questions"]}
     assert (answers["schedule.horizon"], answers["schedule.order"]) == ("4", None)
+
+
+def test_draft_asks_little_and_says_why(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Usual values are declared, measured ones proposed; at most six questions of two roles."""
+
+    def audited(screen: Any, spec: str, **_: Any) -> AuditResult:
+        measured = {
+            "stages": [["arm"]], "order": "none", "order_sensitive": "none", "horizon": 4,
+            "deterministic": True, "may_join": ["arm"], "may_leave": [], "messages": {},
+            "symmetric": {"arm": {"seems": True, "p": 0.5, "n": 9}}, "why": "seen",
+        }  # fmt: skip
+        return AuditResult(spec, "parallel", 1.0, 3_000, 0, (), measured)
+
+    monkeypatch.setattr("gamekeeper.cli.contract.audit_with_progress", audited)
+    found = document(capfd, "contract", ROUGH, "--draft")[1]
+    asked = [each for each in found["questions"] if each["measured"] is None]
+    assert len(asked) <= 6
+    assert all(each["why"] for each in asked)
+    keys = {each["key"] for each in asked}
+    assert {"rewards.TERM", "endings.REASON", "failure.team"} <= keys
+    assert not keys & {"why", "schedule.order", "schedule.conflicts", "schedule.horizon"}
+    code, out, _ = said(capfd, "contract", ROUGH, "--draft")
+    assert code == 0
+    assert "## Why it matters: " in out
+    Path("draft.toml").write_text(out)
+    drafted = gk.Contract.load("draft.toml")
+    assert drafted.seeds.deterministic is True
+    assert drafted.schedule.horizon is None  # measured, so not declared
+    role = drafted.roles["arm"]
+    assert (role.may_join, role.may_leave, role.messages) == (None, False, ())
+
+
+def test_draft_of_a_base_class_knows_its_terms_and_endings(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """Names that the rules say stand in the draft, to be filled in, and the kind of each ending."""
+    (tmp_path / "dig.py").write_text(
+        "import gamekeeper as gk\nfrom gymnasium.spaces import Discrete\n\n\n"
+        "class Dig(gk.TickEnv):\n    metadata = {'name': 'dig_v0', 'render_modes': []}\n\n"
+        "    def __init__(self):\n        super().__init__(horizon=9)\n"
+        "        self.possible_agents = ['a_0', 'a_1']\n"
+        "        self.observation_spaces = dict.fromkeys(self.possible_agents, Discrete(2))\n"
+        "        self.action_spaces = dict(self.observation_spaces)\n\n"
+        "    def tick(self, actions):\n"
+        "        self.add_reward('a_0', 1.0, term='gold')\n        self.terminate('a_0', 'rich')\n"
+    )
+
+    def audited(screen: Any, spec: str, **_: Any) -> AuditResult:
+        return AuditResult(spec, "parallel", 1.0, 3_000, 0, (), {})
+
+    monkeypatch.setattr("gamekeeper.cli.contract.audit_with_progress", audited)
+    out = said(capfd, "contract", "dig.py:Dig", "--draft")[1]
+    assert "# [rewards.gold]" in out
+    assert '# rich = { kind = "termination", owner = "agent" }' in out
+    assert '# horizon = { kind = "truncation", owner = "all" }' in out

@@ -10,7 +10,7 @@ from statistics import NormalDist, fmean
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamekeeper.errors import DrawError
@@ -115,6 +115,31 @@ def test_state_holds_the_whole_stream(place: tuple[int, int, int, int], ahead: i
         [counterfactual.normal() for _ in range(3)] for counterfactual in counterfactuals
     ]
     assert stream != Stream.from_state(place)
+
+
+@given(st.tuples(SEEDS, WORDS, WORDS, st.integers(0, 2**66 - 3000)), st.integers(0, 3))
+@settings(max_examples=8)
+def test_many_words_in_a_row_are_those_of_their_numbers(
+    place: tuple[int, int, int, int], skipped: int
+) -> None:
+    """Words that are worked out ahead are the blocks' own, and a copy goes on in their midst."""
+    seed, episode, lane, first = place
+    rng = Stream.from_state(place)
+    found, copies = [], []
+    for number in range(2500):
+        if number % 611 == skipped:
+            copies.append((number, rng.copy()))
+        found.append(rng.word())
+    key = (seed & 0xFFFFFFFF, seed >> 32)
+    expected = []
+    for block in range(first >> 2, (first + 2500 + 3) >> 2):
+        expected += philox4x32(block & 0xFFFFFFFF, block >> 32, episode, lane, *key)
+    assert expected[first & 3 :][:2500] == found
+    assert all(
+        found[number:][:9] == [one.word() for _ in range(9)]
+        for number, one in copies
+        if number < 2490
+    )
 
 
 def test_draws_may_be_set_back_and_ahead() -> None:

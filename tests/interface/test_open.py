@@ -228,15 +228,22 @@ def test_open_env_tells_an_import_that_fails_inside_the_module(
 
 
 def test_open_env_takes_an_environment_object() -> None:
-    """The object itself, with no way to a second one, and with a reason why no text opens it."""
+    """The object itself; its class is named for another process, or what to add is."""
     env = Pair()
     opened = open_env(env)
     assert env is opened.env
     assert opened.make is None
-    assert opened.identity["kind"] == "object"
+    assert opened.identity["entry_point"] == f"{Pair.__module__}:Pair"
     assert isinstance(open_env(env, api="aec").env, AECEnv)
+    assert type(reopen(opened.identity).env) is Pair
+
+    class Local(Pair):
+        """A class that no name finds."""
+
+    lost = open_env(Local()).identity
+    assert lost["kind"] == "object"
     with pytest.raises(SpecError, match="in memory"):
-        reopen(opened.identity)
+        reopen(lost)
 
 
 @pytest.mark.parametrize(

@@ -180,7 +180,7 @@ def test_distrust_gives_a_reason_for_files_and_objects(tmp_path: Path) -> None:
     file = tmp_path / "field.py"
     file.write_text(PARALLEL_TEXT)
     assert "outside the installed packages" in str(distrust(open_env(file).identity))
-    assert "in memory" in str(distrust(open_env(Pair()).identity))
+    assert "no installed distribution" in str(distrust(open_env(Pair()).identity))
     assert "in memory" in str(distrust(open_env(lambda: Pair()).identity))
 
 

@@ -169,7 +169,7 @@ def test_card_json_is_plain_data_that_holds_the_contract():
         "observation_space": "Box(0 to 1, [3], float32)",
         "action_space": "Discrete(5)",
     }
-    assert {"key", "ask", "answer", "hint", "measured"} == set(data["questions"][0])
+    assert {"key", "ask", "answer", "hint", "measured", "why"} == set(data["questions"][0])
 
 
 @pytest.mark.parametrize(

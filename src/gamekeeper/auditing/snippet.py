@@ -48,7 +48,7 @@ def home(spec: str, identity: Mapping[str, Any], kwargs: Mapping[str, Any]) -> H
     is_converted = spec.startswith(("aec:", "parallel:"))  # by us, not by its own factory
     module, _, factory = entry.partition(":")
     given = ", ".join(f"{name}={literal(value)}" for name, value in kwargs.items())
-    if kind in ("object", "factory"):
+    if kind in ("object", "factory") or spec.startswith("<"):  # what it was built with is its own
         return Home((), "")
     if kind == "module" and not is_converted and factory.isidentifier():
         return Home((f"from {module} import {factory} as build",), f"build({given})")

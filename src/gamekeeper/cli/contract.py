@@ -40,6 +40,16 @@ MeasureOption = Annotated[
 ]
 
 
+DraftOption = Annotated[
+    bool,
+    typer.Option(
+        "--draft",
+        help="Write a contract to begin with: few questions, usual values declared, others "
+        "measured by playing.",
+    ),
+]
+
+
 @unguarded()  # the user names what is run
 def command(
     screen: Screen,
@@ -49,6 +59,7 @@ def command(
     contract: ContractOption = None,
     kwargs: KwargsOption = None,
     measure: MeasureOption = False,
+    draft: DraftOption = False,
     seed: SeedOption = 0,
     timeout: TimeoutOption = SILENCE_S,
 ) -> CommandResult:
@@ -56,14 +67,16 @@ def command(
 
     The game form: the order in which agents act, observe, are rewarded and end. The environment
     is opened, not stepped, unless --measure plays it to propose answers. With --out my_env.toml a
-    draft to fill in is written; beside my_env.py it is found automatically.
+    draft to fill in is written; beside my_env.py it is found automatically. --draft asks least: it
+    declares what holds of nearly every environment, proposes what it measures, and says of each
+    question that is left why it matters.
 
     Example: gamekeeper contract path/to/my_env.py:make --out path/to/my_env.toml
     """
     env_kwargs = json_object(kwargs, option="--kwargs")
     form = look_at(env, env_kwargs=env_kwargs, contract=contract, silence_s=timeout)
     audited: dict[str, Any] = {}
-    if measure:
+    if measure or draft:
         audited = audit_with_progress(
             screen,
             env,
@@ -73,8 +86,11 @@ def command(
             silence_s=timeout,
         ).to_json()
         form = _with_measured(form, audited["measured"])
-    chosen = format or SUFFIXES.get("" if out is None else out.suffix, "text")
-    text = _written(form, chosen, width=screen.width, audited=audited)
+    if draft:
+        form = _proposed(form, audited["measured"])
+    usual = "toml" if draft else "text"
+    chosen = format or SUFFIXES.get("" if out is None else out.suffix, usual)
+    text = _written(form, chosen, width=screen.width, audited=audited, declares=draft)
     if out is None:
         screen.show(text)
     else:
@@ -92,7 +108,17 @@ def _with_measured(form: GameForm, measured: Mapping[str, Any]) -> GameForm:
     return replace(form, questions=measured_questions(form.questions, measured))
 
 
-def _written(form: GameForm, chosen: str, *, width: int, audited: Mapping[str, Any]) -> str:
+def _proposed(form: GameForm, measured: Mapping[str, Any]) -> GameForm:
+    """The form with usual values declared, and the few questions that are left."""
+    from gamekeeper.reporting.contract_proposal import proposal
+
+    contract, questions = proposal(form.contract, form.questions, measured, form.agents)
+    return replace(form, contract=contract, questions=questions)
+
+
+def _written(
+    form: GameForm, chosen: str, *, width: int, audited: Mapping[str, Any], declares: bool
+) -> str:
     from gamekeeper.reporting.card import card_markdown, card_text, card_toml
     from gamekeeper.reporting.measured_draft import draft_note
     from gamekeeper.reporting.measured_text import measured_text
@@ -101,7 +127,8 @@ def _written(form: GameForm, chosen: str, *, width: int, audited: Mapping[str, A
     if chosen == "json":
         return f"{document_text(form.to_json())}\n"
     if chosen == "toml":
-        note = draft_note(steps=audited["steps"], seed=audited["seed"]) if audited else ""
+        played = {"steps": audited["steps"], "seed": audited["seed"]} if audited else None
+        note = draft_note(**played, declares=declares) if played else ""
         return note + card_toml(*parts, questions=form.questions)
     if chosen == "md":
         return card_markdown(*parts, questions=form.questions)

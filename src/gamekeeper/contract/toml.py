@@ -167,6 +167,7 @@ class Question:
         lines: TOML lines to fill in, where the answer is more than one value.
         example: TOML of one possible answer; empty: `answer` is TOML.
         measured: TOML of the answer that was measured; empty: it wasn't.
+        why: why the answer matters.
     """
 
     path: tuple[str, ...]
@@ -176,6 +177,7 @@ class Question:
     lines: tuple[str, ...] = ()
     example: str = ""
     measured: str = ""
+    why: str = ""
 
     @property
     def key(self) -> str:
@@ -323,7 +325,8 @@ class _TomlWriter:
         if note:
             line = f"{line:<{NOTES_AT}}  # {one_line(note)}"
         ask = f"{question.ask} ({question.hint})" if question.hint else question.ask
-        return [f"## {one_line(ask)}", *(f"# {each}" for each in question.lines or (line,))]
+        why = [f"## Why it matters: {one_line(question.why)}."] if question.why else []
+        return [f"## {one_line(ask)}", *why, *(f"# {each}" for each in question.lines or (line,))]
 
 
 def key_text(key: str) -> str:

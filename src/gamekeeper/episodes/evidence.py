@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from importlib import import_module
 from pathlib import PurePath
 from typing import Any, Final
 
@@ -23,7 +24,7 @@ from gamekeeper.episodes.plain_json import legible
 from gamekeeper.episodes.spaces import Codec, UnknownSpace, space_from_json, space_to_json
 from gamekeeper.episodes.summary import Summary, summarise
 from gamekeeper.episodes.tables import Tables, episode_rows
-from gamekeeper.errors import EvidenceError
+from gamekeeper.errors import DependencyError, EvidenceError
 
 NO_STEPS: Final = pa.schema(  # of a run that ended before its first row: what every run has
     [
@@ -58,6 +59,14 @@ NOT_WHOLE: Final = {
     "failed": "Not whole: its recording ended with an error.",
 }
 """By status of a run."""
+
+
+def _missing(package: str) -> DependencyError:
+    """Error about a package that a data frame is of."""
+    return DependencyError(
+        f"a {package} DataFrame is asked for, and {package} isn't installed",
+        fix=f"pip install {package}, or use the pyarrow tables",
+    )
 
 
 @dataclass(frozen=True, repr=False)
@@ -98,6 +107,44 @@ class Evidence:
     def timings(self) -> pa.Table | None:
         """The wall time of each step, or None."""
         return self.tables.table("timings")
+
+    def to_pandas(self, table: str = "agent_steps") -> Any:
+        """A table as a pandas DataFrame: `agent_steps`, `episodes`, `states` or `timings`.
+
+        Raises:
+            EvidenceError: the run has no such table.
+            DependencyError: pandas isn't installed.
+        """
+        try:
+            return self._table(table).to_pandas()
+        except ImportError as error:
+            raise _missing("pandas") from error
+
+    def to_polars(self, table: str = "agent_steps") -> Any:
+        """A table as a Polars DataFrame, as in `to_pandas`.
+
+        Raises:
+            EvidenceError: the run has no such table.
+            DependencyError: Polars isn't installed.
+        """
+        try:
+            return import_module("polars").from_arrow(self._table(table))
+        except ImportError as error:
+            raise _missing("polars") from error
+
+    def _table(self, name: str) -> pa.Table:
+        found = {"episodes": self.episode_table, "agent_steps": self.agent_steps}.get(name)
+        if found is None and name in ("states", "timings"):
+            found = self.tables.table(name)
+        if found is None:
+            raise EvidenceError(
+                "the run has no such table",
+                where=name,
+                expected="agent_steps or episodes; states and timings where they were recorded",
+                actual=repr(name),
+                fix="name a table that the run has",
+            )
+        return found
 
     @property
     def fingerprint(self) -> str:

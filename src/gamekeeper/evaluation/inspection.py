@@ -18,8 +18,9 @@ from gamekeeper.evaluation.spec import Choices, EnvironmentSpec, Spec
 from gamekeeper.interface.declared_contract import declared_contract
 from gamekeeper.interface.distributions import normal_name, owner_of
 from gamekeeper.interface.env_source import Opened
+from gamekeeper.interface.found_again import FILE_MODULE
 from gamekeeper.interface.identity import source_digest
-from gamekeeper.interface.modules import FILE_MODULE, split_file
+from gamekeeper.interface.modules import split_file
 from gamekeeper.interface.opening import open_env
 from gamekeeper.interface.policy import Chosen
 from gamekeeper.rollouts.rollout_plan import NAMES, object_of_this_process

@@ -22,10 +22,13 @@ from typing import Any, ClassVar, Final
 import numpy as np
 from gymnasium.spaces import Dict, Space
 
-from gamekeeper.contract import Contract, Schedule
+from gamekeeper.contract import Contract, Ending, Schedule
 from gamekeeper.errors import ActionError, ContractError, SpecError
-from gamekeeper.interface.author_calls import AuthorCalls, before_reset
+from gamekeeper.interface.author_calls import HORIZON, AuthorCalls, before_reset
+from gamekeeper.interface.casting import Cast, Casts, Misfit, cast_to, own
+from gamekeeper.interface.found_again import kept_arguments
 from gamekeeper.interface.legality import copied, judge, refused, tidy_mask
+from gamekeeper.interface.said_in_rules import named_in
 from gamekeeper.randomness.stream import Stream
 
 ROOM: Final = "gamekeeper.interface"
@@ -177,8 +180,10 @@ FIXED: Final = frozenset(  # never part of a snapshot: they don't change, or are
         "_Books__spaces",
         "_TickEnv__ranges",
         "_TickEnv__spaces",
+        "_Authored__casts",
         "_Authored__declared",
         "action_spaces",
+        "built_with",
         "observation_spaces",
         "possible_agents",
         "render_mode",
@@ -193,8 +198,10 @@ class Authored(AuthorCalls):
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012  # PettingZoo declares it so
     contract: str | PathLike[str] | Contract | None = None
     snapshot_without: ClassVar[Iterable[str]] = ()
+    copy: ClassVar[Any] = True  # False: what observe, info and state return is handed out as it is
     render_mode: str | None
     horizon: int | None
+    built_with: str | None  # arguments in canonical text; None: no text builds them again
     rng: Stream
     observation_spaces: dict[Any, Space[Any]]
     action_spaces: dict[Any, Space[Any]]
@@ -205,8 +212,15 @@ class Authored(AuthorCalls):
     _reserved: tuple[str, ...] = ()  # names of the base's own that an author may not take
     __fresh: dict[Any, Any]  # masks asked since the last step
     __fresh_turn: int  # the turn they hold for: inside a step `turns` is one ahead
+    __casts: Casts  # of this episode, each made as it is first needed
     __declared: Contract | None = None
     __is_checked = False  # no attribute has a name of the base's, as far as the first state went
+
+    def __new__(cls, *args: Any, **kwargs: Any) -> Any:
+        """Keeps the arguments as text, so that a run of the object can open it again."""
+        env = super().__new__(cls)
+        env.built_with = kept_arguments(args, kwargs)
+        return env
 
     def __init__(self, *, render_mode: str | None = None, horizon: int | None = None) -> None:
         """Takes what every environment has.
@@ -248,7 +262,8 @@ class Authored(AuthorCalls):
             if method.__module__ != "pettingzoo.utils.env" and not hasattr(method, "guards"):
                 setattr(cls, name, _guarded(name, method))
         seen = cls.observe.guards  # type: ignore[attr-defined]  # just guarded, if not before
-        cls._view = _with_mask(seen) if cls._masks else seen  # type: ignore[assignment]
+        view = seen if cls.copy is False else _cast(seen)
+        cls._view = _with_mask(view) if cls._masks else view  # type: ignore[assignment,method-assign]  # bound as it was
 
     # -- what the author may write
 
@@ -342,7 +357,13 @@ class Authored(AuthorCalls):
 
     def known_sections(self) -> dict[str, Any]:
         """Sections of a contract that the environment knows of itself, for a draft."""
-        return {"schedule": Schedule(horizon=self._limit())}
+        limit = self._limit()
+        terms, endings = named_in(kind for kind in type(self).__mro__ if not _is_ours(kind))
+        if limit is not None:
+            endings.setdefault(HORIZON, Ending(kind="truncation", owner="all"))
+        sections = {"rewards": terms, "endings": endings}
+        known = {name: table for name, table in sections.items() if table}
+        return {"schedule": Schedule(horizon=limit), **known}
 
     # -- copies
 
@@ -363,6 +384,7 @@ class Authored(AuthorCalls):
             SpecError: it is of another class, or no snapshot.
         """
         put_back(self, snapshot, FIXED | set(self.snapshot_without))
+        self.__casts = Casts()
         if hasattr(self, "agents"):
             self._learn_spaces(self.agents)
 
@@ -382,6 +404,7 @@ class Authored(AuthorCalls):
             ) from None
         self._check_names(is_begun=False)
         self.__fresh, self.__fresh_turn = {}, -1
+        self.__casts = Casts()
         last: Stream | None = getattr(self, "rng", None)
         if seed is not None:
             self.rng = Stream(seed)
@@ -446,11 +469,26 @@ class Authored(AuthorCalls):
     def _info_of(self, agent: Any) -> dict[str, Any]:
         """A new info: what the author tells, and the mask."""
         info = dict(self.info(agent)) if self._informs else {}
+        if info and self.copy is not False:
+            info = own(info)
         if self._masks and MASK not in info:
             mask = self._legal_of(agent)
             if mask is not None:
                 info[MASK] = copied(mask)
         return info
+
+    def _learn_cast(self, agent: Any) -> Cast:
+        """Makes the function that copies an agent's observations and converts them."""
+        space = self.observation_space(agent)
+        return self.__casts.setdefault(agent, cast_to(space, MASK if self._masks else None))
+
+    def _own_state(self, value: Any, method: Callable[..., Any]) -> Any:
+        """The state copied, and of its space where the environment has one."""
+        space = getattr(self, "state_space", None)
+        try:
+            return own(value) if space is None else cast_to(space)(value)
+        except Misfit as misfit:
+            raise _unfit(misfit, "state()", method) from None
 
     def _masked(self, agent: Any, observation: Any) -> Any:
         """An observation with the mask in it, where its space has a place for one, still free."""
@@ -470,7 +508,7 @@ class Authored(AuthorCalls):
 
 
 def _guarded(name: str, method: Callable[..., Any]) -> Callable[..., Any]:
-    """The author's method, refused before the first reset; an observation gets its mask."""
+    """The author's method, refused before the first reset; what it shows is handed out whole."""
 
     @wraps(method)
     def guarded(self: Any, *args: Any, **options: Any) -> Any:
@@ -482,18 +520,55 @@ def _guarded(name: str, method: Callable[..., Any]) -> Callable[..., Any]:
     def observe(self: Any, agent: Any) -> Any:
         if not hasattr(self, "agents"):
             raise before_reset(name)
-        seen = method(self, agent)
+        if type(self).observe is observe:
+            return self._view(agent)
+        seen = method(self, agent)  # asked by a subclass, whose space may be another
         return self._masked(agent, seen) if self._masks else seen
 
-    chosen: Any = observe if name == "observe" else guarded
+    @wraps(method)
+    def state(self: Any) -> Any:
+        seen = guarded(self)
+        return seen if self.copy is False else self._own_state(seen, method)
+
+    chosen: Any = {"observe": observe, "state": state}.get(name, guarded)
     chosen.guards = method
     return chosen  # type: ignore[no-any-return]
 
 
-def _with_mask(seen: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """The author's observe without its guard, and with the mask."""
+def _cast(seen: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """The author's observe without its guard; its values are copied and fit their space."""
 
     def view(self: Any, agent: Any) -> Any:
-        return self._masked(agent, seen(self, agent))
+        value = seen(self, agent)
+        try:
+            cast = self._Authored__casts[agent]
+        except KeyError:
+            cast = self._learn_cast(agent)
+        try:
+            return cast(value)
+        except Misfit as misfit:
+            raise _unfit(misfit, f"observe({agent!r})", seen) from None
 
     return view
+
+
+def _with_mask(view: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """The same, with the mask."""
+
+    def masked(self: Any, agent: Any) -> Any:
+        return self._masked(agent, view(self, agent))
+
+    return masked
+
+
+def _unfit(misfit: Misfit, call: str, method: Callable[..., Any]) -> ContractError:
+    """Error about a value that its space has no form for; names the author's method and line."""
+    code = getattr(method, "__code__", None)
+    line = f" ({Path(code.co_filename).name}, line {code.co_firstlineno})" if code else ""
+    return ContractError(
+        f"{call} returned a value that isn't of its space",
+        where=f"{call}{misfit.path}{line}",
+        expected=misfit.expected,
+        actual=misfit.actual,
+        fix=f"{misfit.fix}; or copy = False in the class: nothing is copied or converted",
+    )

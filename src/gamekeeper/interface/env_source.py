@@ -55,8 +55,8 @@ class Source:
     """The extra of the owning distribution that this environment needs."""
     is_single: bool = False
     """The factory hands out one existing instance: there is no second one."""
-    facts: Mapping[str, str] = field(default_factory=dict)
-    """More entries for the identity, such as the `path` of a file."""
+    facts: Mapping[str, Any] = field(default_factory=dict)
+    """Entries of the identity, such as the `path` of a file, beside or in place of the usual."""
 
 
 class NotHereError(SpecError):

@@ -35,9 +35,11 @@ def identity_of(source: Source, env: Env, kwargs: Mapping[str, Any]) -> dict[str
 
     `kind` and `entry_point` say where it came from, without anything of this machine (where a file
     lay stands in `path`); `name` is its metadata's; `api` the one it is used with; `kwargs` in
-    canonical JSON; `versions` of Python, NumPy, Gymnasium, PettingZoo, the distribution that owns
-    it, and what that one requires; `source_digest` the blake2b of the files that define it, None
-    where there are no files.
+    canonical JSON, of an object those that it was built with, as far as they are known
+    (`arguments`: "assumed" where the class's defaults are taken for them); `lost` what to add where
+    no text opens it again; `versions` of Python, NumPy, Gymnasium, PettingZoo, the distribution
+    that owns it, and what that one requires; `source_digest` the blake2b of the files that define
+    it, None where there are no files.
     """
     metadata = getattr(env, "metadata", None)
     name = metadata.get("name") if isinstance(metadata, dict) else None
@@ -75,7 +77,7 @@ def spec_of(identity: Mapping[str, Any]) -> str:
         raise SpecError(
             f"the environment was handed over in memory, as {_IN_MEMORY[kind]}",
             actual=entry_point,
-            fix="hand it over again, or name it as module:factory",
+            fix=str(identity.get("lost") or "hand it over again, or name it as module:factory"),
         )
     path = identity.get("path")
     if kind == "file" and isinstance(path, str) and path:

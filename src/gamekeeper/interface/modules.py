@@ -27,11 +27,9 @@ from gamekeeper.interface.construction import (
     nearest,
 )
 from gamekeeper.interface.env_source import NotHereError
+from gamekeeper.interface.found_again import FILE_MODULE
 
 _FILE_FORM: Final = re.compile(r"(.+?\.py)(?::([^:/\\]+))?", re.DOTALL)
-
-FILE_MODULE: Final = "_gamekeeper_file_"
-"""Prefix of the names under which files are loaded: no import can find them again."""
 
 
 def split_file(text: str) -> tuple[str, str | None] | None:
@@ -83,6 +81,17 @@ def imported(name: str) -> ModuleType:
         return offered
 
 
+def file_module(path: Path, source: bytes) -> str:
+    """Name under which a file is loaded.
+
+    It holds the digest of the very bytes that run: an edited file is another module, an unchanged
+    one is the same, with the same classes.
+    """
+    digest = blake2b(str(path).encode(errors="surrogateescape") + b"\0" + source, digest_size=6)
+    stem = re.sub(r"\W", "_", path.stem)
+    return f"{FILE_MODULE}{stem}_{digest.hexdigest()}"
+
+
 def load_file(typed: str) -> tuple[ModuleType, Path]:
     """The module that a file makes, and the file: loaded once, and again only after it was edited.
 
@@ -103,11 +112,7 @@ def load_file(typed: str) -> tuple[ModuleType, Path]:
             actual=str(error),
             fix="check the path, and that the file may be read",
         ) from error
-    # The module's name holds the digest of the very bytes that run: an edited file is another
-    # module, an unchanged one is the same, with the same classes.
-    digest = blake2b(str(path).encode(errors="surrogateescape") + b"\0" + source, digest_size=6)
-    stem = re.sub(r"\W", "_", path.stem)
-    name = f"{FILE_MODULE}{stem}_{digest.hexdigest()}"
+    name = file_module(path, source)
     guard = import_guard.active()
     if guard is not None and guard.modules and name not in guard.modules:
         raise SpecError(

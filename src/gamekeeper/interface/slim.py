@@ -18,7 +18,7 @@ from pettingzoo.utils.conversions import aec_to_parallel_wrapper, parallel_to_ae
 from pettingzoo.utils.env_logger import EnvLogger
 
 from gamekeeper.interface.author_calls import AgentId
-from gamekeeper.interface.modules import FILE_MODULE
+from gamekeeper.interface.found_again import FILE_MODULE
 from gamekeeper.interface.slim_aec import CLIP, REFUSE, Promises, SlimAEC, bounded
 from gamekeeper.interface.to_aec import ToAEC
 from gamekeeper.interface.to_parallel import Step, ToParallel, Totals

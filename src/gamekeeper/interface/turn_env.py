@@ -29,7 +29,9 @@ class TurnEnv(Authored, Books):
     The base keeps what PettingZoo promises: rewards, and their sum since an agent's last turn,
     which is 0 again once it has acted; an ended agent's last reward, and its one turn in which it
     can only do None, before anybody else's, in roster order; a roster and dictionaries with nobody
-    in them but those who haven't left; the order of calls; actions checked before anything changes.
+    in them but those who haven't left; the order of calls; actions checked before anything changes;
+    observations, infos and the state as copies, observations and state of their space (the class's
+    `copy = False` hands out what the author returned).
     A turn costs the same however many agents there are. An agent's info and mask are asked anew as
     its own turn begins; until then `infos` shows what it was given last.
 

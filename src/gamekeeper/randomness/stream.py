@@ -24,13 +24,15 @@ from numpy.typing import NDArray
 
 from gamekeeper.errors import DrawError
 from gamekeeper.randomness import philox
-from gamekeeper.randomness.philox import SPAN, WORD, normal_of, philox4x32, unit_of
+from gamekeeper.randomness.philox import SPAN, WORD, normal_of, unit_of
 
 T = TypeVar("T")
 
 SEEDS: Final = 1 << 64
+_STEPS: Final = tuple((i * philox.W0, i * philox.W1) for i in range(10))  # of a key, by round
 WIDEST: Final = 1 << 63  # a kernel's integers are 64 bits wide, with a sign
-NO_WORDS: Final = (0, 0, 0, 0)
+ONE_BY_ONE: Final = 12  # blocks in a row that are worked out alone, for the price of 64 at once
+AT_ONCE: Final = (64, 256)  # blocks worked out after them, the first time and from then on
 
 
 class Stream:
@@ -40,7 +42,7 @@ class Stream:
     may be read, and `draws` may be set to go back or ahead.
     """
 
-    __slots__ = ("_block", "_words", "draws", "episode", "lane", "seed")
+    __slots__ = ("_ahead", "_first", "_keys", "_run", "draws", "episode", "lane", "seed")
 
     def __init__(
         self, seed: SupportsIndex, episode: SupportsIndex = 0, *, lane: SupportsIndex = 0
@@ -58,21 +60,38 @@ class Stream:
         self.episode: Final = _within(episode, SPAN, "episode")
         self.lane: Final = _within(lane, SPAN, "lane")
         self.draws = 0
-        self._block = -1
-        self._words = NO_WORDS
+        self._first, self._run = 0, 0
+        self._ahead: Sequence[int] = ()  # words from number _first on
+        self._keys = _keys_of(self.seed)
 
     def word(self) -> int:
         """The next 32-bit word, which every other draw is made of."""
         draws = self.draws
         self.draws = draws + 1
+        at = draws - self._first
+        if not 0 <= at < len(self._ahead):
+            self._fetch(draws)
+            at = draws - self._first
+        return self._ahead[at]
+
+    def _two_words(self) -> tuple[int, int]:
+        """The next two words."""
+        at = self.draws - self._first
+        if 0 <= at < len(self._ahead) - 1:
+            self.draws += 2
+            return self._ahead[at], self._ahead[at + 1]
+        return self.word(), self.word()
+
+    def _fetch(self, draws: int) -> None:
+        """Works out the words from that number's block on: many, once many were drawn in a row."""
         block = draws >> 2
-        if block != self._block:
-            seed = self.seed
-            self._words = philox4x32(
-                block & WORD, block >> 32, self.episode, self.lane, seed & WORD, seed >> 32
-            )
-            self._block = block
-        return self._words[draws & 3]
+        self._run = self._run + 1 if draws == self._first + len(self._ahead) else 0
+        self._first = 4 * block
+        if self._run < ONE_BY_ONE:
+            self._ahead = _one_block(self, block)
+        else:
+            blocks = AT_ONCE[self._run > ONE_BY_ONE]
+            self._ahead = tuple(words_from(self, block, blocks).reshape(-1).tolist())
 
     def integers(self, low: SupportsIndex, high: SupportsIndex | None = None) -> int:
         """A whole number in [low, high), or in [0, low) where no `high` is given, without bias.
@@ -101,7 +120,7 @@ class Stream:
 
         As everywhere in floating point, rounding may return `high` itself where u is next to 1.
         """
-        unit = unit_of(self.word(), self.word())
+        unit = unit_of(*self._two_words())
         low = float(low)
         return low + (float(high) - low) * unit
 
@@ -120,7 +139,7 @@ class Stream:
                 actual=repr(deviation),
                 fix="give a deviation of 0 or more",
             )
-        return float(mean) + float(deviation) * normal_of(self.word(), self.word())
+        return float(mean) + float(deviation) * normal_of(*self._two_words())
 
     def choice(self, items: Sequence[T], *, weights: Sequence[float] | None = None) -> T:
         """One of the items, each as likely as any other, or as its weight says.
@@ -211,13 +230,10 @@ class Stream:
 
     def copy(self) -> Stream:
         """Another stream at the same place; the two go on alike and apart."""
-        counterfactual = Stream(self.seed, self.episode, lane=self.lane)
-        counterfactual.draws, counterfactual._block, counterfactual._words = (
-            self.draws,
-            self._block,
-            self._words,
-        )
-        return counterfactual
+        other = Stream(self.seed, self.episode, lane=self.lane)
+        other.draws, other._run = self.draws, self._run
+        other._first, other._ahead = self._first, self._ahead
+        return other
 
     __copy__ = copy
 
@@ -299,6 +315,7 @@ Words = NDArray[np.uint64]
 
 _WORD: Final = np.uint64(philox.WORD)
 _HALF: Final = np.uint64(32)
+_FACTORS: Final = np.array([[philox.M0], [philox.M1]], np.uint64)
 
 
 def words(stream: Stream, count: int) -> Words:
@@ -308,11 +325,39 @@ def words(stream: Stream, count: int) -> Words:
         count: at least 1.
     """
     first, skipped = stream.draws >> 2, stream.draws & 3
-    blocks = np.arange((skipped + count + 3) // 4, dtype=np.uint64) + np.uint64(first)
-    counter = [blocks & _WORD, blocks >> _HALF]
-    counter += [np.full_like(blocks, number) for number in (stream.episode, stream.lane)]
-    drawn = _philox(counter, stream.seed & philox.WORD, stream.seed >> 32)
+    drawn = words_from(stream, first, (skipped + count + 3) // 4)
     return drawn.reshape(-1)[skipped : skipped + count]
+
+
+def words_from(stream: Stream, first: int, count: int) -> Words:
+    """[count, 4] the words of the stream's blocks from one on."""
+    blocks = np.arange(count, dtype=np.uint64) + np.uint64(first)
+    even, odd, product = (np.empty((2, count), np.uint64) for _ in range(3))  # c0, c2 and c1, c3
+    even[0], even[1] = blocks & _WORD, stream.episode
+    odd[0], odd[1] = blocks >> _HALF, stream.lane
+    crossed = product[::-1]
+    for key in np.array(stream._keys, np.uint64).reshape(-1, 2, 1):
+        np.multiply(even, _FACTORS, out=product)
+        np.bitwise_xor(odd, key, out=odd)
+        np.right_shift(crossed, _HALF, out=even)
+        np.bitwise_xor(even, odd, out=even)
+        np.bitwise_and(crossed, _WORD, out=odd)
+    return np.stack((even[0], odd[0], even[1], odd[1]), axis=-1)
+
+
+def _one_block(stream: Stream, block: int) -> tuple[int, int, int, int]:
+    """A block's words as `philox4x32` gives them; without its masks, as Python's integers grow."""
+    c0, c1, c2, c3 = block & WORD, block >> 32, stream.episode, stream.lane
+    for k0, k1 in stream._keys:
+        p0, p1 = philox.M0 * c0, philox.M1 * c2
+        c0, c1, c2, c3 = p1 >> 32 ^ c1 ^ k0, p1 & WORD, p0 >> 32 ^ c3 ^ k1, p0 & WORD
+    return c0, c1, c2, c3
+
+
+def _keys_of(seed: int) -> tuple[tuple[int, int], ...]:
+    """The two words of the key in each of the ten rounds."""
+    k0, k1 = seed & WORD, seed >> 32
+    return tuple([((k0 + a) & WORD, (k1 + b) & WORD) for a, b in _STEPS])
 
 
 def units(stream: Stream, count: int) -> Floats:
@@ -327,23 +372,6 @@ def normals(stream: Stream, count: int) -> Floats:
     pairs = words(stream, 2 * count).reshape(-1, 2)
     shifted = pairs[:, 0] * np.uint64(1048576) + (pairs[:, 1] >> np.uint64(12))
     return _normals((shifted * np.uint64(2) + np.uint64(1)).astype(np.float64))
-
-
-def _philox(counter: list[Words], k0: int, k1: int) -> Words:
-    """[blocks, 4] the images of many counters under one key."""
-    c0, c1, c2, c3 = counter
-    for _ in range(10):
-        p0 = c0 * np.uint64(philox.M0)
-        p1 = c2 * np.uint64(philox.M1)
-        c0, c1, c2, c3 = (
-            (p1 >> _HALF) ^ c1 ^ np.uint64(k0),
-            p1 & _WORD,
-            (p0 >> _HALF) ^ c3 ^ np.uint64(k1),
-            p0 & _WORD,
-        )
-        k0 = (k0 + philox.W0) & philox.WORD
-        k1 = (k1 + philox.W1) & philox.WORD
-    return np.stack((c0, c1, c2, c3), axis=-1)
 
 
 def _normals(nonconforming: Floats) -> Floats:

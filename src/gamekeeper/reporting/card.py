@@ -219,7 +219,8 @@ def card_text(
     for title, group in _groups(_asked(contract, specs, questions)):
         lines += ["", f"{title} ({len(group)})"]
         for question in group:
-            text = f"{question.ask} -> {_proposed(question)}"
+            why = f" (it matters: {question.why})" if question.why else ""
+            text = f"{question.ask}{why} -> {_proposed(question)}"
             lines += _wrapped(one_line(text), wide, "  ", "      ")
     return "\n".join(lines) + "\n"
 
@@ -276,6 +277,7 @@ def card_json(
                 "answer": each.answer,
                 "hint": each.hint,
                 "measured": each.measured or None,
+                "why": each.why or None,
             }
             for each in _asked(contract, specs, questions)
         ],

@@ -35,9 +35,17 @@ def measured_questions(questions: Iterable[Question], measured: Measured) -> tup
     return tuple(_measured(each, measured, roles) for each in asked)
 
 
-def draft_note(*, steps: int, seed: int) -> str:
-    """The comment at the top of a measured draft."""
+def draft_note(*, steps: int, seed: int, declares: bool = False) -> str:
+    """The comment at the top of a measured draft.
+
+    Args:
+        steps: played.
+        seed: of the play.
+        declares: usual values are declared in it.
+    """
+    usual = "Lines without a # are declared: change what isn't meant."
     lines = (
+        *([usual] if declares else []),
         f"A draft: values marked as measured come from {steps:,} steps with seed {seed}.",
         "They are not declarations. Only you know the intended game: remove the # from a line",
         "whose value is intended, and audits check the environment against it from then on.",

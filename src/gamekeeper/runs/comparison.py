@@ -15,8 +15,10 @@ from gamekeeper.episodes.canonical import from_json
 from gamekeeper.episodes.divergence import Comparison, Divergence, compare_chunks
 from gamekeeper.episodes.evidence import IDENTITY, Evidence, fingerprints
 from gamekeeper.episodes.known_extent import ENDS_OPEN
+from gamekeeper.episodes.where import Where
 from gamekeeper.errors import EvidenceError, PolicyError, SpecError
 from gamekeeper.interface.env_source import Opened
+from gamekeeper.interface.found_again import ASSUMED
 from gamekeeper.rollouts.workers import run_task
 from gamekeeper.runs.consent import Consent, consented, evidence_of
 from gamekeeper.runs.load_run import load
@@ -189,6 +191,8 @@ def _replayed(
         return replayed
     if policies and where.field == "action":
         return replace(replayed, cause="the policies chose otherwise, given the same observations")
+    if env is None and _identity(evidence).get("arguments") == ASSUMED:
+        return replace(replayed, divergence=None, reason=_unsure(evidence, where))
     cause = cause_of(evidence, where, env=env, changed=replayed.versions, timeout_s=timeout_s)
     return replace(replayed, cause=cause)
 
@@ -212,7 +216,8 @@ def _untellable(evidence: Evidence, *, env: str | None, policies: bool) -> str |
     kind = _identity(evidence).get("kind")
     if env is None and kind in IN_MEMORY:
         thing = "an object" if kind == "object" else "a callable"
-        return f"the environment was {thing} in memory; name it with --env"
+        add = _identity(evidence).get("lost") or "name it with --env"
+        return f"the environment was {thing} in memory: {add}"
     if not evidence.episode_table.num_rows:
         return "the run has no episodes"
     for header in evidence.headers:
@@ -223,6 +228,16 @@ def _untellable(evidence: Evidence, *, env: str | None, policies: bool) -> str |
     if policies and (evidence.manifest.get("seed") is None or not all(_all_policies(evidence))):
         return "the run doesn't name its policies and their seed, so they can't choose again"
     return None
+
+
+def _unsure(evidence: Evidence, where: Divergence) -> str:
+    """Reason where a replay of an object diverged that was perhaps built with other arguments."""
+    entry = str(_identity(evidence).get("entry_point"))
+    place = str(Where("", where.episode, where.turn, where.agent, where.field)).strip()
+    return (
+        f"it diverged at {place}, but the environment was an object whose arguments aren't known, "
+        f"and {entry} was opened with its defaults; record the class, with env_kwargs"
+    )
 
 
 def _all_policies(evidence: Evidence) -> list[dict[str, str]]:

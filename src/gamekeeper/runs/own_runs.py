@@ -19,6 +19,7 @@ from typing import Any, Final
 
 from gamekeeper.errors import RunError
 from gamekeeper.import_guard import digest_of, site_folders
+from gamekeeper.interface.modules import file_module
 from gamekeeper.runs.files.checksums import root_digest
 from gamekeeper.runs.files.folder import READ_FLAGS, write_new
 
@@ -27,7 +28,7 @@ MOST: Final = 5_000
 """Runs that are remembered; beyond, the oldest are forgotten."""
 MOST_BYTES: Final = 1 << 24
 """Bytes remembered of a run."""
-NOT_ASKED: Final = ("__main__", "gamekeeper")
+NOT_ASKED: Final = ("__main__", "__mp_main__", "gamekeeper")
 """Packages that no replay imports on a run's behalf."""
 
 Modules = Mapping[str, tuple[str, str]]
@@ -99,12 +100,22 @@ def imported_modules() -> dict[str, tuple[str, str]]:
     found = {}
     for name, module in list(sys.modules.items()):
         path = _path_of(module)
+        if path is not None and name == "__main__" and path.endswith(".py"):
+            name = _script(path)
         if path is None or name.partition(".")[0] in NOT_ASKED or path.startswith(installed):
             continue
         digest = _digest(path)
         if digest is not None:
             found[name] = (str(Path(path).absolute()), digest)
     return found
+
+
+def _script(path: str) -> str:
+    """Name under which a replay loads the file of the script that records."""
+    try:
+        return file_module(Path(path).resolve(), Path(path).read_bytes())
+    except OSError:
+        return "__main__"
 
 
 def _path_of(module: Any) -> str | None:

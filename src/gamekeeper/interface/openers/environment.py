@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from gamekeeper.interface.env_source import Source, api_of
+from gamekeeper.interface.found_again import LostError, facts_of
 
 SYNTAX: Final = "an environment object"
 ORDER: Final = 0
@@ -16,7 +17,11 @@ def matches(spec: object) -> bool:
 
 
 def locate(spec: object, api: str | None) -> Source:
-    """A source that hands out the object itself."""
+    """A source that hands out the object itself, with facts on how it is built again."""
+    try:
+        facts = facts_of(spec)
+    except LostError as lost:
+        facts = {"lost": str(lost)}
     kind = type(getattr(spec, "unwrapped", spec))
     name = f"{kind.__module__}:{kind.__qualname__}"
     return Source(
@@ -25,6 +30,7 @@ def locate(spec: object, api: str | None) -> Source:
         spec=f"<object of {name}>",
         entry_point=name,
         is_single=True,
+        facts=facts,
     )
 
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from typing import Final
 
 from gamekeeper.interface.env_source import Source, api_of
-from gamekeeper.interface.modules import FILE_MODULE
+from gamekeeper.interface.found_again import LostError, place_of
 
 SYNTAX: Final = "a factory callable"
 ORDER: Final = 10
@@ -19,28 +18,29 @@ def matches(spec: object) -> bool:
 
 
 def locate(spec: Callable[..., object], api: str | None) -> Source:
-    """A source of kind `module` where it can be imported by its name, of kind `factory` else."""
+    """A source of kind `module` or `file` where its name finds it again, of kind `factory` else."""
     name = getattr(spec, "__qualname__", "") or getattr(type(spec), "__qualname__", "")
     entry_point = f"{getattr(spec, '__module__', None) or '?'}:{name}"
-    if _is_importable(spec, entry_point):
-        return Source(kind="module", factory=spec, spec=entry_point, entry_point=entry_point)
+    try:
+        place = place_of(spec)
+    except LostError as lost:
+        return Source(
+            kind="factory",
+            factory=spec,
+            spec=f"<factory {entry_point}>",
+            entry_point=entry_point,
+            facts={"lost": str(lost)},
+        )
+    path = {"path": place["path"]} if "path" in place else {}
     return Source(
-        kind="factory", factory=spec, spec=f"<factory {entry_point}>", entry_point=entry_point
+        kind=place["kind"],
+        factory=spec,
+        spec=f"{place['path']}:{name}" if path else entry_point,
+        entry_point=place["entry_point"],
+        facts=path,
     )
 
 
 def distrust(spec: object) -> str | None:
     """Always: a text can't name a callable of another process."""
     return "it was recorded from a factory in memory, which no text can find again"
-
-
-def _is_importable(spec: object, entry_point: str) -> bool:
-    # A script's own functions aren't: importing the script again would run it again, rollouts and
-    # all.
-    module, _, name = entry_point.partition(":")
-    if module == "__main__" or module.startswith(FILE_MODULE):
-        return False
-    value: object = sys.modules.get(module)
-    for part in name.split("."):
-        value = getattr(value, part, None)
-    return value is spec

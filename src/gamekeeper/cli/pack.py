@@ -1,0 +1,48 @@
+"""`gamekeeper pack RUN...`: runs, their source and figures in one file that others can check."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+
+from gamekeeper.cli._screen import CommandResult, Screen
+
+ORDER: Final = 150
+RunsArgument = Annotated[
+    list[Path], typer.Argument(metavar="RUN", show_default=False, help="Folders of recorded runs.")
+]
+OutOption = Annotated[
+    Path, typer.Option("--out", metavar="FILE", help="File to write, such as claim.zip (required).")
+]
+WithOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--with",
+        metavar="PATH",
+        help="One more file or folder to pack: a checkpoint, an evaluation and its specification. "
+        "Repeatable (default: none).",
+    ),
+]
+
+
+def command(
+    screen: Screen, runs: RunsArgument, out: OutOption, more: WithOption = None
+) -> CommandResult:
+    """Packs runs into a claim that others can check: evidence, source, packages, figures.
+
+    Runs no code of the runs. The source is that of your own runs, as recording noted it, and the
+    file of an environment that was named by its path.
+
+    Example: gamekeeper pack runs/warehouse-1 --out claim.zip
+    """
+    from gamekeeper.runs.claim_pack import pack
+
+    packed = pack(runs, out, files=more or ())
+    screen.show(
+        f"{packed.path}: {len(packed.runs)} run{'s' * (len(packed.runs) != 1)}, "
+        f"{len(packed.source)} source files, {packed.size_bytes:,} bytes\ndigest {packed.digest}"
+    )
+    screen.note(f"to check it: gamekeeper reproduce {packed.path}")
+    return CommandResult(packed.to_json())

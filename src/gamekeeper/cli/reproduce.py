@@ -1,0 +1,98 @@
+"""`gamekeeper reproduce claim.zip`: plays a claim's runs again and ticks each figure."""
+
+from __future__ import annotations
+
+import tempfile
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Final
+
+import typer
+
+from gamekeeper.cli._options import SILENCE_S, ImportOption, ReopenOption, TimeoutOption
+from gamekeeper.cli._screen import CommandResult, Screen
+
+if TYPE_CHECKING:
+    from gamekeeper.runs.claim_check import Reproduction
+
+ORDER: Final = 151
+MOST_SHOWN: Final = 20
+"""Differences that are shown; the document has all of them."""
+MARKS: Final = {True: "✓", False: "✗", None: "?"}
+CODES: Final = {True: 0, False: 1, None: 2}
+
+ClaimArgument = Annotated[
+    Path,
+    typer.Argument(metavar="CLAIM", show_default=False, help="File that gamekeeper pack wrote."),
+]
+OutOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--out",
+        metavar="FOLDER",
+        help="New folder to unpack it into (default: a temporary one).",
+        show_default=False,
+    ),
+]
+
+
+def command(
+    screen: Screen,
+    claim: ClaimArgument,
+    out: OutOption = None,
+    env: ReopenOption = None,
+    allow_import: ImportOption = False,
+    timeout: TimeoutOption = SILENCE_S,
+) -> CommandResult:
+    """Checks a claim: says what differs here, plays its runs again, and ticks each figure.
+
+    Installs nothing. Code of the claim runs by the rules of replay only: an installed environment
+    does, the claim's own source with --allow-import.
+
+    Exit code 0: every figure is ticked. 1: a figure or a file is another. 2: no answer; the
+    reason is printed.
+
+    Example: gamekeeper reproduce claim.zip --allow-import
+    """
+    from gamekeeper.runs.claim_check import reproduce
+
+    place: Any = tempfile.TemporaryDirectory() if out is None else nullcontext(str(out))
+    with place as folder:
+        found = reproduce(claim, folder, env=env, allow_import=allow_import, timeout_s=timeout)
+    _show(screen, found)
+    return CommandResult(found.to_json(), CODES[found.ok])
+
+
+def _show(screen: Screen, found: Reproduction) -> None:
+    from gamekeeper.reporting.results_text import divergence_text
+    from gamekeeper.reporting.text_columns import column_lines
+
+    screen.show(f"digest {found.digest}")
+    for each in found.damage:
+        screen.verdict(f"damaged: {each}", "bad")
+    for other in found.differs[:MOST_SHOWN]:
+        screen.show(f"differs here: {other.name}, claimed {other.claimed}, here {other.here}")
+    if len(found.differs) > MOST_SHOWN:
+        screen.show(f"differs here: {len(found.differs) - MOST_SHOWN} more packages")
+    for run, played in found.replays.items():
+        if played.divergence is not None:
+            where = divergence_text(played.divergence, width=screen.width)
+            screen.verdict(f"{run} diverged at {where}", "bad")
+    for run, reason in found.reasons.items():
+        screen.error(f"{run} wasn't played again: {reason}")
+    rows = [
+        [MARKS[each.ticked], each.run, each.name, _short(each.claimed), _short(each.recorded)]
+        for each in found.figures
+    ]
+    head = ["", "run", "figure", "claimed", "in the evidence"]
+    screen.show("\n".join(column_lines([head, *rows], width=screen.width)))
+    ticked = sum(each.ticked is True for each in found.figures)
+    manner = {True: "good", False: "bad", None: "unsure"}[found.ok]
+    screen.verdict(f"{ticked} of {len(found.figures)} figures ticked", manner)
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    text = str(value)
+    return text if len(text) <= 16 else f"{text[:12]}..."

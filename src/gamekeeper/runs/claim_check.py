@@ -1,0 +1,311 @@
+"""Checks a claim: its files, what differs here, and each figure by playing the runs again.
+
+Reading a claim executes nothing of it. Its source, or whatever its runs name, runs only by the
+rules of replay: an installed environment, the user's own run, one that the user names, or
+everything by the user's word.
+"""
+
+from __future__ import annotations
+
+import json
+import platform
+import sys
+import zipfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from os import PathLike
+from pathlib import Path, PurePosixPath
+from typing import Any, Final
+
+from gamekeeper.errors import GamekeeperError, RunError, TrustError
+from gamekeeper.import_guard import guarded, unguarded
+from gamekeeper.runs.claim_pack import (
+    CLAIM,
+    FORMAT,
+    RUNS,
+    SOURCE,
+    digest_of_bytes,
+    figures_of,
+    installed_packages,
+    source_module,
+)
+from gamekeeper.runs.comparison import SILENCE_S, Replay, replay
+from gamekeeper.runs.load_run import load
+from gamekeeper.runs.run_check import verify
+
+MOST_BYTES: Final = 1 << 33
+"""Bytes of all files of a claim together."""
+ABSENT: Final = "not installed"
+
+
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """One thing that isn't here as it was claimed: `claimed` and `here`, as text."""
+
+    name: str
+    claimed: str
+    here: str
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """One figure of a run: as claimed, as the evidence has it, and whether the replay agrees.
+
+    `ticked` is None where nothing was played again.
+    """
+
+    run: str
+    name: str
+    claimed: Any
+    recorded: Any
+    ticked: bool | None
+
+
+@dataclass(frozen=True, slots=True)
+class Reproduction:
+    """Outcome of checking a claim.
+
+    Attributes:
+        claim: the file.
+        digest: of what it claims.
+        damage: files that aren't those that were packed.
+        differs: packages and sources that are others here.
+        figures: every figure, ticked or not.
+        replays: by run, the replay; without one, the reason.
+        reasons: by run, why it wasn't played again.
+    """
+
+    claim: str
+    digest: str
+    damage: tuple[str, ...]
+    differs: tuple[Difference, ...]
+    figures: tuple[Figure, ...]
+    replays: Mapping[str, Replay]
+    reasons: Mapping[str, str]
+
+    @property
+    def ok(self) -> bool | None:
+        """True: every figure is ticked. False: one is wrong. None: one couldn't be played again."""
+        if self.damage or any(each.ticked is False for each in self.figures):
+            return False
+        return None if any(each.ticked is None for each in self.figures) else True
+
+    def to_json(self) -> dict[str, Any]:
+        """The document that `gamekeeper reproduce --json` prints."""
+        return {
+            "claim": self.claim,
+            "digest": self.digest,
+            "ok": self.ok,
+            "damage": list(self.damage),
+            "differs": [asdict(each) for each in self.differs],
+            "figures": [asdict(each) for each in self.figures],
+            "replays": {name: each.to_json() for name, each in self.replays.items()},
+            "reasons": dict(self.reasons),
+        }
+
+
+def reproduce(
+    claim: str | PathLike[str],
+    folder: str | PathLike[str],
+    *,
+    env: str | None = None,
+    allow_import: bool = False,
+    timeout_s: float | None = SILENCE_S,
+) -> Reproduction:
+    """Unpacks a claim, says what differs here, plays its runs again and ticks each figure.
+
+    Args:
+        claim: the file.
+        folder: a new or empty folder, into which it is unpacked.
+        env: environment to play in place of those that the runs name.
+        allow_import: run the claim's own source, and whatever its runs name.
+        timeout_s: longest time without a turn.
+    Raises:
+        RunError: the file is no claim.
+    """
+    document, text = _read(Path(claim))
+    place = Path(folder)
+    damage = _unpack(Path(claim), place, document["files"])
+    replays: dict[str, Replay] = {}
+    reasons: dict[str, str] = {}
+    figures: list[Figure] = []
+    for run in document["runs"]:
+        name = str(run["name"])
+        path = place / RUNS / name
+        chosen = _chosen(place, run, env=env, allow_import=allow_import)
+        try:
+            damage += _damage_of(path, run)
+            with _source_first(place / SOURCE if allow_import and env is None else None):
+                played = replay(path, env=chosen, allow_import=allow_import, timeout_s=timeout_s)
+            replays[name] = played
+            if played.reason is not None:
+                reasons[name] = played.reason
+        except TrustError as error:
+            reasons[name] = f"{error.what}: {error.actual}; {error.fix}"
+        except GamekeeperError as error:
+            reasons[name] = str(error)
+        figures += _figures(path, run, replays.get(name))
+    differs = (*_other_packages(document), *_other_source(place, document, replays))
+    return Reproduction(
+        str(claim), digest_of_bytes(text), tuple(damage), differs, tuple(figures), replays, reasons
+    )
+
+
+def _read(claim: Path) -> tuple[dict[str, Any], bytes]:
+    """The document of a claim, and its text.
+
+    Raises:
+        RunError: the file is no claim.
+    """
+    try:
+        with zipfile.ZipFile(claim) as archive:
+            text = archive.read(CLAIM)
+        document = json.loads(text)
+        is_whole = document["format"] == FORMAT and isinstance(document["packages"], dict)
+        names = [str(each["name"]) for each in document["runs"]]
+        is_whole &= all(each["figures"].keys() for each in document["runs"])
+        is_whole &= all(map(_is_plain, [*names, *document["files"]]))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile) as error:
+        raise _no_claim(claim, f"{type(error).__name__}: {error}") from error
+    except (RecursionError, NotImplementedError, RuntimeError, EOFError) as error:
+        raise _no_claim(claim, type(error).__name__) from error
+    if not is_whole:
+        raise _no_claim(claim, "another format, or names that lead out of it")
+    return document, text
+
+
+def _no_claim(claim: Path, actual: str) -> RunError:
+    return RunError(
+        "the file is no claim",
+        where=str(claim),
+        expected="what gamekeeper pack wrote",
+        actual=actual[:300],
+        fix="ask for the file again, or pack the runs again",
+    )
+
+
+def _is_plain(name: str) -> bool:
+    """A name that stays in the folder it is unpacked into."""
+    parts = PurePosixPath(name).parts
+    return bool(parts) and not name.startswith("/") and ".." not in parts and "\\" not in name
+
+
+def _unpack(claim: Path, folder: Path, files: Mapping[str, str]) -> list[str]:
+    """Writes a claim's files; names those that aren't as packed.
+
+    Raises:
+        RunError: the folder holds something, or the claim is too large.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    if any(folder.iterdir()):
+        raise RunError(
+            "a claim is unpacked into an empty folder",
+            where=str(folder),
+            actual="a folder that holds something",
+            fix="name a new one",
+        )
+    damage: list[str] = []
+    left = MOST_BYTES
+    with zipfile.ZipFile(claim) as archive:
+        for name, digest in files.items():
+            try:
+                with archive.open(name) as entry:
+                    data = entry.read(left + 1)
+            except (KeyError, zipfile.BadZipFile, EOFError, OSError) as error:
+                damage.append(f"{name}: {'missing' if isinstance(error, KeyError) else error}")
+                continue
+            left -= len(data)
+            if left < 0:
+                raise _no_claim(claim, f"more than {MOST_BYTES:,} bytes")
+            if digest_of_bytes(data) != digest:
+                damage.append(f"{name}: not the file that was packed")
+            target = folder / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(data)
+    return damage
+
+
+def _damage_of(path: Path, run: Mapping[str, Any]) -> list[str]:
+    """A run's own damage, and a root digest other than the claimed one."""
+    with guarded(path):
+        found = verify(path, root=str(run.get("root")))
+    if found.ok:
+        return []
+    first = str(found).splitlines()[0]
+    return [f"{RUNS}/{run['name']}: {first}"]
+
+
+def _chosen(
+    folder: Path, run: Mapping[str, Any], *, env: str | None, allow_import: bool
+) -> str | None:
+    """The environment to play: the user's, the claim's own source by the user's word, or the run's.
+
+    A file's place on another machine says nothing here.
+    """
+    identity = run.get("environment")
+    if env is not None or not allow_import or not isinstance(identity, Mapping):
+        return env
+    packed = folder / SOURCE / source_module(identity)
+    if identity.get("kind") != "file" or not packed.is_file():
+        return None
+    return f"{packed}:{str(identity.get('entry_point')).rpartition(':')[2]}"
+
+
+@contextmanager
+def _source_first(source: Path | None) -> Iterator[None]:
+    """Has workers look for modules in a claim's source first: they take this process's path.
+
+    Args:
+        source: the folder; None, or one that isn't there: nothing changes.
+    """
+    if source is None or not source.is_dir():
+        yield
+        return
+    with unguarded():  # the user has consented
+        sys.path.insert(0, str(source.resolve()))
+        yield
+
+
+def _figures(path: Path, run: Mapping[str, Any], played: Replay | None) -> list[Figure]:
+    """Each claimed figure beside the evidence's, ticked where the replay is verified."""
+    try:
+        with guarded(path):
+            recorded: Mapping[str, Any] = figures_of(load(path))
+    except GamekeeperError:
+        recorded = {}
+    is_told = played is not None and played.reason is None
+    verified = played.verified if is_told and played is not None else None
+    found = []
+    for name, claimed in run["figures"].items():
+        seen = recorded.get(name)
+        ticked = verified if seen == claimed else False
+        found.append(Figure(str(run["name"]), str(name), claimed, seen, ticked))
+    return found
+
+
+def _other_packages(document: Mapping[str, Any]) -> Iterator[Difference]:
+    """Packages that the runs name and that have another version here; then all others."""
+    here = {**installed_packages(), "python": platform.python_version()}
+    named: dict[str, str] = {}
+    for run in document["runs"]:
+        named |= (run.get("environment") or {}).get("versions") or {}
+    claimed = {**named, **{k: v for k, v in document["packages"].items() if k not in named}}
+    for name, version in claimed.items():
+        if here.get(name, ABSENT) != version:
+            yield Difference(name, str(version), here.get(name, ABSENT))
+
+
+def _other_source(
+    folder: Path, document: Mapping[str, Any], replays: Mapping[str, Replay]
+) -> Iterator[Difference]:
+    """Files of the claim's source that are others in the current folder, and sources as played."""
+    for name, digest in document["files"].items():
+        if name.startswith(f"{SOURCE}/"):
+            beside = Path(name.partition("/")[2])
+            if beside.is_file() and digest_of_bytes(beside.read_bytes()) != digest:
+                yield Difference(str(beside), "as packed", "another file in the current folder")
+    for run, played in replays.items():
+        if "source" in played.versions:
+            one, two = played.versions["source"]
+            yield Difference(f"source of {run}", str(one), str(two))

@@ -1,0 +1,182 @@
+"""Claims: what is packed is ticked elsewhere, and whatever was changed is named."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gamekeeper.errors import RunError
+from gamekeeper.runs.claim_check import Reproduction, reproduce
+from gamekeeper.runs.claim_pack import CLAIM, digest_of_bytes, pack
+from tests.runs.plays import played, write_env
+
+
+@pytest.fixture(autouse=True)
+def another_user(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is an own run, and the current folder is empty."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+
+
+def elsewhere(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """What one user recorded, another one checks; the recorded file is gone."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "other"))
+    (tmp_path / "walks.py").unlink(missing_ok=True)
+
+
+def altered(claim: Path, name: str, change: Callable[[bytes], bytes], *, hides: bool) -> None:
+    """Changes one file of a claim; `hides`: also its digest in the document."""
+    with zipfile.ZipFile(claim) as archive:
+        contents = {each: archive.read(each) for each in archive.namelist()}
+    contents[name] = change(contents[name])
+    if hides:
+        document = json.loads(contents[CLAIM])
+        document["files"][name] = digest_of_bytes(contents[name])
+        contents[CLAIM] = json.dumps(document).encode()
+    with zipfile.ZipFile(claim, "w") as archive:
+        for each, data in contents.items():
+            archive.writestr(each, data)
+
+
+def paying_more(text: bytes) -> bytes:
+    """The walks, in which the first of three actions is paid as well."""
+    return text.replace(b"float(actions.get(agent, 0))", b"float(actions.get(agent, 0)) + 0.5")
+
+
+def checked(tmp_path: Path, **options: Any) -> Reproduction:
+    """The claim, checked into a new folder."""
+    return reproduce(tmp_path / "claim.zip", tmp_path / "unpacked", **options)
+
+
+def test_every_figure_is_ticked_elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the claim's own source, in a folder and for a user that have nothing of it."""
+    played(tmp_path)
+    (tmp_path / "model.bin").write_bytes(b"weights")
+    packed = pack([tmp_path / "run"], tmp_path / "claim.zip", files=[tmp_path / "model.bin"])
+    assert "source/walks.py" in packed.source
+    elsewhere(monkeypatch, tmp_path)
+    found = checked(tmp_path, allow_import=True)
+    assert found.ok is True, found.to_json()
+    assert {each.ticked for each in found.figures} == {True}
+    assert {"fingerprint", "episodes"} <= {each.name for each in found.figures}
+    assert (found.damage, found.differs, found.digest) == ((), (), packed.digest)
+    assert (tmp_path / "unpacked/files/model.bin").read_bytes() == b"weights"
+
+
+def test_nothing_of_a_claim_runs_without_consent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its source lies there and isn't imported: no figure is ticked, and the reason says why."""
+    played(tmp_path)
+    pack([tmp_path / "run"], tmp_path / "claim.zip")
+    elsewhere(monkeypatch, tmp_path)
+    mark = tmp_path / "executed"
+    altered(
+        tmp_path / "claim.zip",
+        "source/walks.py",
+        lambda text: text + f"\nopen({str(mark)!r}, 'w')\n".encode(),
+        hides=True,
+    )
+    found = checked(tmp_path)
+    assert found.ok is None
+    assert {each.ticked for each in found.figures} == {None}
+    assert "--allow-import" in found.reasons["run"]
+    assert not mark.exists()
+
+
+def test_changed_reward_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rules that pay otherwise: turn, agent and both rewards, and that the source is another."""
+    played(tmp_path)
+    pack([tmp_path / "run"], tmp_path / "claim.zip")
+    elsewhere(monkeypatch, tmp_path)
+    altered(tmp_path / "claim.zip", "source/walks.py", paying_more, hides=True)
+    found = checked(tmp_path, allow_import=True)
+    assert found.ok is False
+    where = found.replays["run"].divergence
+    assert where is not None
+    assert (where.episode, where.turn, where.field) == (0, 0, "reward")
+    assert where.recorded != where.replayed
+    assert "source of run" in [each.name for each in found.differs]
+
+
+def test_changed_source_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file of the claim that isn't as packed, and one beside the reader that is another."""
+    played(tmp_path)
+    pack([tmp_path / "run"], tmp_path / "claim.zip")
+    elsewhere(monkeypatch, tmp_path)
+    altered(tmp_path / "claim.zip", "source/walks.py", lambda text: text + b"#", hides=False)
+    write_env(Path.cwd(), ("TURNS = 5", "TURNS = 4"))
+    found = checked(tmp_path)
+    assert found.damage == ("source/walks.py: not the file that was packed",)
+    assert "walks.py" in [each.name for each in found.differs]
+    assert found.ok is False
+
+
+def test_other_package_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The version that was claimed beside the one that is here."""
+    played(tmp_path)
+    pack([tmp_path / "run"], tmp_path / "claim.zip")
+    elsewhere(monkeypatch, tmp_path)
+
+    def older(text: bytes) -> bytes:
+        document = json.loads(text)
+        document["runs"][0]["environment"]["versions"]["numpy"] = "1.0.0"
+        return json.dumps(document).encode()
+
+    altered(tmp_path / "claim.zip", CLAIM, older, hides=False)
+    found = checked(tmp_path, allow_import=True)
+    assert found.ok is True
+    assert [f"{each.name} {each.claimed}" for each in found.differs] == ["numpy 1.0.0"]
+
+
+def test_changed_figure_is_not_ticked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A claim that says more than its evidence."""
+    played(tmp_path)
+    pack([tmp_path / "run"], tmp_path / "claim.zip")
+    elsewhere(monkeypatch, tmp_path)
+
+    def better(text: bytes) -> bytes:
+        document = json.loads(text)
+        document["runs"][0]["figures"]["episodes"] = 100
+        return json.dumps(document).encode()
+
+    altered(tmp_path / "claim.zip", CLAIM, better, hides=False)
+    found = checked(tmp_path, allow_import=True)
+    assert found.ok is False
+    assert [each.name for each in found.figures if not each.ticked] == ["episodes"]
+
+
+def test_source_that_changed_since_is_not_packed(tmp_path: Path) -> None:
+    """Evidence and source of a claim belong together."""
+    played(tmp_path)
+    write_env(tmp_path, ("TURNS = 5", "TURNS = 4"))
+    with pytest.raises(RunError, match="source of a run has changed"):
+        pack([tmp_path / "run"], tmp_path / "claim.zip")
+    assert not (tmp_path / "claim.zip").exists()
+
+
+@pytest.mark.parametrize("name", ["../out.txt", "/out.txt", "a/../../out.txt", "a\\..\\out.txt"])
+def test_names_that_lead_out_are_refused(tmp_path: Path, name: str) -> None:
+    """Nothing is written outside the folder."""
+    claim = tmp_path / "claim.zip"
+    document = {"format": 1, "runs": [], "packages": {}, "files": {name: digest_of_bytes(b"x")}}
+    with zipfile.ZipFile(claim, "w") as archive:
+        archive.writestr(CLAIM, json.dumps(document))
+        archive.writestr(name, b"x")
+    with pytest.raises(RunError, match="no claim"):
+        checked(tmp_path)
+    assert not (tmp_path / "out.txt").exists()
+
+
+@pytest.mark.parametrize("data", [b"", b"PK", b"{}"])
+def test_other_files_are_no_claims(tmp_path: Path, data: bytes) -> None:
+    """The error says what is expected."""
+    (tmp_path / "claim.zip").write_bytes(data)
+    with pytest.raises(RunError, match="no claim"):
+        checked(tmp_path)
