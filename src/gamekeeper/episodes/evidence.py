@@ -101,7 +101,7 @@ class Evidence:
 
     @property
     def fingerprint(self) -> str:
-        """Covers environment, arguments, spaces, seeds, options, rows, states; 64 hex digits."""
+        """Covers environment, arguments, spaces, seeds, options, rows, states: `level:64 digits`."""
         return str(self.manifest.get("fingerprint") or "")
 
     @cached_property
@@ -293,8 +293,9 @@ def fingerprints(manifest: Mapping[str, Any], episodes: pa.Table) -> dict[str, s
             )
     environment = {key: manifest["environment"].get(key) for key in IDENTITY}
     done = episodes.filter(pc.is_valid(episodes["fingerprint"]))
+    level = manifest.get("level")
     return {
-        name: run_fingerprint(environment, manifest["spaces"], done[name].to_pylist())
+        name: f"{level}:{run_fingerprint(environment, manifest['spaces'], done[name].to_pylist())}"
         for name in ("fingerprint", "info_fingerprint")
     }
 

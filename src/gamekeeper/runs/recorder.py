@@ -125,6 +125,7 @@ class RunRecorder:
                 fix="name one of them",
             )
         self.buffer, self.layout, self.rings = Buffer(), Layout(terms), Rings()
+        self.level = level
         self._facts: dict[str, Any] = {
             "environment": environment,
             "contract": contract,
