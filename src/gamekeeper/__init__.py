@@ -14,6 +14,7 @@ from gamekeeper.errors import (
     ActionError,
     ContractError,
     DependencyError,
+    DivergenceError,
     DrawError,
     EnvError,
     EvidenceError,
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from gamekeeper.interface.tick_env import TickEnv
     from gamekeeper.interface.turn_env import TurnEnv
     from gamekeeper.runs.comparison import Replay, diff, replay
+    from gamekeeper.runs.expanding import expand
     from gamekeeper.runs.load_run import load
     from gamekeeper.runs.recording import record, rollout
     from gamekeeper.runs.resuming import Resumed, resume
@@ -63,6 +65,7 @@ __all__ = [
     "DependencyError",
     "Diagnosis",
     "Divergence",
+    "DivergenceError",
     "DrawError",
     "EnvError",
     "Episode",
@@ -91,6 +94,7 @@ __all__ = [
     "draft_contract",
     "errors",
     "evaluate",
+    "expand",
     "load",
     "make",
     "pivots",
@@ -128,6 +132,7 @@ _HOMES: Final = {
     "diagnose": "gamekeeper.diagnosis.failure_causes",
     "diff": "gamekeeper.runs.comparison",
     "evaluate": "gamekeeper.evaluation.evaluator",
+    "expand": "gamekeeper.runs.expanding",
     "load": "gamekeeper.runs.load_run",
     "pivots": "gamekeeper.diagnosis.pivots",
     "record": "gamekeeper.runs.recording",

@@ -76,6 +76,12 @@ class EvidenceError(GamekeeperError, ValueError):
     """Evidence can't be written, read or trusted."""
 
 
+class DivergenceError(EvidenceError):
+    """A run that was played again isn't what was recorded; `divergence` is the first difference."""
+
+    divergence: object = None
+
+
 class RunError(EvidenceError, OSError):
     """The files of a run are missing, damaged or in the way."""
 

@@ -188,10 +188,14 @@ class Comparison:
         self.divergence: Divergence | None = None
         """The first place where they differ by more than the tolerance, if there is one."""
         self._last: tuple[Episode, Episode] | None = None
+        self._is_kept = (
+            False  # the recorded one is of level `actions`; rows that are left show it no more
+        )
 
     def look(self, recorded: Episode, replayed: Episode) -> bool:
         """Compares the next turns; True while there is no divergence."""
-        known = clipped(replayed.kept() if recorded.is_actions else replayed, self._known)
+        self._is_kept = self._is_kept or recorded.is_actions
+        known = clipped(replayed.kept() if self._is_kept else replayed, self._known)
         self._last = recorded, replayed
         numbers = _different_turns(recorded, known, self._volatile)
         self.is_exact = self.is_exact and not numbers

@@ -81,8 +81,8 @@ class Encoder:
 
     `level` "digest" writes the digests of rows in place of their observations, "actions" only what
     `actions_level` keeps. `volatile` names the info fields that stay out of the info fingerprint.
-    `hasher` is a faster way to hash rows. `prints`: the level of the episodes' fingerprints where it
-    is another one; of whole rows both can be computed.
+    `hasher` is a faster way to hash rows. `prints`: the level of the episodes' fingerprints where
+    it is another one; of whole rows both can be computed.
     """
 
     layout: Layout

@@ -101,7 +101,7 @@ class Evidence:
 
     @property
     def fingerprint(self) -> str:
-        """Covers environment, arguments, spaces, seeds, options, rows, states: `level:64 digits`."""
+        """Level and 64 digits; covers environment, arguments, spaces, seeds, options, rows, states."""
         return str(self.manifest.get("fingerprint") or "")
 
     @cached_property
@@ -257,8 +257,13 @@ def manifest_of(
     level: str,
     run_seed: int | None,
     episodes: pa.Table | None = None,
+    extra: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """The manifest of a run: all that isn't a row; with `episodes`, the run's fingerprints too."""
+    """The manifest of a run: all that isn't a row; with `episodes`, the run's fingerprints too.
+
+    Args:
+        extra: entries of a run that was made in another way than by recording.
+    """
     manifest: dict[str, Any] = {
         "level": level,
         "environment": dict(environment),
@@ -270,6 +275,7 @@ def manifest_of(
         "seed": run_seed,
         "fingerprint": None,
         "info_fingerprint": None,
+        **(extra or {}),
     }
     if episodes is not None:
         manifest |= fingerprints(manifest, episodes)

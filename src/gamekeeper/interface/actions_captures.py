@@ -32,7 +32,7 @@ def _are_usual(rewards: list[Any]) -> bool:
     kinds = set(map(type, rewards))
     if kinds <= FLOATS:
         return True
-    return kinds <= REALS and -EXACT <= min(rewards) and max(rewards) <= EXACT
+    return kinds <= REALS and min(rewards) >= -EXACT and max(rewards) <= EXACT
 
 
 class _Witnessed(Capture):
@@ -60,9 +60,9 @@ class ParallelActionsCapture(_Witnessed, ParallelCapture):
     def step(self, actions: Mapping[AgentId, Any]) -> Any:
         """One tick. Returns what the environment returned."""
         payloads: list[Any] | None = None
-        if self._is_usual and self._half is None and actions.__class__ is dict:
-            if list(actions) == self._who:
-                payloads = list(map(call, self._doers, actions.values()))
+        is_usual = self._is_usual and self._half is None and actions.__class__ is dict
+        if is_usual and list(actions) == self._who:
+            payloads = list(map(call, self._doers, actions.values()))
         if payloads is None or None in payloads:
             self._write_out()
             return super().step(actions)
@@ -246,7 +246,7 @@ class _TurnsByActions(_Witnessed, AECCapture):
         rewards = self._books.rewards
         reward = rewards.get(agent)
         paid = self._paid_others(agent, rewards, reward)
-        if paid or reward.__class__ is not float and not _are_usual([reward]):
+        if paid or (reward.__class__ is not float and not _are_usual([reward])):
             entry = None
             if reward.__class__ is not float:
                 reward, entry = reward_in(rewards, agent, None)

@@ -219,8 +219,9 @@ def _look_once_more(game: ParallelCapture | AECCapture, trace: Episode, turn: Tu
 def _was_seen(turn: Turn, name: str, trace: Episode) -> bool:
     """Tells whether the agent's observation was read before it acted, by the evidence.
 
-    Level "actions" keeps just that. At level "digest" observations aren't kept, and whoever was given anything counts as having
-    looked: so does every loop but one that asks `last(observe=False)`.
+    Level "actions" keeps just that. At level "digest" observations aren't kept, and an agent that
+    was given anything counts as having looked: so does every loop but one that asks
+    `last(observe=False)`.
     """
     if trace.is_actions:
         return name in turn.agents and bool(trace.column("observed")[turn.row(name)])
