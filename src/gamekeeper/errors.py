@@ -16,6 +16,8 @@ GamekeeperError
 
 from __future__ import annotations
 
+from typing import Any
+
 
 class GamekeeperError(Exception):
     """Names the failure, its place, the expected and the actual value, and a fix.
@@ -79,7 +81,7 @@ class EvidenceError(GamekeeperError, ValueError):
 class DivergenceError(EvidenceError):
     """A run that was played again isn't what was recorded; `divergence` is the first difference."""
 
-    divergence: object = None
+    divergence: Any = None
 
 
 class RunError(EvidenceError, OSError):

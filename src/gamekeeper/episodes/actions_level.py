@@ -77,11 +77,10 @@ def kept_block(block: Block, *, hasher: Hasher | None = None) -> Block:
 
 def witnesses(block: Block) -> NDArray[np.bool_]:
     """[rows] whether the row is a witness."""
-    flags = [
-        (raw.valid & raw.values[:, 0].astype(np.bool_))
-        for raw in (block.terminated, block.truncated)
-    ]
-    return (block.turn % EVERY == 0) | flags[0] | flags[1]
+    found = block.turn % EVERY == 0
+    for flag in (block.terminated, block.truncated):
+        found |= flag.valid & flag.values[:, 0].astype(np.bool_)
+    return np.asarray(found, np.bool_)
 
 
 def kept_states(states: States) -> States | None:
@@ -248,7 +247,7 @@ def _merged(
     def cells(name: str) -> tuple[Any, Cells]:
         column = (one.values.get(name) or two.values[name])[0]
         sides = [(block.values.get(name), rows) for block, rows in ((one, at), (two, then))]
-        there = [(side[1], rows) for side, rows in sides if side is not None]
+        there: list[tuple[Any, Any]] = [(side[1], rows) for side, rows in sides if side is not None]
         if isinstance(there[0][0], Text):
             return column, Text(_spread(count, [(rows, each.values) for each, rows in there]))
         whole = _nothing(count, there[0][0].values.shape[1])
@@ -262,10 +261,11 @@ def _merged(
     agents[at] = one.agent.codes  # type: ignore[union-attr]  # a usual block codes its agents
     agents[then] = [codes[name] for name in two.agent]  # type: ignore[union-attr]  # others don't
     raws = ("order", "cumulative_reward", "terminated", "truncated", "reward", "witness")
+    merged: dict[str, Any] = {n: raw(getattr(one, n), getattr(two, n)) for n in raws}
     return replace(
         one,
         **{name: array(name) for name in ("episode", "turn", "live", "observed")},
-        **{name: raw(getattr(one, name), getattr(two, name)) for name in raws},
+        **merged,
         agent=Coded(agents, names),
         values={name: cells(name) for name in {**one.values, **two.values}},
         mask=[None] * count,
@@ -377,10 +377,12 @@ def add_kept(
         each: the rows of each episode of a sorted column.
     """
     table = _table(block)
-    for number, rows in each(block.episode):
-        episodes[number].add_table(table[rows])
+    for number, whole in each(block.episode):
+        episodes[number].add_table(table[whole])
     for one in _others(block):
-        rows = slice(None) if one.valid is None or one.valid.all() else np.flatnonzero(one.valid)
+        rows: Any = (
+            slice(None) if one.valid is None or one.valid.all() else np.flatnonzero(one.valid)
+        )
         episode = block.episode[rows]
         if not len(episode):
             continue

@@ -188,9 +188,7 @@ class Comparison:
         self.divergence: Divergence | None = None
         """The first place where they differ by more than the tolerance, if there is one."""
         self._last: tuple[Episode, Episode] | None = None
-        self._is_kept = (
-            False  # the recorded one is of level `actions`; rows that are left show it no more
-        )
+        self._is_kept = False  # the recorded one is of level `actions`
 
     def look(self, recorded: Episode, replayed: Episode) -> bool:
         """Compares the next turns; True while there is no divergence."""

@@ -443,7 +443,7 @@ def kept_states_table(states: pa.Table | None) -> pa.Table | None:
     if states is None or "digest" in states.schema.names:
         return states
     found = states_of_table(states)
-    kept = kept_states(found) or States(*(part[:0] for part in (found.episode, found.turn)), [], [])
+    kept = kept_states(found) or States(found.episode[:0], found.turn[:0], [], [])
     return pa.Table.from_batches([states_batch(kept, digests=state_digests(kept))])
 
 

@@ -101,7 +101,7 @@ class Evidence:
 
     @property
     def fingerprint(self) -> str:
-        """Level and 64 digits; covers environment, arguments, spaces, seeds, options, rows, states."""
+        """Level and 64 digits; covers environment, arguments, spaces, resets, rows and states."""
         return str(self.manifest.get("fingerprint") or "")
 
     @cached_property
