@@ -70,7 +70,7 @@ def kept_block(block: Block, *, hasher: Hasher | None = None) -> Block:
         info=None,
         terms={},
         nonconforming=_kept_texts(block.nonconforming),
-        observed=_observed(block) if block.observed is None else block.observed,
+        observed=_observed(block),
         witness=Raw(witness, is_witness),
     )
 
@@ -150,6 +150,8 @@ def _nothing(count: int, size: int) -> Raw:
 def _observed(block: Block) -> NDArray[np.bool_]:
     """[rows] whether an observation was looked at, by what is there of it."""
     found = np.zeros(len(block), np.bool_)
+    if block.observed is not None:  # those that weren't kept
+        found |= block.observed
     for name, (_, cells) in block.values.items():
         if name.startswith("obs"):
             there = (

@@ -6,6 +6,7 @@ are taken down as at every level, but for observations and infos of rows that ar
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Mapping
 from itertools import repeat
 from operator import call, is_
@@ -20,6 +21,7 @@ from gamekeeper.interface.capture import NO_STATE, AgentId, Capture
 from gamekeeper.interface.packing import BOOLS, EXACT, FLOATS, MISSING, REALS, flag_of, type_name_of
 from gamekeeper.interface.parallel_capture import NO_PARTS, Move, ParallelCapture, _five
 
+DICTS: Final = (dict, defaultdict)  # a defaultdict is what PettingZoo's converter pays in
 _UNTIMED: Final = 0  # in place of the wall time of a step, which this level doesn't keep
 
 
@@ -93,7 +95,7 @@ class ParallelActionsCapture(_Witnessed, ParallelCapture):
     def _commit_usual(self, payloads: list[Any], rewards: Any) -> bool:
         """Puts a usual turn on the buffer; False where a reward isn't as usual."""
         who = self._who
-        if rewards.__class__ is not dict or list(rewards) != who:
+        if rewards.__class__ not in DICTS or list(rewards) != who:
             return False
         paid = list(rewards.values())
         if not _are_usual(paid):
@@ -129,13 +131,8 @@ class ParallelActionsCapture(_Witnessed, ParallelCapture):
         self, agents: Any, observations: Any, rewards: Any, terms: Any, truncs: Any
     ) -> bool:
         """True if exactly the live agents are named everywhere, and none of them has ended."""
-        if not (
-            terms.__class__
-            is truncs.__class__
-            is observations.__class__
-            is rewards.__class__
-            is dict
-        ):
+        kinds = observations.__class__, terms.__class__, truncs.__class__
+        if kinds != (dict, dict, dict) or rewards.__class__ not in DICTS:
             return False
         if agents != self._who or len(self._indexes) != len(self._who):
             if agents.__class__ is not list:
