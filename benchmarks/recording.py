@@ -2,7 +2,7 @@
 
 Prints a JSON line for each task: medians over interleaved segments, in microseconds of wall time
 per agent-step, closing the run included, with the least and the most; ratios are of paired
-segments.
+segments. `bytes` is the size of the finalized run per agent-step.
 
     python benchmarks/recording.py [--tasks two_robot_line,spread,...] [--segments 15]
 """
@@ -180,8 +180,8 @@ def _pistonball() -> Any:
 
 def measure(
     make: Callable[[], Any], player: Callable[..., int], turns: int, folder: Path, kind: str
-) -> float:
-    """Seconds per agent-step of one segment, from a fresh environment to a closed one."""
+) -> tuple[float, float]:
+    """Seconds and bytes of a run per agent-step, from a fresh environment to a closed one."""
     env = make()
     if kind != "bare":
         env = gk.record(env, folder / "run", level=kind)
@@ -190,8 +190,9 @@ def measure(
     count = player(env, turns, rng)
     env.close()
     seconds = time.perf_counter() - start
+    size = sum(file.stat().st_size for file in (folder / "run").rglob("*") if file.is_file())
     shutil.rmtree(folder / "run", ignore_errors=True)
-    return seconds / count
+    return seconds / count, size / count
 
 
 def spread(name: str, values: list[float], digits: int) -> dict[str, float]:
@@ -213,12 +214,14 @@ def main() -> None:
     for name, make, player, turns in tasks():
         if wanted and not any(name.startswith(part) for part in wanted):
             continue
-        kinds = ("bare", "full", "digest")
+        kinds = ("bare", "full", "digest", "actions")
         times: dict[str, list[float]] = {kind: [] for kind in kinds}
+        sizes: dict[str, float] = {}
         with tempfile.TemporaryDirectory() as folder:
             for segment in range(options.segments + 1):
-                for kind in kinds[segment % 3 :] + kinds[: segment % 3]:
-                    seconds = measure(make, player, turns, Path(folder), kind)
+                for kind in kinds[segment % 4 :] + kinds[: segment % 4]:
+                    seconds, size = measure(make, player, turns, Path(folder), kind)
+                    sizes[kind] = size
                     if segment:
                         times[kind].append(seconds * 1e6)
         bare = times["bare"]
@@ -231,6 +234,7 @@ def main() -> None:
             pairs = list(zip(times[kind], bare, strict=True))
             row |= spread(f"{kind}_added_us", [a - b for a, b in pairs], 2)
             row |= spread(f"{kind}_ratio", [a / b for a, b in pairs], 3)
+            row[f"{kind}_bytes"] = round(sizes[kind], 2)
         print(json.dumps(row), flush=True)
 
 

@@ -23,9 +23,12 @@ from typing import Any, Final
 import mpe2
 import pettingzoo
 
+from gamekeeper.episodes.encoder import LEVELS
+from gamekeeper.errors import GamekeeperError
 from gamekeeper.rollouts.rollout_plan import RolloutPlan
 from gamekeeper.rollouts.workers import run_task
 from gamekeeper.runs.comparison import replay
+from gamekeeper.runs.expanding import expand
 from gamekeeper.runs.load_run import load
 
 ROOT: Final = Path(__file__).resolve().parent.parent
@@ -45,13 +48,19 @@ def main() -> int:
     )
     parser.add_argument("--episodes", type=int, default=2)
     parser.add_argument("--turns", type=int, default=60, help="of an episode, at most")
+    parser.add_argument(
+        "--level",
+        choices=LEVELS,
+        default="full",
+        help="actions: record at this level too, expand that, and compare the fingerprints",
+    )
     parser.add_argument("--markdown", action="store_true", help="a table in place of JSON lines")
     given = parser.parse_args()
     specs = [spec for spec in zoo() if _wanted(spec, given.only)]
     specs += [f"{api}:{spec}" for spec in given.extra for api in ("parallel", "aec")]
     lines = []
     for spec in specs:
-        line = played(spec, episodes=given.episodes, turns=given.turns)
+        line = played(spec, episodes=given.episodes, turns=given.turns, level=given.level)
         lines.append(line)
         if not given.markdown:
             print(json.dumps(line), flush=True)
@@ -79,7 +88,7 @@ def zoo() -> Iterator[str]:
             yield f"aec:mpe2.{module}:env"
 
 
-def played(spec: str, *, episodes: int, turns: int) -> dict[str, Any]:
+def played(spec: str, *, episodes: int, turns: int, level: str) -> dict[str, Any]:
     """One environment, recorded and replayed."""
     start = time.monotonic()
     api, _, name = spec.partition(":")
@@ -105,7 +114,20 @@ def played(spec: str, *, episodes: int, turns: int) -> dict[str, Any]:
             if result.divergence is not None:
                 where = result.divergence
                 line["divergence"] = f"episode {where.episode}, turn {where.turn}, {where.field}"
+            if level != "full":
+                small = Path(folder, "small")
+                _record(spec, small, episodes=episodes, turns=turns, level=level)
+                line |= _expanded(small, Path(folder, "whole"), evidence.fingerprint)
     return {**line, "seconds": round(time.monotonic() - start, 1)}
+
+
+def _expanded(small: Path, whole: Path, fingerprint: str) -> dict[str, Any]:
+    """Tells whether expanding a small run gives the fingerprint of the full recording."""
+    try:
+        expanded = expand(small, whole, allow_import=True)
+    except GamekeeperError as error:
+        return {"expanded": False, "because": str(error)}
+    return {"expanded": expanded.fingerprint == fingerprint}
 
 
 def table(lines: list[dict[str, Any]]) -> str:
@@ -122,10 +144,12 @@ def table(lines: list[dict[str, Any]]) -> str:
     return "\n".join(rows)
 
 
-def _record(spec: str, run: Path, *, episodes: int, turns: int) -> str | None:
+def _record(spec: str, run: Path, *, episodes: int, turns: int, level: str = "full") -> str | None:
     """Records in a process of its own; what went wrong, or None."""
     kwargs = next((given for name, given in KWARGS.items() if name in spec), {})
-    plan = RolloutPlan(spec=spec, env_kwargs=kwargs, episodes=episodes, most_turns=turns)
+    plan = RolloutPlan(
+        spec=spec, env_kwargs=kwargs, episodes=episodes, most_turns=turns, level=level
+    )
     task = "gamekeeper.runs.worker_tasks:record_task"
     outcome = run_task(
         task, {"plan": plan.to_json(), "out": str(run)}, silence_s=120.0, hash_seed=HASH_SEED

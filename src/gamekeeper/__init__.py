@@ -14,6 +14,7 @@ from gamekeeper.errors import (
     ActionError,
     ContractError,
     DependencyError,
+    DivergenceError,
     DrawError,
     EnvError,
     EvidenceError,
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from gamekeeper.runs.claim_check import Reproduction, reproduce
     from gamekeeper.runs.claim_pack import pack
     from gamekeeper.runs.comparison import Replay, diff, replay
+    from gamekeeper.runs.expanding import expand
     from gamekeeper.runs.load_run import load
     from gamekeeper.runs.recording import record, rollout
     from gamekeeper.runs.resuming import Resumed, resume
@@ -65,6 +67,7 @@ __all__ = [
     "DependencyError",
     "Diagnosis",
     "Divergence",
+    "DivergenceError",
     "DrawError",
     "EnvError",
     "Episode",
@@ -94,6 +97,7 @@ __all__ = [
     "draft_contract",
     "errors",
     "evaluate",
+    "expand",
     "load",
     "make",
     "pack",
@@ -135,6 +139,7 @@ _HOMES: Final = {
     "diagnose": "gamekeeper.diagnosis.failure_causes",
     "diff": "gamekeeper.runs.comparison",
     "evaluate": "gamekeeper.evaluation.evaluator",
+    "expand": "gamekeeper.runs.expanding",
     "load": "gamekeeper.runs.load_run",
     "pack": "gamekeeper.runs.claim_pack",
     "pivots": "gamekeeper.diagnosis.pivots",

@@ -16,6 +16,8 @@ GamekeeperError
 
 from __future__ import annotations
 
+from typing import Any
+
 
 class GamekeeperError(Exception):
     """Names the failure, its place, the expected and the actual value, and a fix.
@@ -74,6 +76,12 @@ class DrawError(GamekeeperError, ValueError):
 
 class EvidenceError(GamekeeperError, ValueError):
     """Evidence can't be written, read or trusted."""
+
+
+class DivergenceError(EvidenceError):
+    """A run that was played again isn't what was recorded; `divergence` is the first difference."""
+
+    divergence: Any = None
 
 
 class RunError(EvidenceError, OSError):

@@ -20,8 +20,8 @@ from gamekeeper.episodes.agent_spec import AgentSpec, agent_spec
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import EvidenceError
+from gamekeeper.runs.expanding import whole_evidence
 from gamekeeper.runs.files.folder import MANIFEST
-from gamekeeper.runs.load_run import load
 
 FULL: Final = "full"
 ROWS: Final = frozenset({ROLLOUT, "spaces"})
@@ -42,24 +42,26 @@ def audit_run(
     contract: Contract | str | PathLike[str] | None = None,
     select: Sequence[str] = (),
     ignore: Sequence[str] = (),
+    allow_import: bool = False,
 ) -> AuditResult:
     """Judges the episodes of a run, each row against the spaces and the contract.
 
-    Checks that need reruns are *not exercised*. The environment isn't opened, so that findings have
-    a place and no reproducer.
+    Checks that need reruns are *not exercised*. The environment is opened only to expand a run of
+    level `actions`; findings have a place and no reproducer.
 
     Args:
         path: folder of the run.
         contract: what is declared; None: the contract that the run was recorded under.
         select: only checks whose ids begin so; all where empty.
         ignore: but those whose ids begin so.
+        allow_import: a run of level `actions` is expanded first; run code that it names.
     Raises:
         RunError: there is no run, or it is damaged.
         EvidenceError: the run keeps no observations; no check begins like `select` or `ignore`.
         ContractError: the contract doesn't fit the agents.
     """
     begun_s = time.monotonic()
-    evidence = load(path)
+    evidence = whole_evidence(path, allow_import=allow_import)
     level = str(evidence.manifest.get("level"))
     if level != FULL:
         raise EvidenceError(

@@ -102,11 +102,11 @@ SeedOption: TypeAlias = Annotated[
     ),
 ]
 LevelOption: TypeAlias = Annotated[
-    Literal["full", "digest"],
+    Literal["full", "digest", "actions"],
     typer.Option(
         "--level",
-        help="Content of a recorded observation: its values (full), or only their hash (digest); "
-        "the fingerprint is the same.",
+        help="What the run keeps: every value (full), hashes in place of observations (digest), or "
+        "seeds, actions, rewards and flags, which `gamekeeper expand` plays again (actions).",
     ),
 ]
 FramesOption: TypeAlias = Annotated[

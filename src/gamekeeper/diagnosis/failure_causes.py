@@ -51,7 +51,7 @@ from gamekeeper.errors import EvidenceError
 from gamekeeper.interface.policy import REFERENCE
 from gamekeeper.rollouts.executors.task import Executor
 from gamekeeper.rollouts.intervention import interventions
-from gamekeeper.runs.consent import evidence_of
+from gamekeeper.runs.expanding import whole_evidence
 from gamekeeper.statistics.paired import FEWEST, paired_effect
 from gamekeeper.statistics.significance import holm
 
@@ -118,7 +118,7 @@ def diagnose(
         RunError: there is no run, or another experiment lies in `out`.
     """
     _check_budget(budget)
-    evidence = evidence_of(run)
+    evidence = whole_evidence(run, env=env, allow_import=allow_import)
     declared = contract_of(evidence, contract)
     conditions = failures(declared, failed)
     recorded = _recorded(evidence, conditions, declared)

@@ -27,6 +27,7 @@ from gamekeeper.rollouts.continuations import Continuations, RecordedCourse
 from gamekeeper.rollouts.executors.task import Executor
 from gamekeeper.rollouts.reruns import play_of
 from gamekeeper.runs.consent import evidence_of
+from gamekeeper.runs.expanding import whole_evidence
 from gamekeeper.runs.replay_runner import ReplayRunner
 
 BUDGET: Final = 100_000
@@ -70,7 +71,7 @@ def pivots(
             reproducible.
         ContractError: nothing says when an episode failed.
     """
-    evidence = evidence_of(run)
+    evidence = whole_evidence(run, allow_import=allow_import)
     declared = contract_of(evidence, contract)
     conditions = failures(declared, failed)
     scopes = _failed_scopes(evidence, conditions, declared)

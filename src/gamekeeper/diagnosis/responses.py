@@ -17,7 +17,7 @@ from gamekeeper.errors import EvidenceError
 from gamekeeper.randomness.seeds import policy_rng
 from gamekeeper.rollouts.interventions.fields import observed_fields
 from gamekeeper.rollouts.interventions.perturbation import action_space, observation_space
-from gamekeeper.runs.consent import evidence_of
+from gamekeeper.runs.expanding import whole_evidence
 
 FEEDS: Final = 3
 """Episodes that are fed."""
@@ -51,7 +51,7 @@ def responses(
         RunError: there is no run.
         PolicyError: a policy can't be found, or raised.
     """
-    evidence = evidence_of(run)
+    evidence = whole_evidence(run, env=env, allow_import=allow_import)
     setup = setup_of(evidence, env=env, policies=policies)
     episodes = [episode for _, episode in zip(range(FEEDS), evidence.episodes, strict=False)]
     consent = consent_to(evidence, setup, env=env, policies=policies, allow_import=allow_import)

@@ -21,7 +21,8 @@ from gamekeeper.rollouts.episode_loop import Actions, EpisodeLoop, EpisodePlan
 from gamekeeper.rollouts.intervention import Hooks
 from gamekeeper.rollouts.reruns import play_of, shrink
 from gamekeeper.rollouts.tally import tally
-from gamekeeper.runs.consent import consented, evidence_of
+from gamekeeper.runs.consent import consented
+from gamekeeper.runs.expanding import whole_evidence
 from gamekeeper.runs.recorder import RunRecorder
 
 TRIES: Final = 2_000
@@ -101,7 +102,7 @@ def shrunk(
         TrustError: the evidence names code that nobody allowed to run.
         ContractError: nothing says when an episode failed.
     """
-    evidence = evidence_of(run)
+    evidence = whole_evidence(run, env=env, allow_import=allow_import)
     declared = evidence.contract if contract is None else contract
     with (
         consented(evidence, doing="playing this run again", env=env, allow_import=allow_import),

@@ -10,7 +10,16 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from gamekeeper.episodes.block import Block, Cells, Coded, Raw, Text, element_bytes, most_rows
+from gamekeeper.episodes.block import (
+    Block,
+    Cells,
+    Coded,
+    Raw,
+    States,
+    Text,
+    element_bytes,
+    most_rows,
+)
 from gamekeeper.episodes.layout import Column, leaf_columns, length_of
 from gamekeeper.errors import EvidenceError
 
@@ -22,6 +31,7 @@ NUMBERS: Final = {
 FLAGS: Final = ("terminated", "truncated")
 TEXTS: Final = ("info", "raised", "nonconforming")
 TERM: Final = "reward."
+DIGEST_BYTES: Final = 16
 
 
 def steps_batch(block: Block, *, digests: Any | None = None) -> pa.RecordBatch:
@@ -54,9 +64,32 @@ def steps_batch(block: Block, *, digests: Any | None = None) -> pa.RecordBatch:
     put("live", pa.array(block.live))
     put("raised", _texts(block.raised, len(block)))
     put("nonconforming", _texts(block.nonconforming, len(block)))
-    if digests is not None:
-        put("digest", _binary(np.ascontiguousarray(digests)))
+    if block.witness is not None:
+        put("observed", pa.array(block.observed))
+        put("digest", binary_array(block.witness.values, block.witness.valid))
+    elif digests is not None:
+        put("digest", binary_array(np.ascontiguousarray(digests)))
     return pa.RecordBatch.from_arrays(list(fields.values()), schema=pa.schema(list(fields)))
+
+
+def states_batch(states: States, *, digests: Any | None = None) -> pa.RecordBatch:
+    """States as a record batch; `digests` [turns, 16], where given, stand in place of values."""
+    if digests is not None:
+        columns = [
+            (pa.field("episode", pa.int32()), pa.array(states.episode)),
+            (pa.field("turn", pa.int32()), pa.array(states.turn)),
+            (pa.field("nonconforming", pa.string()), pa.nulls(len(states.turn), pa.string())),
+            (pa.field("digest", pa.binary()), binary_array(digests)),
+        ]
+    else:
+        columns = [
+            (pa.field("episode", pa.int32()), pa.array(states.episode)),
+            (pa.field("turn", pa.int32()), pa.array(states.turn)),
+            *(cells_field(column, cells) for column, cells in states.cells),
+            (pa.field("nonconforming", pa.string()), pa.array(states.nonconforming, pa.string())),
+        ]
+    fields, arrays = zip(*columns, strict=True)
+    return pa.RecordBatch.from_arrays(list(arrays), schema=pa.schema(list(fields)))
 
 
 def cells_field(column: Column, cells: Cells) -> tuple[pa.Field, pa.Array]:
@@ -99,8 +132,25 @@ def block_of_table(table: pa.Table) -> Block:
         mask=table["action_mask"].to_pylist(),
         live=table["live"].to_numpy(zero_copy_only=False).astype(np.bool_),
         terms=terms,
+        **_kept(table),
         **cells,
     )
+
+
+def _kept(table: pa.Table) -> dict[str, Any]:
+    """Columns that stand at level `actions` alone."""
+    if "observed" not in table.schema.names:
+        return {}
+    digests = table["digest"].to_pylist()
+    blank = bytes(DIGEST_BYTES)
+    values = np.frombuffer(b"".join([each or blank for each in digests]), np.uint8)
+    return {
+        "observed": table["observed"].to_numpy(zero_copy_only=False).astype(np.bool_),
+        "witness": Raw(
+            values.reshape(len(digests), DIGEST_BYTES),
+            np.fromiter((each is not None for each in digests), np.bool_, len(digests)),
+        ),
+    }
 
 
 def cells_of(column: Column, array: pa.ChunkedArray) -> Cells:
@@ -141,14 +191,14 @@ def _cells(column: Column, cells: Cells) -> pa.Array:
     if column.leaf.kind == "int":
         return pa.array(cells.values.view(np.int64)[:, 0], mask=~cells.valid)
     if column.leaf.kind == "bytes" or not cells.values.shape[1]:
-        return _binary(cells.values, cells.valid)
+        return binary_array(cells.values, cells.valid)
     flat = np.ascontiguousarray(cells.values).view(column.leaf.dtype).reshape(-1)
     mask = None if cells.valid.all() else pa.array(~cells.valid)
     length = flat.size // max(len(cells.values), 1) or length_of(column.leaf)
     return pa.FixedSizeListArray.from_arrays(pa.array(flat), length, mask=mask)
 
 
-def _binary(values: Any, valid: Any | None = None) -> pa.Array:
+def binary_array(values: Any, valid: Any | None = None) -> pa.Array:
     """Rows of bytes [rows, size] as a binary array, without a copy of the bytes."""
     values = np.ascontiguousarray(values)
     count, size = values.shape
@@ -182,7 +232,7 @@ def _texts(texts: Any, count: int) -> pa.Array:
 def _masks(masks: list[bytes | None] | dict[int, Raw], count: int) -> pa.Array:
     if not isinstance(masks, dict):
         return pa.array(masks, pa.binary())
-    arrays = [_binary(raw.values, raw.valid) for raw in masks.values()]
+    arrays = [binary_array(raw.values, raw.valid) for raw in masks.values()]
     if len(arrays) < 2:
         return arrays[0] if arrays else pa.nulls(count, pa.binary())
     return pc.coalesce(*arrays)

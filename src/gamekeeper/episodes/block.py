@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from gamekeeper.episodes.buffer import (
     DONE,
     GIVEN,
+    OBSERVED,
     TURN,
     BufferedTurns,
     EpisodeEnd,
@@ -65,7 +66,9 @@ class Block:
     """Rows in the order turn, order, agent. Every column has `len(episode)` elements.
 
     A kernel hands its columns over as they are: names by number, masks by their length, infos as
-    an Arrow array, None for a column of texts without any.
+    an Arrow array, None for a column of texts without any. `observed` and `witness` are there at
+    level `actions` alone, where observations aren't: [rows] whether the agent looked at one, and
+    the digests of whole rows where they are kept.
     """
 
     episode: NDArray[np.int32]
@@ -83,6 +86,8 @@ class Block:
     live: NDArray[np.bool_]
     raised: Texts | None
     nonconforming: Texts | None
+    observed: NDArray[np.bool_] | None = None
+    witness: Raw | None = None
 
     def __len__(self) -> int:
         return len(self.episode)
@@ -121,7 +126,7 @@ class Columns:
 def columns_of(buffered: BufferedTurns, layout: Layout, *, open_large: Opener) -> Columns:
     """The turns of `buffered` as columns; `open_large` as in `block_of`."""
     rows = block_of(buffered, layout, open_large=open_large) if buffered.given else None
-    return Columns(buffered.starts, rows, _states(buffered, layout, open_large), buffered.ends)
+    return Columns(buffered.starts, rows, states_of(buffered, layout, open_large), buffered.ends)
 
 
 def block_of(buffered: BufferedTurns, layout: Layout, *, open_large: Opener) -> Block:
@@ -132,7 +137,7 @@ def block_of(buffered: BufferedTurns, layout: Layout, *, open_large: Opener) -> 
     """
     given, done, turns = buffered.given, buffered.done, buffered.turns
     agents: list[Any] = given[0::GIVEN]
-    counts: list[Any] = turns[2::TURN]
+    counts = np.maximum(np.array(turns[2::TURN], np.int64), 0)  # of rows that aren't usual
     episode = np.repeat(np.array(turns[0::TURN], np.int32), counts)
     turn = np.repeat(np.array(turns[1::TURN], np.int32), counts)
     order = _numbers(done[0::DONE], np.int16)
@@ -141,8 +146,12 @@ def block_of(buffered: BufferedTurns, layout: Layout, *, open_large: Opener) -> 
     rows = _sorting(turn, episode, order, _ranks(index, known))
     pick = _picker(rows)
     paid: list[Any] = done[3::DONE]
+    seen, observed = given[1::GIVEN], None
+    if OBSERVED in seen:
+        observed = _present(seen)[rows]
+        seen = [None if each is OBSERVED else each for each in seen]
     # put in order before they become columns: those of images are copied once
-    values = _sides(layout, index[rows], pick(given[1::GIVEN]), "obs", open_large)
+    values = _sides(layout, index[rows], pick(seen), "obs", open_large)
     values |= _sides(layout, index[rows], pick(done[1::DONE]), "action", open_large)
     return Block(
         episode=episode[rows],
@@ -163,10 +172,12 @@ def block_of(buffered: BufferedTurns, layout: Layout, *, open_large: Opener) -> 
         live=np.array(given[7::GIVEN], np.bool_)[rows],
         raised=pick(done[4::DONE]),
         nonconforming=pick(_nonconforming(given[8::GIVEN], done[5::DONE])),
+        observed=observed,
     )
 
 
-def _states(buffered: BufferedTurns, layout: Layout, open_large: Opener) -> States | None:
+def states_of(buffered: BufferedTurns, layout: Layout, open_large: Opener) -> States | None:
+    """The states of `buffered` as columns; None where no turn has one."""
     # a turn without a state leaves no row, or a digest would depend on the turns buffered with it
     every = zip(*(buffered.turns[place::TURN] for place in (0, 1, 4, 5)), strict=True)
     with_state = [marks for marks in every if marks[2:] != (None, None)]
@@ -244,6 +255,17 @@ def _nonconforming(given: list[Any], done: list[Any]) -> Texts:
     parts = [(*(a or ()), *(b or ())) for a, b in zip(given, done, strict=True)]
     # each part is a text `"field":{...}`; they stand in the order of fields
     return ["{" + ",".join(sorted(each)) + "}" if each else None for each in parts]
+
+
+def side_cells(
+    layout: Layout, index: NDArray[np.intp], payloads: list[Any], kind: str
+) -> dict[str, tuple[Column, Cells]]:
+    """Payloads of one kind, none of them put aside, as columns; `index` is each row's agent."""
+    return _sides(layout, index, payloads, kind, _not_aside)
+
+
+def _not_aside(place: int, out: Bytes2) -> None:
+    raise AssertionError("an action is put aside")
 
 
 def _sides(

@@ -13,7 +13,7 @@ from bisect import bisect_left
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from itertools import accumulate
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 T = TypeVar("T")
 
@@ -22,8 +22,8 @@ T = TypeVar("T")
 GIVEN: Final = 9
 # done: order, action, reward, terms, raised, nonconforming
 DONE: Final = 6
-# turns: episode, turn, rows, wall_ns (None for closing rows, which no step follows), state,
-# nonconforming
+# turns: episode, turn, rows (below 0: so many usual rows), wall_ns (None for closing rows, which no
+# step follows), state, nonconforming
 TURN: Final = 6
 
 
@@ -59,15 +59,44 @@ class EpisodeEnd:
     action_types: str | None = None
 
 
+class Observed:
+    """Stands in place of an observation that was looked at and isn't kept."""
+
+
+OBSERVED: Final = Observed()
+
+
+@dataclass(slots=True)
+class UsualRows:
+    """Rows of level `actions` in which no flag is set: place in the layout, action, reward."""
+
+    agents: list[int] = field(default_factory=list)
+    actions: list[Any] = field(default_factory=list)
+    rewards: list[Any] = field(default_factory=list)
+
+    def cut(self, count: int) -> UsualRows:
+        """The first `count` rows, taken off."""
+        parts = _cut(self.agents, count), _cut(self.actions, count), _cut(self.rewards, count)
+        return UsualRows(*parts)
+
+    def trim(self, count: int) -> None:
+        """Takes off the rows after the first `count`."""
+        del self.agents[count:], self.actions[count:], self.rewards[count:]
+
+
 @dataclass(slots=True)
 class Buffer:
-    """Rows not encoded yet; `given` and `done` are aligned row by row once a turn is committed."""
+    """Rows not encoded yet; `given` and `done` are aligned row by row once a turn is committed.
+
+    A turn of level `actions` whose rows are all usual has them in `usual`, and nothing elsewhere.
+    """
 
     given: list[object] = field(default_factory=list)
     done: list[object] = field(default_factory=list)
     turns: list[object] = field(default_factory=list)
     starts: list[EpisodeStart] = field(default_factory=list)
     ends: list[EpisodeEnd] = field(default_factory=list)
+    usual: UsualRows = field(default_factory=UsualRows)
     # held while the buffer is cut; a real one where two threads cut it
     lock: AbstractContextManager[object] = field(
         default_factory=nullcontext, repr=False, compare=False
@@ -83,6 +112,7 @@ class BufferedTurns:
     turns: list[object]
     starts: list[EpisodeStart]
     ends: list[EpisodeEnd]
+    usual: UsualRows = field(default_factory=UsualRows)
 
 
 def take(buffer: Buffer, *, most: int, most_rows: int = 65_536) -> BufferedTurns | None:
@@ -96,7 +126,8 @@ def take(buffer: Buffer, *, most: int, most_rows: int = 65_536) -> BufferedTurns
     with buffer.lock:
         ends = len(buffer.ends)
         waiting = len(buffer.turns) // TURN
-        reached: list[int] = list(accumulate(buffer.turns[2 : min(waiting, most) * TURN : TURN]))  # type: ignore[arg-type]  # numbers of rows
+        counts: list[int] = buffer.turns[2 : min(waiting, most) * TURN : TURN]  # type: ignore[assignment]  # numbers of rows
+        reached = list(accumulate(map(abs, counts)))
         # the turn that reaches `most_rows` is the last one taken
         turns = min(bisect_left(reached, most_rows) + 1, len(reached))
         starts = len(buffer.starts)
@@ -105,21 +136,26 @@ def take(buffer: Buffer, *, most: int, most_rows: int = 65_536) -> BufferedTurns
         if turns < waiting:  # an end waits until the turns of its episode are taken
             following = buffer.turns[turns * TURN]
             ends = sum(end.episode < following for end in buffer.ends[:ends])  # type: ignore[operator]
-        rows = reached[turns - 1] if turns else 0
+        usual = -sum(count for count in counts[:turns] if count < 0)
+        rows = reached[turns - 1] - usual if turns else 0
         return BufferedTurns(
             _cut(buffer.given, rows * GIVEN),
             _cut(buffer.done, rows * DONE),
             _cut(buffer.turns, turns * TURN),
             _cut(buffer.starts, starts),
             _cut(buffer.ends, ends),
+            buffer.usual.cut(usual),
         )
 
 
 def cut_back(buffer: Buffer) -> None:
     """Takes off rows without a commit mark: an interrupt came while their turn was appended."""
     with buffer.lock:
-        rows: int = sum(buffer.turns[2::TURN])  # type: ignore[arg-type]  # as in take
+        counts: list[int] = buffer.turns[2::TURN]  # type: ignore[assignment]  # as in take
+        usual = -sum(count for count in counts if count < 0)
+        rows = sum(counts) + usual
         del buffer.given[rows * GIVEN :], buffer.done[rows * DONE :]
+        buffer.usual.trim(usual)
 
 
 def _cut(items: list[T], count: int) -> list[T]:

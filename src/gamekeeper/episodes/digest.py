@@ -20,7 +20,7 @@ import numpy as np
 from blake3 import blake3
 from numpy.typing import NDArray
 
-from gamekeeper.episodes.block import Block, Bytes2, Cells, Coded, Raw, Text
+from gamekeeper.episodes.block import Block, Bytes2, Cells, Coded, Raw, States, Text
 from gamekeeper.episodes.canonical import to_json
 from gamekeeper.episodes.layout import LARGE_BYTES
 
@@ -103,7 +103,7 @@ def _head(layout: tuple[tuple[str, str, tuple[int, ...]], ...]) -> NDArray[np.ui
 def _fields(block: Block) -> Iterator[DigestField]:
     count = len(block)
     yield DigestField("turn", "<i4", (), block.turn.view(np.uint8).reshape(count, 4))
-    yield DigestField("agent", "text", (), _names(block.agent))
+    yield DigestField("agent", "text", (), names_digests(block.agent))
     yield DigestField("order", "<i2", (), block.order.values, block.order.valid)
     for column, cells in sorted(block.values.values(), key=lambda each: each[0].tag):
         leaf = column.leaf
@@ -116,7 +116,7 @@ def _fields(block: Block) -> Iterator[DigestField]:
         ("reward", "<f8", block.reward),
         *((f"reward.{term}", "<f8", raw) for term, raw in sorted(block.terms.items())),
     ):
-        yield DigestField(name, dtype, (), _one_nan(raw.values, dtype), raw.valid)
+        yield DigestField(name, dtype, (), one_nan(raw.values, dtype), raw.valid)
     yield DigestField("live", "|b1", (), block.live.view(np.uint8).reshape(count, 1))
     for name, texts in (("raised", block.raised), ("nonconforming", block.nonconforming)):
         if texts is not None:
@@ -130,7 +130,7 @@ def cells_digest_field(tag: str, dtype: str, shape: tuple[int, ...], cells: Cell
     values = cells.values
     if values.shape[1] >= LARGE_BYTES:
         return DigestField(tag, f"blake3 {dtype}", shape, _large(cells), cells.valid)
-    return DigestField(tag, dtype, shape, _one_nan(values, dtype), cells.valid)
+    return DigestField(tag, dtype, shape, one_nan(values, dtype), cells.valid)
 
 
 def _large(cells: Raw) -> Bytes2:
@@ -141,7 +141,7 @@ def _large(cells: Raw) -> Bytes2:
     return np.frombuffer(b"".join(digests), np.uint8).reshape(len(digests), 32)
 
 
-def _one_nan(values: Bytes2, dtype: str) -> Bytes2:
+def one_nan(values: Bytes2, dtype: str) -> Bytes2:
     """`values` with every NaN as the one that numpy makes; the same array where there is none."""
     if not dtype.startswith("<f") or not values.size:
         return values
@@ -154,9 +154,10 @@ def _one_nan(values: Bytes2, dtype: str) -> Bytes2:
     return floats.view(np.uint8).reshape(values.shape)
 
 
-def _names(names: list[str] | Coded) -> Bytes2:
+def names_digests(names: list[str] | Coded) -> Bytes2:
+    """The digest of each name, [names, 16]."""
     if isinstance(names, Coded):
-        return _names(list(names.names))[names.codes]
+        return names_digests(list(names.names))[names.codes]
     known = {
         name: blake2b(name.encode(errors="surrogatepass"), digest_size=SIZE).digest()
         for name in set(names)
@@ -169,7 +170,7 @@ def _texts(texts: list[str | None]) -> tuple[Bytes2, NDArray[np.bool_]]:
     if texts.count(None) == count:
         return np.zeros((count, SIZE), np.uint8), np.zeros(count, np.bool_)
     valid = np.fromiter((text is not None for text in texts), np.bool_, count)
-    return _names([text or "" for text in texts]), valid
+    return names_digests([text or "" for text in texts]), valid
 
 
 def _masks(masks: list[bytes | None] | dict[int, Raw]) -> Iterator[DigestField]:
@@ -188,6 +189,18 @@ def _masks(masks: list[bytes | None] | dict[int, Raw]) -> Iterator[DigestField]:
         parts = [mask if mask is not None and len(mask) == length else blank for mask in masks]
         values = np.frombuffer(b"".join(parts), np.uint8).reshape(count, length)
         yield DigestField("action_mask", "|u1", (length,), values, valid)
+
+
+def state_digests(states: States, *, hasher: Hasher | None = None) -> Any:
+    """The digest of the state at every turn, [turns, 16]."""
+    count = len(states.turn)
+    fields = [DigestField("turn", "<i4", (), states.turn.view(np.uint8).reshape(count, 4))]
+    fields += [
+        cells_digest_field(column.tag, column.leaf.dtype, column.leaf.shape, cells)
+        for column, cells in states.cells
+    ]
+    fields.append(cells_digest_field("nonconforming", "", (), Text(states.nonconforming)))
+    return digest_fields(fields, count, hasher=hasher)
 
 
 @dataclass(slots=True)

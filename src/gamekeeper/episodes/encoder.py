@@ -12,22 +12,28 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from gamekeeper.episodes.arrow import cells_field, names_array, steps_batch
-from gamekeeper.episodes.block import Block, Columns, Opener, States, Text, columns_of
+from gamekeeper.episodes.actions_level import (
+    KeptDigest,
+    add_kept,
+    kept_block,
+    kept_rows,
+    kept_states,
+)
+from gamekeeper.episodes.arrow import names_array, states_batch, steps_batch
+from gamekeeper.episodes.block import Block, Columns, Opener, States, columns_of, states_of
 from gamekeeper.episodes.buffer import TURN, BufferedTurns, EpisodeEnd, EpisodeStart
 from gamekeeper.episodes.canonical import without
 from gamekeeper.episodes.digest import (
-    DigestField,
     EpisodeDigest,
     Hasher,
-    cells_digest_field,
-    digest_fields,
     episode_header,
     row_digests,
+    state_digests,
 )
 from gamekeeper.episodes.layout import Layout
 
-LEVELS: Final = ("full", "digest")
+LEVELS: Final = ("full", "digest", "actions")
+KEPT: Final = "actions"
 EPISODES: Final = pa.schema(
     [
         ("episode", pa.int32()),
@@ -73,8 +79,10 @@ class Encoded:
 class Encoder:
     """Turns buffered turns into record batches, one after the other.
 
-    `level` "digest" writes the digests of rows in place of their observations. `volatile` names the
-    info fields that stay out of the info fingerprint. `hasher` is a faster way to hash rows.
+    `level` "digest" writes the digests of rows in place of their observations, "actions" only what
+    `actions_level` keeps. `volatile` names the info fields that stay out of the info fingerprint.
+    `hasher` is a faster way to hash rows. `prints`: the level of the episodes' fingerprints where
+    it is another one; of whole rows both can be computed.
     """
 
     layout: Layout
@@ -82,32 +90,49 @@ class Encoder:
     level: str = "full"
     volatile: Collection[str] = ()
     hasher: Hasher | None = None
-    _open: dict[int, EpisodeDigest] = field(default_factory=dict)
+    prints: str | None = None
+    _open: dict[int, Any] = field(default_factory=dict)
 
     def encode_turns(self, buffered: BufferedTurns) -> Encoded:
         """The batches of `buffered`."""
-        columns = columns_of(buffered, self.layout, open_large=self.open_large)
-        return replace(self.encode_columns(columns), timings=_timings(buffered))
+        if self.level != KEPT:
+            columns = columns_of(buffered, self.layout, open_large=self.open_large)
+            return replace(self.encode_columns(columns), timings=_timings(buffered))
+        rows = kept_rows(buffered, self.layout, open_large=self.open_large, hasher=self.hasher)
+        states = states_of(buffered, self.layout, self.open_large)
+        return self.encode_columns(Columns(buffered.starts, rows, states, buffered.ends))
 
     def encode_columns(self, columns: Columns) -> Encoded:
         """The batches of what is in columns already; without timings."""
         for start in columns.starts:
-            self._open[start.episode] = EpisodeDigest(
-                episode_header(seed=start.seed, options=start.options)
-            )
+            header = episode_header(seed=start.seed, options=start.options)
+            kind = KeptDigest if (self.prints or self.level) == KEPT else EpisodeDigest
+            self._open[start.episode] = kind(header)
         block, states, steps, digests = columns.rows, columns.states, None, None
-        if block is not None:
+        encoded_states = None
+        if block is not None and (self.prints or self.level) == KEPT:
+            kept = kept_block(block, hasher=self.hasher)
+            add_kept(self._open, kept, by_episode)
+            steps = steps_batch(kept if self.level == KEPT else block)
+        elif block is not None:
             # Rows are hashed all at once, then handed to their episodes: a chunk may hold the end
             # of one and the start of others; an episode's digest goes on over chunks (`_open`).
             digests = row_digests(block, hasher=self.hasher)
-            for number, rows in _by_episode(block.episode):
+            for number, rows in by_episode(block.episode):
                 self._open[number].add_rows(digests[rows])
             if columns.steady_infos is None:
                 add_infos(self._open, block, self.volatile)
             else:
                 _add_lines(self._open, block, columns.steady_infos)
             steps = steps_batch(block, digests=digests if self.level == "digest" else None)
-        encoded_states = None if states is None else self._states(states)
+        if states is not None and (self.prints or self.level) == KEPT:
+            witnesses = kept_states(states)
+            if witnesses is not None:
+                encoded_states = self._states(witnesses)
+            if self.level != KEPT:
+                encoded_states = states_batch(states)
+        elif states is not None:
+            encoded_states = self._states(states)
         ended = [self._open.pop(end.episode) for end in columns.ends]
         return Encoded(
             starts=_episodes(
@@ -127,16 +152,9 @@ class Encoder:
 
     def _states(self, states: States) -> pa.RecordBatch:
         digests = state_digests(states, hasher=self.hasher)
-        for number, turns in _by_episode(states.episode):
+        for number, turns in by_episode(states.episode):
             self._open[number].add_states(digests[turns])
-        columns = [
-            (pa.field("episode", pa.int32()), pa.array(states.episode)),
-            (pa.field("turn", pa.int32()), pa.array(states.turn)),
-            *(cells_field(column, cells) for column, cells in states.cells),
-            (pa.field("nonconforming", pa.string()), pa.array(states.nonconforming, pa.string())),
-        ]
-        fields, arrays = zip(*columns, strict=True)
-        return pa.RecordBatch.from_arrays(list(arrays), schema=pa.schema(list(fields)))
+        return states_batch(states, digests=digests if self.level == KEPT else None)
 
 
 def add_infos(episodes: dict[int, EpisodeDigest], block: Block, volatile: Collection[str]) -> None:
@@ -161,28 +179,16 @@ def _add_lines(episodes: dict[int, EpisodeDigest], block: Block, infos: pa.Array
     # so that an episode takes one slice, and no text becomes a Python object.
     offsets = np.frombuffer(lines.buffers()[1], np.int32)
     data = memoryview(lines.buffers()[2] or b"")
-    for number, rows in _by_episode(block.episode):
+    for number, rows in by_episode(block.episode):
         episodes[number].add_infos(data[offsets[rows.start] : offsets[rows.stop]])
 
 
-def _by_episode(episode: Any) -> Iterator[tuple[int, slice]]:
+def by_episode(episode: Any) -> Iterator[tuple[int, slice]]:
     """Each episode in a sorted column, and its rows there."""
     firsts = np.flatnonzero(np.diff(episode, prepend=-1)).tolist()  # no episode is numbered -1
     numbers = episode[firsts].tolist()
     bounds = zip(firsts, [*firsts[1:], len(episode)], strict=True)
     return zip(numbers, starmap(slice, bounds), strict=True)
-
-
-def state_digests(states: States, *, hasher: Hasher | None = None) -> Any:
-    """The digest of the state at every turn, [turns, 16]."""
-    count = len(states.turn)
-    fields = [DigestField("turn", "<i4", (), states.turn.view(np.uint8).reshape(count, 4))]
-    fields += [
-        cells_digest_field(column.tag, column.leaf.dtype, column.leaf.shape, cells)
-        for column, cells in states.cells
-    ]
-    fields.append(cells_digest_field("nonconforming", "", (), Text(states.nonconforming)))
-    return digest_fields(fields, count, hasher=hasher)
 
 
 def _episodes(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import groupby
 from types import MappingProxyType
@@ -13,10 +13,11 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 
-from gamekeeper.episodes.arrow import TERM, blocks_of, cells_of
-from gamekeeper.episodes.block import Cells, Raw
+from gamekeeper.episodes.actions_level import kept_block, kept_digests, kept_states
+from gamekeeper.episodes.arrow import TERM, blocks_of, cells_of, states_batch, steps_batch
+from gamekeeper.episodes.block import Cells, Raw, States
 from gamekeeper.episodes.canonical import from_json
-from gamekeeper.episodes.digest import SIZE, row_digests
+from gamekeeper.episodes.digest import SIZE, row_digests, state_digests
 from gamekeeper.episodes.layout import Column, value_columns
 from gamekeeper.episodes.plain_json import legible
 from gamekeeper.episodes.spaces import Codec
@@ -145,6 +146,10 @@ class Turn:
     def __repr__(self) -> str:
         acted = f"{', '.join(self.order)} acted" if self.order else "without actions"
         return f"<Turn {self.index}: {acted}, {len(self.live)} live>"
+
+    def row(self, agent: AgentName) -> int:
+        """The place of an agent's row in the columns of the episode."""
+        return self._rows[self.agents.index(agent)]
 
     @cached_property
     def observations(self) -> Mapping[AgentName, Any]:
@@ -322,6 +327,20 @@ class Episode:
         """True if digests stand in place of the observations."""
         return "digest" in self.steps.schema.names
 
+    @property
+    def is_actions(self) -> bool:
+        """True if it keeps only actions, rewards and flags, and the digests of some rows."""
+        return "observed" in self.steps.schema.names
+
+    @legible
+    def kept(self) -> Episode:
+        """The episode as level `actions` keeps it; itself where it is kept so."""
+        if self.is_actions:
+            return self
+        batches = [steps_batch(kept_block(block)) for block in blocks_of(self.steps)]
+        steps = pa.Table.from_batches(batches) if batches else self.steps
+        return replace(self, steps=steps, states=kept_states_table(self.states), _cache={})
+
     def at(self, turn: Turn | int | None, agent: AgentName | None = None, field: str = "") -> Where:
         """A place in this episode, as findings and errors name it."""
         turn = turn.index if isinstance(turn, Turn) else turn
@@ -411,8 +430,28 @@ class Episode:
         return self._cache[name]
 
 
+def states_of_table(states: pa.Table) -> States:
+    """A `states` table as columns in memory."""
+    states = states.combine_chunks()
+    turns = np.ascontiguousarray(states["turn"].to_numpy())
+    cells, texts = cells_by_column(states, "state"), states["nonconforming"].to_pylist()
+    return States(states["episode"].to_numpy(), turns, cells, texts)
+
+
+def kept_states_table(states: pa.Table | None) -> pa.Table | None:
+    """A `states` table as level `actions` keeps it: the digests of witnesses."""
+    if states is None or "digest" in states.schema.names:
+        return states
+    found = states_of_table(states)
+    kept = kept_states(found) or States(found.episode[:0], found.turn[:0], [], [])
+    return pa.Table.from_batches([states_batch(kept, digests=state_digests(kept))])
+
+
 def digests_of(steps: pa.Table) -> Any:
     """The digest of every row of a `steps` table, [rows, 16], as stored or else computed."""
+    if "observed" in steps.schema.names:
+        digests = [kept_digests(block) for block in blocks_of(steps)]
+        return np.concatenate(digests) if digests else np.empty((0, SIZE), np.uint8)
     if "digest" in steps.schema.names:
         return np.frombuffer(b"".join(steps["digest"].to_pylist()), np.uint8).reshape(-1, SIZE)
     digests = [row_digests(block) for block in blocks_of(steps)]

@@ -148,7 +148,7 @@ class Evidence:
 
     @property
     def fingerprint(self) -> str:
-        """Covers environment, arguments, spaces, seeds, options, rows, states; 64 hex digits."""
+        """Level and 64 digits; covers environment, arguments, spaces, resets, rows and states."""
         return str(self.manifest.get("fingerprint") or "")
 
     @cached_property
@@ -304,8 +304,13 @@ def manifest_of(
     level: str,
     run_seed: int | None,
     episodes: pa.Table | None = None,
+    extra: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """The manifest of a run: all that isn't a row; with `episodes`, the run's fingerprints too."""
+    """The manifest of a run: all that isn't a row; with `episodes`, the run's fingerprints too.
+
+    Args:
+        extra: entries of a run that was made in another way than by recording.
+    """
     manifest: dict[str, Any] = {
         "level": level,
         "environment": dict(environment),
@@ -317,6 +322,7 @@ def manifest_of(
         "seed": run_seed,
         "fingerprint": None,
         "info_fingerprint": None,
+        **(extra or {}),
     }
     if episodes is not None:
         manifest |= fingerprints(manifest, episodes)
@@ -340,8 +346,9 @@ def fingerprints(manifest: Mapping[str, Any], episodes: pa.Table) -> dict[str, s
             )
     environment = {key: manifest["environment"].get(key) for key in IDENTITY}
     done = episodes.filter(pc.is_valid(episodes["fingerprint"]))
+    level = manifest.get("level")
     return {
-        name: run_fingerprint(environment, manifest["spaces"], done[name].to_pylist())
+        name: f"{level}:{run_fingerprint(environment, manifest['spaces'], done[name].to_pylist())}"
         for name in ("fingerprint", "info_fingerprint")
     }
 

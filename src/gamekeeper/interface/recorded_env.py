@@ -8,6 +8,11 @@ from typing import Any, ClassVar, Final
 
 from pettingzoo import AECEnv, ParallelEnv
 
+from gamekeeper.interface.actions_captures import (
+    AECActionsCapture,
+    BookkeptActionsCapture,
+    ParallelActionsCapture,
+)
 from gamekeeper.interface.aec_accounts import books_of
 from gamekeeper.interface.aec_capture import AECCapture, BookkeptCapture
 from gamekeeper.interface.bookkeeping import Books
@@ -198,9 +203,12 @@ def game_of(env: Any, **settings: Any) -> ParallelCapture | AECCapture:
     """
     if isinstance(env, _RecordedEnv) and env._game.sink is None:
         env = env._game.env
+    is_small = getattr(settings.get("sink"), "level", None) == "actions"
     if isinstance(env, ParallelEnv):
-        return ParallelCapture(env, **settings)
-    return (BookkeptCapture if isinstance(books_of(env), Books) else AECCapture)(env, **settings)
+        return (ParallelActionsCapture if is_small else ParallelCapture)(env, **settings)
+    if isinstance(books_of(env), Books):
+        return (BookkeptActionsCapture if is_small else BookkeptCapture)(env, **settings)
+    return (AECActionsCapture if is_small else AECCapture)(env, **settings)
 
 
 def _revive(kind: type[Capture], env: Any) -> Any:

@@ -26,7 +26,8 @@ MOST_TURNS: Final = 4096  # on the buffer before they become columns
 class MemorySink:
     """Keeps what a game puts on the buffer as columns in memory; `evidence` closes the books.
 
-    There is no second thread, so large observations are copied at once.
+    There is no second thread, so large observations are copied at once. `prints`: the level of the
+    episodes' fingerprints, as in `Encoder`.
     """
 
     terms: tuple[str, ...] = ()
@@ -34,6 +35,7 @@ class MemorySink:
     buffer: Buffer = field(default_factory=Buffer)
     layout: Layout = field(init=False)
     rings: Rings | None = None
+    prints: str | None = None
     frames: dict[tuple[int, int], Any] = field(default_factory=dict)
     _encoder: Encoder = field(init=False)
     _batches: dict[str, list[pa.RecordBatch]] = field(default_factory=dict)
@@ -41,7 +43,7 @@ class MemorySink:
 
     def __post_init__(self) -> None:
         self.layout = Layout(self.terms)
-        self._encoder = Encoder(self.layout, _never, volatile=self.volatile)
+        self._encoder = Encoder(self.layout, _never, volatile=self.volatile, prints=self.prints)
 
     def keep_up(self) -> None:
         """Turns a long buffer into columns."""

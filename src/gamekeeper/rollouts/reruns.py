@@ -106,9 +106,7 @@ def play_of(trace: Episode, env: Any, types: Mapping[str, str] | None = None) ->
     )
     cut = [turn for turn in trace.turns if turn.index >= played]
     return EpisodePlan(
-        looks_last=any(
-            _was_seen(turn, name, trace) for turn in cut for name in turn.cumulative_reward
-        ),
+        looks_last=any(_was_seen(turn, name, trace) for turn in cut for name in turn.agents),
         seed=trace.seed,
         stream=trace.episode,
         actions=actions,
@@ -209,7 +207,7 @@ def _look_once_more(game: ParallelCapture | AECCapture, trace: Episode, turn: Tu
     """An AEC episode may end with a look that no action followed; its row has the observation."""
     if not isinstance(game, AECCapture) or not game.env.agents:
         return
-    if any(_was_seen(turn, name, trace) for name in turn.cumulative_reward):
+    if any(_was_seen(turn, name, trace) for name in turn.agents):
         try:
             game.last()
         except KeyboardInterrupt:
@@ -221,9 +219,12 @@ def _look_once_more(game: ParallelCapture | AECCapture, trace: Episode, turn: Tu
 def _was_seen(turn: Turn, name: str, trace: Episode) -> bool:
     """Tells whether the agent's observation was read before it acted, by the evidence.
 
-    At level "digest" observations aren't kept, and whoever was given anything counts as having
-    looked: so does every loop but one that asks `last(observe=False)`.
+    Level "actions" keeps just that. At level "digest" observations aren't kept, and an agent that
+    was given anything counts as having looked: so does every loop but one that asks
+    `last(observe=False)`.
     """
+    if trace.is_actions:
+        return name in turn.agents and bool(trace.column("observed")[turn.row(name)])
     is_digest = "digest" in trace.steps.schema.names
     return turn.has_observation(name) or (is_digest and name in turn.cumulative_reward)
 

@@ -150,7 +150,7 @@ def replay(
             )
         path = path.path
     evidence = evidence_of(path)
-    reason = _untellable(evidence, env=env, policies=policies)
+    reason = untellable(evidence, env=env, policies=policies)
     if reason is not None:  # before the user is asked to trust a run that can't be replayed anyway
         return Replay(str(path), False, None, evidence.fingerprint, None, reason)
     names = [name for each in _all_policies(evidence) for name in each.values()] if policies else []
@@ -211,7 +211,7 @@ def _identity(evidence: Evidence) -> Mapping[str, Any]:
     return identity if isinstance(identity, Mapping) else {}
 
 
-def _untellable(evidence: Evidence, *, env: str | None, policies: bool) -> str | None:
+def untellable(evidence: Evidence, *, env: str | None, policies: bool) -> str | None:
     """Reason why a run can't be replayed at all, known before anything runs."""
     kind = _identity(evidence).get("kind")
     if env is None and kind in IN_MEMORY:
@@ -395,6 +395,23 @@ def different_set_ups(a: Evidence, b: Evidence) -> tuple[Divergence, ...]:
     return tuple(found)
 
 
+def check_level(a: Evidence, b: Evidence) -> None:
+    """Raises where two runs don't keep the same of what happened.
+
+    Raises:
+        EvidenceError: they are of different levels.
+    """
+    levels = [str(each.manifest.get("level")) for each in (a, b)]
+    if levels[0] != levels[1]:
+        raise EvidenceError(
+            "runs of different levels aren't compared",
+            where=f"{a.path or 'in memory'}, {b.path or 'in memory'}",
+            expected="one level",
+            actual=" and ".join(levels),
+            fix="gamekeeper expand RUN OUT makes a full run of a smaller one",
+        )
+
+
 def diff(
     a: str | PathLike[str] | Evidence,
     b: str | PathLike[str] | Evidence,
@@ -411,9 +428,11 @@ def diff(
         tolerance: numbers that differ by no more, absolutely or relative to the larger one, count
             as equal.
     Raises:
+        EvidenceError: they are of different levels.
         RunError: one of them is no run, or damaged.
     """
     left, right = (each if isinstance(each, Evidence) else load(each) for each in (a, b))
+    check_level(left, right)
     prints = [[side.manifest.get(name) or None for name in PRINTS] for side in (left, right)]
     if prints[0] == prints[1] and None not in prints[0]:
         return None

@@ -48,7 +48,7 @@ def remember(folder: Path, modules: Modules | None = None) -> None:
             return
         place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         place.mkdir(mode=0o700, exist_ok=True)
-        if not (_is_private(place.parent) and _is_private(place)):
+        if not (is_private(place.parent) and is_private(place)):
             return
         found = imported_modules() if modules is None else modules
         _write(place / f"{root}.json", {"format": FORMAT, "modules": found})
@@ -66,7 +66,7 @@ def recall(root: str | None) -> Modules | None:
         return None
     file = place / f"{root}.json"
     try:
-        if not all(map(_is_private, (place.parent, place, file))):
+        if not all(map(is_private, (place.parent, place, file))):
             return None
         document = json.loads(_read(file))
         if document["format"] != FORMAT:
@@ -156,7 +156,7 @@ def _place() -> Path | None:
     return base / "gamekeeper" / "own-runs"
 
 
-def _is_private(path: Path) -> bool:
+def is_private(path: Path) -> bool:
     """True if it belongs to this user, is no link, and only this user may write into it."""
     seen = path.lstat()
     is_plain = stat.S_ISDIR(seen.st_mode) or stat.S_ISREG(seen.st_mode)

@@ -107,11 +107,15 @@ class RunRecorder:
         terms: tuple[str, ...] = (),
         volatile: Collection[str] = (),
         durable: bool = True,
+        is_timed: bool = True,
+        extra: Mapping[str, Any] | None = None,
     ) -> None:
         """Makes the run and starts the thread.
 
         Args:
             durable: the finalized run survives a power cut; False where it is recorded again.
+            is_timed: keep the wall time of each step.
+            extra: further entries of the manifest.
         Raises:
             RunError: the folder can't be made, or something is in it.
             EvidenceError: there is no such level.
@@ -125,13 +129,16 @@ class RunRecorder:
                 fix="name one of them",
             )
         self.buffer, self.layout, self.rings = Buffer(), Layout(terms), Rings()
+        self.level = level
         self._facts: dict[str, Any] = {
             "environment": environment,
             "contract": contract,
             "level": level,
             "run_seed": run_seed,
             "layout": self.layout,
+            "extra": extra,
         }
+        self._is_timed = is_timed
         # pyarrow imports pandas, where it is installed, with the first array that it makes. That
         # takes from 0.3 s to seconds: nothing waits for it here, but turns would in the first flush
         pa.array([0])
@@ -220,6 +227,8 @@ class RunRecorder:
             encoded = self._encoder.encode_turns(buffered)
             self._describe()
             for stream, batch in encoded.in_order():
+                if stream == "timings" and not self._is_timed:
+                    continue
                 self._store.append(stream, batch)
                 if stream == "episodes":
                     self._episodes.append(batch)

@@ -201,11 +201,12 @@ class ReplayRunner:
         self._sink = _Unkept(
             terms=tuple(evidence.manifest.get("terms") or ()),
             volatile=evidence.contract.volatile_infos(),
+            prints=evidence.manifest.get("level"),
         )
         self._game = game_of(
             opened.env,
             sink=self._sink,
-            frames=_was_rendered(evidence),
+            frames=was_rendered(evidence),
             state=evidence.tables.has("states"),
         )
 
@@ -282,7 +283,7 @@ class ReplayRunner:
         return self._sink.evidence(self._opened.identity, contract=self._evidence.contract)
 
 
-def _was_rendered(evidence: Evidence) -> bool:
+def was_rendered(evidence: Evidence) -> bool:
     """True if frames were taken: render() may change observations (that of pistonball does)."""
     # the checksums name frames even where they were deleted since
     checksums = evidence.manifest.get("checksums") or {}

@@ -13,11 +13,11 @@ from typing import Any, Final
 import numpy as np
 import pyarrow as pa
 
+from gamekeeper.episodes.actions_level import KeptDigest, add_kept
 from gamekeeper.episodes.arrow import blocks_of
-from gamekeeper.episodes.block import States
-from gamekeeper.episodes.digest import EpisodeDigest, episode_header
-from gamekeeper.episodes.encoder import EPISODES, add_infos, state_digests
-from gamekeeper.episodes.episode import cells_by_column, digests_of
+from gamekeeper.episodes.digest import EpisodeDigest, episode_header, state_digests
+from gamekeeper.episodes.encoder import EPISODES, KEPT, add_infos, by_episode
+from gamekeeper.episodes.episode import digests_of, states_of_table
 from gamekeeper.episodes.evidence import Evidence, fingerprints
 from gamekeeper.episodes.known_extent import env_steps
 from gamekeeper.errors import EvidenceError, GamekeeperError, RunError
@@ -216,20 +216,23 @@ def digest_again(evidence: Evidence) -> ComputedFingerprints:
     headers = evidence.episode_table.to_pylist()
     for header in headers:
         number = header["episode"]
-        digest = EpisodeDigest(episode_header(seed=header["seed"], options=header["options"]))
+        print_of = KeptDigest if evidence.manifest.get("level") == KEPT else EpisodeDigest
+        digest: Any = print_of(episode_header(seed=header["seed"], options=header["options"]))
         for steps in evidence.tables.parts("agent_steps", number) or ():
+            if "observed" in steps.schema.names:
+                for block in blocks_of(steps):
+                    add_kept({number: digest}, block, by_episode)
+                continue
             digest.add_rows(digests_of(steps))
             if steps["info"].null_count < steps.num_rows:
                 for block in blocks_of(steps):
                     add_infos({number: digest}, block, volatile)
         for part in evidence.tables.parts("states", number) or ():
-            states = part.combine_chunks()
-            turns = np.ascontiguousarray(states["turn"].to_numpy())
-            cells = cells_by_column(states, "state")
-            texts = states["nonconforming"].to_pylist()
-            digest.add_states(
-                state_digests(States(states["episode"].to_numpy(), turns, cells, texts))
-            )
+            if "digest" in part.schema.names:
+                found_states = np.frombuffer(b"".join(part["digest"].to_pylist()), np.uint8)
+                digest.add_states(found_states)
+            else:
+                digest.add_states(state_digests(states_of_table(part)))
         found[number] = digest.fingerprint, digest.info_fingerprint
         if header["fingerprint"] is not None and found[number] != (
             header["fingerprint"],

@@ -47,7 +47,7 @@ from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.outcome import outcome_of
 from gamekeeper.errors import EvidenceError
 from gamekeeper.rollouts.executors.task import Executor
-from gamekeeper.runs.consent import evidence_of
+from gamekeeper.runs.expanding import whole_evidence
 
 FRESH: Final = 50
 """Fresh episodes that are played unless told otherwise; of fewer no interval is claimed."""
@@ -101,7 +101,7 @@ def attribute(
         EnvError: the environment raised, or a worker hung or died.
         RunError: there is no run.
     """
-    evidence = evidence_of(run)
+    evidence = whole_evidence(run, env=env, allow_import=allow_import)
     declared = contract_of(evidence, contract)
     evidence = replace(evidence, manifest={**evidence.manifest, "contract": declared.to_json()})
     setup = _setup(evidence, env=env, policies=policies)

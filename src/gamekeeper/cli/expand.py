@@ -1,0 +1,61 @@
+"""`gamekeeper expand RUN OUT`: plays a small run again into full evidence."""
+
+from __future__ import annotations
+
+from typing import Annotated, Final
+
+import typer
+
+from gamekeeper.cli._options import (
+    SILENCE_S,
+    ImportOption,
+    ReopenOption,
+    RunArgument,
+    TimeoutOption,
+)
+from gamekeeper.cli._screen import CommandResult, Screen
+from gamekeeper.cli.rollout import show_recorded
+from gamekeeper.errors import DivergenceError
+
+ORDER: Final = 43
+OutArgument = Annotated[
+    str, typer.Argument(metavar="OUT", help="Folder of the full run; it must not exist yet.")
+]
+
+
+def command(
+    screen: Screen,
+    run: RunArgument,
+    out: OutArgument,
+    env: ReopenOption = None,
+    allow_import: ImportOption = False,
+    timeout: TimeoutOption = SILENCE_S,
+) -> CommandResult:
+    """Plays a run of level actions or digest again, and records it in full.
+
+    Every reward, every flag and the digest of every witness is compared with the recorded one; the
+    fingerprint is that of the same run recorded in full. Volatile infos, timings and frames aren't
+    restored.
+
+    Exit code 0: expanded. 1: it came out otherwise; nothing is left in OUT.
+
+    Example: gamekeeper expand runs/small runs/full
+    """
+    from gamekeeper.reporting.results_text import divergence_text
+    from gamekeeper.runs.expanding import expand
+
+    try:
+        with screen.progress("expanding") as take:
+            evidence = expand(
+                run, out, env=env, allow_import=allow_import, timeout_s=timeout, on_message=take
+            )
+    except DivergenceError as error:
+        screen.verdict(
+            f"diverged at {divergence_text(error.divergence, width=screen.width)}", "bad"
+        )
+        screen.show("Nothing was written. `gamekeeper replay RUN` looks for the cause.")
+        divergence = error.divergence.to_json()
+        return CommandResult({"run": str(run), "out": None, "divergence": divergence}, 1)
+    screen.verdict(f"expanded, every witness verified: {out}", "good")
+    show_recorded(screen, evidence)
+    return CommandResult({**evidence.to_json(), "expanded": str(run), "divergence": None})

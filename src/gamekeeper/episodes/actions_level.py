@@ -1,0 +1,394 @@
+"""Level `actions`: what of whole rows a small run keeps, and the digest of that.
+
+A row keeps agent, order, action, reward, flags, place in the roster, and whether its observation
+was looked at. The digest of the whole row stands only in witnesses: rows of each `EVERY`th turn,
+the reset among them, and rows whose agent has ended. All of it follows from the whole row alone, so
+a run of level `full` gives the same rows, whoever took them down.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from hashlib import blake2b
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gamekeeper.episodes.block import (
+    Block,
+    Bytes2,
+    Cells,
+    Coded,
+    Opener,
+    Raw,
+    States,
+    Text,
+    block_of,
+    side_cells,
+)
+from gamekeeper.episodes.buffer import TURN, BufferedTurns
+from gamekeeper.episodes.digest import (
+    SIZE,
+    DigestField,
+    Hasher,
+    cells_digest_field,
+    digest_fields,
+    names_digests,
+    one_nan,
+    row_digests,
+)
+from gamekeeper.episodes.layout import Layout
+
+EVERY: Final = 61
+"""Turns from one witness to the next; a prime, so that agents in turn are witnesses in turn."""
+KEPT: Final = ("action", "reward", "terminated", "truncated")
+"""Fields of a row whose nonconforming values are kept."""
+_UNSEEN: Final = '"obs":{"type":"missing"}'
+_ABSENT: Final = 255  # in place of a flag
+
+
+# -- Whole rows become rows of the level
+
+
+def kept_block(block: Block, *, hasher: Hasher | None = None) -> Block:
+    """The rows of `block` as level `actions` keeps them; of one that is so already, itself."""
+    if block.witness is not None:
+        return block
+    witness = np.zeros((len(block), SIZE), np.uint8)
+    is_witness = witnesses(block)
+    rows = np.flatnonzero(is_witness)
+    if len(rows):
+        witness[rows] = row_digests(rows_of(block, rows), hasher=hasher)
+    return replace(
+        block,
+        values={name: each for name, each in block.values.items() if not name.startswith("obs")},
+        mask=[None] * len(block),
+        cumulative_reward=_nothing(len(block), 8),
+        info=None,
+        terms={},
+        nonconforming=_kept_texts(block.nonconforming),
+        observed=_observed(block),
+        witness=Raw(witness, is_witness),
+    )
+
+
+def witnesses(block: Block) -> NDArray[np.bool_]:
+    """[rows] whether the row is a witness."""
+    found = block.turn % EVERY == 0
+    for flag in (block.terminated, block.truncated):
+        found |= flag.valid & flag.values[:, 0].astype(np.bool_)
+    return np.asarray(found, np.bool_)
+
+
+def kept_states(states: States) -> States | None:
+    """The states of the turns that are witnesses."""
+    rows = np.flatnonzero(states.turn % EVERY == 0)
+    if len(rows) == len(states.turn):
+        return states
+    if not len(rows):
+        return None
+    return States(
+        states.episode[rows],
+        states.turn[rows],
+        [(column, _cells_of(cells, rows)) for column, cells in states.cells],
+        [states.nonconforming[row] for row in rows.tolist()],
+    )
+
+
+def rows_of(block: Block, rows: NDArray[np.intp]) -> Block:
+    """Some rows of a block."""
+    places = rows.tolist()
+
+    def part(items: Any) -> Any:
+        if items is None:
+            return None
+        if isinstance(items, list):
+            return [items[place] for place in places]
+        if isinstance(items, Coded):
+            return Coded(items.codes[rows], items.names)
+        if isinstance(items, Raw | Text):
+            return _cells_of(items, rows)
+        return items.take(rows) if hasattr(items, "take") else items
+
+    masks = block.mask
+    return replace(
+        block,
+        **{name: getattr(block, name)[rows] for name in ("episode", "turn", "live")},
+        **{name: part(getattr(block, name)) for name in _PARTS},
+        values={name: (column, part(cells)) for name, (column, cells) in block.values.items()},
+        terms={name: part(raw) for name, raw in block.terms.items()},
+        mask={n: part(raw) for n, raw in masks.items()} if isinstance(masks, dict) else part(masks),
+    )
+
+
+_PARTS: Final = (
+    "agent",
+    "order",
+    "cumulative_reward",
+    "terminated",
+    "truncated",
+    "info",
+    "reward",
+    "raised",
+    "nonconforming",
+)
+
+
+def _cells_of(cells: Cells, rows: NDArray[np.intp]) -> Any:
+    if isinstance(cells, Raw):
+        return Raw(cells.values[rows], cells.valid[rows])
+    return Text([cells.values[row] for row in rows.tolist()])
+
+
+def _nothing(count: int, size: int) -> Raw:
+    return Raw(np.zeros((count, size), np.uint8), np.zeros(count, np.bool_))
+
+
+def _observed(block: Block) -> NDArray[np.bool_]:
+    """[rows] whether an observation was looked at, by what is there of it."""
+    found = np.zeros(len(block), np.bool_)
+    if block.observed is not None:  # those that weren't kept
+        found |= block.observed
+    for name, (_, cells) in block.values.items():
+        if name.startswith("obs"):
+            there = (
+                cells.valid
+                if isinstance(cells, Raw)
+                else [each is not None for each in cells.values]
+            )
+            found |= there
+    for row, text in enumerate(block.nonconforming or ()):
+        if text is not None and '"obs":{' in text and _UNSEEN not in text:
+            found[row] = True
+    return found
+
+
+def _kept_texts(texts: list[str | None] | None) -> list[str | None] | None:
+    if texts is None or texts.count(None) == len(texts):
+        return None
+    found = [None if text is None else _kept_text(text) for text in texts]
+    return None if found.count(None) == len(found) else found
+
+
+def _kept_text(text: str) -> str | None:
+    fields = {name: each for name, each in json.loads(text).items() if name in KEPT}
+    return json.dumps(fields, separators=(",", ":"), ensure_ascii=False) if fields else None
+
+
+# -- Buffered turns: usual rows stand in lists of their own
+
+
+def kept_rows(
+    buffered: BufferedTurns, layout: Layout, *, open_large: Opener, hasher: Hasher | None = None
+) -> Block | None:
+    """The rows of `buffered`, usual and other, as level `actions` keeps them; None without any."""
+    rest = None
+    if buffered.given:
+        rest = kept_block(block_of(buffered, layout, open_large=open_large), hasher=hasher)
+    usual = _usual_block(buffered, layout) if buffered.usual.agents else None
+    if usual is None or rest is None:
+        return usual or rest
+    counts = np.array(buffered.turns[2::TURN], np.int64)
+    is_usual = np.repeat(counts < 0, np.abs(counts))
+    return _merged(usual, np.flatnonzero(is_usual), rest, np.flatnonzero(~is_usual), layout)
+
+
+def _usual_block(buffered: BufferedTurns, layout: Layout) -> Block:
+    marks = np.array(buffered.turns[2::TURN], np.int64)
+    counts = np.maximum(-marks, 0)
+    index, count = np.array(buffered.usual.agents, np.intp), len(buffered.usual.agents)
+    first = np.repeat(np.cumsum(counts) - counts, counts)
+    order = (np.arange(count) - first).astype(np.int16)
+    yes, no = np.ones(count, np.bool_), np.zeros((count, 1), np.uint8)
+    reward = np.array(buffered.usual.rewards, np.float64)
+    return Block(
+        episode=np.repeat(np.array(buffered.turns[0::TURN], np.int32), counts),
+        turn=np.repeat(np.array(buffered.turns[1::TURN], np.int32), counts),
+        agent=Coded(index.astype(np.int32), tuple(each.name for each in layout.order)),
+        order=Raw(order.view(np.uint8).reshape(count, 2), yes),
+        values=side_cells(layout, index, buffered.usual.actions, "action"),
+        mask=[None] * count,
+        cumulative_reward=_nothing(count, 8),
+        terminated=Raw(no, yes),
+        truncated=Raw(no, yes),
+        info=None,
+        reward=Raw(reward.view(np.uint8).reshape(count, 8), yes),
+        terms={},
+        live=yes,
+        raised=None,
+        nonconforming=None,
+        observed=yes,
+        witness=_nothing(count, SIZE),
+    )
+
+
+def _merged(
+    one: Block, at: NDArray[np.intp], two: Block, then: NDArray[np.intp], layout: Layout
+) -> Block:
+    """Two blocks of the level as one, their rows at these places."""
+    count = len(at) + len(then)
+
+    def array(name: str) -> Any:
+        a, b = getattr(one, name), getattr(two, name)
+        whole = np.empty((count, *a.shape[1:]), a.dtype)
+        whole[at], whole[then] = a, b
+        return whole
+
+    def raw(a: Raw, b: Raw) -> Raw:
+        values = np.zeros((count, a.values.shape[1]), np.uint8)
+        valid = np.zeros(count, np.bool_)
+        values[at], values[then], valid[at], valid[then] = a.values, b.values, a.valid, b.valid
+        return Raw(values, valid)
+
+    def texts(b: list[str | None] | None) -> list[str | None] | None:
+        return None if b is None or b.count(None) == len(b) else _spread(count, [(then, b)])
+
+    def cells(name: str) -> tuple[Any, Cells]:
+        column = (one.values.get(name) or two.values[name])[0]
+        sides = [(block.values.get(name), rows) for block, rows in ((one, at), (two, then))]
+        there: list[tuple[Any, Any]] = [(side[1], rows) for side, rows in sides if side is not None]
+        if isinstance(there[0][0], Text):
+            return column, Text(_spread(count, [(rows, each.values) for each, rows in there]))
+        whole = _nothing(count, there[0][0].values.shape[1])
+        for each, rows in there:
+            whole.values[rows], whole.valid[rows] = each.values, each.valid
+        return column, whole
+
+    names = tuple(each.name for each in layout.order)
+    codes = {name: code for code, name in enumerate(names)}
+    agents = np.empty(count, np.int32)
+    agents[at] = one.agent.codes  # type: ignore[union-attr]  # a usual block codes its agents
+    agents[then] = [codes[name] for name in two.agent]  # type: ignore[union-attr]  # others don't
+    raws = ("order", "cumulative_reward", "terminated", "truncated", "reward", "witness")
+    merged: dict[str, Any] = {n: raw(getattr(one, n), getattr(two, n)) for n in raws}
+    return replace(
+        one,
+        **{name: array(name) for name in ("episode", "turn", "live", "observed")},
+        **merged,
+        agent=Coded(agents, names),
+        values={name: cells(name) for name in {**one.values, **two.values}},
+        mask=[None] * count,
+        raised=texts(two.raised),
+        nonconforming=texts(two.nonconforming),
+    )
+
+
+def _spread(count: int, parts: list[tuple[NDArray[np.intp], Any]]) -> list[Any]:
+    whole: list[Any] = [None] * count
+    for rows, items in parts:
+        for row, item in zip(rows.tolist(), items, strict=True):
+            whole[row] = item
+    return whole
+
+
+# -- The digest of rows of the level: of each one for comparisons, of an episode for its fingerprint
+
+
+def kept_digests(block: Block) -> Bytes2:
+    """The digest of what each row of level `actions` holds, [rows, 16]."""
+    return digest_fields(
+        [DigestField("row", "|u1", (), _table(block)), *_others(block)], len(block)
+    )
+
+
+def _table(block: Block) -> Bytes2:
+    """What every row has, as bytes [rows, 36]; a number or flag that is absent by its own mark."""
+    count = len(block)
+
+    def flag(raw: Raw) -> Bytes2:
+        return np.where(raw.valid[:, None], raw.values, _ABSENT).astype(np.uint8)
+
+    order = np.where(block.order.valid, block.order.values.view(np.int16)[:, 0], -1)
+    parts = [
+        block.turn.view(np.uint8).reshape(count, 4),
+        names_digests(block.agent),
+        order.astype("<i2").view(np.uint8).reshape(count, 2),
+        flag(block.terminated),
+        flag(block.truncated),
+        block.live.view(np.uint8).reshape(count, 1),
+        np.asarray(block.observed).view(np.uint8).reshape(count, 1),
+        block.reward.valid.view(np.uint8).reshape(count, 1),
+        np.where(block.reward.valid[:, None], one_nan(block.reward.values, "<f8"), 0),
+    ]
+    return np.ascontiguousarray(np.concatenate(parts, axis=1, dtype=np.uint8, casting="unsafe"))
+
+
+def _others(block: Block) -> Iterator[DigestField]:
+    """What only some rows have: actions, exceptions, undeclared values, digests of whole rows."""
+    for column, cells in sorted(block.values.values(), key=lambda each: each[0].tag):
+        yield cells_digest_field(column.tag, column.leaf.dtype, column.leaf.shape, cells)
+    for name, texts in (("raised", block.raised), ("nonconforming", block.nonconforming)):
+        if texts is not None:
+            yield cells_digest_field(name, "", (), Text(texts))
+    if block.witness is not None and block.witness.valid.any():
+        yield DigestField("witness", "|u1", (SIZE,), block.witness.values, block.witness.valid)
+
+
+def _new() -> Any:
+    return blake2b(digest_size=32)
+
+
+@dataclass(slots=True)
+class KeptDigest:
+    """The running digest of one episode at level `actions`: a column at a time, not a row."""
+
+    header: str
+    _rows: Any = field(default_factory=_new)
+    _columns: dict[str, Any] = field(default_factory=dict)
+    _states: Any = field(default_factory=_new)
+
+    def add_table(self, rows: Bytes2) -> None:
+        """Takes what every row has, of rows that follow those taken before."""
+        self._rows.update(rows)
+
+    def add_column(self, tag: str, cells: Bytes2) -> None:
+        """Takes the elements of one column, each after the number of its turn and its agent."""
+        if tag not in self._columns:
+            self._columns[tag] = _new()
+        self._columns[tag].update(cells)
+
+    def add_states(self, digests: Bytes2) -> None:
+        """Takes the digests of states that follow those taken before, [turns, 16]."""
+        self._states.update(np.ascontiguousarray(digests))
+
+    @property
+    def fingerprint(self) -> str:
+        """Covers header, rows and states; 64 hexadecimal digits."""
+        parts = [self.header.encode(), self._rows.digest(), self._states.digest()]
+        for tag, column in sorted(self._columns.items()):
+            parts += [tag.encode(), column.digest()]
+        return blake2b(b"\0".join(parts), digest_size=32).hexdigest()
+
+    @property
+    def info_fingerprint(self) -> str:
+        """Covers no infos, as none are kept; 64 hexadecimal digits."""
+        return str(_new().hexdigest())
+
+
+def add_kept(
+    episodes: dict[int, KeptDigest],
+    block: Block,
+    each: Callable[[Any], Iterator[tuple[int, slice]]],
+) -> None:
+    """Adds the rows of `block` to the digests of their episodes.
+
+    Args:
+        each: the rows of each episode of a sorted column.
+    """
+    table = _table(block)
+    for number, whole in each(block.episode):
+        episodes[number].add_table(table[whole])
+    for one in _others(block):
+        rows: Any = (
+            slice(None) if one.valid is None or one.valid.all() else np.flatnonzero(one.valid)
+        )
+        episode = block.episode[rows]
+        if not len(episode):
+            continue
+        cells = np.ascontiguousarray(np.concatenate((table[rows, :20], one.values[rows]), axis=1))
+        head = f"{one.tag} {one.dtype} {list(one.shape)}"
+        for number, part in each(episode):
+            episodes[number].add_column(head, cells[part])

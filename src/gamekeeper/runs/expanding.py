@@ -1,0 +1,255 @@
+"""Expands a small run: its episodes are played again into full evidence, which is compared."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from collections.abc import Callable, Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any, Final
+
+from gamekeeper.episodes.divergence import Divergence, compare_chunks
+from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.errors import DivergenceError, EvidenceError, GamekeeperError, RunError
+from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.rollouts.reruns import replay_trace
+from gamekeeper.rollouts.workers import run_task
+from gamekeeper.runs import own_runs
+from gamekeeper.runs.comparison import SILENCE_S, untellable
+from gamekeeper.runs.consent import consented, evidence_of
+from gamekeeper.runs.load_run import load
+from gamekeeper.runs.recorder import RunRecorder
+from gamekeeper.runs.replay_runner import check_named, opened_again, was_rendered
+from gamekeeper.runs.worker_errors import error_fields, error_in
+
+TASK: Final = "gamekeeper.runs.expanding:expand_task"
+FULL: Final = "full"
+NOT_RESTORED: Final = ("volatile infos", "timings", "frames")
+"""Parts of a run that playing it again can't give back."""
+OWN_RULES: Final = ("own_run", "installed")
+"""Rules of consent under which the expanded run counts as the user's own."""
+
+
+def expand(
+    run: str | PathLike[str] | Evidence,
+    out: str | PathLike[str],
+    *,
+    env: str | None = None,
+    allow_import: bool = False,
+    timeout_s: float | None = SILENCE_S,
+    on_message: Callable[[dict[str, Any]], None] | None = None,
+) -> Evidence:
+    """Plays a run of level `actions` or `digest` again into full evidence, verified on the way.
+
+    Its rewards, flags and witnesses are compared with those of the new run, whose fingerprint is
+    the one that recording in full would have given. Volatile infos, timings and frames aren't
+    restored.
+
+    Args:
+        run: the folder of the run, or evidence that was loaded from one.
+        out: the folder of the full run; it doesn't exist yet, or is empty.
+        env: its name, opened in place of the environment that the evidence names.
+        allow_import: open what the evidence names even where it is a file or a module outside the
+            installed packages.
+        timeout_s: longest time without a turn.
+        on_message: called with `{"episode", "episodes"}` as they are done.
+    Raises:
+        DivergenceError: it came out otherwise; nothing is left in `out`.
+        TrustError: the evidence names code that the user hasn't allowed to run.
+        EvidenceError: the run is full already, or can't be played again.
+        EnvError: the environment hangs, or ended its process.
+        RunError: there is no run, it is damaged, or `out` can't be written.
+    """
+    check_named(env)
+    evidence = evidence_of(run)
+    _check_small(evidence, env)
+    with consented(
+        evidence, doing="expanding this run", env=env, allow_import=allow_import
+    ) as consent:
+        arguments = {"path": str(evidence.path), "out": str(Path(out).absolute()), "env": env}
+        outcome = run_task(TASK, arguments, silence_s=timeout_s, on_message=on_message)
+    error = error_in(outcome)
+    if error is not None:
+        _remove(out)
+        raise error
+    whole = load(out)
+    if consent.rule not in OWN_RULES:
+        own_runs.forget(whole.root)
+    divergence = first_divergence(evidence, whole)
+    if divergence is not None:
+        _remove(out)
+        raise _otherwise(evidence, divergence)
+    return whole
+
+
+def whole_evidence(
+    run: str | PathLike[str] | Evidence, *, env: object | None = None, allow_import: bool = False
+) -> Evidence:
+    """The evidence of a run; of one of level `actions` its expansion, kept in the user's cache.
+
+    Raises:
+        GamekeeperError: as `expand`.
+    """
+    evidence = evidence_of(run)
+    if evidence.manifest.get("level") != "actions":
+        return evidence
+    if evidence.root is None:
+        raise EvidenceError(
+            "a run that isn't finalized isn't expanded",
+            where=str(evidence.path or "in memory"),
+            fix="gamekeeper recover RUN finalizes it; or wait until its recorder has closed it",
+        )
+    place = _cache() / evidence.root
+    with_own = place.exists() and own_runs.is_private(place)
+    if with_own:
+        try:
+            return load(place)
+        except RunError:  # it was interrupted while it was written, or is damaged
+            shutil.rmtree(place)
+    place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    return expand(
+        evidence, place, env=env if isinstance(env, str) else None, allow_import=allow_import
+    )
+
+
+def first_divergence(small: Evidence, whole: Evidence) -> Divergence | None:
+    """The first place where a run differs from its expansion; None where there is none."""
+    volatile = small.contract.volatile_infos()
+    for header, again in zip(small.headers, whole.headers, strict=True):
+        found = compare_chunks(
+            small.chunks(header), whole.chunks(again), known=small.extent(header), volatile=volatile
+        )
+        if found.divergence is not None:
+            return found.divergence
+        for field in ("seed", "options"):
+            if header[field] != again[field]:
+                return Divergence(header["episode"], None, None, field, header[field], again[field])
+    return None
+
+
+def _check_small(evidence: Evidence, env: str | None) -> None:
+    """Raises where a run is full, in memory alone, or can't be played again."""
+    level, where = evidence.manifest.get("level"), str(evidence.path or "in memory")
+    if level == FULL or evidence.path is None:
+        raise EvidenceError(
+            "there is nothing to expand",
+            where=where,
+            expected="a run of level actions or digest, in a folder",
+            actual=f"level {level}",
+            fix="use the run as it is",
+        )
+    reason = untellable(evidence, env=env, policies=False)
+    if reason is not None:
+        raise EvidenceError(
+            "the run can't be played again",
+            where=where,
+            actual=reason,
+            fix="record it with level full, with a seed, and an environment that has a name",
+        )
+
+
+def _otherwise(evidence: Evidence, divergence: Divergence) -> DivergenceError:
+    error = DivergenceError(
+        "the run came out otherwise when it was played again",
+        where=str(evidence.path),
+        actual=str(divergence),
+        fix="gamekeeper replay RUN looks for the cause; record with level full what doesn't replay",
+    )
+    error.divergence = divergence
+    return error
+
+
+def _remove(folder: str | PathLike[str]) -> None:
+    shutil.rmtree(folder, ignore_errors=True)
+
+
+def _cache() -> Path:
+    """The folder of expanded runs.
+
+    Source: XDG Base Directory Specification; elsewhere the folders of Apple and Windows.
+    """
+    text = os.environ.get("XDG_CACHE_HOME", "")
+    base = Path(text)
+    if not (text and base.is_absolute()):
+        base = Path.home() / ".cache"
+        if sys.platform == "darwin":
+            base = Path.home() / "Library" / "Caches"
+        elif sys.platform == "win32":
+            base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    return base / "gamekeeper" / "expanded"
+
+
+# -- in the fresh process
+
+
+class _Unframed(RunRecorder):
+    """Drops frames: rendering them is part of playing again, keeping them isn't."""
+
+    def frame(self, episode: int, turn: int, frame: Any) -> None:
+        """Drops a frame."""
+
+
+def expand_task(
+    report: Callable[..., None], *, path: str, out: str, env: str | None
+) -> dict[str, Any]:
+    """Plays the run at `path` again, recorded in full at `out`.
+
+    Returns:
+        `{"error": None}`, or the fields of the error that ended it.
+    """
+    try:
+        play_whole(load(path), out, env=env, report=report)
+    except GamekeeperError as error:
+        return {"error": error_fields(error)}
+    return {"error": None}
+
+
+def play_whole(
+    evidence: Evidence, out: str, *, env: str | None, report: Callable[..., None]
+) -> None:
+    """Plays all episodes of `evidence` again, recorded in full at `out`."""
+    opened = opened_again(evidence, env)
+    manifest = evidence.manifest
+    try:
+        recorder = _Unframed(
+            out,
+            environment=opened.identity,
+            contract=evidence.contract if manifest.get("contract") else None,
+            run_seed=manifest.get("seed"),
+            terms=tuple(manifest.get("terms") or ()),
+            volatile=evidence.contract.volatile_infos(),
+            is_timed=False,
+            extra={"expanded": _origin(evidence)},
+        )
+    except BaseException:
+        opened.env.close()
+        raise
+    frames, state = was_rendered(evidence), evidence.tables.has("states")
+    game = game_of(opened.env, sink=recorder, frames=frames, state=state)
+    total = evidence.episode_table.num_rows
+    try:
+        for done, header in enumerate(evidence.headers, 1):
+            game.episode, game.policies = header["episode"] - 1, header["policies"]
+            replay_trace(
+                evidence.episode_of(header),
+                game,
+                agents={each.name: agent for agent, each in recorder.layout.seats.items()},
+                types=manifest.get("action_types"),
+                after_turn=report,
+            )
+            report(episode=done, episodes=total)
+    finally:
+        game.end_episode()
+        recorder.close()
+        game.close()
+
+
+def _origin(evidence: Evidence) -> Mapping[str, Any]:
+    """The run that an expansion comes from, as its manifest names it."""
+    return {
+        "root": evidence.root,
+        "fingerprint": evidence.fingerprint,
+        "not_restored": list(NOT_RESTORED),
+    }
