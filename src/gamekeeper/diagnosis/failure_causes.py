@@ -15,8 +15,10 @@ from gamekeeper.contract import Contract
 from gamekeeper.contract.failure import Failure
 from gamekeeper.diagnosis.arms import SILENCE_S, ArmOrder, ArmRunner
 from gamekeeper.diagnosis.counterfactuals import KEPT, MOST, counterfactuals, keep
+from gamekeeper.diagnosis.diagnosis_options import DiagnosisOptions
 from gamekeeper.diagnosis.diagnosis_result import AgentDiagnosis, Counterfactual, Diagnosis, Tested
 from gamekeeper.diagnosis.experiment import LEAST, UNCHANGED, Experiment
+from gamekeeper.diagnosis.good_run import compared
 from gamekeeper.diagnosis.judgement import (
     CAUSES,
     EXPECTED,
@@ -59,7 +61,6 @@ BUDGET: Final = 2_000
 """Episodes that an experiment may play unless told otherwise."""
 PERTURBED: Final = 0.75
 """The part of the budget left by substitutes that perturbations get; the rest finds strengths."""
-NOTES: Final = "outcomes.jsonl"
 RESULT: Final = "diagnosis.json"
 SOUND: Final = "the set-up doesn't fail more often than chance allows"
 
@@ -67,6 +68,7 @@ SOUND: Final = "the set-up doesn't fail more often than chance allows"
 def diagnose(
     run: str | PathLike[str] | Evidence,
     *,
+    good: str | PathLike[str] | Evidence | None = None,
     failed: str | None = None,
     contract: Contract | str | PathLike[str] | None = None,
     env: object | None = None,
@@ -93,6 +95,10 @@ def diagnose(
 
     Args:
         run: the folder of a run, or evidence.
+        good: a run that worked. Then what differs between the two is looked for in place of ideal
+            substitutes, and the least set of differences that explains the gap is named in
+            `differences`; `replace`, `expected` and `perturbations` aren't used, and without any
+            condition the team's return is compared.
         failed: the condition under which an episode failed, as "return < 0.5"; else the contract's.
         contract: in place of the one of the recording.
         env: opened in place of what the evidence names, with the recorded arguments.
@@ -118,37 +124,68 @@ def diagnose(
         RunError: there is no run, or another experiment lies in `out`.
     """
     _check_budget(budget)
-    evidence = evidence_of(run)
-    declared = contract_of(evidence, contract)
-    conditions = failures(declared, failed)
+    options = DiagnosisOptions(
+        failed=failed,
+        contract=contract,
+        env=env,
+        policies=policies,
+        replace=replace,
+        expected=expected,
+        part=part,
+        seed=seed,
+        budget=budget,
+        perturbations=perturbations,
+        workers=workers,
+        folder=None if out is None else Path(out),
+        allow_import=allow_import,
+        timeout_s=timeout_s,
+        on_message=on_message,
+    )
+    if good is not None:
+        return _written(compared(run, good, options), options.folder)
+    return _by_experiments(evidence_of(run), options)
+
+
+def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
+    """The diagnosis by ideal substitutes, undos and perturbations."""
+    declared = contract_of(evidence, options.contract)
+    conditions = failures(declared, options.failed)
     recorded = _recorded(evidence, conditions, declared)
+    env, policies = options.env, options.policies
     setup = setup_of(evidence, env=env, policies=policies)
-    folder = None if out is None else Path(out)
-    tried = list((replace or {}).values())
-    with consent_to(
-        evidence, setup, env=env, policies=policies, allow_import=allow_import, tried=tried
-    ):
+    tried, allow = list((options.replace or {}).values()), options.allow_import
+    with consent_to(evidence, setup, env=env, policies=policies, allow_import=allow, tried=tried):
         kinds = {name: one for name, one in interventions().items() if one.kind == "perturbation"}
         with OpenSetup(setup, declared) as stage:
             seen, played = traits_of(stage, kinds), _played(stage)
         runner = ArmRunner(
             declared,
-            workers=workers,
-            on_message=on_message,
-            silence_s=timeout_s,
-            notes=None if folder is None else folder / NOTES,
-            head={"run": evidence.fingerprint, "seed": seed, **played},
+            workers=options.workers,
+            on_message=options.on_message,
+            silence_s=options.timeout_s,
+            notes=options.notes,
+            head={"run": evidence.fingerprint, "seed": options.seed, **played},
         )
-        known = (setup, substitutes_of(setup, declared, seen, replace), declared, conditions)
+        experiment = Experiment(
+            setup,
+            substitutes_of(setup, declared, seen, options.replace),
+            declared,
+            conditions,
+            runner,
+            options.expected,
+            options.part,
+            options.budget,
+            options.seed,
+            evidence.fingerprint,
+        )
         with runner:
-            experiment = Experiment(
-                *known, runner, expected, part, budget, seed, evidence.fingerprint
-            )
             experiment.run()
             responses = try_undos(experiment)
-            wanted = experiment.fails if perturbations is None else perturbations
+            is_wanted = options.perturbations
+            wanted = experiment.fails if is_wanted is None else is_wanted
             diagnosis = _diagnosis(evidence, experiment, seen, kinds if wanted else {}, recorded)
             diagnosis = dataclasses.replace(diagnosis, responses=responses)
+        folder = options.folder
         return diagnosis if folder is None else _kept(diagnosis, experiment, folder)
 
 
@@ -532,9 +569,15 @@ def _kept(diagnosis: Diagnosis, experiment: Experiment, folder: Path) -> Diagnos
             )
             played += experiment.recordings
         runs[arm] = str(place)
-    diagnosis = dataclasses.replace(diagnosis, runs=runs, episodes=diagnosis.episodes + played)
-    text = json.dumps(diagnosis.to_json(), indent=2, ensure_ascii=False)
-    (folder / RESULT).write_text(text + "\n", encoding="utf-8")
+    episodes = diagnosis.episodes + played
+    return _written(dataclasses.replace(diagnosis, runs=runs, episodes=episodes), folder)
+
+
+def _written(diagnosis: Diagnosis, folder: Path | None) -> Diagnosis:
+    """The diagnosis, written into its folder if there is one."""
+    if folder is not None:
+        text = json.dumps(diagnosis.to_json(), indent=2, ensure_ascii=False)
+        (folder / RESULT).write_text(text + "\n", encoding="utf-8")
     return diagnosis
 
 

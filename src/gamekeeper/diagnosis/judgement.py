@@ -21,11 +21,13 @@ Answer = Literal[
     "isolated",
     "joint",
     "ambiguous",
+    "environment",
+    "protocol",
     "elsewhere",
     "unexplained",
     "not_tried",
 ]
-CAUSES: Final = ("isolated", "joint", "ambiguous")
+CAUSES: Final = ("isolated", "joint", "ambiguous", "environment", "protocol")
 """The answers that name a cause."""
 Successes = NDArray[np.float64]
 """[episodes] 1 where the episode didn't fail, paired by seed between arms."""
