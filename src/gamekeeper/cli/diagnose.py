@@ -211,9 +211,8 @@ def command(
         )
     document = found.to_json()
     propose(run, found, by=f"gamekeeper diagnose {__version__}")
-    screen.show(diagnosis_text(document, width=screen.width))
-    if found.runs:
-        screen.show(f"\nRecordings  {folder / 'runs'}")
+    runs = f"\n\nRecordings  {folder / 'runs'}" if found.runs else ""
+    screen.show(diagnosis_text(document, width=screen.width) + runs)
     _save(screen, found, run, save_case, condition)
     return CommandResult(document, diagnosis_code(found))
 
