@@ -1,8 +1,8 @@
 """Environments without knobs, and named policies for them, for benchmarks/good_pairs.py.
 
-`docks` (Parallel) and `pantry` (AEC) are written for it; `spread` (Parallel) and `speaker` (AEC) are
-mpe2's, in wrappers that take arguments of their own. Each has arguments that decide whether it is
-solved and arguments that don't. Nothing here uses the diagnosis' own code.
+`docks` (Parallel) and `pantry` (AEC) are written for it; `spread` (Parallel) and `speaker` (AEC)
+are mpe2's, in wrappers that take arguments of their own. Each has arguments that decide whether it
+is solved and arguments that don't. Nothing here uses the diagnosis' own code.
 """
 
 from __future__ import annotations

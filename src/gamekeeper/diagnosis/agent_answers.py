@@ -61,6 +61,8 @@ def _shown(finding: ScopeFinding, substitutes: Sequence[IdealSubstitute]) -> str
     """The place of the fault, as far as these substitutes show it."""
     if finding.answer not in CAUSES:
         return None
+    if finding.answer == "protocol" and not substitutes:
+        return "the cut-off of episodes before the declared horizon"
     substitutes = substitutes or [one.substitute for one in finding.tried]
     between = " or " if finding.answer == "ambiguous" else " and "
     return between.join(dict.fromkeys(one.shown for one in substitutes))

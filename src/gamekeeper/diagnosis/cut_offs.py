@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 from gamekeeper.episodes.outcome import Outcome
@@ -16,12 +16,37 @@ def truncating_turn(outcomes: Iterable[Outcome]) -> int | None:
 
     An episode counts where all of its agents were truncated.
     """
-    turns = {
-        each.turns
-        for each in outcomes
-        if each.flags and all(flag == "truncated" for flag in each.flags.values())
-    }
+    turns = {each.turns for each in outcomes if _is_truncated(each)}
     return turns.pop() if len(turns) == 1 else None
+
+
+def cuts_of(
+    failed: Sequence[Outcome], env: Any, kwargs: Mapping[str, Any], agents: int
+) -> dict[str, int]:
+    """The arguments by which an environment cut every failed episode off.
+
+    Args:
+        failed: the recorded episodes that failed.
+        env: opened; one of `HORIZONS` may be an attribute of it that wasn't given.
+        kwargs: its arguments.
+        agents: their number.
+    """
+    if not all(_is_truncated(each) for each in failed):
+        return {}
+    inner = env.unwrapped
+    held = {name: getattr(inner, name, None) for name in HORIZONS}
+    return cutting_arguments({**held, **kwargs}, truncating_turn(failed), agents)
+
+
+def _is_truncated(outcome: Outcome) -> bool:
+    """All of its agents were truncated."""
+    return bool(outcome.flags) and all(flag == "truncated" for flag in outcome.flags.values())
+
+
+def early_cut(failed: Sequence[Outcome], horizon: int | None) -> int | None:
+    """The turn at which every failed episode was truncated, before the declared horizon."""
+    turn = truncating_turn(failed) if all(map(_is_truncated, failed)) else None
+    return turn if turn is not None and horizon is not None and turn < horizon else None
 
 
 def cutting_arguments(given: Mapping[str, Any], turn: int | None, agents: int) -> dict[str, int]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gamekeeper.contract import Contract
 from gamekeeper.contract.failure import Failure
 from gamekeeper.diagnosis.arms import ArmOrder, ArmRunner
-from gamekeeper.diagnosis.judgement import ScopeFinding, is_failing, judged, recovered
+from gamekeeper.diagnosis.judgement import ScopeFinding, cut_early, is_failing, judged, recovered
 from gamekeeper.diagnosis.played_setup import Setup
 from gamekeeper.diagnosis.trials import (
     COMPONENTS,
@@ -69,6 +69,8 @@ class Experiment:
         dropped: number of those that the search dropped.
         extra: episodes that were played, or are to be, outside of arms.
         recordings: episodes of each arm that are recorded into a run.
+        early_cut: the turn at which every failed recorded episode was truncated, if that is before
+            the declared horizon.
     """
 
     setup: Setup
@@ -90,6 +92,7 @@ class Experiment:
     not_played: list[str] = field(default_factory=list)
     extra: int = 0
     recordings: int = 0
+    early_cut: int | None = None
 
     # -- seeds
 
@@ -244,7 +247,7 @@ class Experiment:
         whole = None
         if one_is_all or self._is_played(EVERYTHING):
             whole = self.successes(played[0].name if one_is_all else EVERYTHING, seed, n, scope)
-        return judged(
+        found = judged(
             unchanged,
             {
                 one: self.successes(one.name, seed, n, scope)
@@ -258,6 +261,7 @@ class Experiment:
             dropped=self.dropped,
             rng=np.random.default_rng([11, self.seed]),
         )
+        return cut_early(found, self.early_cut, self.contract.schedule.horizon)
 
     def fresh(self, scope: str) -> tuple[int, int]:
         """Number of unchanged fresh episodes that failed for a scope, and of how many."""

@@ -16,6 +16,7 @@ from gamekeeper.contract.failure import Failure
 from gamekeeper.diagnosis.agent_answers import agent_answer
 from gamekeeper.diagnosis.arms import SILENCE_S, ArmOrder, ArmRunner
 from gamekeeper.diagnosis.counterfactuals import KEPT, MOST, counterfactuals, keep
+from gamekeeper.diagnosis.cut_offs import cuts_of, early_cut
 from gamekeeper.diagnosis.diagnosis_options import DiagnosisOptions
 from gamekeeper.diagnosis.diagnosis_result import Counterfactual, Diagnosis, Tested
 from gamekeeper.diagnosis.experiment import LEAST, UNCHANGED, Experiment
@@ -142,6 +143,7 @@ def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
     declared = contract_of(evidence, options.contract)
     conditions = failures(declared, options.failed)
     recorded = _recorded(evidence, conditions, declared)
+    lost = _lost(evidence, conditions, declared)
     env, policies = options.env, options.policies
     setup = setup_of(evidence, env=env, policies=policies)
     tried, allow = list((options.replace or {}).values()), options.allow_import
@@ -149,6 +151,8 @@ def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
         kinds = {name: one for name, one in interventions().items() if one.kind == "perturbation"}
         with OpenSetup(setup, declared) as stage:
             seen, played = traits_of(stage, kinds), _played(stage)
+            cuts = cuts_of(lost, stage.env, setup.kwargs, len(seen.agents))
+            seen = dataclasses.replace(seen, cuts=cuts)
         runner = ArmRunner(
             declared,
             workers=options.workers,
@@ -174,6 +178,7 @@ def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
             responses = try_undos(experiment)
             is_wanted = options.perturbations
             wanted = experiment.fails if is_wanted is None else is_wanted
+            experiment.early_cut = early_cut(lost, declared.schedule.horizon)
             diagnosis = _diagnosis(evidence, experiment, seen, kinds if wanted else {}, recorded)
             diagnosis = dataclasses.replace(diagnosis, responses=responses)
         folder = options.folder
@@ -320,6 +325,14 @@ def _recorded(
             count[0] += is_failed
             count[1] += 1
     return {scope: (bad, of) for scope, (bad, of) in counts.items()}
+
+
+def _lost(
+    evidence: Evidence, conditions: Mapping[str, Failure], contract: Contract
+) -> list[Outcome]:
+    """The recorded episodes that failed for anybody."""
+    outcomes = map(outcome_of, evidence.episodes)
+    return [each for each in outcomes if any(failed(each, conditions, contract).values())]
 
 
 def _present(evidence: Evidence, experiment: Experiment, seen: SetupTraits) -> list[str]:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from gamekeeper.diagnosis.trials import IdealSubstitute
+from gamekeeper.diagnosis.trials import ENVIRONMENT, IdealSubstitute
 from gamekeeper.episodes.outcome import LABELS
 from gamekeeper.statistics.paired import PairedEffect, paired_effect
 from gamekeeper.statistics.significance import fisher_exact, holm, p_text, wilson
@@ -153,6 +153,22 @@ def judged(
     return ScopeFinding(answer, (), (), tried, success, why)
 
 
+def cut_early(finding: ScopeFinding, turn: int | None, horizon: int | None) -> ScopeFinding:
+    """Answer from evidence alone, where no experiment gave one: cut off before the horizon.
+
+    Args:
+        turn: at which every failed recorded episode was truncated; None: they weren't.
+        horizon: the declared one.
+    """
+    if turn is None or finding.answer not in ("unexplained", "not_tried"):
+        return finding
+    why = (
+        f"every recorded episode that failed was truncated after {turn} turns, before the declared "
+        f"horizon of {horizon}; by the evidence alone, as no argument that cuts it was found"
+    )
+    return replace(finding, answer="protocol", why=why)
+
+
 def _why_none(
     arms: Mapping[IdealSubstitute, Successes],
     everything: Successes | None,
@@ -274,6 +290,15 @@ def _of_singles(
             "as the budget was spent: they may restore it too"
         )
         return ScopeFinding("ambiguous", labels, substitutes, tried, success, why)
+    if all(one.cut_off == "later" for one in substitutes):
+        why = f"{names} restores success: it is cut off too early, or its agents are too slow"
+        return ScopeFinding("ambiguous", labels, substitutes, tried, success, why)
+    if all(one.cut_off is not None for one in substitutes):
+        why = f"{names} restores success, and nothing that was changed of an agent does"
+        return ScopeFinding("protocol", labels, substitutes, tried, success, why)
+    if all(one.component == ENVIRONMENT for one in substitutes):
+        why = f"{names} restores success, which is the same for all agents and nobody's own"
+        return ScopeFinding("environment", labels, substitutes, tried, success, why)
     if len({(one.component, one.agents) for one in substitutes}) == 1:
         why = f"{names} restores success, and no other ideal substitute that was played does"
         if substitutes[0].undo is not None:

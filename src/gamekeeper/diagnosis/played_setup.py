@@ -352,6 +352,7 @@ class SetupTraits:
         resettable: the agents of each object that has a memory that can be reset.
         ways: policies that the environment brings, by name.
         unfit: by change and agent, why a perturbation can't be tried.
+        cuts: arguments by which the environment cuts episodes off, where every failed one was.
     """
 
     agents: tuple[str, ...]
@@ -361,6 +362,7 @@ class SetupTraits:
     resettable: tuple[tuple[str, ...], ...] = ()
     ways: tuple[str, ...] = ()
     unfit: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    cuts: Mapping[str, int] = field(default_factory=dict)
 
 
 def traits_of(stage: OpenSetup, perturbations: Mapping[str, type[Intervention]]) -> SetupTraits:
