@@ -13,7 +13,7 @@ import gamekeeper as gk
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.least_set import least_set
 from gamekeeper.diagnosis.played_setup import Setup
-from gamekeeper.diagnosis.setup_differences import ABSENT, by_agent, differences_of, taken_over
+from gamekeeper.diagnosis.setup_differences import ABSENT, differences_of, taken_over
 
 HERE = f"{__name__}:"
 
@@ -108,7 +108,6 @@ def test_every_difference_is_listed_and_can_be_taken_over() -> None:
     )
     good = Setup("aec:y", {"n": 3, "lag": {"a": 3, "b": 1}}, ({"day": 2},), {"*": "random"})
     agents = ("a", "b")
-    bad, good = (by_agent(each, Contract(), agents) for each in (bad, good))
     found = differences_of(bad, good, Contract(), agents)
     assert [each.name for each in found] == [
         "environment",
@@ -126,11 +125,12 @@ def test_every_difference_is_listed_and_can_be_taken_over() -> None:
 
 
 def test_agents_that_share_a_policy_can_be_given_another_alone() -> None:
-    """`same:` becomes the policy itself, so that its owner can be replaced."""
-    shared = by_agent(Setup("x", policies={"a": "noop", "b": "same:a"}), Contract(), ("a", "b"))
-    other = by_agent(Setup("x", policies={"*": "random"}), Contract(), ("a", "b"))
-    (first, second) = differences_of(shared, other, Contract(), ("a", "b"))
-    assert taken_over(shared, other, [first]).policies == {"a": "random", "b": "noop"}
+    """Where the owner is replaced, those that shared its object keep it."""
+    shared = Setup("x", policies={"a": "noop", "b": "same:a", "c": "same:a"})
+    other = Setup("x", policies={"*": "random"})
+    first, second = differences_of(shared, other, Contract(), ("a", "b"))
+    kept = {"a": "random", "b": "noop", "c": "same:b"}
+    assert taken_over(shared, other, [first]).policies == kept
     assert second.name == "policy[b]"
 
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Final
 
 from gamekeeper.diagnosis.diagnosis_result import AgentDiagnosis, Tested
 from gamekeeper.diagnosis.experiment import Experiment
-from gamekeeper.diagnosis.judgement import CAUSES, ScopeFinding, Tried
+from gamekeeper.diagnosis.judgement import ALPHA, CAUSES, ScopeFinding, Tried
 from gamekeeper.diagnosis.played_setup import SetupTraits
-from gamekeeper.diagnosis.trials import EVERYBODY, POLICY, IdealSubstitute, PerturbationArm
+from gamekeeper.diagnosis.trials import EVERYBODY, MEMORY, POLICY, IdealSubstitute, PerturbationArm
 from gamekeeper.episodes.outcome import LABELS
 from gamekeeper.interface.policy import REFERENCE
 
@@ -51,9 +51,34 @@ def agent_answer(
     if agent in concerned:
         return _own_part(agent, found, finding)
     names = ", ".join(substitute.name for substitute in finding.substitutes)
+    helps = [one for one in mine if _helps_alone(one, concerned)]
+    if helps:
+        return _not_acquitted(found, helps, names)
     why = f"what restores success is {names}, which isn't this agent's"
     return dataclasses.replace(
         found, answer="elsewhere", labels=(), why=why, substitutes=(), component=None
+    )
+
+
+def _helps_alone(one: Tried, concerned: Collection[str]) -> bool:
+    """An ideal substitute of other agents than those concerned helps beyond chance."""
+    is_ideal = one.substitute.undo is None and one.substitute.component != MEMORY
+    is_own = bool(one.substitute.agents) and not set(one.substitute.agents) & set(concerned)
+    return is_ideal and is_own and one.effect.low > 0 and one.p < ALPHA
+
+
+def _not_acquitted(found: AgentDiagnosis, helps: Sequence[Tried], names: str) -> AgentDiagnosis:
+    """The answer for an agent whose own ideal substitute helps, though another's restores."""
+    own = [one.substitute for one in helps]
+    named = {label for one in own for label in one.labels}
+    shown = ", ".join(one.name for one in own)
+    return dataclasses.replace(
+        found,
+        answer="ambiguous",
+        labels=tuple(label for label in LABELS if label in named),
+        why=f"{names} restores success, and this agent's own {shown} helps beyond chance too",
+        substitutes=tuple(one.name for one in own),
+        component=" or ".join(dict.fromkeys(one.shown for one in own)),
     )
 
 
@@ -72,8 +97,7 @@ def _own_part(agent: str, found: AgentDiagnosis, finding: ScopeFinding) -> Agent
     """The answer for an agent of several: of a pair, or of what may be it, only its own part."""
     parts = list(finding.substitutes)
     if finding.answer == "joint":
-        inner = {name for one in parts for name in one.contains}
-        parts = [one.substitute for one in finding.tried if one.substitute.name in inner]
+        parts = [leaf for one in parts for leaf in one.leaves]
     mine = [one for one in parts if agent in one.agents]
     if not mine or len(mine) == len(parts):
         return found

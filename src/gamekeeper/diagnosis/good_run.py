@@ -18,7 +18,6 @@ from gamekeeper.diagnosis.judgement import Answer
 from gamekeeper.diagnosis.played_setup import consent_to, contract_of, setup_of
 from gamekeeper.diagnosis.setup_differences import (
     SetupDifference,
-    by_agent,
     differences_of,
     listed_only,
     names_of,
@@ -49,8 +48,8 @@ def compared(
     is_judged = options.failed is not None or bool(contract.failure)
     conditions = failures(contract, options.failed) if is_judged else {}
     agents = list(dict.fromkeys(agent_name(a) for a in one.manifest.get("agents") or ()))
-    mine = by_agent(setup_of(one, env=options.env, policies=options.policies), contract, agents)
-    theirs = by_agent(setup_of(two, env=options.env), contract, agents)
+    mine = setup_of(one, env=options.env, policies=options.policies)
+    theirs = setup_of(two, env=options.env)
     differences = differences_of(mine, theirs, contract, agents)
     with ExitStack() as stack:
         for evidence, setup, chosen in ((one, mine, options.policies), (two, theirs, None)):

@@ -11,7 +11,6 @@ from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.played_setup import Setup
 from gamekeeper.episodes.canonical import to_json
 from gamekeeper.episodes.evidence import Evidence
-from gamekeeper.interface.policy import shared_with
 from gamekeeper.runs.standing import policies_of
 
 Kind = Literal["environment", "argument", "option", "policy", "cut", "version"]
@@ -128,16 +127,6 @@ def _of_policies(
             yield SetupDifference(f"policy[{agent}]", "policy", one, two, (agent,))
 
 
-def by_agent(setup: Setup, contract: Contract, agents: Sequence[str]) -> Setup:
-    """The set-up with each agent's policy under its own name, so that one can be replaced alone.
-
-    Agents of which one shared another's object name the same policy, and so share one again.
-    """
-    own = {agent: setup.policy_of(agent, contract) for agent in agents}
-    rest = {place: x for place, x in setup.policies.items() if shared_with(x) is None}
-    return replace(setup, policies={**rest, **{a: x for a, x in own.items() if x is not None}})
-
-
 def taken_over(bad: Setup, good: Setup, differences: Iterable[SetupDifference]) -> Setup:
     """The bad set-up with some differences as the good one has them."""
     found = bad
@@ -152,7 +141,7 @@ def _taken(setup: Setup, good: Setup, one: SetupDifference) -> Setup:
     if one.kind == "cut":
         return replace(setup, most_turns=good.most_turns)
     if one.kind == "policy":
-        return replace(setup, policies={**setup.policies, one.agents[0]: one.good})
+        return setup.with_policy(one.agents[0], one.good)
     if one.kind == "option" and not one.path:
         return replace(setup, options=good.options)
     if one.kind == "option":

@@ -53,6 +53,7 @@ class IdealSubstitute:
         cut_off: it moves where episodes are cut off: to where the contract declares it, to where
             the environment does so by default, or to some later turn; the last two yield to
             whatever else restores.
+        parts: of several at once, those.
     """
 
     name: str
@@ -62,12 +63,18 @@ class IdealSubstitute:
     contains: frozenset[str] = frozenset()
     value: float | None = None
     cut_off: Literal["declared", "default", "later"] | None = None
+    parts: tuple[IdealSubstitute, ...] = ()
 
     @property
     def undo(self) -> BoundaryUndo | None:
         """The undo that it is; None: something is at its ideal."""
         value = self.steps[0][3]
         return value if isinstance(value, BoundaryUndo) else None
+
+    @property
+    def leaves(self) -> tuple[IdealSubstitute, ...]:
+        """The single things that it makes ideal."""
+        return tuple(leaf for part in self.parts for leaf in part.leaves) or (self,)
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -237,7 +244,11 @@ def swaps_of(
 
 
 def peers_of(setup: Setup, contract: Contract, agents: Sequence[str]) -> Iterator[IdealSubstitute]:
-    """For each agent the policies of others of its role, where they have others; a few each."""
+    """For each agent the policies of others of its role, where they have others; a few each.
+
+    Then each of these in the place of all of the role that have another one.
+    """
+    groups: dict[tuple[str, str], list[IdealSubstitute]] = {}
     for agent in agents:
         own = setup.policy_of(agent, contract)
         role = contract.role_of(agent) or role_in_name(agent)
@@ -249,7 +260,13 @@ def peers_of(setup: Setup, contract: Contract, agents: Sequence[str]) -> Iterato
         unlike = [(peer, x) for peer, x in others.items() if x is not None and x != own]
         for peer, policy in unlike[:PEERS]:
             with contextlib.suppress(Exception):  # foreign code; what can't be copied isn't tried
-                yield _swap(agent, f"{peer}'s", copy.deepcopy(policy))
+                one = _swap(agent, f"{peer}'s", copy.deepcopy(policy))
+                groups.setdefault((role, peer), []).append(one)
+                yield one
+    for (_, peer), swaps in groups.items():
+        if len(swaps) > 1:
+            names = ", ".join(one.agents[0] for one in swaps)
+            yield joined(swaps, f"policy[{names}] = {peer}'s")
 
 
 def _swap(agent: str, shown: str, policy: Any) -> IdealSubstitute:
@@ -301,6 +318,7 @@ def joined(parts: Sequence[IdealSubstitute], name: str | None = None) -> IdealSu
         tuple(agents),
         tuple(step for part in parts for step in part.steps),
         frozenset(inner),
+        parts=tuple(parts),
     )
 
 
@@ -357,7 +375,7 @@ def _applied(setup: Setup, where: str, whom: str, name: str, value: Any) -> Setu
         mine = {**setup.settings.get(whom, {}), name: value}
         return replace(setup, settings={**setup.settings, whom: mine})
     if where == "policies":
-        return replace(setup, policies={**setup.policies, whom: value})
+        return setup.with_policy(whom, value)
     if where == "forgets":
         return replace(setup, forgets=(*setup.forgets, whom))
     if where == "undo":
@@ -472,7 +490,5 @@ def _usual(kind: Any, agent: str) -> Intervention:
 
 
 def _replaced(setup: Setup, agent: str, way: str) -> PerturbationArm:
-    policies = {**setup.policies, agent: way}
-    return PerturbationArm(
-        f"policy[{agent}] = {way}", PLANNING, agent, replace(setup, policies=policies)
-    )
+    other = setup.with_policy(agent, way)
+    return PerturbationArm(f"policy[{agent}] = {way}", PLANNING, agent, other)
