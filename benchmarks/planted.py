@@ -30,7 +30,7 @@ import gamekeeper as gk
 from gamekeeper.statistics.significance import wilson
 
 KINDS = ("single", "joint", "no handle", "healthy")
-CLAIMS = ("isolated", "joint")
+CLAIMS = ("isolated", "joint", "protocol")
 MOST_DRAWN = 12
 """Set-ups that are drawn for each that is wanted, at most."""
 

@@ -37,7 +37,7 @@ import gamekeeper as gk
 from gamekeeper.statistics.significance import wilson
 
 ORDER = 7
-CAUSES = ("isolated", "joint", "ambiguous")
+CAUSES = ("isolated", "joint", "ambiguous", "protocol", "environment")
 
 
 def diagnosed(planted: Planted, *, budget: int, seed: int) -> dict[str, Any]:

@@ -45,6 +45,19 @@ def test_diagnose_tells_every_agent_and_keeps_what_it_did(
     assert [each["label"] for each in found["labels"]] == ["timing"]
 
 
+def test_diagnose_beside_a_good_run_names_the_least_set(
+    run: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Exit code 0; both values of each difference, and whose it is."""
+    good = tmp_path / "good"
+    gk.rollout("handover", policies="reference", episodes=2, seed=1, out=good)
+    code, out, _ = said(capfd, "diagnose", str(run), "--good", str(good), *QUICK)
+    assert code == 0
+    assert "latency[giver_0] as in the good run explains the gap" in out
+    assert "* latency[giver_0]  3    not given  100% of the gap" in out
+    assert "receiver_0: another agent's" in out
+
+
 def test_diagnose_document_has_the_promised_fields(
     run: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -43,6 +43,15 @@ TryOption = Annotated[
         "of others of its role).",
     ),
 ]
+GoodOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--good",
+        metavar="RUN",
+        help="Run that worked: lists what differs, and finds the least set of differences that "
+        "explains why RUN is worse (default: none).",
+    ),
+]
 FailedOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -137,6 +146,7 @@ ShrinkOption = Annotated[
 def command(
     screen: Screen,
     run: RunArgument,
+    good: GoodOption = None,
     failed: FailedOption = None,
     contract: ContractOption = None,
     env: ReopenOption = None,
@@ -159,7 +169,8 @@ def command(
 
     Plays the recorded environment and policies on new seeds: unchanged, with one thing made ideal
     (an ideal substitute, which can isolate a cause) and with one thing made worse (a perturbation,
-    which shows dependence, never a cause).
+    which shows dependence, never a cause). With --good, what differs from a run that worked is
+    taken over one at a time, then in ever smaller sets; no knob is needed.
 
     Exit code 0: a cause is named, or the run fails no more often than chance allows. 2: no answer,
     or new episodes contradict the recorded ones; the reason is printed.
@@ -184,6 +195,7 @@ def command(
         found = diagnose(
             run,
             **opening,
+            good=good,
             contract=contract,
             policies=parse_choices(policy) if policy else None,
             replace=parse_choices(try_) if try_ else None,
@@ -199,11 +211,9 @@ def command(
         )
     document = found.to_json()
     propose(run, found, by=f"gamekeeper diagnose {__version__}")
-    screen.show(diagnosis_text(document, width=screen.width))
-    if found.runs:
-        screen.show(f"\nRecordings  {folder / 'runs'}")
-    if save_case is not None:
-        _save(screen, found, run, save_case, opening["failed"])
+    runs = f"\n\nRecordings  {folder / 'runs'}" if found.runs else ""
+    screen.show(diagnosis_text(document, width=screen.width) + runs)
+    _save(screen, found, run, save_case, condition)
     return CommandResult(document, diagnosis_code(found))
 
 
@@ -230,10 +240,14 @@ def diagnosis_code(found: Diagnosis) -> int:
     """Returns 0: a cause is named, or no failure beyond chance. 2: no answer, or contradicted."""
     answers = [*found.agents.values(), *([found.team] if found.team else [])]
     is_failing = any(each.success[2] < found.expected for each in answers)
+    if found.differences is not None:
+        return 0 if found.differences.least else 2
     return 2 if found.contradictions or (is_failing and not found.has_cause) else 0
 
 
-def _save(screen: Screen, found: Any, run: Path, path: Path, failed: str | None) -> None:
+def _save(screen: Screen, found: Any, run: Path, path: Path | None, failed: str | None) -> None:
+    if path is None:
+        return
     from gamekeeper.diagnosis.counterfactuals import case_text
 
     path.write_text(case_text(found, run, failed=failed), encoding="utf-8")

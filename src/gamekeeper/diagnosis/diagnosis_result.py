@@ -9,6 +9,7 @@ from typing import Any
 
 from gamekeeper.diagnosis.judgement import CAUSES, Answer, Contradiction
 from gamekeeper.diagnosis.response_tests import ResponseTest
+from gamekeeper.diagnosis.setup_differences import SetupDifference
 from gamekeeper.episodes.row_tables import html_table, text_lines
 
 
@@ -55,8 +56,9 @@ class AgentDiagnosis:
     """Answer for one agent, a role or the team.
 
     Attributes:
-        answer: `isolated`, `joint` or `ambiguous` where a cause is named; else `healthy`,
-            `not_failing` beyond chance, `elsewhere` (another agent's), `unexplained`, `not_tried`.
+        answer: `isolated`, `joint` or `ambiguous` where a cause is named, `environment` or
+            `protocol` where it is no agent's own; else `healthy`, `not_failing` beyond chance,
+            `elsewhere` (another agent's), `unexplained`, `not_tried`.
         labels: the causes it names; none where no more than a whole policy or memory was shown.
         why: in a sentence.
         scope: whose condition was judged: the agent's own, its role's or the team's.
@@ -122,6 +124,53 @@ class Counterfactual:
 
 
 @dataclass(frozen=True, slots=True)
+class RunDifferences:
+    """Differences between a run that fails and one that worked, and the least that explain it.
+
+    Attributes:
+        good: the run that worked.
+        listed: every difference; versions can't be swapped, and name a command that tries them.
+        least: the least sets that explain the gap, by names of their differences; of several each
+            explains it by itself. None: none was found.
+        why: in a sentence.
+        measure: `success`, or `return` where no condition says when an episode failed.
+        means: of the bad and of the good set-up on paired fresh seeds.
+        gap: good minus bad: (value, low, high), with a 95 % interval.
+        alone: by name, the part of the gap that a difference closes alone, on a few other seeds.
+        tested: the sets that were confirmed.
+        tried: number of sets that were played; p-values are corrected for it.
+    """
+
+    good: str
+    listed: tuple[SetupDifference, ...]
+    least: tuple[tuple[str, ...], ...]
+    why: str
+    measure: str
+    means: tuple[float, float]
+    gap: tuple[float, float, float]
+    alone: Mapping[str, float] = field(default_factory=dict)
+    tested: tuple[Tested, ...] = ()
+    tried: int = 0
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        value, low, high = self.gap
+        return {
+            "good": self.good,
+            "listed": [
+                {**each.to_json(), "alone": self.alone.get(each.name)} for each in self.listed
+            ],
+            "least": [list(each) for each in self.least],
+            "why": self.why,
+            "measure": self.measure,
+            "means": {"bad": self.means[0], "good": self.means[1]},
+            "gap": {"value": value, "low": low, "high": high},
+            "tested": [each.to_json() for each in self.tested],
+            "tried": self.tried,
+        }
+
+
+@dataclass(frozen=True, slots=True)
 class Diagnosis:
     """Diagnosis of a run: agents and causes, as far as the experiments tell.
 
@@ -146,6 +195,7 @@ class Diagnosis:
         policies: those that played the new episodes in place of the recorded ones, by agent or
             role; then new and recorded episodes can't contradict each other.
         responses: response tests of policies, by agent, where undos were tried.
+        differences: to a run that worked, where one was given.
     """
 
     run: str
@@ -166,6 +216,7 @@ class Diagnosis:
     not_played: tuple[str, ...] = ()
     policies: Mapping[str, str] = field(default_factory=dict)
     responses: Mapping[str, ResponseTest] = field(default_factory=dict)
+    differences: RunDifferences | None = None
 
     @property
     def has_cause(self) -> bool:
@@ -196,6 +247,7 @@ class Diagnosis:
             "not_played": list(self.not_played),
             "policies": dict(self.policies),
             "responses": {name: each.to_json() for name, each in self.responses.items()},
+            "differences": None if self.differences is None else self.differences.to_json(),
         }
 
     def rows(self) -> list[list[str]]:

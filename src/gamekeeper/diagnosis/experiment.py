@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from hashlib import blake2b
 from itertools import combinations, product
 from typing import Any, Final
@@ -18,7 +19,8 @@ from numpy.typing import NDArray
 from gamekeeper.contract import Contract
 from gamekeeper.contract.failure import Failure
 from gamekeeper.diagnosis.arms import ArmOrder, ArmRunner
-from gamekeeper.diagnosis.judgement import ScopeFinding, is_failing, judged, recovered
+from gamekeeper.diagnosis.judgement import ScopeFinding, cut_early, is_failing, judged, recovered
+from gamekeeper.diagnosis.least_set import least_set
 from gamekeeper.diagnosis.played_setup import Setup
 from gamekeeper.diagnosis.trials import (
     COMPONENTS,
@@ -43,6 +45,8 @@ LEAST: Final = 100
 """Least budget: the unchanged set-up takes `SEARCH` and `CONFIRM` episodes."""
 NEAR: Final = 0.2
 """An ideal substitute so near the part of the gap that restores could be on either side of it."""
+SLACK: Final = 0.15
+"""The part of the gap by which fewer substitutes may do less than all of their kind, by chance."""
 MOST_PAIRS: Final = 24
 """Pairs that are searched, those that do most first."""
 PAIRS: Final = 3
@@ -61,7 +65,9 @@ class Experiment:
         expected, part: as `judged` has them.
         budget: episodes that may be played, `LEAST` or more.
         seed: all seeds come from it and from the run's fingerprint.
-        pairs: those that are confirmed.
+        pairs: those that are confirmed, and least sets that were shrunk from a group.
+        least: names of groups of which nothing can be left out.
+        groups: sets that were tried while a group was shrunk, by name.
         confirmed: names of the arms that the answers are given on.
         skipped: the ideal substitutes that the budget didn't reach.
         not_played: what the budget didn't reach, in words.
@@ -69,6 +75,8 @@ class Experiment:
         dropped: number of those that the search dropped.
         extra: episodes that were played, or are to be, outside of arms.
         recordings: episodes of each arm that are recorded into a run.
+        early_cut: the turn at which every failed recorded episode was truncated, if that is before
+            the declared horizon.
     """
 
     setup: Setup
@@ -83,6 +91,8 @@ class Experiment:
     fingerprint: str
     confirm: int = CONFIRM
     pairs: list[IdealSubstitute] = field(default_factory=list)
+    least: set[str] = field(default_factory=set)
+    groups: dict[str, IdealSubstitute] = field(default_factory=dict)
     confirmed: list[str] = field(default_factory=list)
     undos: list[IdealSubstitute] = field(default_factory=list)
     dropped: int = 0
@@ -90,6 +100,7 @@ class Experiment:
     not_played: list[str] = field(default_factory=list)
     extra: int = 0
     recordings: int = 0
+    early_cut: int | None = None
 
     # -- seeds
 
@@ -132,6 +143,62 @@ class Experiment:
     def _search(self, singles: Sequence[str]) -> None:
         """Searches single ideal substitutes; pairs as far as they can be confirmed too."""
         self._play(singles, self.search_seed, SEARCH)
+        shrunk = [self._shrunk(one.parts) for one in self.substitutes if one.parts]
+        self._search_pairs(singles)
+        if EVERYTHING in singles and not any(map(self._restores, self._names(self.pairs))):
+            leaves = [one for one in self.substitutes if not one.parts]
+            whole = EVERYTHING if not any(map(self._restores, singles[:-1])) else None
+            shrunk.append(self._shrunk(leaves, whole) if whole else None)
+        self.pairs += [one for one in shrunk if one is not None]
+
+    def _shrunk(
+        self, parts: Sequence[IdealSubstitute], whole: str | None = None
+    ) -> IdealSubstitute | None:
+        """The least of several that do together what all of them do, on searched seeds.
+
+        None where it is one alone, or all of a group, which is noted in `least`.
+
+        Args:
+            parts: of a group.
+            whole: name of the arm with all of them; None: found by its parts.
+        """
+        names = self._names(parts)
+        wholes = [one.name for one in self.substitutes if self._names(one.parts) == names]
+        arm = whole or wholes[0]
+        if not self._restores(arm):
+            return None
+        enough = max(self.part, self._most(arm) - SLACK)
+        ranked = sorted(parts, key=lambda one: -self._most(one.name))
+        least = least_set(ranked, partial(self._do_together, enough=enough))
+        if len(least) == len(parts):
+            self.least.add(arm)
+        if not 1 < len(least) < len(parts):
+            return None
+        found = joined([one for one in parts if one in least])
+        self.least.add(found.name)
+        return found
+
+    def _do_together(self, parts: Sequence[IdealSubstitute], *, enough: float) -> bool:
+        """Several close enough of the gap; False where the budget doesn't reach to try them."""
+        if len(parts) == 1:
+            return self._most(parts[0].name) >= enough
+        one = joined(parts)
+        self.groups[one.name] = one
+        if self.left < SEARCH + CONFIRM * (len(self.substitutes) + 2):
+            self.not_played.append(f"fewer at once than {one.name}")
+            return False
+        self._play([one.name], self.search_seed, SEARCH)
+        return self._most(one.name) >= enough
+
+    def _restores(self, arm: str) -> bool:
+        return self._most(arm) >= self.part
+
+    def _most(self, arm: str) -> float:
+        """The part of the gap that an arm closes on searched seeds, where it closes most."""
+        return max(self._recovered(arm, scope) for scope in self.scopes)
+
+    def _search_pairs(self, singles: Sequence[str]) -> None:
+        """Pairs of different components, where no single one does clearly enough."""
         if len(singles) < 2 or not self._wants_pairs():
             return
         pairs = self._possible_pairs()
@@ -178,7 +245,7 @@ class Experiment:
             return self.setup
         if name == EVERYTHING:
             return joined(self.substitutes).applied(self.setup)
-        others = (*self._possible_pairs(), *self.undos)
+        others = (*self._possible_pairs(), *self.groups.values(), *self.undos)
         known = {one.name: one for one in (*self.substitutes, *others)}
         return known[name].applied(self.setup)
 
@@ -244,12 +311,13 @@ class Experiment:
         whole = None
         if one_is_all or self._is_played(EVERYTHING):
             whole = self.successes(played[0].name if one_is_all else EVERYTHING, seed, n, scope)
-        return judged(
+        found = judged(
             unchanged,
             {
                 one: self.successes(one.name, seed, n, scope)
                 for one in over_undos((*played, *undos))
             },
+            least=self.least,
             expected=self.expected,
             part=self.part,
             everything=whole,
@@ -258,6 +326,7 @@ class Experiment:
             dropped=self.dropped,
             rng=np.random.default_rng([11, self.seed]),
         )
+        return cut_early(found, self.early_cut, self.contract.schedule.horizon)
 
     def fresh(self, scope: str) -> tuple[int, int]:
         """Number of unchanged fresh episodes that failed for a scope, and of how many."""

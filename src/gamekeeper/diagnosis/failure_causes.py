@@ -13,17 +13,20 @@ import numpy as np
 
 from gamekeeper.contract import Contract
 from gamekeeper.contract.failure import Failure
+from gamekeeper.diagnosis.agent_answers import agent_answer
 from gamekeeper.diagnosis.arms import SILENCE_S, ArmOrder, ArmRunner
 from gamekeeper.diagnosis.counterfactuals import KEPT, MOST, counterfactuals, keep
-from gamekeeper.diagnosis.diagnosis_result import AgentDiagnosis, Counterfactual, Diagnosis, Tested
+from gamekeeper.diagnosis.cut_offs import cuts_of, early_cut
+from gamekeeper.diagnosis.diagnosis_options import DiagnosisOptions
+from gamekeeper.diagnosis.diagnosis_result import Counterfactual, Diagnosis, Tested
 from gamekeeper.diagnosis.experiment import LEAST, UNCHANGED, Experiment
+from gamekeeper.diagnosis.good_run import compared
 from gamekeeper.diagnosis.judgement import (
     CAUSES,
     EXPECTED,
     PART,
     Contradiction,
     ScopeFinding,
-    Tried,
     contradictions,
 )
 from gamekeeper.diagnosis.played_setup import (
@@ -35,20 +38,12 @@ from gamekeeper.diagnosis.played_setup import (
     setup_of,
     traits_of,
 )
-from gamekeeper.diagnosis.trials import (
-    EVERYBODY,
-    POLICY,
-    IdealSubstitute,
-    PerturbationArm,
-    perturbations_of,
-    substitutes_of,
-)
+from gamekeeper.diagnosis.trials import PerturbationArm, perturbations_of, substitutes_of
 from gamekeeper.diagnosis.undo_search import try_undos
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import agent_name
-from gamekeeper.episodes.outcome import LABELS, TEAM, Outcome, failed, failures, outcome_of
+from gamekeeper.episodes.outcome import TEAM, Outcome, failed, failures, outcome_of
 from gamekeeper.errors import EvidenceError
-from gamekeeper.interface.policy import REFERENCE
 from gamekeeper.rollouts.executors.task import Executor
 from gamekeeper.rollouts.intervention import interventions
 from gamekeeper.runs.expanding import whole_evidence
@@ -59,14 +54,13 @@ BUDGET: Final = 2_000
 """Episodes that an experiment may play unless told otherwise."""
 PERTURBED: Final = 0.75
 """The part of the budget left by substitutes that perturbations get; the rest finds strengths."""
-NOTES: Final = "outcomes.jsonl"
 RESULT: Final = "diagnosis.json"
-SOUND: Final = "the set-up doesn't fail more often than chance allows"
 
 
 def diagnose(
     run: str | PathLike[str] | Evidence,
     *,
+    good: str | PathLike[str] | Evidence | None = None,
     failed: str | None = None,
     contract: Contract | str | PathLike[str] | None = None,
     env: object | None = None,
@@ -93,6 +87,10 @@ def diagnose(
 
     Args:
         run: the folder of a run, or evidence.
+        good: a run that worked. Then what differs between the two is looked for in place of ideal
+            substitutes, and the least set of differences that explains the gap is named in
+            `differences`; `replace`, `expected` and `perturbations` aren't used, and without any
+            condition the team's return is compared.
         failed: the condition under which an episode failed, as "return < 0.5"; else the contract's.
         contract: in place of the one of the recording.
         env: opened in place of what the evidence names, with the recorded arguments.
@@ -118,37 +116,73 @@ def diagnose(
         RunError: there is no run, or another experiment lies in `out`.
     """
     _check_budget(budget)
+    options = DiagnosisOptions(
+        failed=failed,
+        contract=contract,
+        env=env,
+        policies=policies,
+        replace=replace,
+        expected=expected,
+        part=part,
+        seed=seed,
+        budget=budget,
+        perturbations=perturbations,
+        workers=workers,
+        folder=None if out is None else Path(out),
+        allow_import=allow_import,
+        timeout_s=timeout_s,
+        on_message=on_message,
+    )
+    if good is not None:
+        return _written(compared(run, good, options), options.folder)
     evidence = whole_evidence(run, env=env, allow_import=allow_import)
-    declared = contract_of(evidence, contract)
-    conditions = failures(declared, failed)
+    return _by_experiments(evidence, options)
+
+
+def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
+    """The diagnosis by ideal substitutes, undos and perturbations."""
+    declared = contract_of(evidence, options.contract)
+    conditions = failures(declared, options.failed)
     recorded = _recorded(evidence, conditions, declared)
+    lost = _lost(evidence, conditions, declared)
+    env, policies = options.env, options.policies
     setup = setup_of(evidence, env=env, policies=policies)
-    folder = None if out is None else Path(out)
-    tried = list((replace or {}).values())
-    with consent_to(
-        evidence, setup, env=env, policies=policies, allow_import=allow_import, tried=tried
-    ):
+    tried, allow = list((options.replace or {}).values()), options.allow_import
+    with consent_to(evidence, setup, env=env, policies=policies, allow_import=allow, tried=tried):
         kinds = {name: one for name, one in interventions().items() if one.kind == "perturbation"}
         with OpenSetup(setup, declared) as stage:
             seen, played = traits_of(stage, kinds), _played(stage)
+            cuts = cuts_of(lost, stage.env, setup.kwargs, len(seen.agents))
+            seen = dataclasses.replace(seen, cuts=cuts)
         runner = ArmRunner(
             declared,
-            workers=workers,
-            on_message=on_message,
-            silence_s=timeout_s,
-            notes=None if folder is None else folder / NOTES,
-            head={"run": evidence.fingerprint, "seed": seed, **played},
+            workers=options.workers,
+            on_message=options.on_message,
+            silence_s=options.timeout_s,
+            notes=options.notes,
+            head={"run": evidence.fingerprint, "seed": options.seed, **played},
         )
-        known = (setup, substitutes_of(setup, declared, seen, replace), declared, conditions)
+        experiment = Experiment(
+            setup,
+            substitutes_of(setup, declared, seen, options.replace),
+            declared,
+            conditions,
+            runner,
+            options.expected,
+            options.part,
+            options.budget,
+            options.seed,
+            evidence.fingerprint,
+        )
         with runner:
-            experiment = Experiment(
-                *known, runner, expected, part, budget, seed, evidence.fingerprint
-            )
             experiment.run()
             responses = try_undos(experiment)
-            wanted = experiment.fails if perturbations is None else perturbations
+            is_wanted = options.perturbations
+            wanted = experiment.fails if is_wanted is None else is_wanted
+            experiment.early_cut = early_cut(lost, declared.schedule.horizon)
             diagnosis = _diagnosis(evidence, experiment, seen, kinds if wanted else {}, recorded)
             diagnosis = dataclasses.replace(diagnosis, responses=responses)
+        folder = options.folder
         return diagnosis if folder is None else _kept(diagnosis, experiment, folder)
 
 
@@ -197,7 +231,7 @@ def _diagnosis(
     flips = _flips(experiment, findings)
     perturbed = _perturbed(experiment, seen, kinds, agents)
     by_agent = {
-        agent: _answer(
+        agent: agent_answer(
             agent,
             _scope_of(agent, findings, contract),
             findings,
@@ -210,7 +244,7 @@ def _diagnosis(
     }
     team = None
     if TEAM in findings:
-        team = _answer(None, TEAM, findings, experiment, seen, flips, perturbed)
+        team = agent_answer(None, TEAM, findings, experiment, seen, flips, perturbed)
     return Diagnosis(
         run=str(evidence.path or "memory"),
         fingerprint=evidence.fingerprint,
@@ -292,6 +326,14 @@ def _recorded(
             count[0] += is_failed
             count[1] += 1
     return {scope: (bad, of) for scope, (bad, of) in counts.items()}
+
+
+def _lost(
+    evidence: Evidence, conditions: Mapping[str, Failure], contract: Contract
+) -> list[Outcome]:
+    """The recorded episodes that failed for anybody."""
+    outcomes = map(outcome_of, evidence.episodes)
+    return [each for each in outcomes if any(failed(each, conditions, contract).values())]
 
 
 def _present(evidence: Evidence, experiment: Experiment, seen: SetupTraits) -> list[str]:
@@ -378,141 +420,6 @@ def _effects(
     }
 
 
-def _answer(
-    agent: str | None,
-    scope: str,
-    findings: Mapping[str, ScopeFinding],
-    experiment: Experiment,
-    seen: SetupTraits,
-    flips: Mapping[str, float],
-    perturbed: Mapping[PerturbationArm, Tested],
-) -> AgentDiagnosis:
-    """Answer for an agent, or for the team where there is none."""
-    finding = findings[scope]
-    mine = [one for one in finding.tried if agent is None or agent in one.substitute.agents]
-    tested = [_tested(one, experiment.confirm, flips) for one in mine]
-    tested += [
-        each for one, each in perturbed.items() if agent is None or one.agent in (agent, EVERYBODY)
-    ]
-    tested.sort(key=lambda each: _place(each.label or ""))
-    found = AgentDiagnosis(
-        finding.answer,
-        finding.labels,
-        finding.why,
-        scope,
-        tuple(tested),
-        tuple(_not_tested(agent, mine, experiment, seen)),
-        finding.success,
-        tuple(substitute.name for substitute in finding.substitutes),
-        _shown(finding, finding.substitutes),
-    )
-    concerned = {a for substitute in finding.substitutes for a in substitute.agents}
-    if agent is None or finding.answer not in CAUSES or not concerned:
-        return found
-    if agent in concerned:
-        return _own_part(agent, found, finding)
-    names = ", ".join(substitute.name for substitute in finding.substitutes)
-    why = f"what restores success is {names}, which isn't this agent's"
-    return dataclasses.replace(
-        found, answer="elsewhere", labels=(), why=why, substitutes=(), component=None
-    )
-
-
-def _shown(finding: ScopeFinding, substitutes: Sequence[IdealSubstitute]) -> str | None:
-    """The place of the fault, as far as these substitutes show it."""
-    if finding.answer not in CAUSES:
-        return None
-    substitutes = substitutes or [one.substitute for one in finding.tried]
-    between = " or " if finding.answer == "ambiguous" else " and "
-    return between.join(dict.fromkeys(one.shown for one in substitutes))
-
-
-def _own_part(agent: str, found: AgentDiagnosis, finding: ScopeFinding) -> AgentDiagnosis:
-    """The answer for an agent of several: of a pair, or of what may be it, only its own part."""
-    parts = list(finding.substitutes)
-    if finding.answer == "joint":
-        inner = {name for one in parts for name in one.contains}
-        parts = [one.substitute for one in finding.tried if one.substitute.name in inner]
-    mine = [one for one in parts if agent in one.agents]
-    if not mine or len(mine) == len(parts):
-        return found
-    named = {label for one in mine for label in one.labels}
-    labels = tuple(label for label in found.labels if label in named)
-    return dataclasses.replace(found, labels=labels, component=_shown(finding, mine))
-
-
-def _tested(one: Tried, n: int, flips: Mapping[str, float]) -> Tested:
-    effect = one.effect
-    return Tested(
-        " + ".join(one.substitute.labels) or None,
-        one.substitute.name,
-        _kind(one.substitute),
-        effect.value,
-        effect.low,
-        effect.high,
-        one.p,
-        n,
-        restores=one.restores,
-        flips_at=flips.get(one.substitute.name),
-    )
-
-
-def _kind(substitute: IdealSubstitute) -> str:
-    """The kind of a substitute: an undo from outside, a swapped policy, or an ideal."""
-    if substitute.undo is not None:
-        return "undo"
-    is_swap = substitute.component == POLICY and substitute.steps[0][3] != REFERENCE
-    return "swap" if is_swap else "ideal"
-
-
-def _place(label: str) -> int:
-    """Place of a label in the vocabulary; of a pair, the first one's."""
-    return LABELS.index(label.split(" + ")[0]) if label.split(" + ")[0] in LABELS else len(LABELS)
-
-
-def _not_tested(
-    agent: str | None, mine: Sequence[Tried], experiment: Experiment, seen: SetupTraits
-) -> list[tuple[str, str]]:
-    """Labels, and whole policies, for which no ideal substitute was played, and why."""
-    tested = {each for one in mine for each in one.substitute.component.split(" + ")}
-    handles = {one.component: one.name for one in experiment.substitutes if _is_of(one, agent)}
-    return [
-        (label, _why_not(label, handles.get(label), agent, experiment, seen))
-        for label in (*LABELS, POLICY)
-        if label not in tested
-    ]
-
-
-def _why_not(
-    label: str, handle: str | None, agent: str | None, experiment: Experiment, seen: SetupTraits
-) -> str:
-    if handle is not None:
-        broken = experiment.runner.broken.get(handle)
-        spent = f"the budget of {experiment.budget} episodes was spent"
-        return broken or (spent if experiment.fails else SOUND)
-    knobs = [name for name, knob in experiment.contract.knobs.items() if knob.label == label]
-    is_anothers = any(one.component == label for one in experiment.substitutes)
-    if is_anothers:
-        return "what could be made ideal isn't this agent's" if experiment.fails else SOUND
-    if knobs:
-        have = "has its ideal value" if len(knobs) == 1 else "have their ideal values"
-        return f"{_joined(knobs)} {have} already"
-    if label == POLICY and seen.has_reference:
-        return "the reference policy plays already"
-    if label == POLICY:
-        return "the environment has no reference policy"
-    return "the contract declares no knob with this label"
-
-
-def _joined(names: Sequence[str]) -> str:
-    *most, last = names
-    return f"{', '.join(most)} and {last}" if most else last
-
-
-def _is_of(substitute: IdealSubstitute, agent: str | None) -> bool:
-    return agent is None or agent in substitute.agents
-
-
 def _kept(diagnosis: Diagnosis, experiment: Experiment, folder: Path) -> Diagnosis:
     """The diagnosis with runs of the unchanged rerun and of what restores, and its own file."""
     names = [*([diagnosis.team] if diagnosis.team else []), *diagnosis.agents.values()]
@@ -532,9 +439,15 @@ def _kept(diagnosis: Diagnosis, experiment: Experiment, folder: Path) -> Diagnos
             )
             played += experiment.recordings
         runs[arm] = str(place)
-    diagnosis = dataclasses.replace(diagnosis, runs=runs, episodes=diagnosis.episodes + played)
-    text = json.dumps(diagnosis.to_json(), indent=2, ensure_ascii=False)
-    (folder / RESULT).write_text(text + "\n", encoding="utf-8")
+    episodes = diagnosis.episodes + played
+    return _written(dataclasses.replace(diagnosis, runs=runs, episodes=episodes), folder)
+
+
+def _written(diagnosis: Diagnosis, folder: Path | None) -> Diagnosis:
+    """The diagnosis, written into its folder if there is one."""
+    if folder is not None:
+        text = json.dumps(diagnosis.to_json(), indent=2, ensure_ascii=False)
+        (folder / RESULT).write_text(text + "\n", encoding="utf-8")
     return diagnosis
 
 

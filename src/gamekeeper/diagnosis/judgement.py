@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from gamekeeper.diagnosis.trials import IdealSubstitute
+from gamekeeper.diagnosis.trials import ENVIRONMENT, IdealSubstitute
 from gamekeeper.episodes.outcome import LABELS
 from gamekeeper.statistics.paired import PairedEffect, paired_effect
 from gamekeeper.statistics.significance import fisher_exact, holm, p_text, wilson
@@ -21,11 +21,13 @@ Answer = Literal[
     "isolated",
     "joint",
     "ambiguous",
+    "environment",
+    "protocol",
     "elsewhere",
     "unexplained",
     "not_tried",
 ]
-CAUSES: Final = ("isolated", "joint", "ambiguous")
+CAUSES: Final = ("isolated", "joint", "ambiguous", "environment", "protocol")
 """The answers that name a cause."""
 Successes = NDArray[np.float64]
 """[episodes] 1 where the episode didn't fail, paired by seed between arms."""
@@ -98,6 +100,7 @@ def judged(
     skipped: Sequence[IdealSubstitute] = (),
     budget: int | None = None,
     dropped: int = 0,
+    least: Collection[str] = (),
     rng: Generator,
 ) -> ScopeFinding:
     """The answer that fresh seeds give.
@@ -111,6 +114,8 @@ def judged(
         skipped: ideal substitutes that weren't played, as the budget was spent.
         budget: episodes that could be played.
         dropped: undos and policies of peers that the search tried and dropped.
+        least: names of groups of which nothing can be left out; such a group goes before a part of
+            it that it beats beyond chance.
         rng: for intervals that are drawn.
     """
     answer: Answer
@@ -124,20 +129,21 @@ def judged(
         )
         answer = "healthy" if share.p >= expected else "not_failing"
         return ScopeFinding(answer, (), (), tried, success, why)
-    least = _unbeaten(_least(tried), arms, rng)
-    singles = [one for one in least if "+" not in one.substitute.component]
+    wider = [one for one in tried if one.restores and one.substitute.name in least]
+    best = _unbeaten(_least(_outdone(tried, wider, arms, rng)), arms, rng)
+    singles = [one for one in best if "+" not in one.substitute.component]
     if singles:
         return _of_singles(singles, tried, success, skipped)
-    better = [one for one in least if _beats_its_parts(one, arms, rng)]
+    better = [one for one in best if _beats_its_parts(one, arms, rng)]
     if better:
         return _of_pairs(better, tried, success)
-    if least:
+    if best:
         why = (
             "a pair restores success, and one of its parts may do as well: more episodes would tell"
         )
-        labels = _labels([one.substitute for one in least])
+        labels = _labels([one.substitute for one in best])
         return ScopeFinding(
-            "ambiguous", labels, tuple(o.substitute for o in least), tried, success, why
+            "ambiguous", labels, tuple(o.substitute for o in best), tried, success, why
         )
     if everything is not None and recovered(unchanged, everything, expected) >= part:
         labels = _labels(arms)
@@ -149,6 +155,22 @@ def judged(
     why = _why_none(arms, everything, skipped, budget, dropped)
     answer = "unexplained" if arms or dropped else "not_tried"
     return ScopeFinding(answer, (), (), tried, success, why)
+
+
+def cut_early(finding: ScopeFinding, turn: int | None, horizon: int | None) -> ScopeFinding:
+    """Answer from evidence alone, where no experiment gave one: cut off before the horizon.
+
+    Args:
+        turn: at which every failed recorded episode was truncated; None: they weren't.
+        horizon: the declared one.
+    """
+    if turn is None or finding.answer not in ("unexplained", "not_tried"):
+        return finding
+    why = (
+        f"every recorded episode that failed was truncated after {turn} turns, before the declared "
+        f"horizon of {horizon}; by the evidence alone, as no argument that cuts it was found"
+    )
+    return replace(finding, answer="protocol", why=why)
 
 
 def _why_none(
@@ -222,6 +244,25 @@ def _least(tried: Sequence[Tried]) -> list[Tried]:
     ]
 
 
+def _outdone(
+    tried: Sequence[Tried],
+    wider: Sequence[Tried],
+    arms: Mapping[IdealSubstitute, Successes],
+    rng: Generator,
+) -> list[Tried]:
+    """What was tried, without parts of one of these wider groups that it beats beyond chance."""
+    return [
+        one
+        for one in tried
+        if not any(
+            one.substitute.name in whole.substitute.contains
+            and one.substitute.component == whole.substitute.component
+            and paired_effect(arms[one.substitute], arms[whole.substitute], rng=rng).low > 0
+            for whole in wider
+        )
+    ]
+
+
 def _unbeaten(
     least: list[Tried], arms: Mapping[IdealSubstitute, Successes], rng: Generator
 ) -> list[Tried]:
@@ -239,9 +280,11 @@ def _unbeaten(
 
 
 def _is_within(part: IdealSubstitute, whole: IdealSubstitute) -> bool:
-    """One makes up for another, or a pair for all that another pair does and for more."""
-    is_pair = "+" in part.component and "+" in whole.component
-    return part.name in whole.contains or (is_pair and part.contains < whole.contains)
+    """One makes up for another, or several for all that fewer of them do and for more."""
+    is_set = bool(whole.parts)
+    fewer = part.component == whole.component and set(part.agents) < set(whole.agents)
+    more = bool(part.parts) and part.contains < whole.contains
+    return part.name in whole.contains or (is_set and (fewer or more))
 
 
 def _beats_its_parts(
@@ -272,10 +315,21 @@ def _of_singles(
             "as the budget was spent: they may restore it too"
         )
         return ScopeFinding("ambiguous", labels, substitutes, tried, success, why)
+    if all(one.cut_off == "later" for one in substitutes):
+        why = f"{names} restores success: it is cut off too early, or its agents are too slow"
+        return ScopeFinding("ambiguous", labels, substitutes, tried, success, why)
+    if all(one.cut_off is not None for one in substitutes):
+        why = f"{names} restores success, and nothing that was changed of an agent does"
+        return ScopeFinding("protocol", labels, substitutes, tried, success, why)
+    if all(one.component == ENVIRONMENT for one in substitutes):
+        why = f"{names} restores success, which is the same for all agents and nobody's own"
+        return ScopeFinding("environment", labels, substitutes, tried, success, why)
     if len({(one.component, one.agents) for one in substitutes}) == 1:
         why = f"{names} restores success, and no other ideal substitute that was played does"
         if substitutes[0].undo is not None:
             why = f"undone by {' or '.join(one.name for one in substitutes)}"
+        elif len(substitutes[0].leaves) > 1:
+            why += f": it is {substitutes[0].shown}, all of which is needed"
         elif not labels:
             why += f": it is {substitutes[0].shown}; which part of it can't be told apart by this"
         return ScopeFinding("isolated", labels, substitutes, tried, success, why)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from os import PathLike
 from typing import Any, Final
@@ -68,6 +68,14 @@ class Setup:
         role = contract.role_of(agent) or role_in_name(agent)
         found = self.policies.get(agent, self.policies.get(role, self.policies.get("*")))
         return self.policies.get(shared_with(found) or "", found)
+
+    def with_policy(self, agent: str, policy: Any) -> Setup:
+        """The set-up with another policy of one agent; those that shared its object still do."""
+        heirs = [place for place, x in self.policies.items() if shared_with(x) == agent]
+        found = dict(self.policies)
+        for heir in heirs:
+            found[heir] = found[agent] if heir == heirs[0] else f"{SAME}{heirs[0]}"
+        return replace(self, policies={**found, agent: policy})
 
     def to_json(self) -> dict[str, Any]:
         """Plain data that a worker process builds the same set-up from.
@@ -352,6 +360,7 @@ class SetupTraits:
         resettable: the agents of each object that has a memory that can be reset.
         ways: policies that the environment brings, by name.
         unfit: by change and agent, why a perturbation can't be tried.
+        cuts: arguments by which the environment cuts episodes off, where every failed one was.
     """
 
     agents: tuple[str, ...]
@@ -361,6 +370,7 @@ class SetupTraits:
     resettable: tuple[tuple[str, ...], ...] = ()
     ways: tuple[str, ...] = ()
     unfit: Mapping[tuple[str, str], str] = field(default_factory=dict)
+    cuts: Mapping[str, int] = field(default_factory=dict)
 
 
 def traits_of(stage: OpenSetup, perturbations: Mapping[str, type[Intervention]]) -> SetupTraits:

@@ -9,11 +9,12 @@ import contextlib
 import copy
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 from gamekeeper.contract import Contract
 from gamekeeper.contract.sections import Knob
 from gamekeeper.diagnosis.played_setup import Setup, SetupTraits
+from gamekeeper.diagnosis.setup_differences import ABSENT
 from gamekeeper.diagnosis.undos import DRAWS, BoundaryUndo
 from gamekeeper.episodes.layout import role as role_in_name
 from gamekeeper.episodes.outcome import LABELS, members_of
@@ -28,7 +29,12 @@ POLICY: Final = "policy"
 MEMORY: Final = "memory"
 PEERS: Final = 2
 """Policies of others of its role that are tried in an agent's place."""
-COMPONENTS: Final = (*LABELS, POLICY, MEMORY, DRAWS)
+ENVIRONMENT: Final = "environment"
+"""Label of a knob that is nobody's own fault: wind, ice."""
+LONGER: Final = 4
+"""Times as long as before an episode is, where the environment's own cut-off is moved."""
+CUT_OFF: Final = "cut-off"
+COMPONENTS: Final = (*LABELS, POLICY, MEMORY, DRAWS, ENVIRONMENT, CUT_OFF)
 """Components that are made ideal: a label where one boundary is touched; a whole policy, and all
 that it keeps between turns, have none, as several of their parts could be at fault."""
 
@@ -44,6 +50,10 @@ class IdealSubstitute:
         steps: what is set: (where, of whom, name, value).
         contains: names of the ideal substitutes that it makes up for.
         value: the number that it replaces, where it is one number.
+        cut_off: it moves where episodes are cut off: to where the contract declares it, to where
+            the environment does so by default, or to some later turn; the last two yield to
+            whatever else restores.
+        parts: of several at once, those.
     """
 
     name: str
@@ -52,12 +62,19 @@ class IdealSubstitute:
     steps: tuple[tuple[str, str, str, Any], ...]
     contains: frozenset[str] = frozenset()
     value: float | None = None
+    cut_off: Literal["declared", "default", "later"] | None = None
+    parts: tuple[IdealSubstitute, ...] = ()
 
     @property
     def undo(self) -> BoundaryUndo | None:
         """The undo that it is; None: something is at its ideal."""
         value = self.steps[0][3]
         return value if isinstance(value, BoundaryUndo) else None
+
+    @property
+    def leaves(self) -> tuple[IdealSubstitute, ...]:
+        """The single things that it makes ideal."""
+        return tuple(leaf for part in self.parts for leaf in part.leaves) or (self,)
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -67,6 +84,12 @@ class IdealSubstitute:
     @property
     def shown(self) -> str:
         """The place of the fault, as far as this shows it."""
+        if self.cut_off == "later":
+            return f"the cut-off of episodes by {self.steps[0][2]}, or policies too slow for it"
+        if self.cut_off is not None:
+            return f"the cut-off of episodes ({self.name} restores)"
+        if self.component == ENVIRONMENT:
+            return f"the environment's {self.steps[0][2]}"
         whose = f"{_joined(self.agents)}'s " if self.agents else ""
         words = {
             POLICY: f"{whose}policy",
@@ -98,6 +121,7 @@ def substitutes_of(
     for name, knob in contract.knobs.items():
         found += _of_knob(name, knob, setup, contract, traits)
     found += _of_protocol(setup, contract, traits.agents)
+    found += _of_cut_offs(setup, traits)
     if traits.has_reference:
         found += _of_policies(setup, contract, traits.agents)
     found += swaps_of(replacements or {}, contract, traits.agents)
@@ -142,6 +166,8 @@ def _of_knob(
 def _substitute(
     name: str, knob: Knob, agents: tuple[str, ...], step: tuple[str, str, str], value: Any
 ) -> IdealSubstitute:
+    if knob.label == ENVIRONMENT:
+        agents = ()
     whom = f"[{', '.join(agents) if step[0] == 'policy' else step[1]}]" if step[1] else ""
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     return IdealSubstitute(
@@ -165,7 +191,21 @@ def _of_protocol(
     if setup.most_turns < MOST_TURNS:
         steps.append(("most_turns", "", "", MOST_TURNS))
     if steps and "horizon" not in contract.knobs:
-        yield IdealSubstitute("the declared horizon", EVALUATION, tuple(agents), tuple(steps))
+        yield IdealSubstitute(
+            "the declared horizon", EVALUATION, tuple(agents), tuple(steps), cut_off="declared"
+        )
+
+
+def _of_cut_offs(setup: Setup, traits: SetupTraits) -> Iterator[IdealSubstitute]:
+    """Other cut-offs, by the environment's own argument that every failed episode ran into."""
+    for name, value in traits.cuts.items():
+        step = ("argument", "", name, LONGER * value)
+        if name in setup.kwargs:
+            own = ("argument", "", name, ABSENT)
+            yield IdealSubstitute(
+                f"{name} at its default", EVALUATION, (), (own,), cut_off="default"
+            )
+        yield IdealSubstitute(f"{name} = {LONGER * value}", CUT_OFF, (), (step,), cut_off="later")
 
 
 def _of_policies(
@@ -204,7 +244,11 @@ def swaps_of(
 
 
 def peers_of(setup: Setup, contract: Contract, agents: Sequence[str]) -> Iterator[IdealSubstitute]:
-    """For each agent the policies of others of its role, where they have others; a few each."""
+    """For each agent the policies of others of its role, where they have others; a few each.
+
+    Then each of these in the place of all of the role that have another one.
+    """
+    groups: dict[tuple[str, str], list[IdealSubstitute]] = {}
     for agent in agents:
         own = setup.policy_of(agent, contract)
         role = contract.role_of(agent) or role_in_name(agent)
@@ -216,7 +260,13 @@ def peers_of(setup: Setup, contract: Contract, agents: Sequence[str]) -> Iterato
         unlike = [(peer, x) for peer, x in others.items() if x is not None and x != own]
         for peer, policy in unlike[:PEERS]:
             with contextlib.suppress(Exception):  # foreign code; what can't be copied isn't tried
-                yield _swap(agent, f"{peer}'s", copy.deepcopy(policy))
+                one = _swap(agent, f"{peer}'s", copy.deepcopy(policy))
+                groups.setdefault((role, peer), []).append(one)
+                yield one
+    for (_, peer), swaps in groups.items():
+        if len(swaps) > 1:
+            names = ", ".join(one.agents[0] for one in swaps)
+            yield joined(swaps, f"policy[{names}] = {peer}'s")
 
 
 def _swap(agent: str, shown: str, policy: Any) -> IdealSubstitute:
@@ -268,6 +318,7 @@ def joined(parts: Sequence[IdealSubstitute], name: str | None = None) -> IdealSu
         tuple(agents),
         tuple(step for part in parts for step in part.steps),
         frozenset(inner),
+        parts=tuple(parts),
     )
 
 
@@ -284,9 +335,18 @@ def undone(undo: BoundaryUndo, wider: Iterable[BoundaryUndo] = ()) -> IdealSubst
 
 
 def over_undos(substitutes: Sequence[IdealSubstitute]) -> Iterator[IdealSubstitute]:
-    """Yields substitutes; a whole policy makes up for its memory and undos, a memory for lags."""
+    """Yields substitutes; a whole policy makes up for its memory and undos, a memory for lags.
+
+    A cut-off that comes later makes up for anything that is slow, the default one among them.
+    """
+    everything = frozenset(one.name for one in substitutes)
     undos = [one for one in substitutes if one.undo is not None or one.component == MEMORY]
     for one in substitutes:
+        if one.cut_off in ("default", "later"):
+            later = {each.name for each in substitutes if each.cut_off == "later"}
+            longer = later if one.cut_off == "default" else set()
+            yield replace(one, contains=everything - {one.name} - longer)
+            continue
         parts = one.component.split(" + ")
         within = [u for u in undos if set(u.agents) <= set(one.agents)]
         inner = {
@@ -302,6 +362,8 @@ def weakened(substitute: IdealSubstitute, value: float) -> IdealSubstitute:
 
 
 def _applied(setup: Setup, where: str, whom: str, name: str, value: Any) -> Setup:
+    if where == "argument" and value is ABSENT:
+        return replace(setup, kwargs={key: x for key, x in setup.kwargs.items() if key != name})
     if where == "argument":
         return replace(setup, kwargs={**setup.kwargs, name: _part(setup.kwargs, whom, name, value)})
     if where == "wrapper":
@@ -313,7 +375,7 @@ def _applied(setup: Setup, where: str, whom: str, name: str, value: Any) -> Setu
         mine = {**setup.settings.get(whom, {}), name: value}
         return replace(setup, settings={**setup.settings, whom: mine})
     if where == "policies":
-        return replace(setup, policies={**setup.policies, whom: value})
+        return setup.with_policy(whom, value)
     if where == "forgets":
         return replace(setup, forgets=(*setup.forgets, whom))
     if where == "undo":
@@ -428,7 +490,5 @@ def _usual(kind: Any, agent: str) -> Intervention:
 
 
 def _replaced(setup: Setup, agent: str, way: str) -> PerturbationArm:
-    policies = {**setup.policies, agent: way}
-    return PerturbationArm(
-        f"policy[{agent}] = {way}", PLANNING, agent, replace(setup, policies=policies)
-    )
+    other = setup.with_policy(agent, way)
+    return PerturbationArm(f"policy[{agent}] = {way}", PLANNING, agent, other)

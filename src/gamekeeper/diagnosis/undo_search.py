@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import Final
 
 from gamekeeper.diagnosis.experiment import SEARCH, UNCHANGED, Experiment
-from gamekeeper.diagnosis.judgement import is_failing
+from gamekeeper.diagnosis.judgement import ScopeFinding, is_failing
 from gamekeeper.diagnosis.played_setup import OpenSetup
 from gamekeeper.diagnosis.response_tests import ResponseTest
 from gamekeeper.diagnosis.responses import responses_of
@@ -70,14 +70,21 @@ def try_undos(experiment: Experiment) -> dict[str, ResponseTest]:
 
 
 def _open_scopes(experiment: Experiment) -> list[str]:
-    """The scopes that fail beyond chance, and for which no label was found."""
+    """The scopes that fail beyond chance, and whose cause is still open."""
     found = []
     for scope in experiment.scopes:
         seed, n = experiment.confirm_seed, experiment.confirm
         unchanged = experiment.successes(UNCHANGED, seed, n, scope)
-        if is_failing(unchanged, experiment.expected) and not experiment.finding(scope).labels:
+        if is_failing(unchanged, experiment.expected) and _is_open(experiment.finding(scope)):
             found.append(scope)
     return found
+
+
+def _is_open(finding: ScopeFinding) -> bool:
+    """No label was found but that of another cut-off, which yields to an undo."""
+    if finding.answer != "protocol":
+        return not finding.labels
+    return all(one.cut_off == "default" for one in finding.substitutes)
 
 
 def _failing(experiment: Experiment, scopes: Sequence[str]) -> list[int]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
+from gamekeeper.reporting.differences_text import differences_text
 from gamekeeper.reporting.results_text import few, table_lines
 from gamekeeper.reporting.text_columns import wrapped
 
@@ -25,6 +26,15 @@ def diagnosis_text(document: Mapping[str, Any], *, width: int) -> str:
         document: a diagnosis as plain data.
         width: columns that no line exceeds.
     """
+    differences = document.get("differences")
+    if differences is not None:
+        blocks = [
+            _head(document, width),
+            differences_text(document, width=width),
+            _agents(document, width),
+            _not_played(document, width),
+        ]
+        return "\n\n".join(block for block in blocks if block)
     blocks = [
         *_contradictions(document, width),
         _head(document, width),
@@ -111,6 +121,8 @@ def answer_sentence(found: Mapping[str, Any]) -> str:
         "isolated": f"The cause is {cause} (isolated)",
         "joint": f"The causes are {cause} together (joint)",
         "ambiguous": f"Possible causes: {cause} (ambiguous)",
+        "environment": f"The cause is {cause}, no agent's own (environment)",
+        "protocol": f"The cause is {cause}, how episodes are played and not an agent (protocol)",
         "elsewhere": "Another agent's",
         "unexplained": "Unexplained",
         "not_tried": "Not tried",

@@ -47,7 +47,8 @@ class EpisodePlayer:
         """An `<iframe>` that holds the page; its script can't reach what stands around it."""
         return (
             f'<figure style="margin:0"><iframe title="Player of an episode" '
-            f'sandbox="allow-scripts" srcdoc="{escape(self.page)}" style="width:100%;height:{self.height}px;border:0">'
+            f'sandbox="allow-scripts" srcdoc="{escape(self.page)}" '
+            f'style="width:100%;height:{self.height}px;border:0">'
             f"</iframe><figcaption><small>{escape(self.caption)}</small></figcaption></figure>"
         )
 

@@ -1,0 +1,178 @@
+"""The answer for one agent, from the finding of the condition that it is judged by."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Mapping, Sequence
+from typing import Final
+
+from gamekeeper.diagnosis.diagnosis_result import AgentDiagnosis, Tested
+from gamekeeper.diagnosis.experiment import Experiment
+from gamekeeper.diagnosis.judgement import ALPHA, CAUSES, ScopeFinding, Tried
+from gamekeeper.diagnosis.played_setup import SetupTraits
+from gamekeeper.diagnosis.trials import EVERYBODY, MEMORY, POLICY, IdealSubstitute, PerturbationArm
+from gamekeeper.episodes.outcome import LABELS
+from gamekeeper.interface.policy import REFERENCE
+
+SOUND: Final = "the set-up doesn't fail more often than chance allows"
+
+
+def agent_answer(
+    agent: str | None,
+    scope: str,
+    findings: Mapping[str, ScopeFinding],
+    experiment: Experiment,
+    seen: SetupTraits,
+    flips: Mapping[str, float],
+    perturbed: Mapping[PerturbationArm, Tested],
+) -> AgentDiagnosis:
+    """Answer for an agent, or for the team where there is none."""
+    finding = findings[scope]
+    mine = [one for one in finding.tried if agent is None or agent in one.substitute.agents]
+    tested = [_tested(one, experiment.confirm, flips) for one in mine]
+    tested += [
+        each for one, each in perturbed.items() if agent is None or one.agent in (agent, EVERYBODY)
+    ]
+    tested.sort(key=lambda each: _place(each.label or ""))
+    found = AgentDiagnosis(
+        finding.answer,
+        finding.labels,
+        finding.why,
+        scope,
+        tuple(tested),
+        tuple(_not_tested(agent, mine, experiment, seen)),
+        finding.success,
+        tuple(substitute.name for substitute in finding.substitutes),
+        _shown(finding, finding.substitutes),
+    )
+    concerned = {a for substitute in finding.substitutes for a in substitute.agents}
+    if agent is None or finding.answer not in CAUSES or not concerned:
+        return found
+    if agent in concerned:
+        return _own_part(agent, found, finding)
+    names = ", ".join(substitute.name for substitute in finding.substitutes)
+    helps = [one for one in mine if _helps_alone(one, concerned)]
+    if helps:
+        return _not_acquitted(found, helps, names)
+    why = f"what restores success is {names}, which isn't this agent's"
+    return dataclasses.replace(
+        found, answer="elsewhere", labels=(), why=why, substitutes=(), component=None
+    )
+
+
+def _helps_alone(one: Tried, concerned: Collection[str]) -> bool:
+    """An ideal substitute of other agents than those concerned helps beyond chance."""
+    is_ideal = one.substitute.undo is None and one.substitute.component != MEMORY
+    is_own = bool(one.substitute.agents) and not set(one.substitute.agents) & set(concerned)
+    return is_ideal and is_own and one.effect.low > 0 and one.p < ALPHA
+
+
+def _not_acquitted(found: AgentDiagnosis, helps: Sequence[Tried], names: str) -> AgentDiagnosis:
+    """The answer for an agent whose own ideal substitute helps, though another's restores."""
+    own = [one.substitute for one in helps]
+    named = {label for one in own for label in one.labels}
+    shown = ", ".join(one.name for one in own)
+    return dataclasses.replace(
+        found,
+        answer="ambiguous",
+        labels=tuple(label for label in LABELS if label in named),
+        why=f"{names} restores success, and this agent's own {shown} helps beyond chance too",
+        substitutes=tuple(one.name for one in own),
+        component=" or ".join(dict.fromkeys(one.shown for one in own)),
+    )
+
+
+def _shown(finding: ScopeFinding, substitutes: Sequence[IdealSubstitute]) -> str | None:
+    """The place of the fault, as far as these substitutes show it."""
+    if finding.answer not in CAUSES:
+        return None
+    if finding.answer == "protocol" and not substitutes:
+        return "the cut-off of episodes before the declared horizon"
+    substitutes = substitutes or [one.substitute for one in finding.tried]
+    between = " or " if finding.answer == "ambiguous" else " and "
+    return between.join(dict.fromkeys(one.shown for one in substitutes))
+
+
+def _own_part(agent: str, found: AgentDiagnosis, finding: ScopeFinding) -> AgentDiagnosis:
+    """The answer for an agent of several: of a pair, or of what may be it, only its own part."""
+    parts = list(finding.substitutes)
+    if finding.answer == "joint":
+        parts = [leaf for one in parts for leaf in one.leaves]
+    mine = [one for one in parts if agent in one.agents]
+    if not mine or len(mine) == len(parts):
+        return found
+    named = {label for one in mine for label in one.labels}
+    labels = tuple(label for label in found.labels if label in named)
+    return dataclasses.replace(found, labels=labels, component=_shown(finding, mine))
+
+
+def _tested(one: Tried, n: int, flips: Mapping[str, float]) -> Tested:
+    effect = one.effect
+    return Tested(
+        " + ".join(one.substitute.labels) or None,
+        one.substitute.name,
+        _kind(one.substitute),
+        effect.value,
+        effect.low,
+        effect.high,
+        one.p,
+        n,
+        restores=one.restores,
+        flips_at=flips.get(one.substitute.name),
+    )
+
+
+def _kind(substitute: IdealSubstitute) -> str:
+    """The kind of a substitute: an undo from outside, a swapped policy, or an ideal."""
+    if substitute.undo is not None:
+        return "undo"
+    is_swap = substitute.component == POLICY and substitute.steps[0][3] != REFERENCE
+    return "swap" if is_swap else "ideal"
+
+
+def _place(label: str) -> int:
+    """Place of a label in the vocabulary; of a pair, the first one's."""
+    return LABELS.index(label.split(" + ")[0]) if label.split(" + ")[0] in LABELS else len(LABELS)
+
+
+def _not_tested(
+    agent: str | None, mine: Sequence[Tried], experiment: Experiment, seen: SetupTraits
+) -> list[tuple[str, str]]:
+    """Labels, and whole policies, for which no ideal substitute was played, and why."""
+    tested = {each for one in mine for each in one.substitute.component.split(" + ")}
+    handles = {one.component: one.name for one in experiment.substitutes if _is_of(one, agent)}
+    return [
+        (label, _why_not(label, handles.get(label), agent, experiment, seen))
+        for label in (*LABELS, POLICY)
+        if label not in tested
+    ]
+
+
+def _why_not(
+    label: str, handle: str | None, agent: str | None, experiment: Experiment, seen: SetupTraits
+) -> str:
+    if handle is not None:
+        broken = experiment.runner.broken.get(handle)
+        spent = f"the budget of {experiment.budget} episodes was spent"
+        return broken or (spent if experiment.fails else SOUND)
+    knobs = [name for name, knob in experiment.contract.knobs.items() if knob.label == label]
+    is_anothers = any(one.component == label for one in experiment.substitutes)
+    if is_anothers:
+        return "what could be made ideal isn't this agent's" if experiment.fails else SOUND
+    if knobs:
+        have = "has its ideal value" if len(knobs) == 1 else "have their ideal values"
+        return f"{_joined(knobs)} {have} already"
+    if label == POLICY and seen.has_reference:
+        return "the reference policy plays already"
+    if label == POLICY:
+        return "the environment has no reference policy"
+    return "the contract declares no knob with this label"
+
+
+def _joined(names: Sequence[str]) -> str:
+    *most, last = names
+    return f"{', '.join(most)} and {last}" if most else last
+
+
+def _is_of(substitute: IdealSubstitute, agent: str | None) -> bool:
+    return agent is None or agent in substitute.agents

@@ -1,0 +1,40 @@
+"""Settings of a diagnosis, as `gk.diagnose` takes them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any, Final
+
+from gamekeeper.contract import Contract
+from gamekeeper.rollouts.executors.task import Executor
+
+NOTES: Final = "outcomes.jsonl"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DiagnosisOptions:
+    """Settings of a diagnosis; `gk.diagnose` says what each means."""
+
+    failed: str | None
+    contract: Contract | str | PathLike[str] | None
+    env: object | None
+    policies: Mapping[str, Any] | None
+    replace: Mapping[str, Any] | None
+    expected: float
+    part: float
+    seed: int
+    budget: int
+    perturbations: bool | None
+    workers: int | Executor
+    folder: Path | None
+    allow_import: bool
+    timeout_s: float | None
+    on_message: Callable[[dict[str, Any]], None] | None
+
+    @property
+    def notes(self) -> Path | None:
+        """The file in which outcomes are kept."""
+        return None if self.folder is None else self.folder / NOTES

@@ -1,0 +1,239 @@
+"""The search for the differences between a good and a bad run that explain the gap.
+
+Differences are swapped into the bad set-up one at a time, then delta debugging looks for the least
+set that explains the gap; what it found is confirmed on fresh seeds that took no part.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gamekeeper.diagnosis.arms import ArmOrder, ArmRunner
+from gamekeeper.diagnosis.least_set import least_set
+from gamekeeper.diagnosis.played_setup import Setup
+from gamekeeper.diagnosis.setup_differences import SetupDifference, names_of, taken_over
+from gamekeeper.episodes.outcome import Outcome
+from gamekeeper.errors import GamekeeperError
+from gamekeeper.statistics.paired import FEWEST, PairedEffect, paired_effect
+from gamekeeper.statistics.significance import holm
+
+BAD: Final = "bad"
+GOOD: Final = "good"
+ALONE: Final = 24
+"""Fresh episodes on which single differences are put in order."""
+CONFIRM: Final = 64
+"""Fresh episodes of each arm that the answer is given on."""
+ALPHA: Final = 0.05
+NEAR: Final = 0.2
+"""A single difference so near the part of the gap that explains is tried by itself, too."""
+
+Chosen = Sequence[SetupDifference]
+Scores = NDArray[np.float64]
+"""[episodes] 1 where an episode didn't fail; or the team's return."""
+
+
+class Spent(Exception):  # noqa: N818  # no error: the search ends with what it knows
+    """The budget is spent."""
+
+
+@dataclass(frozen=True, slots=True)
+class TriedSet:
+    """Differences that were taken over together, on fresh seeds.
+
+    Attributes:
+        names: of the differences.
+        effect: the change of the score against the bad set-up.
+        p: of that effect, corrected for the number of sets that were tried (Holm).
+        recovered: the part of the gap that it closes.
+        explains: it closes the stated part beyond chance, and the good set-up is no better beyond
+            chance.
+    """
+
+    names: tuple[str, ...]
+    effect: PairedEffect
+    p: float
+    recovered: float
+    explains: bool
+
+
+@dataclass(slots=True)
+class DifferenceSearch:
+    """Arms on paired fresh seeds, and the least sets that explain.
+
+    Attributes:
+        bad, good: set-ups.
+        differences: those that can be swapped.
+        runner: plays.
+        score: figure of an episode; higher is better.
+        part: of the gap that a set has to close.
+        budget: episodes that may be played.
+        seeds: run seeds of the search and of the confirmation.
+        alone: by name, the part of the gap that a difference closes, taken over alone.
+        confirmed: sets that the answer is given on.
+        tried: names of all sets that were played.
+        not_played: what the budget didn't reach, in words.
+    """
+
+    bad: Setup
+    good: Setup
+    differences: tuple[SetupDifference, ...]
+    runner: ArmRunner
+    score: Callable[[Outcome], float]
+    part: float
+    budget: int
+    seeds: tuple[int, int]
+    alone: dict[str, float] = field(default_factory=dict)
+    confirmed: list[TriedSet] = field(default_factory=list)
+    tried: set[str] = field(default_factory=set)
+    not_played: list[str] = field(default_factory=list)
+
+    def run(self) -> tuple[Chosen, ...]:
+        """The least sets that explain the gap; none without a gap, or where none was confirmed."""
+        confirm = self.seeds[1]
+        self._scores((), confirm, CONFIRM)
+        self._scores(self.differences, confirm, CONFIRM)
+        if not self.differences or self.gap.low <= 0:
+            return ()
+        try:
+            return self._found()
+        except Spent:
+            self.not_played.append("smaller sets of differences, and their confirmation")
+            return ()
+
+    @property
+    def gap(self) -> PairedEffect:
+        """The good set-up against the bad one, on the seeds that the answer is given on."""
+        confirm = self.seeds[1]
+        return self._effect((), self.differences, confirm, CONFIRM)
+
+    def means(self) -> tuple[Scores, Scores]:
+        """Scores of both set-ups on the seeds that the answer is given on."""
+        bad = self._scores((), self.seeds[1], CONFIRM)
+        good = self._scores(self.differences, self.seeds[1], CONFIRM)
+        assert bad is not None  # a recorded set-up that can't be played has raised
+        assert good is not None
+        return bad, good
+
+    def _found(self) -> tuple[Chosen, ...]:
+        ranked = self._ranked()
+        for n in (FEWEST, 2 * FEWEST):
+            least = self._confirmed(least_set(ranked, partial(self._explains, n=n)))
+            if least:
+                others = [one for one in ranked if one not in least and self._is_rival(one)]
+                rivals = [(one,) for one in others if len(least) == 1]
+                return (least, *(one for one in rivals if self._confirmed(one)))
+        return ()
+
+    def _ranked(self) -> list[SetupDifference]:
+        """Differences by what each does alone: taken over, or taken back from the good set-up."""
+        seed = self.seeds[0]
+        base, best = self._mean((), seed), self._mean(self.differences, seed)
+        gap = best - base
+        if gap <= 0:
+            return list(self.differences)
+        for one in self.differences:
+            self.alone[one.name] = (self._mean((one,), seed, base) - base) / gap
+        order = dict(self.alone)
+        if max(order.values()) < self.part + NEAR and len(order) > 2:
+            for one in self.differences:
+                rest = [each for each in self.differences if each is not one]
+                lost = (best - self._mean(rest, seed, base)) / gap
+                order[one.name] = max(order[one.name], lost)
+        return sorted(self.differences, key=lambda one: -order[one.name])
+
+    def _is_rival(self, one: SetupDifference) -> bool:
+        """A single difference that may explain as well as the one that was found."""
+        return self.alone.get(one.name, 0.0) >= self.part - NEAR
+
+    def _mean(self, chosen: Chosen, seed: int, broken: float = 0.0) -> float:
+        scores = self._scores(chosen, seed, ALONE)
+        return broken if scores is None else float(scores.mean())
+
+    def _explains(self, chosen: Chosen, *, n: int) -> bool:
+        """It closes the part of the gap on searched seeds, and the good set-up isn't better."""
+        return self._judged(chosen, self.seeds[0], n)[1]
+
+    def _judged(self, chosen: Chosen, seed: int, n: int) -> tuple[float, bool]:
+        """The part of the gap that a set closes, and whether that explains it."""
+        base = self._scores((), seed, n)
+        best = self._scores(self.differences, seed, n)
+        arm = self._scores(chosen, seed, n)
+        if base is None or best is None or arm is None or best.mean() <= base.mean():
+            return 0.0, False
+        closed = float((arm.mean() - base.mean()) / (best.mean() - base.mean()))
+        is_less = paired_effect(arm, best, rng=self._rng()).low > 0
+        return closed, closed >= self.part and not is_less
+
+    def _confirmed(self, chosen: Chosen) -> tuple[SetupDifference, ...]:
+        """The set without what isn't needed on fresh seeds; empty where it doesn't explain."""
+        seed, left = self.seeds[1], list(chosen)
+        if not self._note(left).explains:
+            return ()
+        for one in list(left):
+            rest = [each for each in left if each is not one]
+            if (
+                rest
+                and not self._effect(rest, left, seed, CONFIRM).low > 0
+                and (self._note(rest).explains)
+            ):
+                left = rest
+        return tuple(one for one in self.differences if one in left)
+
+    def _note(self, chosen: Chosen) -> TriedSet:
+        """A set on the seeds that the answer is given on."""
+        seed = self.seeds[1]
+        closed, explains = self._judged(chosen, seed, CONFIRM)
+        effect = self._effect((), chosen, seed, CONFIRM)
+        p = holm([effect.p, *[1.0] * (len(self.tried) - 1)])[0]
+        found = TriedSet(
+            tuple(one.name for one in chosen), effect, p, closed, explains and p < ALPHA
+        )
+        self.confirmed = [x for x in self.confirmed if x.names != found.names] + [found]
+        return found
+
+    def _effect(self, one: Chosen, two: Chosen, seed: int, n: int) -> PairedEffect:
+        base, arm = self._scores(one, seed, n), self._scores(two, seed, n)
+        if base is None or arm is None:
+            return PairedEffect(0.0, -1.0, 1.0, 1.0, n)
+        return paired_effect(base, arm, rng=self._rng())
+
+    def _scores(self, chosen: Chosen, seed: int, n: int) -> Scores | None:
+        """Scores of the bad set-up with some differences taken over; None: it can't be played.
+
+        Raises:
+            Spent: the budget doesn't reach.
+        """
+        arm, setup = self._arm(chosen)
+        if arm not in (BAD, GOOD):
+            self.tried.add(arm)
+        new = sum((arm, seed, k) not in self.runner.used for k in range(n))
+        if len(self.runner.used) + new > self.budget:
+            raise Spent
+        if arm not in self.runner.broken:
+            try:
+                self.runner.play([ArmOrder(arm, setup, seed, range(n))])
+            except GamekeeperError as error:
+                if arm in (BAD, GOOD):
+                    raise
+                self.runner.broken[arm] = str(error)
+        if arm in self.runner.broken:
+            return None
+        return np.array([self.score(x) for x in self.runner.of(arm, seed, range(n))], np.float64)
+
+    def _arm(self, chosen: Chosen) -> tuple[str, Setup]:
+        mine = [one for one in self.differences if one in chosen]
+        if not mine:
+            return BAD, self.bad
+        if len(mine) == len(self.differences):
+            return GOOD, self.good
+        return f"as in the good run: {names_of(mine)}", taken_over(self.bad, self.good, mine)
+
+    @staticmethod
+    def _rng() -> Any:
+        return np.random.default_rng(13)
