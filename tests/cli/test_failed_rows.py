@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from gamekeeper.auditing.recorded import failed_rows
+from gamekeeper.auditing.recorded import failed_rows, masked_actions
 from gamekeeper.runs.load_run import load
 from gamekeeper.viewing.report_file import report
 from tests.cli.lines import LINE, document, said
@@ -44,3 +44,27 @@ def test_no_row_of_a_long_run_is_judged_beyond_its_bound(
     assert code == 0, err
     monkeypatch.setattr("gamekeeper.auditing.recorded.MOST_ROWS", 3)
     assert failed_rows(load(run)) == ()
+
+
+def test_actions_against_the_mask_are_counted(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A policy that minds no mask is told so, agent by agent; one that does isn't."""
+    careless, careful = tmp_path / "careless", tmp_path / "careful"
+    (tmp_path / "stubborn.py").write_text(STUBBORN, encoding="utf-8")
+    policy = f"{tmp_path}/stubborn.py:last"
+    code, out, err = said(
+        capfd, "rollout", TICTACTOE, "--episodes", 3, "--policy", policy, "--out", careless
+    )
+    assert code == 0, err
+    assert "Actions that their mask forbids (of the policies)\n  player_2  3 of 3" in out
+    assert masked_actions(load(careless)) == {"player_2": (3, 3)}
+    code, out, err = said(capfd, "rollout", TICTACTOE, "--episodes", 3, "--out", careful)
+    assert (code, "their mask" in out) == (0, False), err
+
+
+TICTACTOE = "classic/tictactoe_v3"
+STUBBORN = """
+def last(observation, agent, info, rng):
+    return 8
+"""

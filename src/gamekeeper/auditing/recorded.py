@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Final
+
+import numpy as np
+from gymnasium.spaces import Discrete
 
 from gamekeeper.auditing.gather import ROLLOUT
 from gamekeeper.auditing.judge import Judged, judge, verdict_of
@@ -91,11 +95,38 @@ def audit_run(
 
 
 def failed_rows(evidence: Evidence) -> tuple[Verdict, ...]:
-    """Failed verdicts, not of low severity, on the rows of a run's first episodes.
+    """Failed verdicts, not of low severity, on the rows of a run's first episodes."""
+    episodes = _first_episodes(evidence)
+    recorded = _recorded(evidence, evidence.contract, episodes)
+    checked = (check for check in selected().values() if _reads_rows(check) and episodes)
+    verdicts = (_verdict(check, evidence.contract, recorded) for check in checked)
+    return tuple(each for each in verdicts if each.outcome == "failed" and each.severity != LOW)
 
-    Whole episodes are judged, as long as they have MOST_ROWS agent steps together; none of a run
-    that keeps no observations.
+
+def masked_actions(evidence: Evidence) -> dict[str, tuple[int, int]]:
+    """Actions of each agent that its mask forbids, and all that had a mask, where any is forbidden.
+
+    Those of the first episodes, with Discrete action spaces: a fault of the policies, which an
+    environment need not tell.
     """
+    agents = _agents(evidence, evidence.contract)
+    forbidden: Counter[str] = Counter()
+    masked: Counter[str] = Counter()
+    for turn in (turn for each in _first_episodes(evidence) for turn in each.turns):
+        for name, mask in turn.masks.items():
+            space = agents[name].action_space if name in agents else None
+            action = turn.actions.get(name)
+            flags = np.asarray(mask)
+            if not isinstance(space, Discrete) or action is None or flags.shape != (space.n,):
+                continue
+            place = int(action) - int(space.start)
+            masked[name] += 1
+            forbidden[name] += bool(flags.any() and 0 <= place < space.n and not flags[place])
+    return {name: (count, masked[name]) for name, count in forbidden.items() if count}
+
+
+def _first_episodes(evidence: Evidence) -> list[Episode]:
+    """The first whole episodes, of MOST_ROWS agent steps; none without observations."""
     episodes: list[Episode] = []
     left = MOST_ROWS
     for each in evidence.episodes if evidence.manifest.get("level") == FULL else ():
@@ -104,10 +135,7 @@ def failed_rows(evidence: Evidence) -> tuple[Verdict, ...]:
             break
         each.keep_turns()  # many checks read them
         episodes.append(each)
-    recorded = _recorded(evidence, evidence.contract, episodes)
-    checked = (check for check in selected().values() if _reads_rows(check) and episodes)
-    verdicts = (_verdict(check, evidence.contract, recorded) for check in checked)
-    return tuple(each for each in verdicts if each.outcome == "failed" and each.severity != LOW)
+    return episodes
 
 
 def _reads_rows(check: Check) -> bool:

@@ -147,13 +147,16 @@ def show_failed_rows(
     screen: Screen, evidence: Evidence, *, known: Collection[str] = ()
 ) -> list[dict[str, Any]]:
     """Shows the rules that the rows of a run break, but for `known` ids; returns their verdicts."""
-    from gamekeeper.auditing.recorded import failed_rows
-    from gamekeeper.reporting.audit_text import rows_text
+    from gamekeeper.auditing.recorded import failed_rows, masked_actions
+    from gamekeeper.reporting.audit_text import masked_text, rows_text
 
     verdicts = [each.to_json() for each in failed_rows(evidence) if each.id not in known]
     if verdicts:
         run = shlex.quote(str(evidence.path))
         screen.show(f"\n{rows_text(verdicts, run, width=screen.width)}")
+    masked = masked_text(masked_actions(evidence), width=screen.width)
+    if masked:
+        screen.show(f"\n{masked}")
     return verdicts
 
 

@@ -118,6 +118,12 @@ def rows_text(verdicts: Sequence[Document], run: str, *, width: int) -> str:
     return _section("Rules that the recorded rows break", rows, width)
 
 
+def masked_text(masked: Mapping[str, tuple[int, int]], *, width: int) -> str:
+    """Actions that the mask forbids, by agent; empty where there are none."""
+    rows = [(name, f"{count:,} of {of:,}") for name, (count, of) in masked.items()]
+    return _section("Actions that their mask forbids (of the policies)", rows, width)
+
+
 def suspected_text(audit: Document, *, width: int) -> str:
     """Checks with a failed case that their reproducer doesn't show: place, value and reason."""
     rows = []
