@@ -364,6 +364,19 @@ def test_example_runs(monkeypatch: Any, capsys: pytest.CaptureFixture[str]) -> N
     assert line["result"] > 0.0
 
 
+@pytest.mark.parametrize("way", ["dict", "image"])
+def test_own_example_runs(way: str, monkeypatch: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    """Saved, loaded, learnt on, recorded, replayed; a few steps teach it nothing yet."""
+    from examples.sb3_own import main
+
+    monkeypatch.setattr("sys.argv", ["sb3_own.py", "--quick", "--way", way])
+    assert main() == 0
+    line = json.loads(capsys.readouterr().out)
+    assert line["replayed"]
+    low, high = line["interval"]
+    assert low < line["result"] < high
+
+
 BROKEN = '''
 import numpy as np
 from gymnasium.spaces import Box, Discrete
