@@ -35,9 +35,10 @@ intersphinx_mapping = {
 }
 
 LINK = re.compile(r"\[([^\]]+)\]\(([\w./-]+)\.md[)#]")
-HEADING = re.compile(r"^(##+) (.+)$", re.M)
 HOMES = {"checks/index": "checks/GK", "zoo": "findings/"}
 """Pages whose side bar lists a folder of their own: the folder, or how its pages' names begin."""
+ENTRIES = "All pages"
+"""The heading of the first page under which the entries of the side bar stand."""
 ANY_LINK = re.compile(r"\[([^\]]*)\]\(([\w./-]+)(#[\w-]*)?\)")
 
 
@@ -57,30 +58,27 @@ def within(app: Sphinx, page: str, text: list[str]) -> None:
 def with_contents(app: Sphinx, page: str, text: list[str]) -> None:
     """Adds what a browser's side bar is made of; pages that are read as files don't need it.
 
-    The first page lists every page that it links to, under the headings it has there and by the
-    link's text up to a colon.
+    The first page lists its entries, and each of these that has pages of its own the pages that it
+    links to, by the link's text up to a colon.
     """
+    entries = _links((HERE / "index.md").read_text(encoding="utf-8").partition(ENTRIES)[2])
     if page == "index":
-        listed: set[str] = set()
-        for caption, part in _parts(text[0]):
-            pages = {to: told for told, to in reversed(LINK.findall(part)) if to not in listed}
-            pages = {x: pages[x] for x in reversed(pages) if x in app.env.found_docs}
-            listed |= pages.keys()
-            text[0] += _toctree([f"{_short(pages[x])} </{x}>" for x in pages], caption)
+        text[0] += _toctree([f"{_short(title)} </{x}>" for x, title in entries.items()])
+    elif page in entries and "/" not in page:
+        pages = {x: title for x, title in _links(text[0]).items() if x in app.env.found_docs}
+        others = [x for x in pages if x not in entries]
+        text[0] += _toctree([f"{_short(pages[x])} </{x}>" for x in others])
     elif page in HOMES:
         pages = sorted(x for x in app.env.found_docs if x.startswith(HOMES[page]))
         text[0] += _toctree([f"/{x}" for x in pages])
 
 
-def _parts(text: str) -> list[tuple[str, str]]:
-    """What stands under each heading; a heading of the third level is named with its parent."""
-    found, parent = list(HEADING.finditer(text)), ""
-    parts = []
-    for each, after in zip(found, [*found[1:], None], strict=True):
-        parent = each[2] if len(each[1]) == 2 else parent
-        caption = parent if len(each[1]) == 2 else f"{parent}: {each[2].lower()}"
-        parts.append((caption, text[each.end() : after.start() if after else len(text)]))
-    return parts
+def _links(text: str) -> dict[str, str]:
+    """The pages that a text links to, each with the words of its first link."""
+    found: dict[str, str] = {}
+    for title, to in LINK.findall(text):
+        found.setdefault(to, title)
+    return found
 
 
 def _short(title: str) -> str:
@@ -89,11 +87,10 @@ def _short(title: str) -> str:
     return title[:1].upper() + title[1:] if " " in title and "_" not in title else title
 
 
-def _toctree(pages: list[str], caption: str = "") -> str:
+def _toctree(pages: list[str]) -> str:
     if not pages:
         return ""
-    told = [f":caption: {caption}"] if caption else []
-    return "\n".join(["", "```{toctree}", ":hidden:", *told, "", *pages, "```", ""])
+    return "\n".join(["", "```{toctree}", ":hidden:", "", *pages, "```", ""])
 
 
 def in_rest(app: Sphinx, *about: object) -> None:

@@ -11,6 +11,7 @@ from tests.surface.sources import ROOT, kept_files
 TEXTS = sorted(path for path in kept_files() if path.suffix == ".md")
 NOTES = sorted((ROOT / "docs" / "decisions").glob("[0-9]*.md"))
 NOTE_LINES = 40
+MOST_ENTRIES = 12
 MADE = {ROOT / "docs" / "checks" / f"{name}.md" for name in ("index", *checks())}
 """Pages that git doesn't keep."""
 LINK = re.compile(r"\[[^\]]*\]\(([^)\s#]+)[^)]*\)")
@@ -39,18 +40,21 @@ def test_decision_note_is_whole_and_short(note: Path) -> None:
 
 
 def test_decision_notes_are_listed() -> None:
-    """Every note stands on the docs' first page, and no two have one number."""
-    index = (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    """Every note stands on the page of the project, and no two have one number."""
+    index = (ROOT / "docs" / "project.md").read_text(encoding="utf-8")
     assert [n.name for n in NOTES if f"decisions/{n.name}" not in index] == []
     assert len({n.name[:4] for n in NOTES}) == len(NOTES)
 
 
 def test_every_page_is_listed() -> None:
-    """Every page stands on the first page, or in a folder that one of its pages lists."""
+    """Every page stands on one of the side bar's entries, or in a folder that one of them lists."""
     docs = ROOT / "docs"
-    index = (docs / "index.md").read_text(encoding="utf-8")
+    index = (docs / "index.md").read_text(encoding="utf-8").partition("## All pages")[2]
+    entries = re.findall(r"^- \[[^\]]+\]\(([\w./-]+)\)", index, flags=re.M)
+    assert len(entries) <= MOST_ENTRIES
+    texts = index + "".join((docs / each).read_text(encoding="utf-8") for each in entries)
     pages = {str(page.relative_to(docs)) for page in TEXTS if page.is_relative_to(docs)}
-    listed = {x for x in pages if f"]({x})" in index or x.startswith("findings/")}
+    listed = {x for x in pages if f"]({x})" in texts or x.startswith("findings/")}
     assert pages - listed == {"index.md"}
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from html import escape
 from os import PathLike
 from pathlib import Path
+from typing import Final
 
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.plain_json import legible
@@ -17,10 +18,10 @@ from gamekeeper.reporting.page.page_html import render
 from gamekeeper.runs.load_run import load
 from gamekeeper.viewing.report_packer import Pictures
 
-FRAMES_BYTES = 4_000_000
+FRAMES_BYTES: Final = 4_000_000
 """Size of an episode's recorded frames."""
-KEY = "a"
-DIGITS = 12
+KEY: Final = "a"
+DIGITS: Final = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,10 +46,10 @@ class EpisodePlayer:
 
     def _repr_html_(self) -> str:
         """An `<iframe>` that holds the page; its script can't reach what stands around it."""
+        style = f"width:100%;height:{self.height}px;border:0"
         return (
-            f'<figure style="margin:0"><iframe title="Player of an episode" '
-            f'sandbox="allow-scripts" srcdoc="{escape(self.page)}" '
-            f'style="width:100%;height:{self.height}px;border:0">'
+            '<figure style="margin:0"><iframe title="Player of an episode" '
+            f'sandbox="allow-scripts" style="{style}" srcdoc="{escape(self.page)}">'
             f"</iframe><figcaption><small>{escape(self.caption)}</small></figcaption></figure>"
         )
 

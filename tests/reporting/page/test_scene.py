@@ -68,3 +68,20 @@ def test_scene_does_not_hold_for_other_arguments() -> None:
     """With an argument that it excludes nothing is drawn by it."""
     assert "scene" not in drawing_of("handover", reach=3)
     assert "scene" in drawing_of("handover")
+
+
+@pytest.mark.parametrize(("spec", "closed"), [("pursuit", "rock"), ("warehouse", "shelf")])
+def test_agents_stand_in_cells_that_are_open(spec: str, closed: str) -> None:
+    """Places and cells have one frame: rows aren't taken for columns."""
+    drawing = drawing_of(spec)
+    layer = drawing["scene"]["cells"][0]
+    number = next(int(each) for each, word in layer["values"].items() if word == closed)
+    shut = {cell for cell, value in enumerate(layer["base"]) if value == number}
+    cells = [
+        int(y * layer["columns"] + x)
+        for track in drawing["tracks"].values()
+        for _, x, y in track
+        if x is not None
+    ]
+    assert len(shut) > 0
+    assert not shut & set(cells)

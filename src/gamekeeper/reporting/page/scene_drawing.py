@@ -124,6 +124,8 @@ def _drawn(scene: Scene, sources: SceneSources) -> dict[str, Any]:
                 if body.source == "state":
                     raise
                 continue  # an agent that never came
+            if np.isnan(places).all():
+                continue
             tracks[agent] = _moves(turns, places)
             if carried is not None:
                 carries[agent] = _moves(turns, carried[:, None])
