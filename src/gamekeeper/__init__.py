@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from gamekeeper.interface.env_source import Env
     from gamekeeper.interface.tick_env import TickEnv
     from gamekeeper.interface.turn_env import TurnEnv
-    from gamekeeper.runs.claim_check import Reproduction, reproduce
+    from gamekeeper.runs.claim_check import CheckedClaim, reproduce
     from gamekeeper.runs.claim_pack import pack
     from gamekeeper.runs.comparison import Replay, diff, replay
     from gamekeeper.runs.expanding import expand
@@ -62,6 +62,7 @@ __all__ = [
     "ActionError",
     "Attribution",
     "AuditResult",
+    "CheckedClaim",
     "Contract",
     "ContractError",
     "DependencyError",
@@ -80,7 +81,6 @@ __all__ = [
     "Pivots",
     "PolicyError",
     "Replay",
-    "Reproduction",
     "ResponseTest",
     "Resumed",
     "RunError",
@@ -126,7 +126,7 @@ _HOMES: Final = {
     "Finding": "gamekeeper.checks.verdict",
     "Pivots": "gamekeeper.diagnosis.pivot_result",
     "Replay": "gamekeeper.runs.comparison",
-    "Reproduction": "gamekeeper.runs.claim_check",
+    "CheckedClaim": "gamekeeper.runs.claim_check",
     "ResponseTest": "gamekeeper.diagnosis.response_tests",
     "Resumed": "gamekeeper.runs.resuming",
     "TickEnv": "gamekeeper.interface.tick_env",

@@ -12,7 +12,7 @@ from gymnasium import spaces
 from gymnasium.spaces import Box, Dict, Discrete, MultiBinary, MultiDiscrete
 
 from gamekeeper.errors import ContractError
-from gamekeeper.interface.casting import Misfit, cast_to
+from gamekeeper.interface.casting import CastError, cast_to
 from gamekeeper.interface.tick_env import TickEnv
 from gamekeeper.interface.turn_env import TurnEnv
 
@@ -152,7 +152,7 @@ def test_other_values_are_of_their_space(space: Any, value: Any, expected: Any) 
 )
 def test_what_would_be_lost_is_refused(space: Any, value: Any, actual: str) -> None:
     """The error says what was found."""
-    with pytest.raises(Misfit) as caught:
+    with pytest.raises(CastError) as caught:
         cast_to(space)(value)
     assert actual == caught.value.actual
     assert caught.value.fix

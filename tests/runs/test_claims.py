@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from gamekeeper.errors import RunError
-from gamekeeper.runs.claim_check import Reproduction, reproduce
+from gamekeeper.runs.claim_check import CheckedClaim, reproduce
 from gamekeeper.runs.claim_pack import CLAIM, digest_of_bytes, pack
 from tests.runs.plays import played, write_env
 
@@ -49,7 +49,7 @@ def paying_more(text: bytes) -> bytes:
     return text.replace(b"float(actions.get(agent, 0))", b"float(actions.get(agent, 0)) + 0.5")
 
 
-def checked(tmp_path: Path, **options: Any) -> Reproduction:
+def checked(tmp_path: Path, **options: Any) -> CheckedClaim:
     """The claim, checked into a new folder."""
     return reproduce(tmp_path / "claim.zip", tmp_path / "unpacked", **options)
 

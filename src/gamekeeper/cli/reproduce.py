@@ -13,7 +13,7 @@ from gamekeeper.cli._options import SILENCE_S, ImportOption, ReopenOption, Timeo
 from gamekeeper.cli._screen import CommandResult, Screen
 
 if TYPE_CHECKING:
-    from gamekeeper.runs.claim_check import Reproduction
+    from gamekeeper.runs.claim_check import CheckedClaim
 
 ORDER: Final = 151
 MOST_SHOWN: Final = 20
@@ -63,7 +63,7 @@ def command(
     return CommandResult(found.to_json(), CODES[found.ok])
 
 
-def _show(screen: Screen, found: Reproduction) -> None:
+def _show(screen: Screen, found: CheckedClaim) -> None:
     from gamekeeper.reporting.results_text import divergence_text
     from gamekeeper.reporting.text_columns import column_lines
 

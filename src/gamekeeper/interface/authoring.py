@@ -25,7 +25,7 @@ from gymnasium.spaces import Dict, Space
 from gamekeeper.contract import Contract, Ending, Schedule
 from gamekeeper.errors import ActionError, ContractError, SpecError
 from gamekeeper.interface.author_calls import HORIZON, AuthorCalls, before_reset
-from gamekeeper.interface.casting import Cast, Casts, Misfit, cast_to, own
+from gamekeeper.interface.casting import Cast, CastError, Casts, cast_to, own
 from gamekeeper.interface.found_again import kept_arguments
 from gamekeeper.interface.legality import copied, judge, refused, tidy_mask
 from gamekeeper.interface.said_in_rules import named_in
@@ -487,7 +487,7 @@ class Authored(AuthorCalls):
         space = getattr(self, "state_space", None)
         try:
             return own(value) if space is None else cast_to(space)(value)
-        except Misfit as misfit:
+        except CastError as misfit:
             raise _unfit(misfit, "state()", method) from None
 
     def _masked(self, agent: Any, observation: Any) -> Any:
@@ -546,7 +546,7 @@ def _cast(seen: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
             cast = self._learn_cast(agent)
         try:
             return cast(value)
-        except Misfit as misfit:
+        except CastError as misfit:
             raise _unfit(misfit, f"observe({agent!r})", seen) from None
 
     return view
@@ -561,7 +561,7 @@ def _with_mask(view: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
     return masked
 
 
-def _unfit(misfit: Misfit, call: str, method: Callable[..., Any]) -> ContractError:
+def _unfit(misfit: CastError, call: str, method: Callable[..., Any]) -> ContractError:
     """Error about a value that its space has no form for; names the author's method and line."""
     code = getattr(method, "__code__", None)
     line = f" ({Path(code.co_filename).name}, line {code.co_firstlineno})" if code else ""

@@ -16,7 +16,7 @@ from gymnasium import spaces
 from gymnasium.spaces import GraphInstance
 
 Cast: TypeAlias = Callable[[Any], Any]
-"""From a value to a copy of it, of the type that a space says; raises a `Misfit`."""
+"""From a value to a copy of it, of the type that a space says; raises a `CastError`."""
 
 
 class Casts(dict[Any, Cast]):
@@ -32,7 +32,7 @@ _NUMBERS: Final = "biufc"
 _SHOWN: Final = 120  # characters of a value in an error
 
 
-class Misfit(Exception):  # noqa: N818  # never leaves this package: the caller names agent and line
+class CastError(Exception):
     """A value that its space has no exact form for."""
 
     def __init__(self, expected: str, actual: str, fix: str, path: str = "") -> None:
@@ -93,18 +93,18 @@ def _converted(value: Any, dtype: np.dtype[Any], shape: tuple[int, ...]) -> Any:
     try:
         found = np.asarray(value)
     except Exception:  # a ragged list, or an object that says no in its own way
-        raise Misfit(expected, described(value), _arrays(dtype)) from None
+        raise CastError(expected, described(value), _arrays(dtype)) from None
     if found.dtype.kind not in _NUMBERS:
-        raise Misfit(expected, described(value), _arrays(dtype))
+        raise CastError(expected, described(value), _arrays(dtype))
     if found.shape != shape:
         fix = f"return shape {shape}, or declare a space of shape {found.shape}"
-        raise Misfit(expected, f"shape {found.shape}", fix)
+        raise CastError(expected, f"shape {found.shape}", fix)
     with np.errstate(all="ignore"):  # what overflows isn't equal
         exact = found.astype(dtype)
         same = (exact == found) | ((exact != exact) & (found != found))
     if not same.all():
         first = found[~same][0] if found.ndim else found[()]
-        raise Misfit(
+        raise CastError(
             expected,
             f"{first.item()!r} of {found.dtype}, which {dtype} can't hold exactly",
             f"round it yourself: np.asarray(..., np.{dtype}), or declare the space's "
@@ -137,13 +137,13 @@ def _to_dict(space: spaces.Dict, without: str | None) -> Cast:
         if not isinstance(value, Mapping) or not least <= value.keys() <= parts.keys():
             seen = f"the keys {list(value)}" if isinstance(value, Mapping) else described(value)
             fix = f"return a dictionary with the keys {sorted(map(str, least))}"
-            raise Misfit(f"a dictionary with the keys {list(parts)}", seen, fix)
+            raise CastError(f"a dictionary with the keys {list(parts)}", seen, fix)
         found = {}
         for key, part in parts.items():
             if key in value:
                 try:
                     found[key] = part(value[key])
-                except Misfit as misfit:
+                except CastError as misfit:
                     misfit.path = f"[{key!r}]{misfit.path}"
                     raise
         return found
@@ -155,7 +155,7 @@ def _to_tuple(parts: list[Cast]) -> Cast:
     def cast(value: Any) -> Any:
         if not isinstance(value, tuple | list) or len(value) != len(parts):
             fix = f"return a tuple of {len(parts)}"
-            raise Misfit(f"a tuple of {len(parts)}", described(value), fix)
+            raise CastError(f"a tuple of {len(parts)}", described(value), fix)
         return tuple(_each(parts, value))
 
     return cast
@@ -167,7 +167,7 @@ def _each(casts: Any, values: Any) -> list[Any]:
     for place, (part, value) in enumerate(zip(casts, values, strict=True)):
         try:
             found.append(part(value))
-        except Misfit as misfit:
+        except CastError as misfit:
             misfit.path = f"[{place}]{misfit.path}"
             raise
     return found
@@ -176,7 +176,7 @@ def _each(casts: Any, values: Any) -> list[Any]:
 def _to_text(value: Any) -> Any:
     if isinstance(value, str):
         return value
-    raise Misfit("a text", described(value), "return a str")
+    raise CastError("a text", described(value), "return a str")
 
 
 def _to_sequence(space: spaces.Sequence) -> Cast:
@@ -186,7 +186,7 @@ def _to_sequence(space: spaces.Sequence) -> Cast:
 
     def cast(value: Any) -> Any:
         if not isinstance(value, tuple | list):
-            raise Misfit("a tuple", described(value), "return a tuple")
+            raise CastError("a tuple", described(value), "return a tuple")
         return tuple(_each([part] * len(value), value))
 
     return cast
@@ -196,7 +196,7 @@ def _to_graph(value: Any) -> Any:
     if isinstance(value, GraphInstance):
         return GraphInstance(*map(own, value))
     fix = "return a gymnasium.spaces.GraphInstance"
-    raise Misfit("a GraphInstance", described(value), fix)
+    raise CastError("a GraphInstance", described(value), fix)
 
 
 def described(value: object) -> str:

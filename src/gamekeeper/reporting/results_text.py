@@ -157,6 +157,15 @@ def divergence_text(
     return "\n".join([*lines, *table_lines(rows, width=width, most=whole)])
 
 
+def change_text(divergence: Divergence) -> str:
+    """A divergence on one line: `episode 2, turn 14, reward of picker_1: 1.0 → 0.0`."""
+    then, now = _values(divergence)
+    places = [f"episode {divergence.episode}"]
+    places += [] if divergence.turn is None else [f"turn {divergence.turn}"]
+    whose = "" if divergence.agent is None else f" of {divergence.agent}"
+    return one_line(f"{', '.join(places)}, {divergence.field_text}{whose}: {then} → {now}")
+
+
 def cause_text(cause: str | None, *, width: int) -> str:
     """The cause of a divergence; empty where it isn't known."""
     if not cause:

@@ -40,7 +40,7 @@ ABSENT: Final = "not installed"
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
+class ClaimDifference:
     """One thing that isn't here as it was claimed: `claimed` and `here`, as text."""
 
     name: str
@@ -49,7 +49,7 @@ class Difference:
 
 
 @dataclass(frozen=True, slots=True)
-class Figure:
+class ClaimFigure:
     """One figure of a run: as claimed, as the evidence has it, and whether the replay agrees.
 
     `ticked` is None where nothing was played again.
@@ -63,7 +63,7 @@ class Figure:
 
 
 @dataclass(frozen=True, slots=True)
-class Reproduction:
+class CheckedClaim:
     """Outcome of checking a claim.
 
     Attributes:
@@ -79,8 +79,8 @@ class Reproduction:
     claim: str
     digest: str
     damage: tuple[str, ...]
-    differs: tuple[Difference, ...]
-    figures: tuple[Figure, ...]
+    differs: tuple[ClaimDifference, ...]
+    figures: tuple[ClaimFigure, ...]
     replays: Mapping[str, Replay]
     reasons: Mapping[str, str]
 
@@ -112,7 +112,7 @@ def reproduce(
     env: str | None = None,
     allow_import: bool = False,
     timeout_s: float | None = SILENCE_S,
-) -> Reproduction:
+) -> CheckedClaim:
     """Unpacks a claim, says what differs here, plays its runs again and ticks each figure.
 
     Args:
@@ -129,7 +129,7 @@ def reproduce(
     damage = _unpack(Path(claim), place, document["files"])
     replays: dict[str, Replay] = {}
     reasons: dict[str, str] = {}
-    figures: list[Figure] = []
+    figures: list[ClaimFigure] = []
     for run in document["runs"]:
         name = str(run["name"])
         path = place / RUNS / name
@@ -137,7 +137,9 @@ def reproduce(
         try:
             damage += _damage_of(path, run)
             with _source_first(place / SOURCE if allow_import and env is None else None):
-                played = replay(path, env=chosen, allow_import=allow_import, timeout_s=timeout_s)
+                played = replay(
+                    path, env=chosen, allow_import=allow_import, timeout_s=timeout_s, explain=False
+                )
             replays[name] = played
             if played.reason is not None:
                 reasons[name] = played.reason
@@ -147,7 +149,7 @@ def reproduce(
             reasons[name] = str(error)
         figures += _figures(path, run, replays.get(name))
     differs = (*_other_packages(document), *_other_source(place, document, replays))
-    return Reproduction(
+    return CheckedClaim(
         str(claim), digest_of_bytes(text), tuple(damage), differs, tuple(figures), replays, reasons
     )
 
@@ -267,7 +269,7 @@ def _source_first(source: Path | None) -> Iterator[None]:
         yield
 
 
-def _figures(path: Path, run: Mapping[str, Any], played: Replay | None) -> list[Figure]:
+def _figures(path: Path, run: Mapping[str, Any], played: Replay | None) -> list[ClaimFigure]:
     """Each claimed figure beside the evidence's, ticked where the replay is verified."""
     try:
         with guarded(path):
@@ -280,11 +282,11 @@ def _figures(path: Path, run: Mapping[str, Any], played: Replay | None) -> list[
     for name, claimed in run["figures"].items():
         seen = recorded.get(name)
         ticked = verified if seen == claimed else False
-        found.append(Figure(str(run["name"]), str(name), claimed, seen, ticked))
+        found.append(ClaimFigure(str(run["name"]), str(name), claimed, seen, ticked))
     return found
 
 
-def _other_packages(document: Mapping[str, Any]) -> Iterator[Difference]:
+def _other_packages(document: Mapping[str, Any]) -> Iterator[ClaimDifference]:
     """Packages that the runs name and that have another version here; then all others."""
     here = {**installed_packages(), "python": platform.python_version()}
     named: dict[str, str] = {}
@@ -293,19 +295,19 @@ def _other_packages(document: Mapping[str, Any]) -> Iterator[Difference]:
     claimed = {**named, **{k: v for k, v in document["packages"].items() if k not in named}}
     for name, version in claimed.items():
         if here.get(name, ABSENT) != version:
-            yield Difference(name, str(version), here.get(name, ABSENT))
+            yield ClaimDifference(name, str(version), here.get(name, ABSENT))
 
 
 def _other_source(
     folder: Path, document: Mapping[str, Any], replays: Mapping[str, Replay]
-) -> Iterator[Difference]:
+) -> Iterator[ClaimDifference]:
     """Files of the claim's source that are others in the current folder, and sources as played."""
     for name, digest in document["files"].items():
         if name.startswith(f"{SOURCE}/"):
             beside = Path(name.partition("/")[2])
             if beside.is_file() and digest_of_bytes(beside.read_bytes()) != digest:
-                yield Difference(str(beside), "as packed", "another file in the current folder")
+                yield ClaimDifference(str(beside), "as packed", "another, in this folder")
     for run, played in replays.items():
         if "source" in played.versions:
             one, two = played.versions["source"]
-            yield Difference(f"source of {run}", str(one), str(two))
+            yield ClaimDifference(f"source of {run}", str(one), str(two))

@@ -156,7 +156,7 @@ def source_module(identity: Mapping[str, Any]) -> str:
 
 
 def _claim_of(folder: Path, name: str) -> dict[str, Any]:
-    """What is claimed of a run: its digests, environment and figures.
+    """Claim over a run: its digests, environment and figures.
 
     Raises:
         RunError: it is open or damaged.
@@ -208,7 +208,7 @@ def _source_of(evidence: Evidence) -> dict[str, bytes]:
 
 
 def _place(name: str, path: Path) -> str:
-    """Where a module lies in the source: `pkg.sub` in pkg/sub.py, a loaded file by its own name."""
+    """Place of a module in the source: `pkg.sub` in pkg/sub.py, a loaded file by its own name."""
     if name.startswith(FILE_MODULE):
         return path.name
     parts = name.replace(".", "/")

@@ -119,6 +119,7 @@ def replay(
     env: str | None = None,
     allow_import: bool = False,
     timeout_s: float | None = SILENCE_S,
+    explain: bool = True,
     on_message: Callable[[dict[str, Any]], None] | None = None,
 ) -> Replay:
     """Plays a recorded run again in a fresh process and compares every row.
@@ -133,6 +134,7 @@ def replay(
         allow_import: open what the evidence names even where it is a file or a module outside the
             installed packages, and run policies that it names.
         timeout_s: longest time without a turn.
+        explain: look for the cause of a divergence, which plays the episode a few times more.
         on_message: called with `{"episode", "episodes"}` as they are done.
     Raises:
         TrustError: the evidence names code that the user hasn't allowed to run.
@@ -164,6 +166,7 @@ def replay(
             tolerance=tolerance,
             policies=policies,
             env=env,
+            explain=explain,
         )
     return replace(replayed, consent=consent)
 
@@ -176,6 +179,7 @@ def _replayed(
     tolerance: float | None,
     policies: bool,
     env: str | None,
+    explain: bool,
 ) -> Replay:
     run = str(evidence.path)
     arguments = {"path": run, "tolerance": tolerance, "policies": policies, "env": env}
@@ -187,12 +191,12 @@ def _replayed(
         return Replay(run, False, None, evidence.fingerprint, None, reason)
     replayed = _from_json(outcome.value)
     where = replayed.divergence
-    if where is None or where.turn is None:
+    if where is not None and env is None and _identity(evidence).get("arguments") == ASSUMED:
+        return replace(replayed, divergence=None, reason=_unsure(evidence, where))
+    if where is None or where.turn is None or not explain:
         return replayed
     if policies and where.field == "action":
         return replace(replayed, cause="the policies chose otherwise, given the same observations")
-    if env is None and _identity(evidence).get("arguments") == ASSUMED:
-        return replace(replayed, divergence=None, reason=_unsure(evidence, where))
     cause = cause_of(evidence, where, env=env, changed=replayed.versions, timeout_s=timeout_s)
     return replace(replayed, cause=cause)
 
