@@ -127,3 +127,29 @@ def test_workers_record_the_same_small_run(tmp_path: Path) -> None:
     two = gk.rollout("tictactoe", episodes=3, out=tmp_path / "two", level="actions", workers=2)
     assert one.fingerprint == two.fingerprint
     assert one.fingerprint.startswith("actions:")
+
+
+def test_first_finished_episode_is_checked(tmp_path: Path) -> None:
+    """The manifest says what came out, and evidence shows it with the line that expands."""
+    small = gk.rollout("two_robot_line", episodes=2, out=tmp_path / "small", level="actions")
+    assert small.manifest["checked"] == {"episode": 0, "outcome": "passed", "why": None}
+    assert f"gamekeeper expand {tmp_path / 'small'} OUT" in str(small)
+
+
+def test_check_says_at_once_what_does_not_come_out_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An environment that no seed determines needs another level."""
+    edit = ("np.random.default_rng(seed)", "np.random.default_rng()")
+    small = played(tmp_path, edit, level="actions")
+    assert small.manifest["checked"]["outcome"] == "diverged"
+    assert "level full is needed" in capsys.readouterr().err
+
+
+def test_recorded_object_says_that_it_is_not_checked(tmp_path: Path) -> None:
+    """An object can't be made a second time."""
+    env = gk.record(gk.make("two_robot_line"), tmp_path / "run", level="actions")
+    env.reset(seed=1)
+    env.close()
+    assert gk.load(tmp_path / "run").manifest["checked"]["outcome"] == "not checked"
+    assert "not checked" in str(gk.load(tmp_path / "run"))
