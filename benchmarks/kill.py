@@ -12,7 +12,8 @@ Prints a JSON line; of a writer {"figure": "kill", "who", "kills", "opened", "re
 "replayed", "lost_ms_median", "lost_ms_max", "late": kills that lost anything older than 100 ms}.
 Exits 1 where anything wasn't as it should be.
 
-    python benchmarks/kill.py [--who writer] [--level full] [--kills 200] [--seed 0] [--cold] [--minutes M]
+    python benchmarks/kill.py [--who writer] [--level full] [--kills 200] [--seed 0] [--cold]
+        [--minutes M]
 """
 
 from __future__ import annotations

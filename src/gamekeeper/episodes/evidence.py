@@ -235,7 +235,7 @@ class Evidence:
 
     @property
     def kept_text(self) -> str:
-        """Sentences that say what a run of level `actions` lacks; empty for another level."""
+        """The level of a run of level `actions`, and the line that expands it; empty for another."""
         if self.manifest.get("level") != "actions":
             return ""
         checked = self.manifest.get("checked") or {}
@@ -244,7 +244,7 @@ class Evidence:
         if outcome == "not checked":
             told = f"{outcome}: {why}"
         return (
-            f"Level actions ({told}). Observations, infos and states: "
+            f"actions ({told}); for observations, infos and states: "
             f"gamekeeper expand {self.path or 'RUN'} OUT"
         )
 
@@ -252,7 +252,7 @@ class Evidence:
         where = "in memory" if self.path is None else str(self.path)
         name = self.manifest.get("environment", {}).get("name")
         alert = f"{self.not_whole}\n" if self.not_whole else ""
-        alert += f"{self.kept_text}\n" if self.kept_text else ""
+        alert += f"Level {self.kept_text}\n" if self.kept_text else ""
         return f"{self.episode_table.num_rows} episodes of {name} ({where})\n{alert}{self.summary}"
 
     def __repr__(self) -> str:
