@@ -12,7 +12,8 @@ Prints a JSON line; of a writer {"figure": "kill", "who", "kills", "opened", "re
 "replayed", "lost_ms_median", "lost_ms_max", "late": kills that lost anything older than 100 ms}.
 Exits 1 where anything wasn't as it should be.
 
-    python benchmarks/kill.py [--who writer] [--kills 200] [--seed 0] [--cold] [--minutes M]
+    python benchmarks/kill.py [--who writer] [--level full] [--kills 200] [--seed 0] [--cold]
+        [--minutes M]
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from gamekeeper.episodes.encoder import LEVELS
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.known_extent import env_steps
 from gamekeeper.interface.opening import open_env
@@ -106,7 +108,7 @@ from gamekeeper.runs.recording import record
 
 
 def play(log, run):
-    env = record(Logged(log), run)
+    env = record(Logged(log), run, level=sys.argv[1])
     for seed in range(10_000):
         env.reset(seed=seed)
         while env.agents:
@@ -139,6 +141,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--who", choices=["writer", *kill_apart.WHO], default="writer")
     parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--level", choices=LEVELS, default="full", help="of a writer's run")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--minutes", type=float, default=math.inf, help="not of a writer")
     parser.add_argument("--cold", action="store_true", help="workers begin as always")
@@ -156,25 +159,25 @@ def main() -> int:
             )
             print(json.dumps(figures))
             return 0 if is_whole else 1
-        with recorders(Path(folder)) as start:
+        with recorders(Path(folder), given.level) as start:
             found = [
                 killed(start, Path(folder), number, after_s=rng.uniform(EARLIEST_S, LATEST_S))
                 for number in range(given.kills)
             ]
-    print(json.dumps(figure(found)))
+    print(json.dumps({**figure(found), "level": given.level}))
     whole = all(each.is_opened and each.is_recovered and each.is_replayed for each in found)
     return 0 if whole and all(each.lost_ms <= BOUND_MS for each in found) else 1
 
 
 @contextmanager
-def recorders(folder: Path) -> Iterator[subprocess.Popen[str]]:
+def recorders(folder: Path, level: str) -> Iterator[subprocess.Popen[str]]:
     """A process that forks a recorder for every line (log, run) that it is given."""
     # pyarrow imports pandas where there is one, which takes longer than all the rest
     (folder / "pandas.py").write_text("raise ImportError", encoding="utf-8")
     (folder / "logged.py").write_text(textwrap.dedent(ENVIRONMENT), encoding="utf-8")
     path = os.pathsep.join([str(folder), *filter(None, sys.path)])
     with subprocess.Popen(
-        [sys.executable, "-c", RECORDERS],
+        [sys.executable, "-c", RECORDERS, level],
         env={**os.environ, "PYTHONPATH": path},
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,

@@ -81,4 +81,4 @@ def test_batch_beyond_two_gigabytes_is_refused() -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(arrow.np, "ascontiguousarray", lambda values: Huge())
         with pytest.raises(EvidenceError, match="more bytes"):
-            arrow._binary(rows)
+            arrow.binary_array(rows)

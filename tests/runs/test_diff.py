@@ -6,7 +6,7 @@ import pytest
 
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.divergence import Divergence
-from gamekeeper.errors import RunError
+from gamekeeper.errors import EvidenceError, RunError
 from gamekeeper.reporting.results_text import divergence_text
 from gamekeeper.runs.comparison import diff, different_set_ups
 from gamekeeper.runs.recording import rollout
@@ -18,19 +18,27 @@ def test_diff_of_equal_runs_is_none(tmp_path: Path) -> None:
     """Two recordings of one seed don't differ, nor does evidence in memory from one of them."""
     one = played(tmp_path, out="one")
     two = played(tmp_path, out="two")
+
+    assert one.fingerprint == two.fingerprint
+    assert diff(tmp_path / "one", tmp_path / "two") is None
+
+
+def test_diff_refuses_another_level(tmp_path: Path) -> None:
+    """Digests cover the same rows as values, and yet nothing is compared across levels."""
+    one = played(tmp_path, out="one")
     digests = played(tmp_path, out="three", level="digest")
 
-    assert one.fingerprint == two.fingerprint == digests.fingerprint
-    assert diff(tmp_path / "one", tmp_path / "two") is None
-    assert diff(one, tmp_path / "three") is None
+    assert one.fingerprint.removeprefix("full:") == digests.fingerprint.removeprefix("digest:")
+    with pytest.raises(EvidenceError, match="different levels"):
+        diff(one, tmp_path / "three")
 
 
 def test_diff_names_the_first_field(tmp_path: Path) -> None:
     """A reward that differs is found, from either side, and at the level of digests."""
     edit = ("float(actions.get(agent, 0))", "float(self.turn == 3)")
-    for level in ("full", "digest"):
+    for level in ("full", "digest", "actions"):
         one = played(tmp_path, out=f"{level} one", policies="first-legal", level=level)
-        two = played(tmp_path, edit, out=f"{level} two", policies="first-legal")
+        two = played(tmp_path, edit, out=f"{level} two", policies="first-legal", level=level)
         for found, values in ((diff(one, two), (0.0, 1.0)), (diff(two, one), (1.0, 0.0))):
             assert found is not None
             assert (found.episode, found.turn, found.agent, found.field) == (0, 2, "a", "reward")

@@ -323,7 +323,7 @@ def test_replay_of_digests_names_a_divergence(tmp_path: Path) -> None:
     digest = played(tmp_path, out="digests", level="digest")
     noise = ("self.rng.normal(size=3) for", "self.rng.normal(size=3) + 1e-9 for")
 
-    assert full.fingerprint == digest.fingerprint
+    assert full.fingerprint.partition(":")[2] == digest.fingerprint.partition(":")[2]
     assert not [name for name in digest.agent_steps.schema.names if name.startswith("obs")]
     assert replayed(tmp_path / "digests").verified
     found = replayed(tmp_path / "digests", noise).divergence

@@ -57,7 +57,7 @@ def test_verify_compares_with_a_digest_from_elsewhere(
     finalized: Path, name: str, digits: int
 ) -> None:
     """The first digits of the right one match, in capitals too; another doesn't, nor do too few."""
-    right = getattr(load(finalized), name)[:digits]
+    right = getattr(load(finalized), name).removeprefix("full:")[:digits]
     wrong = right[:-1] + ("0" if right[-1] != "0" else "1")
 
     assert verify(finalized, **{name: f" {right.upper()}...\n"}).ok
@@ -67,6 +67,14 @@ def test_verify_compares_with_a_digest_from_elsewhere(
     for nonsense in (right[:31], "", "x" * 64, "0" * 65):
         with pytest.raises(EvidenceError, match="this is no"):
             verify(finalized, **{name: nonsense})
+
+
+def test_verify_refuses_a_fingerprint_of_another_level(finalized: Path) -> None:
+    """A level in front of the digits is that of the run, or nothing is compared."""
+    right = load(finalized).fingerprint
+    assert verify(finalized, fingerprint=right).ok
+    with pytest.raises(EvidenceError, match="different levels"):
+        verify(finalized, fingerprint=right.replace("full", "actions"))
 
 
 def test_verify_wants_both_digests_to_match(finalized: Path) -> None:

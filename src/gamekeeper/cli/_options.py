@@ -109,6 +109,14 @@ LevelOption: TypeAlias = Annotated[
         "seeds, actions, rewards and flags, which `gamekeeper expand` plays again (actions).",
     ),
 ]
+CheckOption: TypeAlias = Annotated[
+    bool,
+    typer.Option(
+        "--check/--no-check",
+        help="At level actions, replay the first finished episode in a worker while recording goes "
+        "on, and say at once if it comes out otherwise.",
+    ),
+]
 FramesOption: TypeAlias = Annotated[
     bool,
     typer.Option(

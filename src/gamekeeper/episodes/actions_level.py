@@ -295,7 +295,7 @@ def kept_digests(block: Block) -> Bytes2:
 
 
 def _table(block: Block) -> Bytes2:
-    """What every row has, as bytes [rows, 36]; a number or flag that is absent by its own mark."""
+    """The fields that every row has, as bytes [rows, 36]; an absent one by a mark of its own."""
     count = len(block)
 
     def flag(raw: Raw) -> Bytes2:
@@ -317,7 +317,7 @@ def _table(block: Block) -> Bytes2:
 
 
 def _others(block: Block) -> Iterator[DigestField]:
-    """What only some rows have: actions, exceptions, undeclared values, digests of whole rows."""
+    """The fields of some rows: actions, exceptions, undeclared values, digests of whole rows."""
     for column, cells in sorted(block.values.values(), key=lambda each: each[0].tag):
         yield cells_digest_field(column.tag, column.leaf.dtype, column.leaf.shape, cells)
     for name, texts in (("raised", block.raised), ("nonconforming", block.nonconforming)):
@@ -341,7 +341,7 @@ class KeptDigest:
     _states: Any = field(default_factory=_new)
 
     def add_table(self, rows: Bytes2) -> None:
-        """Takes what every row has, of rows that follow those taken before."""
+        """Takes the fields of every row, of rows that follow those taken before."""
         self._rows.update(rows)
 
     def add_column(self, tag: str, cells: Bytes2) -> None:

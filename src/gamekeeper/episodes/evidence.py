@@ -280,10 +280,26 @@ class Evidence:
         """Sentence that says why the run is incomplete; empty where it is complete."""
         return NOT_WHOLE.get(str(self.manifest.get("status")), "")
 
+    @property
+    def kept_text(self) -> str:
+        """The level of a run of level `actions`, and the line that expands it; empty for another."""
+        if self.manifest.get("level") != "actions":
+            return ""
+        checked = self.manifest.get("checked") or {}
+        outcome, why = checked.get("outcome", "not checked"), checked.get("why")
+        told = f"replay of episode {checked.get('episode')} {outcome}"
+        if outcome == "not checked":
+            told = f"{outcome}: {why}"
+        return (
+            f"actions ({told}); for observations, infos and states: "
+            f"gamekeeper expand {self.path or 'RUN'} OUT"
+        )
+
     def __str__(self) -> str:
         where = "in memory" if self.path is None else str(self.path)
         name = self.manifest.get("environment", {}).get("name")
         alert = f"{self.not_whole}\n" if self.not_whole else ""
+        alert += f"Level {self.kept_text}\n" if self.kept_text else ""
         return f"{self.episode_table.num_rows} episodes of {name} ({where})\n{alert}{self.summary}"
 
     def __repr__(self) -> str:

@@ -190,7 +190,7 @@ def _moves_of(payloads: list[Any]) -> list[Move]:
 
 
 def _usual_row(index: int) -> tuple[Any, ...]:
-    """What a live agent was given at a usual turn, as a row."""
+    """The row of a live agent at a usual turn, as far as it was given something."""
     return index, OBSERVED, None, None, False, False, None, True, None
 
 

@@ -116,7 +116,7 @@ def origin_facts(evidence: Evidence) -> list[tuple[str, str]]:
     contract = "none" if manifest.get("contract") is None else evidence.contract.name or "unnamed"
     return [
         ("contract", contract),
-        ("level", str(manifest.get("level"))),
+        ("level", evidence.kept_text or str(manifest.get("level"))),
         ("seed", "none" if manifest.get("seed") is None else str(manifest["seed"])),
         ("versions", ", ".join(f"{name} {versions[name]}" for name in sorted(versions))),
         ("fingerprint", evidence.fingerprint or "none yet"),

@@ -33,7 +33,8 @@ class RolloutPlan:
         first: number of the first one, where they are a part of a run.
         seed: of the run.
         options: handed to every reset.
-        level: `full` or `digest`.
+        level: `full`, `digest` or `actions`.
+        check: replay the first finished episode of a run of level `actions` in a worker.
         frames: also render() once a turn.
         most_turns: longer episodes are cut; None: `MOST_TURNS`.
         contract: a contract, or the path of its file; None: the environment's own.
@@ -47,6 +48,7 @@ class RolloutPlan:
     seed: int = 0
     options: Mapping[str, Any] | None = None
     level: str = "full"
+    check: bool = True
     frames: bool = False
     most_turns: int | None = None
     contract: Contract | str | PathLike[str] | None = None

@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 import shutil
 import sys
+import time
 from collections.abc import Callable, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final
 
-from gamekeeper.episodes.divergence import Divergence, compare_chunks
+from gamekeeper.episodes.divergence import Comparison, Divergence, compare_chunks
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import DivergenceError, EvidenceError, GamekeeperError, RunError
 from gamekeeper.interface.recorded_env import game_of
@@ -19,9 +20,10 @@ from gamekeeper.rollouts.workers import run_task
 from gamekeeper.runs import own_runs
 from gamekeeper.runs.comparison import SILENCE_S, untellable
 from gamekeeper.runs.consent import consented, evidence_of
+from gamekeeper.runs.first_check import DIVERGED, NOT_CHECKED, PASSED
 from gamekeeper.runs.load_run import load
 from gamekeeper.runs.recorder import RunRecorder
-from gamekeeper.runs.replay_runner import check_named, opened_again, was_rendered
+from gamekeeper.runs.replay_runner import ReplayRunner, check_named, opened_again, was_rendered
 from gamekeeper.runs.worker_errors import error_fields, error_in
 
 TASK: Final = "gamekeeper.runs.expanding:expand_task"
@@ -181,7 +183,50 @@ def _cache() -> Path:
     return base / "gamekeeper" / "expanded"
 
 
-# -- in the fresh process
+# -- in the fresh process: one episode of a run that is still being recorded, or all of a run
+
+WRITTEN_S: Final = 5.0
+"""Longest time until the end of an episode that was played is on the disk."""
+POLL_S: Final = 0.05
+
+
+def check_task(report: Callable[..., None], *, path: str, episode: int) -> dict[str, Any]:
+    """Replays an episode of a run that may still be open, and compares it."""
+    evidence = _with_end(path, episode, report)
+    if evidence is None:
+        return {"outcome": NOT_CHECKED, "why": "its end was not written in time"}
+    reason = untellable(evidence, env=None, policies=False)
+    if reason is not None:
+        return {"outcome": NOT_CHECKED, "why": reason}
+    try:
+        runner = ReplayRunner(evidence, opened_again(evidence, None), after_turn=report)
+        header = evidence.header(episode)
+        both = Comparison(evidence.extent(header), volatile=evidence.contract.volatile_infos())
+        try:
+            runner.play(header, look=both.look)
+            both.ends()
+        finally:
+            runner.close()
+    except GamekeeperError as error:
+        return {"outcome": NOT_CHECKED, "why": error.what}
+    if both.divergence is not None:
+        return {"outcome": DIVERGED, "why": str(both.divergence)}
+    return {"outcome": PASSED, "why": None}
+
+
+def _with_end(path: str, episode: int, report: Callable[..., None]) -> Evidence | None:
+    """The run, once the end of the episode is in it; None where that takes too long."""
+    last_s = time.monotonic() + WRITTEN_S
+    while time.monotonic() < last_s:
+        evidence = load(path, check=False)
+        try:
+            if evidence.header(episode)["end"] is not None:
+                return evidence
+        except KeyError:
+            pass
+        report()
+        time.sleep(POLL_S)
+    return None
 
 
 class _Unframed(RunRecorder):

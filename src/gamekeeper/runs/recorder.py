@@ -167,6 +167,10 @@ class RunRecorder:
         """The folder of the run."""
         return self._store.path
 
+    def say_in_manifest(self, **entries: Any) -> None:
+        """Adds entries to the manifest that finalizes the run."""
+        self._facts["extra"] = {**(self._facts["extra"] or {}), **entries}
+
     # -- on the step path
 
     def keep_up(self) -> None:

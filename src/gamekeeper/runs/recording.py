@@ -25,11 +25,13 @@ from gamekeeper.interface.recorded_env import face_of, game_of
 from gamekeeper.rollouts.episode_loop import play
 from gamekeeper.rollouts.memory import MemorySink
 from gamekeeper.rollouts.rollout_plan import MOST_TURNS, RolloutPlan
+from gamekeeper.runs.first_check import FirstCheck, unchecked
 from gamekeeper.runs.load_run import load
 from gamekeeper.runs.recorder import RunRecorder, record_many, require_pillow
 
 # -- Environments whose frames are recorded: opened with a render mode, or refused in time
 
+SMALL: Final = "actions"
 PICTURES: Final = "rgb_array"
 MODES: Final = (PICTURES, "ansi")
 """Render modes that give something to keep, the better first."""
@@ -137,7 +139,8 @@ def record(
         env: a ParallelEnv or AECEnv; or a vector environment of ours that wasn't reset yet, which
             is recorded copy by copy into one run, its episodes in their order.
         path: a folder that doesn't exist yet, or is empty.
-        level: "full", or "digest": digests of rows in place of observations, the same fingerprint.
+        level: "full"; "digest": digests of rows in place of observations; "actions": seeds,
+            actions, rewards and flags, which `expand` plays again into full evidence.
         contract: declares reward terms, noops and volatile infos; a path is read.
         frames: also render() once a turn, into `frames/`.
         state: also state() once a turn, where the environment has it and it draws no randomness.
@@ -151,7 +154,12 @@ def record(
     opened = open_env(env)
     declared = declared_contract(contract, opened)
     recorder = RunRecorder(
-        path, environment=opened.identity, contract=declared, level=level, **_declared(declared)
+        path,
+        environment=opened.identity,
+        contract=declared,
+        level=level,
+        extra=_first_entry(level, "gk.record can't make the environment a second time"),
+        **_declared(declared),
     )
     game = game_of(opened.env, sink=recorder, frames=frames, state=state)
     recorder.at_end = game.end_episode
@@ -167,6 +175,7 @@ def rollout(
     seed: int = 0,
     out: str | PathLike[str] | None = None,
     level: str = "full",
+    check: bool = True,
     contract: Contract | str | PathLike[str] | None = None,
     options: Mapping[str, Any] | None = None,
     most_turns: int | None = None,
@@ -188,7 +197,10 @@ def rollout(
         episodes: how many.
         first: number of the first one, where they are a part of a run.
         seed: of the run.
-        out: the folder of a run; None keeps the evidence in memory.
+        out: the folder of a run; None keeps the evidence in memory, in full.
+        level: "full", "digest" or "actions", as in `record`.
+        check: at level "actions", replay the first finished episode in a worker meanwhile; where
+            it doesn't come out again, that is said at once, and the manifest says it.
         frames: also render() once a turn, into `frames/`; `render_mode` is chosen where it isn't
             among `env_kwargs`.
         most_turns: longer episodes are cut; None: 100,000.
@@ -214,6 +226,7 @@ def rollout(
         first=first,
         seed=seed,
         level=level,
+        check=check,
         contract=contract,
         options=options,
         most_turns=most_turns,
@@ -281,6 +294,7 @@ def record_rollout(
                 level=plan.level,
                 run_seed=plan.seed,
                 durable=durable,
+                extra=_first_entry(plan.level, "no episode ended by itself"),
                 **_declared(declared),
             )
     except BaseException:
@@ -313,6 +327,15 @@ def _play(
 
     In this order: if closing the environment hangs, or ends the process, no row is lost.
     """
+    checks: list[FirstCheck] = []
+    small = sink if isinstance(sink, RunRecorder) and sink.level == SMALL else None
+
+    def take_episode(done: int) -> None:
+        is_first = not (plan.first or checks or game.to_move)
+        if small is not None and plan.check and is_first:
+            checks.append(FirstCheck(str(small.path), game.episode))
+        if progress.after_episode is not None:
+            progress.after_episode(done)
 
     def take_turn() -> None:
         ending.take_turn()
@@ -329,7 +352,7 @@ def _play(
                 options=plan.options,
                 most_turns=MOST_TURNS if plan.most_turns is None else plan.most_turns,
                 after_turn=take_turn,
-                after_episode=progress.after_episode,
+                after_episode=take_episode,
             )
         except (GamekeeperError, KeyboardInterrupt):
             raise
@@ -340,11 +363,18 @@ def _play(
             game.end_episode()
     finally:
         try:
+            if small is not None and checks:
+                small.say_in_manifest(checked=checks[0].result())
             if isinstance(sink, RunRecorder):
                 with progress.while_finalizing():
                     sink.close()
         finally:
             game.close()
+
+
+def _first_entry(level: str, why: str) -> dict[str, Any]:
+    """Entry of the manifest of a small run until an episode of it has been checked."""
+    return {"checked": unchecked(why)} if level == SMALL else {}
 
 
 def _declared(contract: Contract | None) -> dict[str, Any]:

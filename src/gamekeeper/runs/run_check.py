@@ -16,7 +16,7 @@ import pyarrow as pa
 from gamekeeper.episodes.actions_level import KeptDigest, add_kept
 from gamekeeper.episodes.arrow import blocks_of
 from gamekeeper.episodes.digest import EpisodeDigest, episode_header, state_digests
-from gamekeeper.episodes.encoder import EPISODES, KEPT, add_infos, by_episode
+from gamekeeper.episodes.encoder import EPISODES, KEPT, LEVELS, add_infos, by_episode
 from gamekeeper.episodes.episode import digests_of, states_of_table
 from gamekeeper.episodes.evidence import Evidence, fingerprints
 from gamekeeper.episodes.known_extent import env_steps
@@ -36,8 +36,8 @@ from gamekeeper.runs.load_run import load
 
 # -- Verifies that no byte of a run changed, and that its rows digest to its fingerprint
 
-DIGITS: Final = re.compile(r"[0-9a-f]{32,64}")
-"""Digits of a digest that is given: so many of its first that they can't be forged, or all."""
+DIGITS: Final = re.compile(rf"(?:({'|'.join(LEVELS)}):)?([0-9a-f]{{32,64}})")
+"""Level of a fingerprint and digits: so many of the first that they can't be forged, or all."""
 NOTHING_GIVEN: Final = (
     "not checked: that this is the run that you mean; whoever made it can make all its digests "
     "fit. --root X compares it with a root digest that you got another way"
@@ -131,11 +131,15 @@ def verify(
         fingerprint: expected fingerprint; the same. It covers less than the root digest.
     Raises:
         RunError: there is no run.
-        EvidenceError: a text that is given is no digest.
+        EvidenceError: a text that is given is no digest, or a fingerprint of another level.
     """
     root, fingerprint = _digits("root", root), _digits("fingerprint", fingerprint)
     found = _looked_at(Path(path))
-    given = [(root, found.root), (fingerprint, found.fingerprint)]
+    level, _, digits_again = (found.fingerprint or "").partition(":")
+    if fingerprint is not None and ":" in fingerprint:
+        asked, _, fingerprint = fingerprint.partition(":")
+        _check_same_level(path, asked, level)
+    given = [(root, found.root), (fingerprint, digits_again)]
     matched = [(seen or "").startswith(digits) for digits, seen in given if digits is not None]
     return replace(
         found,
@@ -250,7 +254,8 @@ def _digits(option: str, given: str | None) -> str | None:
     if given is None:
         return None
     digits = given.strip().rstrip(".…").lower()
-    if DIGITS.fullmatch(digits):
+    found = DIGITS.fullmatch(digits)
+    if found is not None and (option == "fingerprint" or found[1] is None):
         return digits
     raise EvidenceError(
         f"this is no {'root digest' if option == 'root' else option}",
@@ -259,6 +264,18 @@ def _digits(option: str, given: str | None) -> str | None:
         actual=repr(given[:80]),
         fix="copy it from where the run was announced; `gamekeeper show RUN` says it too",
     )
+
+
+def _check_same_level(path: object, asked: str, level: str) -> None:
+    """Raises where a fingerprint is of another level than the run: they cover different things."""
+    if level and asked != level:
+        raise EvidenceError(
+            "fingerprints of different levels aren't compared",
+            where=str(path),
+            expected=f"a fingerprint {level}:...",
+            actual=f"{asked}:...",
+            fix="gamekeeper expand RUN OUT makes a full run of a smaller one",
+        )
 
 
 # -- Finalizes a run that was killed, with the longest prefix of whole turns

@@ -185,6 +185,8 @@ def _alerts(run: ShownRun) -> Iterator[str]:
     if run.evidence.not_whole:
         where = f"Run {run.key} ({run.name}), when this page was written."
         yield f"{where} {run.evidence.not_whole}{recover * is_open}"
+    if run.evidence.kept_text:
+        yield f"Run {run.key} ({run.name}) is of level {run.evidence.kept_text}"
     cut = [
         f"episode {header['episode']} {_stopped(run.evidence, header)}"
         for header in run.figures.headers

@@ -1,0 +1,155 @@
+"""Level `actions`: small runs keep what full runs say, and expand into them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import gamekeeper as gk
+from gamekeeper.episodes.actions_level import EVERY
+from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.errors import DivergenceError, EvidenceError
+from gamekeeper.runs.expanding import expand, whole_evidence
+from gamekeeper.runs.run_check import verify
+from tests.runs.plays import played
+
+TASKS = ("two_robot_line", "aec:two_robot_line", "tictactoe", "aec:warehouse")
+
+
+def recorded(spec: str, folder: Path, **settings: Any) -> tuple[Evidence, Evidence]:
+    """The same rollout in full and at level `actions`."""
+    full = gk.rollout(spec, episodes=2, most_turns=150, out=folder / "full", **settings)
+    small = gk.rollout(
+        spec, episodes=2, most_turns=150, out=folder / "small", level="actions", **settings
+    )
+    return full, small
+
+
+@pytest.mark.parametrize("spec", TASKS)
+def test_small_run_keeps_what_follows_from_the_full_one(spec: str, tmp_path: Path) -> None:
+    """Every column that is kept, row by row, whichever way the turn was taken down."""
+    full, small = recorded(spec, tmp_path)
+
+    assert verify(tmp_path / "small").ok
+    for one, whole in zip(small.episodes, full.episodes, strict=True):
+        kept = whole.kept()
+        assert {name: kept.steps[name].to_pylist() for name in kept.steps.schema.names} == {
+            name: one.steps[name].to_pylist() for name in one.steps.schema.names
+        }
+        turns = zip(one.steps["turn"].to_pylist(), one.steps["digest"].to_pylist(), strict=True)
+        assert all(digest is not None for turn, digest in turns if turn % EVERY == 0)
+        assert not [name for name in one.steps.schema.names if name.startswith("obs.")]
+
+
+@pytest.mark.parametrize("spec", ["two_robot_line", "aec:warehouse"])
+def test_expanded_run_has_the_fingerprint_of_the_full_one(spec: str, tmp_path: Path) -> None:
+    """Both fingerprints; the manifest says what isn't restored, and nothing is timed."""
+    full, _ = recorded(spec, tmp_path)
+
+    whole = expand(tmp_path / "small", tmp_path / "whole")
+
+    assert whole.fingerprint == full.fingerprint
+    assert whole.manifest["info_fingerprint"] == full.manifest["info_fingerprint"]
+    assert "timings" in whole.manifest["expanded"]["not_restored"]
+    assert whole.timings is None
+    assert verify(tmp_path / "whole").ok
+
+
+def test_expanding_stops_at_the_first_difference(tmp_path: Path) -> None:
+    """A reward that comes out otherwise is a divergence, and no run is left."""
+    played(tmp_path, level="actions", policies="first-legal")
+    source = tmp_path / "walks.py"
+    changed = source.read_text().replace("float(actions.get(agent, 0))", "float(self.turn == 3)")
+    source.write_text(changed)
+
+    with pytest.raises(DivergenceError, match="came out otherwise") as caught:
+        expand(tmp_path / "run", tmp_path / "whole", allow_import=True)
+
+    assert (caught.value.divergence.turn, caught.value.divergence.field) == (2, "reward")
+    assert not (tmp_path / "whole").exists()
+
+
+def test_expanding_finds_a_witness_that_differs(tmp_path: Path) -> None:
+    """An observation that comes out otherwise at the reset, though no reward shows it."""
+    played(tmp_path, level="actions")
+    source = tmp_path / "walks.py"
+    noise = ("self.rng.normal(size=3) for", "self.rng.normal(size=3) + 1e-9 for")
+    source.write_text(source.read_text().replace(*noise))
+
+    with pytest.raises(DivergenceError) as caught:
+        expand(tmp_path / "run", tmp_path / "whole", allow_import=True)
+
+    assert (caught.value.divergence.turn, caught.value.divergence.field) == (0, "digest")
+
+
+def test_full_run_is_not_expanded(tmp_path: Path) -> None:
+    """There is nothing to expand."""
+    gk.rollout("two_robot_line", episodes=1, out=tmp_path / "run")
+    with pytest.raises(EvidenceError, match="nothing to expand"):
+        expand(tmp_path / "run", tmp_path / "whole")
+
+
+def test_recorded_environment_of_the_user_expands(tmp_path: Path) -> None:
+    """A loop of the user's, which leaves out an observation and cuts an episode."""
+    runs = {}
+    for level in ("full", "actions"):
+        env = gk.record(gk.make("aec:two_robot_line"), tmp_path / level, level=level)
+        for seed in (1, 2):
+            env.reset(seed=seed)
+            for turn in range(5):
+                _, _, terminated, truncated, _ = env.last(observe=turn != 2)
+                env.step(None if terminated or truncated else 0)
+                if not env.agents:
+                    break
+        env.close()
+        runs[level] = gk.load(tmp_path / level)
+    whole = expand(tmp_path / "actions", tmp_path / "whole", env="aec:two_robot_line")
+    assert whole.fingerprint == runs["full"].fingerprint
+
+
+def test_whole_evidence_is_kept_in_the_cache(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A small run is expanded once; a full one is what it is."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    full, small = recorded("two_robot_line", tmp_path)
+    assert whole_evidence(full) is full
+    whole = whole_evidence(small)
+    assert whole.fingerprint == full.fingerprint
+    assert whole_evidence(tmp_path / "small").root == whole.root
+
+
+def test_workers_record_the_same_small_run(tmp_path: Path) -> None:
+    """The fingerprint doesn't depend on which process played an episode."""
+    one = gk.rollout("tictactoe", episodes=3, out=tmp_path / "one", level="actions")
+    two = gk.rollout("tictactoe", episodes=3, out=tmp_path / "two", level="actions", workers=2)
+    assert one.fingerprint == two.fingerprint
+    assert one.fingerprint.startswith("actions:")
+
+
+def test_first_finished_episode_is_checked(tmp_path: Path) -> None:
+    """The manifest says what came out, and evidence shows it with the line that expands."""
+    small = gk.rollout("two_robot_line", episodes=2, out=tmp_path / "small", level="actions")
+    assert small.manifest["checked"] == {"episode": 0, "outcome": "passed", "why": None}
+    assert f"gamekeeper expand {tmp_path / 'small'} OUT" in str(small)
+
+
+def test_check_says_at_once_what_does_not_come_out_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An environment that no seed determines needs another level."""
+    edit = ("np.random.default_rng(seed)", "np.random.default_rng()")
+    small = played(tmp_path, edit, level="actions")
+    assert small.manifest["checked"]["outcome"] == "diverged"
+    assert "level full is needed" in capsys.readouterr().err
+
+
+def test_recorded_object_says_that_it_is_not_checked(tmp_path: Path) -> None:
+    """An object can't be made a second time."""
+    env = gk.record(gk.make("two_robot_line"), tmp_path / "run", level="actions")
+    env.reset(seed=1)
+    env.close()
+    assert gk.load(tmp_path / "run").manifest["checked"]["outcome"] == "not checked"
+    assert "not checked" in str(gk.load(tmp_path / "run"))
