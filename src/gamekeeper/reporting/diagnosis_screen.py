@@ -74,7 +74,7 @@ def _since(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _tested(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """What restores, of the least substitutes that are named; each once."""
+    """The tests that restore, of the least substitutes that are named; each once."""
     answers = [*_named(document).values(), *([document["team"]] if document["team"] else [])]
     names = {name for each in answers for name in each["substitutes"]}
     tests = [test for each in answers for test in each["tested"] if test.get("restores")]
