@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import combinations
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -186,6 +187,24 @@ def test_a_budget_that_is_spent_names_nothing() -> None:
     assert found.episodes <= 200
     assert found.not_played
     assert not found.has_cause
+
+
+def test_what_is_known_is_noted_when_it_is_interrupted(tmp_path: Path) -> None:
+    """Scores by then, and where what was played stays; the next call goes on."""
+
+    def stop(fields: dict[str, Any]) -> None:
+        if fields["episode"] == 20:
+            raise KeyboardInterrupt
+
+    bad = {"env_kwargs": {"limit": 1, "size": 3}, **_policies()}
+    with pytest.raises(KeyboardInterrupt) as caught:
+        diagnosed(bad, out=tmp_path, on_message=stop)
+    assert caught.value.__notes__[0].startswith(f"what was played stays in {tmp_path}")
+    assert "bad: 0 over 20 episodes" in caught.value.__notes__
+    found = diagnosed(bad, out=tmp_path)
+    whole = diagnosed(bad)
+    assert found.episodes == whole.episodes - 20
+    assert found.agents["left"].answer == whole.agents["left"].answer == "protocol"
 
 
 def _policies() -> dict[str, Any]:

@@ -162,16 +162,16 @@ def _performed(
             check_spelling(idle_policies)  # misspelt, it may be meant for another command
         answer = command(screen, **options)
     except GamekeeperError as error:
-        if _is_interrupt(error):
-            return _interrupted(screen)
+        if (stopped := _interrupt_in(error)) is not None:
+            return _interrupted(screen, stopped)
         screen.error(f"{type(error).__name__}: {error}")
         screen.document({"error": error_document(error)})
         return FAILED if isinstance(error, EnvError) else UNSURE
-    except KeyboardInterrupt:
-        return _interrupted(screen)
+    except KeyboardInterrupt as stopped:
+        return _interrupted(screen, stopped)
     except Exception as error:
-        if _is_interrupt(error):
-            return _interrupted(screen)
+        if (stop := _interrupt_in(error)) is not None:
+            return _interrupted(screen, stop)
         if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
             what = f"a name is too long for the system: {str(error.filename)[:NAME_CHARS]}..."
             screen.error(what)
@@ -186,19 +186,24 @@ def _performed(
     return answer.code
 
 
-def _is_interrupt(error: BaseException) -> bool:
-    """Tells if this was raised while Ctrl-C was being handled: cleaning up may fail, too."""
+def _interrupt_in(error: BaseException) -> KeyboardInterrupt | None:
+    """The Ctrl-C that was being handled while this was raised: cleaning up may fail, too."""
     context: BaseException | None = error
     while context is not None:
         if isinstance(context, KeyboardInterrupt):
-            return True
+            return context
         context = context.__context__
-    return False
+    return None
 
 
-def _interrupted(screen: Screen) -> int:
+def _interrupted(screen: Screen, stopped: KeyboardInterrupt) -> int:
+    """Says so, with what was known by then."""
+    known = list(getattr(stopped, "__notes__", ()))
     screen.error("interrupted")
-    screen.document({"error": {"kind": "Interrupted", "what": "interrupted"}})
+    for line in known:
+        screen.error(line)
+    error = {"kind": "Interrupted", "what": "interrupted"}
+    screen.document({"error": {**error, "known": known} if known else error})
     return INTERRUPTED
 
 

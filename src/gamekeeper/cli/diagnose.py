@@ -130,6 +130,14 @@ CaseOption = Annotated[
         "case).",
     ),
 ]
+AllOption = Annotated[
+    bool,
+    typer.Option(
+        "--all",
+        help="Print everything that was played, what wasn't and why (default: the answer on one "
+        "screen).",
+    ),
+]
 ShrinkOption = Annotated[
     int | None,
     typer.Option(
@@ -162,6 +170,7 @@ def command(
     out: OutOption = None,
     save_case: CaseOption = None,
     shrink: ShrinkOption = None,
+    all_: AllOption = False,
     allow_import: ImportOption = False,
     timeout: TimeoutOption = SILENCE_S,
 ) -> CommandResult:
@@ -180,7 +189,6 @@ def command(
     from gamekeeper.diagnosis.failure_causes import diagnose
     from gamekeeper.diagnosis.labels import propose
     from gamekeeper.interface.policy import parse_choices
-    from gamekeeper.reporting.diagnosis_text import diagnosis_text
 
     condition, folder = only_condition(failed), _beside(run) if out is None else out
     opening: dict[str, Any] = {"failed": condition, "env": env, "allow_import": allow_import}
@@ -211,10 +219,20 @@ def command(
         )
     document = found.to_json()
     propose(run, found, by=f"gamekeeper diagnose {__version__}")
-    runs = f"\n\nRecordings  {folder / 'runs'}" if found.runs else ""
-    screen.show(diagnosis_text(document, width=screen.width) + runs)
+    screen.show(_text(document, screen.width, folder if all_ else None))
     _save(screen, found, run, save_case, condition)
     return CommandResult(document, diagnosis_code(found))
+
+
+def _text(document: dict[str, Any], width: int, folder: Path | None) -> str:
+    """The answer on one screen; everything, with the place of recordings, where there is one."""
+    from gamekeeper.reporting.diagnosis_screen import diagnosis_screen
+    from gamekeeper.reporting.diagnosis_text import diagnosis_text
+
+    if folder is None:
+        return diagnosis_screen(document, width=width)
+    runs = f"\n\nRecordings  {folder / 'runs'}" if document["runs"] else ""
+    return diagnosis_text(document, width=width) + runs
 
 
 def only_condition(conditions: list[str] | None) -> str | None:

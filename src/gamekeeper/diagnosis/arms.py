@@ -215,6 +215,19 @@ class ArmRunner:
         """The outcomes of an arm, in the order of its episodes."""
         return [self.outcomes[arm, run_seed, k] for k in episodes]
 
+    def known(self, score: Callable[[Outcome], float], *, most: int = 12) -> list[str]:
+        """Lines of what is known by now: the mean score of arms, those of most episodes first."""
+        by_arm: dict[str, list[float]] = {}
+        with self._lock:
+            for (arm, _, _), outcome in self.outcomes.items():
+                by_arm.setdefault(arm, []).append(score(outcome))
+        arms = sorted(by_arm, key=lambda arm: -len(by_arm[arm]))
+        lines = [
+            f"{arm}: {sum(by_arm[arm]) / len(by_arm[arm]):.3g} over {len(by_arm[arm])} episodes"
+            for arm in arms[:most]
+        ]
+        return [*lines, *([f"and {len(arms) - most} more"] if len(arms) > most else [])]
+
     def _play_here(self, wanted: Any, total: int) -> None:
         done = 0
         for order, episodes in wanted:

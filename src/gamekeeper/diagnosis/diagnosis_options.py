@@ -38,3 +38,10 @@ class DiagnosisOptions:
     def notes(self) -> Path | None:
         """The file in which outcomes are kept."""
         return None if self.folder is None else self.folder / NOTES
+
+    @property
+    def goes_on(self) -> str:
+        """Tells what becomes of what was played, if it is interrupted."""
+        if self.folder is None:
+            return "nothing was kept; with an output folder the next call would go on"
+        return f"what was played stays in {self.folder}; the same command goes on from there"

@@ -224,6 +224,14 @@ class Diagnosis:
         everybody = [*self.agents.values(), *([self.team] if self.team else [])]
         return any(each.answer in CAUSES for each in everybody)
 
+    def since(self, answer: AgentDiagnosis) -> dict[str, int] | None:
+        """The first episode that what an answer names restores, and the turn of its divergence."""
+        for each in self.counterfactuals:
+            mine = each.intervention in answer.substitutes and each.failed and each.restored
+            if mine and each.turn is not None:
+                return {"episode": each.episode, "turn": each.turn}
+        return None
+
     def to_json(self) -> dict[str, Any]:
         """The document that `gamekeeper diagnose --json` prints."""
         return {
@@ -232,7 +240,10 @@ class Diagnosis:
             "contradictions": {
                 scope: each.to_json() for scope, each in self.contradictions.items()
             },
-            "agents": {name: each.to_json() for name, each in self.agents.items()},
+            "agents": {
+                name: {**each.to_json(), "since": self.since(each)}
+                for name, each in self.agents.items()
+            },
             "team": None if self.team is None else self.team.to_json(),
             "recorded": _counts(self.recorded),
             "fresh": _counts(self.fresh),

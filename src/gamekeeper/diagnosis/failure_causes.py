@@ -45,6 +45,7 @@ from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.outcome import TEAM, Outcome, failed, failures, outcome_of
 from gamekeeper.errors import EvidenceError
 from gamekeeper.rollouts.executors.task import Executor
+from gamekeeper.rollouts.interrupts import noted_if_interrupted
 from gamekeeper.rollouts.intervention import interventions
 from gamekeeper.runs.expanding import whole_evidence
 from gamekeeper.statistics.paired import FEWEST, paired_effect
@@ -174,7 +175,7 @@ def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
             options.seed,
             evidence.fingerprint,
         )
-        with runner:
+        with runner, noted_if_interrupted(lambda: _known(experiment, options)):
             experiment.run()
             responses = try_undos(experiment)
             is_wanted = options.perturbations
@@ -184,6 +185,15 @@ def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
             diagnosis = dataclasses.replace(diagnosis, responses=responses)
         folder = options.folder
         return diagnosis if folder is None else _kept(diagnosis, experiment, folder)
+
+
+def _known(experiment: Experiment, options: DiagnosisOptions) -> list[str]:
+    """Lines of what an experiment that was interrupted knows: shares of successes."""
+
+    def score(outcome: Outcome) -> float:
+        return float(not any(failed(outcome, experiment.conditions, experiment.contract).values()))
+
+    return [options.goes_on, "success rates by then:", *experiment.runner.known(score)]
 
 
 def _check_budget(budget: int) -> None:

@@ -25,6 +25,7 @@ from gamekeeper.diagnosis.setup_differences import (
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.outcome import LABELS, TEAM, Outcome, failed, failures, outcome_of
+from gamekeeper.rollouts.interrupts import noted_if_interrupted
 from gamekeeper.runs.expanding import whole_evidence
 from gamekeeper.statistics.significance import wilson
 
@@ -79,7 +80,10 @@ def compared(
                 fresh_seed(one.fingerprint, options.seed, "confirm differences"),
             ),
         )
-        least = search.run()
+        with noted_if_interrupted(
+            lambda: [options.goes_on, "scores by then:", *runner.known(search.score)]
+        ):
+            least = search.run()
     found = _differences(search, least, two, listed_only(one, two), is_judged=is_judged)
     return _diagnosis(one, search, found, least, agents, conditions, contract, options)
 

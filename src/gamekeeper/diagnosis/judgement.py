@@ -250,7 +250,7 @@ def _outdone(
     arms: Mapping[IdealSubstitute, Successes],
     rng: Generator,
 ) -> list[Tried]:
-    """What was tried, without parts of one of these wider groups that it beats beyond chance."""
+    """Leaves out parts of a wider group, where the group beats them beyond chance."""
     return [
         one
         for one in tried

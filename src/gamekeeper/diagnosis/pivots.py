@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from os import PathLike
 from typing import Any, Final
@@ -25,6 +25,7 @@ from gamekeeper.episodes.outcome import TEAM, Outcome, failed, failures, outcome
 from gamekeeper.errors import EvidenceError
 from gamekeeper.rollouts.continuations import Continuations, RecordedCourse
 from gamekeeper.rollouts.executors.task import Executor
+from gamekeeper.rollouts.interrupts import noted_if_interrupted
 from gamekeeper.rollouts.reruns import play_of
 from gamekeeper.runs.consent import evidence_of
 from gamekeeper.runs.expanding import whole_evidence
@@ -79,7 +80,10 @@ def pivots(
     setup = setup_of(evidence, policies=policies)
     share = budget // max(len(chosen), 1)
     found: list[EpisodePivots] = []
-    with consent_to(evidence, setup, env=None, policies=policies, allow_import=allow_import):
+    with (
+        consent_to(evidence, setup, env=None, policies=policies, allow_import=allow_import),
+        noted_if_interrupted(lambda: _known(found, len(chosen))),
+    ):
         wanted = [(number, scopes[number]) for number in chosen]
         if isinstance(workers, int) and workers == 0:
             with OpenSetup(setup, declared) as stage:
@@ -115,6 +119,16 @@ def pivots(
         seed=seed,
         policies=other_policies(evidence, setup),
     )
+
+
+def _known(found: Sequence[EpisodePivots], count: int) -> list[str]:
+    """Lines of what a search that was interrupted knows."""
+    turns = {
+        each.episode: ", ".join(str(pivot.turn) for pivot in each.pivots) or "none"
+        for each in found
+    }
+    lines = [f"pivots of episode {number}: {turns[number]}" for number in sorted(turns)]
+    return [f"{len(found)} of {count} episodes were searched; a new call begins anew", *lines]
 
 
 def episode_task(

@@ -46,6 +46,7 @@ def attribution_text(document: Mapping[str, Any], *, width: int) -> str:
         _recorded(document, width),
         _replaced(document, width),
         _repeated(document, width),
+        _harmful(document, width),
         _lazy(document, width),
         influence_text(document["influence"], width=width, least=SHOWN_FROM, lag="turns"),
         _messages(document, width),
@@ -182,6 +183,16 @@ def _stand_ins(document: Mapping[str, Any]) -> list[str]:
     return [f"for {', '.join(names)}, which declare no noop, the first legal action stands for it"]
 
 
+def _harmful(document: Mapping[str, Any], width: int) -> str:
+    lines = [
+        line
+        for name, part in document["agents"].items()
+        if part.get("harmful")
+        for line in wrapped(f"{name}: {part['harmful_why']}", width, first=INDENT, rest=INDENT * 2)
+    ]
+    return "\n".join(["Harmful: the team has more without it", *lines]) if lines else ""
+
+
 def _lazy(document: Mapping[str, Any], width: int) -> str:
     lazy = {name: part for name, part in document["agents"].items() if part["lazy"]}
     lines = [
@@ -189,7 +200,10 @@ def _lazy(document: Mapping[str, Any], width: int) -> str:
         for name, part in lazy.items()
         for line in wrapped(f"{name}: {part['lazy_why']}", width, first=INDENT, rest=INDENT * 2)
     ]
-    title = "Lazy: significantly less than half of a fair share, the mean of the others of its role"
+    title = (
+        "Lazy: significantly less than half of a fair share, the mean of the others of its role "
+        "(a tenth of that of the others, where it is alone in its role)"
+    )
     return "\n".join([*wrapped(title, width, rest=INDENT), *lines]) if lines else ""
 
 

@@ -29,15 +29,15 @@ def diagnosis_text(document: Mapping[str, Any], *, width: int) -> str:
     differences = document.get("differences")
     if differences is not None:
         blocks = [
-            _head(document, width),
+            head_line(document, width),
             differences_text(document, width=width),
             _agents(document, width),
             _not_played(document, width),
         ]
         return "\n\n".join(block for block in blocks if block)
     blocks = [
-        *_contradictions(document, width),
-        _head(document, width),
+        *contradiction_lines(document, width),
+        head_line(document, width),
         *_scopes(document, width),
         _agents(document, width),
         _responses(document, width),
@@ -49,14 +49,15 @@ def diagnosis_text(document: Mapping[str, Any], *, width: int) -> str:
     return "\n\n".join(block for block in blocks if block)
 
 
-def _contradictions(document: Mapping[str, Any], width: int) -> Iterator[str]:
+def contradiction_lines(document: Mapping[str, Any], width: int) -> Iterator[str]:
     """Names new episodes that contradict the recorded ones, before any answer."""
     for scope, each in document["contradictions"].items():
         text = f"Contradiction  {scope}: {each['why']}."
         yield "\n".join(wrapped(text, width, rest=INDENT))
 
 
-def _head(document: Mapping[str, Any], width: int) -> str:
+def head_line(document: Mapping[str, Any], width: int) -> str:
+    """The run, and the number of episodes that were played."""
     text = (
         f"Diagnosed  {document['run']}: {document['episodes']:,} episodes played "
         f"(at most {document['budget']:,}), seed {document['seed']}."

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import signal
 import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import FrameType
 from typing import Self
 
@@ -35,3 +37,14 @@ class HeldInterrupt:
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         self._was_pressed = True
+
+
+@contextmanager
+def noted_if_interrupted(known: Callable[[], list[str]]) -> Iterator[None]:
+    """Adds notes to the KeyboardInterrupt that ends the block: lines of what is known by then."""
+    try:
+        yield
+    except KeyboardInterrupt as stopped:
+        for line in known():
+            stopped.add_note(line)
+        raise

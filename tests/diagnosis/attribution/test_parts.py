@@ -5,6 +5,7 @@ import pytest
 
 from gamekeeper.diagnosis.attribution.agent_measures import (
     Measured,
+    harms,
     influence,
     laziness,
     measured,
@@ -55,6 +56,17 @@ def test_laziness_is_not_told_of_a_single_agent_or_against_random() -> None:
     """There is nobody to compare with, or nobody who did nothing."""
     assert _lazy([0.0]) is None
     assert _lazy([0.0, 6.0], baseline="random") is None
+
+
+def test_agent_without_which_the_team_has_more_is_harmful() -> None:
+    """Both figures are surely negative; one that brings nothing, or little, is not."""
+    figures = {"a": _part(-16.5), "b": _part(4.0), "c": _part(0.0)}
+    found = harms(figures, figures)
+    assert [found[name].is_harmful for name in "abc"] == [True, False, False]
+    assert "16.5 more where noop plays in its place" in found["a"].why
+    assert harms(figures, {**figures, "a": _part(1.0)})["a"].is_harmful is False
+    few = {"a": Measured(-16.5, None, None, None, 9, "noop")}
+    assert harms(few, few)["a"].is_harmful is None
 
 
 def _team(rng, *, skills):

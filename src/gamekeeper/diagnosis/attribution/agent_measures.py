@@ -19,7 +19,7 @@ from gamekeeper.checks.effects import influence_rows
 from gamekeeper.episodes.outcome import Outcome
 from gamekeeper.episodes.summary import Summary
 from gamekeeper.statistics.paired import FEWEST, paired_effect
-from gamekeeper.statistics.significance import Share, wilson
+from gamekeeper.statistics.significance import Share, holm, wilson
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,6 +127,11 @@ more.
 """
 
 
+ACROSS: Final = 0.1
+"""The same where no other agent has its role: roles may differ in what they bring."""
+ALPHA: Final = 0.05
+
+
 @dataclass(frozen=True, slots=True)
 class Laziness:
     """Verdict on an agent's laziness; None where it can't be told, with the reason.
@@ -143,6 +148,45 @@ class Laziness:
     fair: float | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class Harm:
+    """Verdict on an agent's harm to its team; None where it can't be told, with the reason.
+
+    Attributes:
+        is_harmful: the team surely has more where the baseline plays in its place, beyond chance
+            for the number of agents, and its Shapley value is surely negative.
+        why: in words.
+    """
+
+    is_harmful: bool | None
+    why: str
+
+
+def harms(differences: Mapping[str, Measured], shapley: Mapping[str, Measured]) -> dict[str, Harm]:
+    """Tells of each agent whether its team would have more without it.
+
+    Args:
+        differences: what the team loses without it.
+        shapley: its Shapley value.
+    """
+    told = {name: each for name, each in differences.items() if each.p is not None}
+    corrected = dict(zip(told, holm([each.p or 0.0 for each in told.values()]), strict=True))
+    found = {}
+    for name, lost in differences.items():
+        own = shapley.get(name)
+        if lost.high is None or own is None or own.high is None:
+            found[name] = Harm(None, "too few episodes for an interval")
+            continue
+        is_harmful = lost.high < 0 and own.high < 0 and corrected[name] < ALPHA
+        why = (
+            f"the team has {-lost.value:.3g} more where {lost.baseline} plays in its place (95 % "
+            f"interval {-lost.high:.3g} to {-(lost.low or 0.0):.3g}), and its Shapley value is at "
+            f"most {own.high:.3g}"
+        )
+        found[name] = Harm(is_harmful, why if is_harmful else "the team surely has no more without")
+    return found
+
+
 def laziness(
     agent: str,
     peers: list[str],
@@ -150,6 +194,7 @@ def laziness(
     shapley: Mapping[str, Measured],
     *,
     baseline: str,
+    part: float = PART,
 ) -> Laziness:
     """Tells whether an agent is lazy.
 
@@ -157,11 +202,12 @@ def laziness(
     stops, though each does its part; the Shapley value sees that.
 
     Args:
-        peers: the agents of its role, itself among them.
+        peers: the agents of its role, itself among them; of all roles where it is alone in its own.
+        part: of a fair share below which it is lazy.
         baseline: what took the agents' places; only doing nothing tells.
     """
     if len(peers) < 2:
-        return Laziness(None, "nobody else has its role")
+        return Laziness(None, "it is the only agent")
     if baseline != "noop":
         return Laziness(None, f"the baseline is {baseline}, not doing nothing")
     own, lost = shapley.get(agent), differences.get(agent)
@@ -170,7 +216,7 @@ def laziness(
     others = [shapley[name] for name in peers if name != agent]
     fair = sum(other.value for other in others) / len(others)
     if fair <= 0 or not any(other.low is not None and other.low > 0 for other in others):
-        return Laziness(False, "no other of its role surely brings anything", fair)
+        return Laziness(False, "no other surely brings anything", fair)
     usual = sum(differences[name].value for name in peers if name != agent) / len(others)
     usual = max(usual, fair)
     said = (
@@ -178,7 +224,7 @@ def laziness(
         f"average), and the team loses at most {lost.high:.3g} without it; lazy is below "
         f"{PART * fair:.3g} and {PART * usual:.3g}"
     )
-    return Laziness(own.high < PART * fair and lost.high < PART * usual, said, fair)
+    return Laziness(own.high < part * fair and lost.high < part * usual, said, fair)
 
 
 @dataclass(frozen=True, slots=True)

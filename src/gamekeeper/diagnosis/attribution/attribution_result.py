@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from gamekeeper.diagnosis.attribution.agent_measures import Laziness, Measured, Own, Penalty
+from gamekeeper.diagnosis.attribution.agent_measures import Harm, Laziness, Measured, Own, Penalty
 from gamekeeper.diagnosis.attribution.message_influence import Talk
 from gamekeeper.episodes.row_tables import html_table, text_lines
 
@@ -24,6 +24,7 @@ class AgentPart:
         turn_one: the same of one of its actions, on average.
         shapley: its Shapley value.
         laziness: whether it is lazy.
+        harm: whether the team has more without it.
     """
 
     own: Own
@@ -32,6 +33,7 @@ class AgentPart:
     turn_one: Measured | None
     shapley: Measured | None
     laziness: Laziness
+    harm: Harm
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
@@ -43,6 +45,8 @@ class AgentPart:
             "lazy": self.laziness.is_lazy,
             "lazy_why": self.laziness.why,
             "fair_share": self.laziness.fair,
+            "harmful": self.harm.is_harmful,
+            "harmful_why": self.harm.why,
         }
 
 
@@ -92,6 +96,11 @@ class Attribution:
         return tuple(a for a, part in self.agents.items() if part.laziness.is_lazy)
 
     @property
+    def harmful(self) -> tuple[str, ...]:
+        """The agents without which the team has more."""
+        return tuple(a for a, part in self.agents.items() if part.harm.is_harmful)
+
+    @property
     def wrong_penalties(self) -> tuple[Penalty, ...]:
         """The penalties of which some were another's doing."""
         return tuple(each for each in self.penalties if each.is_wrong)
@@ -117,7 +126,7 @@ class Attribution:
 
     def rows(self) -> list[list[str]]:
         """A heading and a row for each agent, as texts."""
-        head = ["agent", "own", "share", "idle", "difference", "Shapley", "lazy"]
+        head = ["agent", "own", "share", "idle", "difference", "Shapley", "verdict"]
         return [head, *(_row(name, part) for name, part in self.agents.items())]
 
     def __str__(self) -> str:
@@ -132,6 +141,7 @@ class Attribution:
 
 def _row(name: str, part: AgentPart) -> list[str]:
     own, lazy = part.own, part.laziness.is_lazy
+    verdict = "-" if lazy is None else "lazy" if lazy else "not lazy"
     return [
         name,
         f"{own.value:.3f}",
@@ -139,7 +149,7 @@ def _row(name: str, part: AgentPart) -> list[str]:
         "-" if own.idle is None else f"{own.idle:.0%}",
         _shown(part.difference),
         _shown(part.shapley),
-        "-" if lazy is None else "yes" if lazy else "no",
+        "harmful" if part.harm.is_harmful else verdict,
     ]
 
 

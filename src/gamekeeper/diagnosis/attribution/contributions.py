@@ -12,10 +12,13 @@ from numpy.typing import NDArray
 
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.attribution.agent_measures import (
+    ACROSS,
     MOST_EXACT,
+    Harm,
     Laziness,
     Measured,
     everyone,
+    harms,
     influence,
     laziness,
     measured,
@@ -181,16 +184,21 @@ def _attributed(
     shapley, differences = _closed(task, found, rng)
     sure = [each for each in found.scans if each["noise"] is None]
     whole = everyone(len(task.players))
-    agents = {}
+    agents, harm = {}, harms(differences, shapley)
     for name, own in own_rewards(evidence.summary, map(outcome_of, evidence.episodes)).items():
         peers = [peer for peer in task.players if roles.get(peer) == roles.get(name)]
+        mine = harm.get(name, Harm(None, "nothing was played in its place"))
+        lazy = _laziness(name, peers, differences, shapley, task)
+        if mine.is_harmful:
+            lazy = Laziness(False, "it does harm, which is more than too little", lazy.fair)
         agents[name] = AgentPart(
             own=own,
             difference=differences.get(name),
             turn_all=_at_turns(sure, "all", name, task, rng),
             turn_one=_at_turns(sure, "one", name, task, rng),
             shapley=shapley.get(name),
-            laziness=_laziness(name, peers, differences, shapley, task),
+            laziness=lazy,
+            harm=mine,
         )
     return Attribution(
         run=None if evidence.path is None else str(evidence.path),
@@ -269,7 +277,11 @@ def _laziness(
         return Laziness(None, f"it isn't among the {len(task.players)} that were drawn")
     if name not in task.players:
         return Laziness(None, "it joins late, on the side of the one it follows")
-    return laziness(name, peers, differences, shapley, baseline=task.baseline[name])
+    baseline = task.baseline[name]
+    if len(peers) > 1 or any(each.value < 0 for each in shapley.values()):
+        return laziness(name, peers, differences, shapley, baseline=baseline)
+    every = list(task.players)
+    return laziness(name, every, differences, shapley, baseline=baseline, part=ACROSS)
 
 
 def _not_tested(

@@ -177,6 +177,11 @@ def attribution_blocks(document: Document) -> list[PageBlock]:
         _parts(agents, "difference", "Difference: a baseline replaces the agent, others react"),
         _parts(agents, "shapley", "Shapley value"),
     ]
+    harmful = tuple(
+        f"{agent} is harmful: {part.get('harmful_why')}"
+        for agent, part in agents.items()
+        if part.get("harmful")
+    )
     lazy = tuple(
         f"{agent} is lazy: {part.get('lazy_why')}"
         for agent, part in agents.items()
@@ -185,7 +190,7 @@ def attribution_blocks(document: Document) -> list[PageBlock]:
     return [
         PageBlock(
             title="Attribution",
-            alerts=lazy,
+            alerts=(*harmful, *lazy),
             notes=(team_sentence(document), *_unknown_lazy(agents)),
             anchor="attribution",
             charts=tuple(chart for chart in charts if chart["rows"]),

@@ -1,0 +1,133 @@
+"""A diagnosis on one screen: who, since when, what undoes it, how sure, what to try next."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final
+
+from gamekeeper.reporting.diagnosis_text import (
+    answer_sentence,
+    contradiction_lines,
+    difference_place,
+    head_line,
+)
+from gamekeeper.reporting.results_text import few
+from gamekeeper.reporting.text_columns import wrapped
+from gamekeeper.statistics.significance import p_text
+
+INDENT: Final = " " * 11
+CAUSES: Final = ("isolated", "joint", "ambiguous", "environment", "protocol")
+
+
+def diagnosis_screen(document: Mapping[str, Any], *, width: int) -> str:
+    """The answer in a few rows, and the lines to paste next.
+
+    Args:
+        document: a diagnosis as plain data.
+        width: columns that no line exceeds, but for a command.
+    """
+    blocks = [*contradiction_lines(document, width), head_line(document, width)]
+    rows = [*_who(document), *_since(document), *_undone(document), *_others(document)]
+    lines = [
+        line
+        for title, text in rows
+        for line in wrapped(text, width, first=f"{title:<11}", rest=INDENT)
+    ]
+    commands = _next(document)
+    lines += [f"{'Next' if not k else '':<11}{each}" for k, each in enumerate(commands)]
+    return "\n\n".join([*blocks, "\n".join(lines)])
+
+
+def _named(document: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """The agents of which a cause is named."""
+    agents = document["agents"].items()
+    return {name: each for name, each in agents if each["answer"] in CAUSES}
+
+
+def _who(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Rows of the agents with a cause; agents with the same answer share one."""
+    groups: dict[str, list[str]] = {}
+    for name, each in _named(document).items():
+        cause = " and ".join(each["labels"])
+        place = each["component"] or ""
+        said = f"{cause}: {place}" if cause and cause not in place else place or cause
+        groups.setdefault(f"{each['answer']}; {said}", []).append(name)
+    if not groups:
+        whole = document["team"] or next(iter(document["agents"].values()))
+        yield "Who", f"no agent. {answer_sentence(whole)}."
+    for number, (text, names) in enumerate(groups.items()):
+        yield "" if number else "Who", f"{', '.join(names)} ({text})"
+
+
+def _since(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """A row of the first turn at which a failed episode differs from its restored one."""
+    first = next(
+        (each for each in document["counterfactuals"] if each["restored"] and each["failed"]), None
+    )
+    if first is not None and difference_place(first):
+        yield (
+            "Since",
+            f"{difference_place(first)} in episode {first['episode']}: the first difference to "
+            f"the same episode with {first['intervention']}",
+        )
+
+
+def _tested(document: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The tests that restore, of the least substitutes that are named; each once."""
+    answers = [*_named(document).values(), *([document["team"]] if document["team"] else [])]
+    names = {name for each in answers for name in each["substitutes"]}
+    tests = [test for each in answers for test in each["tested"] if test.get("restores")]
+    is_pair = document.get("differences") is not None
+    found = {x["intervention"]: x for x in tests if is_pair or x["intervention"] in names}
+    return list(found.values())
+
+
+def _undone(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Rows of what undoes it, and how sure that is."""
+    tests = _tested(document)
+    for number, each in enumerate(tests[:3]):
+        yield "" if number else "Undone by", each["intervention"]
+    if tests:
+        best = max(tests, key=lambda each: float(each["effect"]))
+        what = "success rate" if best.get("measure") == "success" else "mean return"
+        yield (
+            "How sure",
+            f"{what} {best['effect']:+.2f} (95 % interval {best['low']:+.2f} to "
+            f"{best['high']:+.2f}), {p_text(best['p'])}, on {best['n']} fresh episodes",
+        )
+
+
+def _others(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    named = _named(document)
+    others = [name for name in document["agents"] if name not in named]
+    if named and others:
+        yield "Not", few(others)
+
+
+def _is_failing(document: Mapping[str, Any]) -> bool:
+    """Somebody fails beyond chance, and no cause is named."""
+    answers = {each["answer"] for each in document["agents"].values()}
+    return not _named(document) and bool(answers & {"unexplained", "not_tried"})
+
+
+def _next(document: Mapping[str, Any]) -> Sequence[str]:
+    """Command lines that go on from here."""
+    run = shlex.quote(document["run"])
+    words = "".join(
+        f" --failed {shlex.quote(text)}"
+        for scope, text in document["conditions"].items()
+        if scope == "team"
+    )
+    good = document.get("differences")
+    found = []
+    if _named(document) and document["counterfactuals"]:
+        episode = document["counterfactuals"][0]["episode"]
+        found.append(f"gamekeeper pivots {run} --episode {episode}{words}")
+    elif good is None and _is_failing(document):
+        found.append(f"gamekeeper diagnose {run} --good GOOD_RUN{words}")
+    if document["not_played"]:
+        found.append(f"gamekeeper diagnose {run}{words} --budget {2 * document['budget']}")
+    beside = "" if good is None else f" --good {shlex.quote(good['good'])}"
+    found.append(f"gamekeeper diagnose {run}{beside}{words} --all")
+    return found

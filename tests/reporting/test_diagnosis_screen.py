@@ -1,0 +1,34 @@
+"""A diagnosis on one screen."""
+
+from __future__ import annotations
+
+import gamekeeper as gk
+from gamekeeper.reporting.diagnosis_screen import diagnosis_screen
+
+
+def test_screen_says_who_since_when_what_undoes_it_and_what_to_paste() -> None:
+    """At most 24 lines of 80 columns, commands aside."""
+    evidence = gk.rollout(
+        "handover", policies="reference", episodes=2, env_kwargs={"latency": {"giver_0": 3}}
+    )
+    found = gk.diagnose(evidence, perturbations=False, budget=300)
+    document = found.to_json()
+    assert document["agents"]["giver_0"]["since"] == {
+        "episode": 0,
+        "turn": found.counterfactuals[0].turn,
+    }
+    assert document["agents"]["receiver_0"]["since"] is None
+    lines = diagnosis_screen(document, width=80).splitlines()
+    assert len(lines) <= 24
+    assert any(line.startswith("Who        giver_0 (isolated;") for line in lines)
+    assert any(line.startswith("Undone by  latency[giver_0] = 0") for line in lines)
+    assert any("gamekeeper pivots memory --episode 0" in line for line in lines)
+    assert "Not        receiver_0" in lines
+
+
+def test_screen_of_a_healthy_run_accuses_no_agent() -> None:
+    """It says that none is, and asks for no run that worked."""
+    evidence = gk.rollout("handover", policies="reference", episodes=2)
+    text = diagnosis_screen(gk.diagnose(evidence, perturbations=False).to_json(), width=80)
+    assert "Who        no agent. Healthy:" in text
+    assert "--good" not in text
