@@ -282,7 +282,7 @@ class Evidence:
 
     @property
     def kept_text(self) -> str:
-        """The level of a run of level `actions`, and the line that expands it; empty for another."""
+        """Level `actions` and the line that expands the run; empty for another level."""
         if self.manifest.get("level") != "actions":
             return ""
         checked = self.manifest.get("checked") or {}
