@@ -131,8 +131,8 @@ def learn(way: str, seed: int, steps: int, folder: Path) -> Path:
     return sb3.save(model, folder / "whole")
 
 
-def judge(way: str, policy: Any, games: int, out: Path | None = None) -> Any:
-    """Mean return of an agent over games that weren't learnt from, with its interval."""
+def judge(way: str, policy: Any, games: int, out: Path | None = None) -> list[float]:
+    """Mean return of an agent in each of some games that weren't learnt from."""
     played = gk.rollout(
         f"{__file__}:Lanes",
         policies=policy,
@@ -142,8 +142,7 @@ def judge(way: str, policy: Any, games: int, out: Path | None = None) -> Any:
         env_kwargs={"way": way},
     )
     rows = played.agent_steps.group_by("episode").aggregate([("reward", "sum")]).to_pydict()
-    own = [paid / 2 for paid in rows["reward_sum"]]
-    return one_sample(own, rng=np.random.default_rng(0))
+    return [paid / 2 for paid in rows["reward_sum"]]
 
 
 def main() -> int:
@@ -165,7 +164,8 @@ def main() -> int:
         found = judge(given.way, f"sb3:{file}", games, folder / "run")
         replay = gk.replay(folder / "run")
     chance = judge(given.way, "random", games)
-    reached = found.value >= WANTED
+    result = float(np.mean(found))
+    shown = None if given.quick else one_sample(found, rng=np.random.default_rng(0))
     line = {
         "example": "sb3_own",
         "trainer": f"stable-baselines3 {stable_baselines3.__version__}",
@@ -173,15 +173,15 @@ def main() -> int:
         "seed": given.seed,
         "seconds": round(time.perf_counter() - began_s, 1),
         "measure": "mean return of an agent",
-        "result": round(found.value, 3),
-        "interval": [round(found.low, 3), round(found.high, 3)],
-        "random": round(chance.value, 3),
+        "result": round(result, 3),
+        "interval": shown and [round(shown.low, 3), round(shown.high, 3)],
+        "random": round(float(np.mean(chance)), 3),
         "replayed": replay.verified,
         "wanted": WANTED,
-        "reached": reached,
+        "reached": result >= WANTED,
     }
     print(json.dumps(line))
-    return 0 if replay.verified and (given.quick or reached) else 1
+    return 0 if replay.verified and (given.quick or result >= WANTED) else 1
 
 
 if __name__ == "__main__":
