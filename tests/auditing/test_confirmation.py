@@ -162,3 +162,17 @@ def test_interrupted_audit_carries_its_result(monkeypatch: pytest.MonkeyPatch) -
     with pytest.raises(AuditInterruptedError) as raised:
         audit(f"{GAMES}:Sound")
     assert raised.value.result.stopped == "the audit was interrupted"
+
+
+def test_audit_interrupted_before_its_environment_is_open_names_its_checks(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Its process answered nothing: the checks that were asked are not exercised, and say why."""
+    ended = TaskOutcome("interrupted", None, "interrupted", None, 0.5)
+    monkeypatch.setattr("gamekeeper.auditing.audit_process.run_task", lambda *args, **named: ended)
+    with pytest.raises(AuditInterruptedError) as raised:
+        audit(f"{GAMES}:Sound", select=("GK21",))
+    found = raised.value.result
+    assert {"not_exercised"} == {each.outcome for each in found.verdicts}
+    assert all(each.id.startswith("GK21") for each in found.verdicts)
+    assert found.stopped == found.verdicts[0].reason

@@ -83,13 +83,11 @@ def audit_here(
         lab = lab_of(
             opened, declared, spec=spec, kwargs=kwargs, seed=seed, budget=budget, beat=attempt.beat
         )
-        needs = needed(wanted, is_all=not select)
-        on_probe = attempt.on_probe or _nothing
         gathering = gather(
             lab,
-            needs,
+            needed(wanted, is_all=not select),
             died=attempt.died,
-            on_probe=on_probe,
+            on_probe=attempt.on_probe or _nothing,
             until_s=None if seconds is None else begun_s + seconds * PROBING,
             keeps_partial=attempt.keeps_partial,
         )

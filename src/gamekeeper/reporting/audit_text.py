@@ -223,7 +223,7 @@ def not_exercised_text(audit: Document, *, width: int) -> str:
 
 
 def minor_text(audit: Document, *, width: int) -> str:
-    """What isn't promised and may be missed all the same, a reason once with its checks."""
+    """Lists what isn't promised and may be missed, each reason once with its checks."""
     by_reason: dict[str, list[str]] = {}
     for each in verdicts_of(audit, "not_applicable"):
         if each["reason"].startswith(MINOR):

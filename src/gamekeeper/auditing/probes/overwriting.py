@@ -160,7 +160,7 @@ class HandoutsOverwritten(Intervention):
         return _BeforeSteps(self.pen)
 
     def to_json(self) -> dict[str, Any]:
-        """Its kind and what it writes into."""
+        """Names the kind and what is written into."""
         return {"change": type(self).__name__, "kinds": list(self.pen.kinds)}
 
 

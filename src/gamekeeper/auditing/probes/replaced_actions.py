@@ -95,7 +95,7 @@ def _later(lab: ProbeSession) -> int:
 
 
 def _influence_movers(turn: Turn) -> list[str]:
-    """Those who acted and were alive."""
+    """Lists the agents that acted and were alive."""
     return [agent for agent in turn.order if turn.actions.get(agent) is not None]
 
 
