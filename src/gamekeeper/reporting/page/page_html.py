@@ -42,6 +42,7 @@ PARTS: Final = (
     "deck.js",
     "list.js",
     "charts.js",
+    "icons.js",
     "player.js",
     "keys.js",
     "start.js",

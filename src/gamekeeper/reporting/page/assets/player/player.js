@@ -6,27 +6,6 @@ const THUMB = 16; // pixels of the slider's thumb, as style.css has it
 const TICKS = 14; // pixels of the line of marks below the slider
 const SETTLED = 500; // milliseconds after which a turn is read out and stands in the address
 
-// Signs on buttons as paths in 16 x 16, for fonts don't have them everywhere.
-const SIGNS = {
-  first: "M2 2h2v12H2z M14 2v12L5 8z",
-  markBefore: "M5 4l4 4-4 4-4-4z M15 3v10L9 8z",
-  back: "M12 2v12L4 8z",
-  play: "M3 1l11 7-11 7z",
-  pause: "M3 2h4v12H3z M9 2h4v12H9z",
-  next: "M4 2v12l8-6z",
-  markAfter: "M11 4l4 4-4 4-4-4z M1 3v10l6-5z",
-  last: "M12 2h2v12h-2z M2 2v12l9-6z",
-  slower: "M2 7h12v2H2z",
-  faster: "M2 7h5V2h2v5h5v2H9v5H7V9H2z",
-};
-
-const icon = (name) => {
-  const path = gk.svg("path", { d: SIGNS[name] });
-  const made = gk.svg("svg", { viewBox: "0 0 16 16", class: "icon", "aria-hidden": "true", focusable: "false" });
-  made.append(path);
-  return made;
-};
-
 const WORDS = { row: "the set of rows", hidden: "a value that is not shown here" };
 const LONGEST = 80; // characters of a value that is shown
 const against = (values) => values.map((value) => gk.visible(value).slice(0, LONGEST)).join(" against ");
@@ -63,7 +42,7 @@ gk.Player = class {
 
   #controls() {
     const button = (sign, label, work) => {
-      const made = gk.node("button", { type: "button", "aria-label": label, title: label }, icon(sign));
+      const made = gk.node("button", { type: "button", "aria-label": label, title: label }, gk.icon(sign));
       made.addEventListener("click", work);
       return made;
     };
@@ -361,7 +340,7 @@ gk.Player = class {
   }
 
   #sayPlaying() {
-    this.play.replaceChildren(icon(this.playing ? "pause" : "play"));
+    this.play.replaceChildren(gk.icon(this.playing ? "pause" : "play"));
     this.play.setAttribute("aria-label", this.playing ? "Pause (space)" : "Play (space)");
     this.play.title = this.play.getAttribute("aria-label");
   }
