@@ -14,7 +14,7 @@ SOURCES := $(wildcard src tests examples benchmarks)
 LOCK := uv pip compile --quiet --generate-hashes --no-emit-index-url --universal --fork-strategy fewest --python-version 3.11
 DEMO := warehouse --policy reference
 
-.PHONY: help demo test slow-test trainer-test browser-test docs check nightly seconds format-check lint types format lock clean moved
+.PHONY: help demo dist test slow-test trainer-test browser-test docs check nightly seconds format-check lint types format lock clean moved
 .DELETE_ON_ERROR:
 
 help:
@@ -26,6 +26,7 @@ help:
 	@echo "make trainer-test TRAINER=sb3   the tests of one trainer's adapter, in an environment of its own, $(VENV)-sb3"
 	@echo "make docs     build the pages into build/docs, strictly"
 	@echo "make browser-test   the report's page in Chromium (installs Debian's where it is missing), in $(VENV)-browser"
+	@echo "make dist     build wheel and sdist into dist/, and check them as an index does (twine, in $(VENV)-dist)"
 	@echo "make format   reformat the sources, fix what ruff can fix"
 	@echo "make lock     compile requirements/*.txt again (needs uv; UPGRADE=--upgrade for newer versions)"
 	@echo "make clean    remove $(VENV), caches and build output; evidence in runs/ stays"
@@ -83,6 +84,17 @@ docs: $(VENV)/test.stamp docs/checks/index.md
 # A page for each check, with a real audit of its faulty environment: made again once a source or such an environment has changed.
 docs/checks/index.md: docs/check_pages.py $(shell find src/gamekeeper tests/faults -name '*.py') | $(VENV)/test.stamp
 	$(RUN) docs.check_pages docs/checks
+
+# hatchling is locked with the base packages; twine has an environment of its own.
+dist: $(VENV)/base.stamp
+	@rm -rf dist
+	$(RUN) hatchling build
+	$(MAKE) $(VENV)-dist/twine.stamp VENV=$(VENV)-dist
+	$(VENV)-dist/bin/python -m twine check --strict dist/*
+
+$(VENV)/twine.stamp: $(VENV)/home.stamp
+	$(VENV)/bin/python -m pip install --quiet twine
+	@touch $@
 
 format-check: $(VENV)/test.stamp
 	$(RUN) ruff format --check $(SOURCES)

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Final, Literal, TypeAlias
 
 import typer
 
+from gamekeeper.cli import _completion
 from gamekeeper.errors import GamekeeperError
 
 EPISODES: Final = 20
@@ -40,12 +41,19 @@ EnvArgument: TypeAlias = Annotated[
     typer.Argument(
         metavar="ENV",
         show_default=False,
+        autocompletion=_completion.environments,
         help="Environment: warehouse, butterfly/pistonball-v6, path/to/file.py:factory or "
         "mpe2.simple_spread_v3:parallel_env. In front, parallel: or aec: selects the API.",
     ),
 ]
 RunArgument: TypeAlias = Annotated[
-    Path, typer.Argument(metavar="RUN", show_default=False, help="Folder of a recorded run.")
+    Path,
+    typer.Argument(
+        metavar="RUN",
+        show_default=False,
+        autocompletion=_completion.runs,
+        help="Folder of a recorded run.",
+    ),
 ]
 KwargsOption: TypeAlias = Annotated[
     str | None,
@@ -81,6 +89,7 @@ PolicyOption: TypeAlias = Annotated[
     typer.Option(
         "--policy",
         metavar="[AGENT|ROLE=]POLICY",
+        autocompletion=_completion.policies,
         help="Policy of all agents, an agent or a role: random, first-legal, noop, reference (of "
         "Gamekeeper's own tasks), module:callable or file.py:callable, called as "
         "policy(observation, agent, info, rng) for an action, or same:AGENT to share that agent's "

@@ -24,6 +24,7 @@ from gamekeeper.cli._audit import (
     write_audits,
     write_text,
 )
+from gamekeeper.cli._completion import checks
 from gamekeeper.cli._fan import ExecutorOption
 from gamekeeper.cli._options import (
     MOST,
@@ -94,6 +95,7 @@ SelectOption = Annotated[
     typer.Option(
         "--select",
         metavar="ID",
+        autocompletion=checks,
         help="Run only checks whose ids begin with ID. Repeatable (default: all checks).",
     ),
 ]
@@ -102,6 +104,7 @@ IgnoreOption = Annotated[
     typer.Option(
         "--ignore",
         metavar="ID",
+        autocompletion=checks,
         help="Skip checks whose ids begin with ID. Repeatable (default: none).",
     ),
 ]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
+from gamekeeper.cli._completion import checks
 from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.errors import GamekeeperError
 from gamekeeper.import_guard import unguarded
@@ -22,6 +23,7 @@ IdsArgument = Annotated[
     list[str],
     typer.Argument(
         metavar="ID",
+        autocompletion=checks,
         show_default=False,
         help="Id of a check, such as GK402, or the beginning of several, such as GK4.",
     ),
