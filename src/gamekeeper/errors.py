@@ -9,6 +9,7 @@ GamekeeperError
 ├── EnvError (RuntimeError)         the environment raised, hung or died while Gamekeeper ran it
 ├── DrawError (ValueError)          a seed can't be used, or a random choice has no options
 ├── EvidenceError (ValueError)      evidence can't be written, read or trusted
+│   ├── DivergenceError (ValueError) a run played again isn't what was recorded
 │   └── RunError (OSError)          the files of a run are missing, damaged or in the way
 ├── TrustError (PermissionError)    a run names code that the user hasn't allowed
 └── DependencyError (ImportError)   a package of an extra isn't installed
@@ -16,7 +17,7 @@ GamekeeperError
 
 from __future__ import annotations
 
-from typing import Any
+import typing
 
 
 class GamekeeperError(Exception):
@@ -78,10 +79,10 @@ class EvidenceError(GamekeeperError, ValueError):
     """Evidence can't be written, read or trusted."""
 
 
-class DivergenceError(EvidenceError):
+class DivergenceError(EvidenceError, ValueError):
     """A run that was played again isn't what was recorded; `divergence` is the first difference."""
 
-    divergence: Any = None
+    divergence: typing.Any = None
 
 
 class RunError(EvidenceError, OSError):

@@ -72,7 +72,7 @@ def test_verify_compares_with_a_fingerprint(
 ) -> None:
     """The fingerprint from elsewhere matches, or the exit code is 1."""
     fingerprint = gk.load(line_run).fingerprint
-    code, found = document(capfd, "verify", line_run, "--fingerprint", fingerprint[:32])
+    code, found = document(capfd, "verify", line_run, "--fingerprint", fingerprint[:40])
     assert (code, found["matches"], found["ok"]) == (0, True, True)
     code, found = document(capfd, "verify", line_run, "--fingerprint", "0" * 64)
     assert (code, found["matches"], found["ok"]) == (1, False, False)
@@ -106,7 +106,7 @@ def test_verify_takes_a_fingerprint_as_run_shows_it(
     line_run: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """Cut, with dots after it, in capitals, with a space: it is the same one."""
-    shown = f" {gk.load(line_run).fingerprint[:32].upper()}... "
+    shown = f" {gk.load(line_run).fingerprint[:40].upper()}... "
     code, _, _ = said(capfd, "verify", line_run, "--fingerprint", shown)
     assert code == 0
 
@@ -131,7 +131,7 @@ def test_show_tells_what_a_run_is(line_run: Path, capfd: pytest.CaptureFixture[s
         "two_robot_line.py:make",
         "finalized",
         "random",
-        evidence.fingerprint,
+        evidence.fingerprint[:50],
     ):
         assert text in out
     assert [line.split()[0] for line in out.splitlines()[-2:]] == ["picker", "carrier"]

@@ -114,16 +114,16 @@ LevelOption: TypeAlias = Annotated[
     Literal["full", "digest", "actions"],
     typer.Option(
         "--level",
-        help="What the run keeps: every value (full), hashes in place of observations (digest), or "
-        "seeds, actions, rewards and flags, which `gamekeeper expand` plays again (actions).",
+        help="Content of the run: every value (full), hashes in place of observations (digest), or "
+        "seeds, actions, rewards and flags, to be played again by `gamekeeper expand` (actions).",
     ),
 ]
 CheckOption: TypeAlias = Annotated[
     bool,
     typer.Option(
         "--check/--no-check",
-        help="At level actions, replay the first finished episode in a worker while recording goes "
-        "on, and say at once if it comes out otherwise.",
+        help="At level actions, replay the first finished episode in a worker meanwhile, and "
+        "say at once if it diverges.",
     ),
 ]
 FramesOption: TypeAlias = Annotated[

@@ -46,7 +46,7 @@ EVERY: Final = 61
 """Turns from one witness to the next; a prime, so that agents in turn are witnesses in turn."""
 KEPT: Final = ("action", "reward", "terminated", "truncated")
 """Fields of a row whose nonconforming values are kept."""
-_UNSEEN: Final = '"obs":{"type":"missing"}'
+_MISSING: Final = '"obs":{"type":"missing"}'
 _ABSENT: Final = 255  # in place of a flag
 
 
@@ -161,7 +161,7 @@ def _observed(block: Block) -> NDArray[np.bool_]:
             )
             found |= there
     for row, text in enumerate(block.nonconforming or ()):
-        if text is not None and '"obs":{' in text and _UNSEEN not in text:
+        if text is not None and '"obs":{' in text and _MISSING not in text:
             found[row] = True
     return found
 
