@@ -56,6 +56,7 @@ PUBLIC = [
     "make",
     "pack",
     "pivots",
+    "player",
     "record",
     "replay",
     "report",

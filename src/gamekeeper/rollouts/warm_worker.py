@@ -93,7 +93,7 @@ class WarmWorker:
 def _outcome(
     process: WorkerProcess, begun_s: float, silence_s: float | None, limit_s: float | None
 ) -> TaskOutcome:
-    """How a fork ended, or how the process did."""
+    """Outcome of a fork, or of the process where that has ended."""
     kind, last_s = "", begun_s
     content: Any = None
     code: int | None = None

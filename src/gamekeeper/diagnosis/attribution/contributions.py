@@ -320,7 +320,7 @@ def _not_tested(
 def _untold(
     agents: Mapping[str, AgentPart], found: ContributionData, task: ReplacementTask
 ) -> Iterator[dict[str, str]]:
-    """What agents that were replaced don't show: laziness, or anything at all."""
+    """Notes on what agents that were replaced don't show: laziness, or anything at all."""
     open_ones: dict[str, list[str]] = {}
     for name, part in agents.items():
         if name in task.players and task.is_closed and part.laziness.is_lazy is None:
