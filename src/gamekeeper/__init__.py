@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from gamekeeper.runs.load_run import load
     from gamekeeper.runs.recording import record, rollout
     from gamekeeper.runs.resuming import Resumed, resume
+    from gamekeeper.viewing.episode_player import player
     from gamekeeper.viewing.report_file import report
 
 __all__ = [

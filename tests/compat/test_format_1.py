@@ -18,7 +18,7 @@ import pytest
 
 import gamekeeper as gk
 from gamekeeper.episodes.evidence import Evidence
-from gamekeeper.errors import RunError
+from gamekeeper.errors import EvidenceError, RunError
 from gamekeeper.interface.opening import open_env
 from gamekeeper.runs.comparison import Replay, replay_evidence
 from gamekeeper.runs.files.folder import digest_file
@@ -30,24 +30,30 @@ from tests.cli.lines import document, said
 from tests.runs.finalize_again import finalize_again
 
 HERE: Final = Path(__file__).with_name("v1")
-MARKET: Final = "0e968c9fe937232507611adfe441b1de0151b41b63359b633b97ebf1880444de"
-MARKET_INFOS: Final = "e9e7dd523d7f57b5db4bc9269b9e219ff4e2c2ec79bb1a9fa6d072bf31485871"
-RELAY: Final = "60ef6dabe6940d12e2447b0c116bf5737f788b269278637c269b17e8c5ad712b"
-RELAY_INFOS: Final = "9c74b8c32dbccb226340d57d477478ccd99f63d8e89e39839b53b27ee79f2ba7"
-FRAMES: Final = "c4e0d45064821346913793f1bcea4c57767a5313771200abb24f8b0af4b8894f"
-FRAMES_INFOS: Final = "af956b1d3c631563afffeeaff28df47d754ed3e6fafd53a5aaa7f412ffa09496"
-FAILED: Final = "5eeb6c150cb954fa7ccb982479d9d873d5106cdd2e670f592657d88a78d76242"
-FAILED_INFOS: Final = "3766289795c22a6336bfc05b6dbd0a05d14241b33e0b4543aacbb3ee5339cee7"
-OPEN: Final = "b01db75804e08f003805dff27920df1c33856b967fb2e9f3f3a80745454dc555"  # recovered
+MARKET: Final = "full:0e968c9fe937232507611adfe441b1de0151b41b63359b633b97ebf1880444de"
+MARKET_INFOS: Final = "full:e9e7dd523d7f57b5db4bc9269b9e219ff4e2c2ec79bb1a9fa6d072bf31485871"
+RELAY: Final = "full:60ef6dabe6940d12e2447b0c116bf5737f788b269278637c269b17e8c5ad712b"
+RELAY_INFOS: Final = "full:9c74b8c32dbccb226340d57d477478ccd99f63d8e89e39839b53b27ee79f2ba7"
+FRAMES: Final = "full:c4e0d45064821346913793f1bcea4c57767a5313771200abb24f8b0af4b8894f"
+FRAMES_INFOS: Final = "full:af956b1d3c631563afffeeaff28df47d754ed3e6fafd53a5aaa7f412ffa09496"
+FAILED: Final = "full:5eeb6c150cb954fa7ccb982479d9d873d5106cdd2e670f592657d88a78d76242"
+FAILED_INFOS: Final = "full:3766289795c22a6336bfc05b6dbd0a05d14241b33e0b4543aacbb3ee5339cee7"
+OPEN: Final = "full:b01db75804e08f003805dff27920df1c33856b967fb2e9f3f3a80745454dc555"  # recovered
 WORLDS: Final = "a9badde2fb8b7f89423352046c48c4e5"
+
+
+def digest(fingerprint: str) -> str:
+    """The fingerprint of the same episodes in a run of level `digest`."""
+    return fingerprint.replace("full", "digest")
+
 
 CUT: Final = ["ended", "ended", "cut"]
 FINALIZED: Final = {  # fingerprint, of infos, rows, ends of episodes
     "parallel": (MARKET, MARKET_INFOS, 46, CUT),
-    "digest": (MARKET, MARKET_INFOS, 46, CUT),
+    "digest": (digest(MARKET), digest(MARKET_INFOS), 46, CUT),
     "frames": (FRAMES, FRAMES_INFOS, 46, CUT),
     "aec": (RELAY, RELAY_INFOS, 67, ["ended"] * 3),
-    "aec-digest": (RELAY, RELAY_INFOS, 67, ["ended"] * 3),
+    "aec-digest": (digest(RELAY), digest(RELAY_INFOS), 67, ["ended"] * 3),
     "failed": (FAILED, FAILED_INFOS, 13, ["failed"]),
 }
 ALL: Final = [*FINALIZED, "open"]
@@ -177,8 +183,10 @@ def test_sql_is_answered(capfd: pytest.CaptureFixture[str]) -> None:
 
 
 def test_same_evidence_has_no_divergence() -> None:
-    """Runs of that day are compared, at either level."""
-    assert gk.diff(HERE / "parallel", HERE / "digest") is None
+    """Runs of that day are compared, those of one level."""
+    assert gk.diff(HERE / "parallel", HERE / "parallel") is None
+    with pytest.raises(EvidenceError, match="different levels"):
+        gk.diff(HERE / "parallel", HERE / "digest")
 
 
 def test_newer_format_is_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

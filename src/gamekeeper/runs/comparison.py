@@ -412,7 +412,7 @@ def check_level(a: Evidence, b: Evidence) -> None:
             where=f"{a.path or 'in memory'}, {b.path or 'in memory'}",
             expected="one level",
             actual=" and ".join(levels),
-            fix="gamekeeper expand RUN OUT makes a full run of a smaller one",
+            fix="gamekeeper expand RUN OUT makes a full run of one of level actions",
         )
 
 

@@ -274,7 +274,7 @@ def _check_same_level(path: object, asked: str, level: str) -> None:
             where=str(path),
             expected=f"a fingerprint {level}:...",
             actual=f"{asked}:...",
-            fix="gamekeeper expand RUN OUT makes a full run of a smaller one",
+            fix="gamekeeper expand RUN OUT makes a full run of one of level actions",
         )
 
 
