@@ -56,6 +56,7 @@ if TYPE_CHECKING:
     from gamekeeper.runs.load_run import load
     from gamekeeper.runs.recording import record, rollout
     from gamekeeper.runs.resuming import Resumed, resume
+    from gamekeeper.runs.run_check import Verification, verify
     from gamekeeper.viewing.episode_player import player
     from gamekeeper.viewing.report_file import report
 
@@ -91,6 +92,7 @@ __all__ = [
     "Turn",
     "TurnEnv",
     "Verdict",
+    "Verification",
     "attribute",
     "audit",
     "diagnose",
@@ -114,6 +116,7 @@ __all__ = [
     "to_aec",
     "to_parallel",
     "vector",
+    "verify",
 ]
 
 _HOMES: Final = {
@@ -135,6 +138,7 @@ _HOMES: Final = {
     "Turn": "gamekeeper.episodes.episode",
     "TurnEnv": "gamekeeper.interface.turn_env",
     "Verdict": "gamekeeper.checks.verdict",
+    "Verification": "gamekeeper.runs.run_check",
     "attribute": "gamekeeper.diagnosis.attribution.contributions",
     "audit": "gamekeeper.auditing.audit_process",
     "diagnose": "gamekeeper.diagnosis.failure_causes",
@@ -154,6 +158,7 @@ _HOMES: Final = {
     "rollout": "gamekeeper.runs.recording",
     "to_aec": "gamekeeper.interface.conversion",
     "to_parallel": "gamekeeper.interface.conversion",
+    "verify": "gamekeeper.runs.run_check",
 }
 """The module of each name, which is loaded when the name is first used."""
 _PACKAGES: Final = ("vector",)

@@ -44,6 +44,7 @@ PUBLIC = [
     "Turn",
     "TurnEnv",
     "Verdict",
+    "Verification",
     "attribute",
     "audit",
     "diagnose",
@@ -67,6 +68,7 @@ PUBLIC = [
     "to_aec",
     "to_parallel",
     "vector",
+    "verify",
 ]
 TEXTS = [path for path in kept_files() if path.suffix == ".md" and "decisions" not in path.parts]
 
