@@ -118,7 +118,9 @@ def test_whole_evidence_is_kept_in_the_cache(
     assert whole_evidence(full) is full
     whole = whole_evidence(small)
     assert whole.fingerprint == full.fingerprint
-    assert whole_evidence(tmp_path / "small").root == whole.root
+    again = whole_evidence(tmp_path / "small")
+    assert (again.root, again.name) == (whole.root, str(tmp_path / "small"))
+    assert gk.attribute(tmp_path / "small", episodes=0).run == str(tmp_path / "small")
 
 
 def test_workers_record_the_same_small_run(tmp_path: Path) -> None:

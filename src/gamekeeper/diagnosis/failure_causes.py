@@ -256,7 +256,7 @@ def _diagnosis(
     if TEAM in findings:
         team = agent_answer(None, TEAM, findings, experiment, seen, flips, perturbed)
     return Diagnosis(
-        run=str(evidence.path or "memory"),
+        run=evidence.name,
         fingerprint=evidence.fingerprint,
         agents=by_agent,
         team=team,

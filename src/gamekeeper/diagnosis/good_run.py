@@ -209,7 +209,7 @@ def _diagnosis(
         agent: _answer(agent, least, found, contract, success, cuts) for agent in (*agents, None)
     }
     return Diagnosis(
-        run=str(evidence.path or "memory"),
+        run=evidence.name,
         fingerprint=evidence.fingerprint,
         agents={agent: answers[agent] for agent in agents},
         team=answers[None],

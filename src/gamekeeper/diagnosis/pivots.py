@@ -106,11 +106,11 @@ def pivots(
                 lambda answer: found.append(EpisodePivots.from_json(answer)),
                 workers=workers,
                 silence_s=SILENCE_S,
-                where=str(evidence.path),
+                where=evidence.name,
                 fix="try it with --workers 0 to see what it does",
             )
     return Pivots(
-        run=str(evidence.path or "memory"),
+        run=evidence.name,
         fingerprint=evidence.fingerprint,
         episodes=tuple(sorted(found, key=lambda each: each.episode)),
         failed=(len(scopes), evidence.episode_table.num_rows),
@@ -183,7 +183,7 @@ def _chosen(evidence: Evidence, scopes: Mapping[int, str], episode: int | None) 
     if episode not in scopes:
         raise EvidenceError(
             f"the run has no failed episode {episode}",
-            where=str(evidence.path or "memory"),
+            where=evidence.name,
             expected=", ".join(map(str, list(scopes)[:20])) or "a run with failed episodes",
             actual=str(episode),
             fix="name a failed episode" if scopes else "name another condition (--failed)",

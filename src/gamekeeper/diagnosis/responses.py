@@ -61,7 +61,7 @@ def responses(
     if not found:
         raise EvidenceError(
             "no observation of a decision was recorded",
-            where=str(evidence.path or "memory"),
+            where=evidence.name,
             expected="a run of level full",
             fix="play it again into one: gamekeeper expand RUN OUT",
         )

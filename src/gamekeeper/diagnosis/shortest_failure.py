@@ -134,7 +134,7 @@ class _Search:
         except KeyError:
             raise EvidenceError(
                 f"the run has no episode {episode}",
-                where=str(evidence.path or "memory"),
+                where=evidence.name,
                 expected=f"one of {evidence.episode_table.num_rows} episodes",
                 actual=str(episode),
                 fix="name an episode of the run",
@@ -150,7 +150,7 @@ class _Search:
             raise EvidenceError(
                 f"episode {episode} doesn't fail when it is played again"
                 + ("" if scope is None else f" for {scope}"),
-                where=str(evidence.path or "memory"),
+                where=evidence.name,
                 expected="a failing episode",
                 actual=", ".join(f"{each}: {bad}" for each, bad in told.items()),
                 fix="`gamekeeper replay` says whether the run replays at all",

@@ -79,6 +79,7 @@ class Evidence:
         facts: observations of probes that aren't turns.
         path: the folder of the run; None for evidence in memory.
         root: root digest of the run, as it was when this was read; None in memory, or while open.
+        small: the folder of the run that this is the expansion of, where that is another one.
     """
 
     manifest: Mapping[str, Any]
@@ -86,6 +87,12 @@ class Evidence:
     facts: tuple[Any, ...] = ()
     path: PurePath | None = None
     root: str | None = None
+    small: PurePath | None = None
+
+    @property
+    def name(self) -> str:
+        """The folder of the run that was asked for, as text; "memory" where there is none."""
+        return str(self.small or self.path or "memory")
 
     @cached_property
     def episode_table(self) -> pa.Table:

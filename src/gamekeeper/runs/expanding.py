@@ -7,6 +7,7 @@ import shutil
 import sys
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final
@@ -107,13 +108,13 @@ def whole_evidence(
     with_own = place.exists() and own_runs.is_private(place)
     if with_own:
         try:
-            return load(place)
+            return replace(load(place), small=evidence.path)
         except RunError:  # it was interrupted while it was written, or is damaged
             shutil.rmtree(place)
     place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    return expand(
-        evidence, place, env=env if isinstance(env, str) else None, allow_import=allow_import
-    )
+    name = env if isinstance(env, str) else None
+    whole = expand(evidence, place, env=name, allow_import=allow_import)
+    return replace(whole, small=evidence.path)
 
 
 def first_divergence(small: Evidence, whole: Evidence) -> Divergence | None:

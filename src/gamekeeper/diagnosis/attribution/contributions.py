@@ -201,7 +201,7 @@ def _attributed(
             harm=mine,
         )
     return Attribution(
-        run=None if evidence.path is None else str(evidence.path),
+        run=None if evidence.path is None else evidence.name,
         episodes=sum(each["run"] == "recorded" for each in found.scans),
         fresh=len(found.closed),
         recorded=evidence.episode_table.num_rows,
