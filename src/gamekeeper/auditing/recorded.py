@@ -23,7 +23,7 @@ from gamekeeper.contract import Contract
 from gamekeeper.episodes.agent_spec import AgentSpec, agent_spec
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.evidence import Evidence
-from gamekeeper.errors import EvidenceError
+from gamekeeper.errors import EvidenceError, TrustError
 from gamekeeper.runs.expanding import whole_evidence
 from gamekeeper.runs.files.folder import MANIFEST
 
@@ -46,7 +46,6 @@ def audit_run(
     contract: Contract | str | PathLike[str] | None = None,
     select: Sequence[str] = (),
     ignore: Sequence[str] = (),
-    allow_import: bool = False,
 ) -> AuditResult:
     """Judges the episodes of a run, each row against the spaces and the contract.
 
@@ -58,14 +57,21 @@ def audit_run(
         contract: what is declared; None: the contract that the run was recorded under.
         select: only checks whose ids begin so; all where empty.
         ignore: but those whose ids begin so.
-        allow_import: a run of level `actions` is expanded first; run code that it names.
     Raises:
         RunError: there is no run, or it is damaged.
         EvidenceError: the run keeps no observations; no check begins like `select` or `ignore`.
         ContractError: the contract doesn't fit the agents.
     """
     begun_s = time.monotonic()
-    evidence = whole_evidence(path, allow_import=allow_import)
+    try:
+        evidence = whole_evidence(path)
+    except TrustError as error:
+        raise TrustError(
+            error.what,
+            where=error.where,
+            actual=error.actual,
+            fix="if you trust it: gamekeeper expand RUN OUT --allow-import, and audit OUT",
+        ) from error
     level = str(evidence.manifest.get("level"))
     if level != FULL:
         raise EvidenceError(
