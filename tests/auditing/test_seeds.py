@@ -58,6 +58,17 @@ class SameSeedStays(Rovers):
         return super().reset(new, options)
 
 
+class WearsOut(Rovers):
+    """Its fifth episode and those after it begin elsewhere."""
+
+    resets = 0
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Counts itself."""
+        self.resets += 1
+        return super().reset(None if seed is None else seed + (self.resets > 4), options)
+
+
 class LuckyRovers(Rovers):
     """Samples are found elsewhere by the module random."""
 
@@ -296,3 +307,10 @@ def test_replay_is_not_blamed_for_the_generators_of_the_process() -> None:
         "GK602": "failed",
         "GK901": "passed",
     }
+
+
+def test_state_that_shows_after_many_resets_is_found() -> None:
+    """Resets without a step wear an instance out, and the program shows it in as many."""
+    found = audited(WearsOut, ("GK604",))
+    (finding,) = (each for verdict in found.failed for each in verdict.findings[:1])
+    assert "for _ in range(6):\n    used.reset(seed=" in finding.reproducer

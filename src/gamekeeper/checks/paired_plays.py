@@ -224,14 +224,20 @@ def is_blind_later(look: ProbeRun) -> bool:
     return seeds is not None and seeds.value.in_fresh and not seeds.value.in_used
 
 
-def used_beside_fresh(api: str, before: Any, tells: frozenset[str]) -> Reproducer:
+def used_beside_fresh(
+    api: str, before: Any, tells: frozenset[str], *, times: int = 1
+) -> Reproducer:
     """Plays in a used instance and in a fresh one.
 
     Args:
         before: seed and actions of the episode that goes before; None: of the play itself.
+        times: how often it goes before; more than once only where it has no actions.
     """
     used = ["used = make()", "play(used)"]
-    if before is not None:
+    if before is not None and times > 1:
+        reset = f"    used.reset(seed={before[0]!r})"
+        used = ["used = make()", f"for _ in range({times}):", reset]
+    elif before is not None:
         seed, actions = before
         turns = [dict(a) if api == "parallel" else next(iter(a.values()), None) for a in actions]
         used = [

@@ -312,6 +312,8 @@ def _observed(lab: ProbeSession, env: Any) -> dict[str, Any]:
 
 APART: Final = 1000
 """Distance of the last episode's seed from that of the present one."""
+RESETS: Final = 6
+"""Resets that go before a play; what counts them shows after a few."""
 
 
 def _second_episode_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
@@ -325,17 +327,18 @@ def second_episode(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
 
     Counterfactuals: what went before the play differs.
 
-    The same episode, one of another seed that is cut in its middle, a reset with the same seed and
-    no step. Each comes only where those before it told nothing. Facts, beside a counterfactual
-    that parts:
+    The same episode, one of another seed that is cut in its middle, `RESETS` resets with the same
+    seed and no step. Each comes only where those before it told nothing. Facts, beside a
+    counterfactual that parts:
         `EpisodeBefore`, `LaterSeeds`.
     """
     volatile = tuple(lab.contract.volatile_infos())
     with held():
         base = lab.play(play, lab.env())
     change = {"change": "an episode before"}
-    for before in (base.play, _cut(lab, base), replace(base.play, actions=(), most_turns=0)):
-        after = _after(lab, before, base.play)
+    resets = replace(base.play, actions=(), most_turns=0)
+    for before, times in ((base.play, 1), (_cut(lab, base), 1), (resets, RESETS)):
+        after = _after(lab, before, base.play, times)
         if compare(base.trace, after.trace, volatile=volatile).divergence is None:
             yield ProbeCounterfactual(base.trace, base.trace, after.trace, change, volatile)
             continue
@@ -343,8 +346,9 @@ def second_episode(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
             unchanged_rerun = lab.play(base.play, lab.env())
         yield ProbeCounterfactual(base.trace, unchanged_rerun.trace, after.trace, change, volatile)
         if compare(base.trace, unchanged_rerun.trace, volatile=volatile).divergence is None:
-            yield lab.fact(EpisodeBefore(None if before is base.play else _on_paper(lab, before)))
-            yield lab.fact(LaterSeeds(*_seeds_matter(lab, before, base, after)))
+            paper = None if before is base.play else _on_paper(lab, before)
+            yield lab.fact(EpisodeBefore(paper, times))
+            yield lab.fact(LaterSeeds(*_seeds_matter(lab, before, base, after, times)))
         return
 
 
@@ -355,11 +359,12 @@ def _cut(lab: ProbeSession, base: EpisodeResult) -> EpisodePlan:
     return EpisodePlan(seed=seed, stream=base.play.stream + APART, most_turns=turns)
 
 
-def _after(lab: ProbeSession, before: EpisodePlan, play: EpisodePlan) -> EpisodeResult:
-    """The play in an instance in which another was played before."""
+def _after(lab: ProbeSession, before: EpisodePlan, play: EpisodePlan, times: int) -> EpisodeResult:
+    """The play in an instance in which another was played before, so many times."""
     with held():
         env = lab.env()
-        lab.play(before, env)
+        for _ in range(times):
+            lab.play(before, env)
     with held():
         return lab.play(play, env)
 
@@ -372,13 +377,13 @@ def _on_paper(lab: ProbeSession, before: EpisodePlan) -> tuple[int | None, tuple
 
 
 def _seeds_matter(
-    lab: ProbeSession, before: EpisodePlan, base: EpisodeResult, after: EpisodeResult
+    lab: ProbeSession, before: EpisodePlan, base: EpisodeResult, after: EpisodeResult, times: int
 ) -> tuple[bool, bool]:
     """Tells whether another seed makes another episode, in a fresh instance and a used one."""
     other = replace(base.play, seed=(base.play.seed or 0) + 1)
     with held():
         fresh = lab.play(other, lab.env())
-    used = _after(lab, before, other)
+    used = _after(lab, before, other, times)
     return _differ(lab, base.trace, fresh.trace), _differ(lab, after.trace, used.trace)
 
 

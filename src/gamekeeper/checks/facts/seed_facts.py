@@ -80,9 +80,11 @@ class EpisodeBefore:
 
     Attributes:
         episode: its seed and actions; None: the same one.
+        times: how often it was played.
     """
 
     episode: tuple[int | None, tuple[Any, ...]] | None
+    times: int = 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -195,8 +195,10 @@ def nothing_survives_a_reset(contract: Contract, evidence: ProbeEvidence) -> Ite
             continue  # later seeds are ignored, which is another promise
         fact = look.fact(EpisodeBefore)
         before = None if fact is None else fact.value.episode
+        times = 1 if fact is None else fact.value.times
         for counterfactual in look.counterfactuals:
-            proof = used_beside_fresh(evidence.api, before, told_of(contract, counterfactual))
+            told = told_of(contract, counterfactual)
+            proof = used_beside_fresh(evidence.api, before, told, times=times)
             for seen in parted(
                 counterfactual, proof, expected="the same play as in a fresh instance"
             ):
