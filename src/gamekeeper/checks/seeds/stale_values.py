@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TypeVar
 
 from gamekeeper.checks.case import Case, Reproducer
 from gamekeeper.checks.check import HIGH, MEDIUM, check
 from gamekeeper.checks.facts.handed_facts import KeptValues, SharedValues
-from gamekeeper.checks.probe_evidence import ProbeEvidence
+from gamekeeper.checks.probe_evidence import Fact, ProbeEvidence
 from gamekeeper.contract import Contract
 
+T = TypeVar("T")
 PLACES = {"observations": 0, "rewards": 1, "terminations": 2, "truncations": 3, "infos": -1}
 """Place of each part in the tuple that a Parallel environment's step returns."""
 
@@ -33,6 +35,11 @@ def kept_cases(evidence: ProbeEvidence, *fields: str) -> Iterator[Case]:
             )
 
 
+def _of(evidence: ProbeEvidence, kind: type[T], field: str) -> Iterator[Fact[T]]:
+    """Facts of a kind about one field. An array that all are given at every turn is told once."""
+    return (fact for fact in evidence.facts(kind) if fact.where.field == field)
+
+
 def without_state(contract: Contract, evidence: ProbeEvidence) -> str | None:
     """Reason why no value of `state()` can change: there is none, or it is plain."""
     fields = {fact.where.field for fact in evidence.facts(KeptValues)}
@@ -41,9 +48,7 @@ def without_state(contract: Contract, evidence: ProbeEvidence) -> str | None:
 
 def apart_cases(evidence: ProbeEvidence, field: str) -> Iterator[Case]:
     """Yields a case for every pair of agents whose memory was compared."""
-    for fact in evidence.facts(SharedValues):
-        if fact.where.field != field:
-            continue
+    for fact in _of(evidence, SharedValues, field):
         pair = fact.value.pair
         for _ in range(fact.value.looks - (pair is not None)):
             yield Case(fact.where, True)
@@ -166,7 +171,8 @@ def infos_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Iter
     self.infos[agent] = {"action_mask": self.legal.copy()}
     ```
     """
-    yield from kept_cases(evidence, "infos")
+    if not any(fact.value.pair for fact in _of(evidence, SharedValues, "infos")):  # GK615's
+        yield from kept_cases(evidence, "infos")
 
 
 @check(
@@ -254,7 +260,8 @@ def observations_are_apart(contract: Contract, evidence: ProbeEvidence) -> Itera
     return {agent: self.board_view() for agent in self.agents}
     ```
     """
-    yield from apart_cases(evidence, "observations")
+    if not any(fact.value.changed for fact in _of(evidence, KeptValues, "observations")):  # GK610's
+        yield from apart_cases(evidence, "observations")
 
 
 @check(
