@@ -104,4 +104,4 @@ def test_report_finds_the_attribution(tmp_path: Path, capsys: Capture) -> None:
     said(capsys, "report", run, "--out", out)
     page = out.read_text(encoding="utf-8")
     assert "Contributions of agents" in page
-    assert "nobody else has its role" in page.replace("&#39;", "'")
+    assert "too few new episodes for an interval" in page

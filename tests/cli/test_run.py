@@ -55,7 +55,7 @@ def test_run_does_the_main_job(
     assert f"  fingerprint  {fingerprint}" in lines
     next_command = lines[-1].removeprefix("Next").split()
     assert next_command[:3] == ["gamekeeper", "report", "demo"]
-    assert max(map(len, lines)) <= max(80, len(lines[-1]))
+    assert max(len(each) for each in lines[:-1] if fingerprint not in each) <= 80
     assert len(lines) <= 37
 
 

@@ -296,15 +296,13 @@ def test_replay_says_that_policies_have_no_seed(tmp_path: Path) -> None:
     assert "doesn't name its policies" in result.reason
 
 
-def test_replay_cannot_open_an_object_again(tmp_path: Path) -> None:
-    """An environment object needs to be named, which no trust replaces; then it verifies."""
+def test_replay_opens_the_class_of_an_object(tmp_path: Path) -> None:
+    """An environment object is found again by its class, or is named."""
     env = record(Walk(), tmp_path / "run")
     step_through(env, seed=1)
     env.close()
 
-    result = replay(tmp_path / "run")
-
-    assert result.reason == "the environment was an object in memory; name it with --env"
+    assert replay(tmp_path / "run").verified
     path = write_env(tmp_path)
     assert replay(tmp_path / "run", env=f"{path}:Walk").verified
 

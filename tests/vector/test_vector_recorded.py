@@ -82,7 +82,7 @@ def test_recorded_copies_replay(tmp_path: Path) -> None:
         path = tmp_path / level
         venv = gk.record(make("two_robot_line", 3), path, level=level)
         played(venv, 25)
-        prints[level] = gk.load(path).fingerprint
+        prints[level] = gk.load(path).fingerprint.partition(":")[2]
         assert gk.replay(path).verified
     assert prints["full"] == prints["digest"]
 

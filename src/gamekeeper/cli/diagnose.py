@@ -118,7 +118,7 @@ OutOption = Annotated[
         "--out",
         metavar="FOLDER",
         help="Folder of the episodes and counterfactuals; a second call continues there "
-        "(default: RUN-diagnosis).",
+        "(default: RUN-diagnosis, with --good RUN-compared).",
     ),
 ]
 CaseOption = Annotated[
@@ -190,7 +190,8 @@ def command(
     from gamekeeper.diagnosis.labels import propose
     from gamekeeper.interface.policy import parse_choices
 
-    condition, folder = only_condition(failed), _beside(run) if out is None else out
+    condition = only_condition(failed)
+    folder = out or _beside(run, "diagnosis" if good is None else "compared")
     opening: dict[str, Any] = {"failed": condition, "env": env, "allow_import": allow_import}
     if shrink is not None:
         opening["out"] = folder / f"shrunk-{shrink}"
@@ -249,9 +250,9 @@ def only_condition(conditions: list[str] | None) -> str | None:
     return conditions[0] if conditions else None
 
 
-def _beside(run: Path) -> Path:
+def _beside(run: Path, word: str) -> Path:
     named = run if run.name else run.absolute()  # `.` has none
-    return named.with_name(f"{named.name}-diagnosis")
+    return named.with_name(f"{named.name}-{word}")
 
 
 def diagnosis_code(found: Diagnosis) -> int:
