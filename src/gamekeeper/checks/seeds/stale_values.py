@@ -36,8 +36,14 @@ def kept_cases(evidence: ProbeEvidence, *fields: str) -> Iterator[Case]:
 
 
 def _of(evidence: ProbeEvidence, kind: type[T], field: str) -> Iterator[Fact[T]]:
-    """Facts of a kind about one field. An array that all are given at every turn is told once."""
+    """Facts of a kind about one field."""
     return (fact for fact in evidence.facts(kind) if fact.where.field == field)
+
+
+def _is_one_for_all(evidence: ProbeEvidence, field: str) -> bool:
+    """Tells whether agents share memory that is used again: one fault, which one check tells."""
+    is_shared = any(fact.value.pair for fact in _of(evidence, SharedValues, field))
+    return is_shared and any(fact.value.changed for fact in _of(evidence, KeptValues, field))
 
 
 def without_state(contract: Contract, evidence: ProbeEvidence) -> str | None:
@@ -171,7 +177,7 @@ def infos_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Iter
     self.infos[agent] = {"action_mask": self.legal.copy()}
     ```
     """
-    if not any(fact.value.pair for fact in _of(evidence, SharedValues, "infos")):  # GK615's
+    if not _is_one_for_all(evidence, "infos"):  # GK615 tells it
         yield from kept_cases(evidence, "infos")
 
 
@@ -260,7 +266,7 @@ def observations_are_apart(contract: Contract, evidence: ProbeEvidence) -> Itera
     return {agent: self.board_view() for agent in self.agents}
     ```
     """
-    if not any(fact.value.changed for fact in _of(evidence, KeptValues, "observations")):  # GK610's
+    if not _is_one_for_all(evidence, "observations"):  # GK610 tells it
         yield from apart_cases(evidence, "observations")
 
 
