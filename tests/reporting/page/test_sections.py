@@ -141,10 +141,10 @@ def test_audit_of_another_environment_is_told() -> None:
         assert expected == len(section.blocks[0].alerts)
 
 
-def test_influence_shows_the_strongest_lag_or_the_strongest_pairs() -> None:
+def test_influence_shows_the_first_lag_or_the_strongest_pairs() -> None:
     """A matrix by kind; in large rosters the strongest pairs alone."""
     row: dict[str, Any] = {"on": "reward", "low": 0.0, "high": 1.0, "n": 9}
-    rows = [{**row, "from": "a", "to": "b", "lag": lag, "p": p} for lag, p in ((0, 0.2), (2, 0.7))]
+    rows = [{**row, "from": "a", "to": "b", "lag": lag, "p": p} for lag, p in ((0, 0.0), (2, 0.7))]
     matrices, every = influence_blocks(rows, "so")
     (chart,) = matrices.charts
     assert chart["values"] == [[None, 0.7], [None, None]]

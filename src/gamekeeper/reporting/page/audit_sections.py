@@ -131,8 +131,8 @@ def influence_blocks(rows: Sequence[Mapping[str, Any]], method: str) -> tuple[Pa
     agents = list(dict.fromkeys([*(row["from"] for row in rows), *(row["to"] for row in rows)]))
     note = (
         f"The share of replaced actions of one agent (row) that changed something for another "
-        f"(column), at the lag with the largest share: {method}, compared with the unchanged "
-        "rerun. In brackets its 95 % interval; +1: one round later."
+        f"(column), at the first lag at which something changed: {method}, compared with the "
+        "unchanged rerun. In brackets its 95 % interval; +1: one round later."
     )
     if len(agents) > MOST_AGENTS:
         table = _pairs(rows)
@@ -146,7 +146,7 @@ def _influence(rows: Sequence[Mapping[str, Any]], agents: Sequence[str], kind: s
     best: dict[tuple[str, str], Mapping[str, Any]] = {}
     for row in rows:
         key = (row["from"], row["to"])
-        if row["on"] == kind and (key not in best or row["p"] > best[key]["p"]):
+        if row["on"] == kind and (key not in best or _first(row) < _first(best[key])):
             best[key] = row
     if not best:
         return None
@@ -161,6 +161,11 @@ def _influence(rows: Sequence[Mapping[str, Any]], agents: Sequence[str], kind: s
         texts=[[None if cell is None else _share(cell) for cell in line] for line in grid],
         limits=(0.0, 1.0),
     )
+
+
+def _first(row: Mapping[str, Any]) -> tuple[bool, int]:
+    """Order of lags: those at which something changed, the earliest of them first."""
+    return not row["p"], row["lag"]
 
 
 def _share(row: Mapping[str, Any]) -> str:
