@@ -43,7 +43,7 @@ class _Pair:
 class Pair(_Pair, gk.TickEnv):
     """At once."""
 
-    metadata = {"name": "pair_v0"}  # noqa: RUF012
+    metadata = {"name": "pair_v0"}  # noqa: RUF012  # as PettingZoo has it
 
     def tick(self, actions: dict[str, Any]) -> None:
         self.time += 1
@@ -54,7 +54,7 @@ class Pair(_Pair, gk.TickEnv):
 class PairInTurn(_Pair, gk.TurnEnv):
     """One by one."""
 
-    metadata = {"name": "pair_in_turn_v0"}  # noqa: RUF012
+    metadata = {"name": "pair_in_turn_v0"}  # noqa: RUF012  # as PettingZoo has it
 
     def act(self, agent: str, action: Any) -> None:
         self.time += 1

@@ -19,7 +19,7 @@ HERE = f"{__name__}:"
 class Corridor(gk.TickEnv):
     """Two agents walk eight cells to the right; wind holds them where they are."""
 
-    metadata = {"name": "corridor_v0"}  # noqa: RUF012
+    metadata = {"name": "corridor_v0"}  # noqa: RUF012  # as PettingZoo has it
 
     def __init__(self, limit: int = 20, wind: float = 0.0, render_mode: str | None = None) -> None:
         super().__init__(render_mode=render_mode)

@@ -22,7 +22,7 @@ HERE = f"{__name__}:"
 class Gate(gk.TickEnv):
     """Two agents open a gate where both choose what they are shown."""
 
-    metadata = {"name": "gate_v0"}  # noqa: RUF012
+    metadata = {"name": "gate_v0"}  # noqa: RUF012  # as PettingZoo has it
 
     def __init__(
         self,
@@ -94,7 +94,7 @@ def test_least_set_is_least(size: int) -> None:
     items = list(range(size))
     for count in (1, 2, 3):
         for wanted in combinations(items, count):
-            found = least_set(items, lambda some, wanted=wanted: set(wanted) <= set(some))  # type: ignore[misc]
+            found = least_set(items, lambda some, wanted=wanted: set(wanted) <= set(some))  # type: ignore[misc]  # mypy infers no type of a default in a lambda
             assert set(found) == set(wanted)
 
 

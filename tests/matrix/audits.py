@@ -131,8 +131,8 @@ def _keep(name: str, audit: dict[str, Any]) -> None:
 def audit_task(report: Any, *, names: list[str]) -> None:
     """Audits environments in this process, which is for this alone."""
     workers = cycle([_KeptWorker(confirm.MODULES) for _ in range(TRIES)])
-    confirm.WarmWorker = lambda modules: next(workers)  # type: ignore[assignment,misc]
-    confirm.TRIES = TRIES  # type: ignore[misc]
+    confirm.WarmWorker = lambda modules: next(workers)  # type: ignore[assignment,misc]  # kept ones in its place
+    confirm.TRIES = TRIES  # type: ignore[misc]  # fewer here
     elsewhere.run_task = _in_fork  # type: ignore[assignment]
     for name in names:
         each = environments()[name]

@@ -29,7 +29,7 @@ class _Leaving:
 class LeavesAtOnce(_Leaving, ParallelEnv):
     """Parallel."""
 
-    metadata = {"name": "leaves_at_once_v0"}  # noqa: RUF012
+    metadata = {"name": "leaves_at_once_v0"}  # noqa: RUF012  # as PettingZoo has it
 
     def reset(self, seed: int | None = None, options: Any = None) -> Any:
         self.agents, self.time = ["a", "b"], 0
@@ -48,7 +48,7 @@ class LeavesAtOnce(_Leaving, ParallelEnv):
 class LeavesInTurn(_Leaving, AECEnv):
     """AEC: a, b, a, then b alone."""
 
-    metadata = {"name": "leaves_in_turn_v0"}  # noqa: RUF012
+    metadata = {"name": "leaves_in_turn_v0"}  # noqa: RUF012  # as PettingZoo has it
 
     def reset(self, seed: int | None = None, options: Any = None) -> None:
         self.agents, self.time, self.agent_selection = ["a", "b"], 0, "a"
