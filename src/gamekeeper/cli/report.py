@@ -55,6 +55,15 @@ AttributionOption = Annotated[
         help="Output of `gamekeeper attribute RUN --json` (default: the run's own, if it has one).",
     ),
 ]
+PivotsOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--pivots",
+        metavar="FILE",
+        help="Output of `gamekeeper pivots RUN --json`, for the timeline (default: the run's own, "
+        "if it has one).",
+    ),
+]
 EvaluationOption = Annotated[
     Path | None,
     typer.Option(
@@ -97,6 +106,7 @@ def command(
     audit: AuditOption = None,
     diagnosis: DiagnosisOption = None,
     attribution: AttributionOption = None,
+    pivots: PivotsOption = None,
     evaluation: EvaluationOption = None,
     episode: EpisodeOption = None,
     budget: BudgetOption = MEGABYTES,
@@ -129,6 +139,7 @@ def command(
             audit=audit,
             diagnosis=diagnosis,
             attribution=attribution,
+            pivots=pivots,
             evaluation=evaluation,
             episodes=episode or (),
             budget_bytes=round(budget * MEGABYTE),

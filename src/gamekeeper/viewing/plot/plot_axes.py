@@ -27,7 +27,7 @@ COLORS: Final = (
     "#6b5b95",
     "#4d4d4d",
 )
-"""Of agents by their place, as in the player in light."""
+"""Colours of agents by their place, as in the player in light."""
 RAMP: Final = "cividis"
 """Shades that read the same without red or green."""
 ROW: Final = 0.34
@@ -91,7 +91,7 @@ def name_rows(ax: Axes, names: Sequence[str]) -> None:
 
 
 def run_title(evidence: Evidence, what: str) -> str:
-    """What is shown of which run: environment, number of episodes and fingerprint."""
+    """Title of a plot: its subject, the environment, the number of episodes, the fingerprint."""
     environment = (evidence.manifest.get("environment") or {}).get("name")
     level, _, digits = evidence.fingerprint.partition(":")
     source = f"fingerprint {level}:{digits[:DIGITS]}" if digits else "no fingerprint yet"

@@ -35,11 +35,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SEED: Final = 0
-"""Of the resamples of intervals, as in reports."""
+"""Seed of the resamples of intervals, as in reports."""
 GOLDEN: Final = 0.618
 """Dots of a row are spread by multiples of the golden ratio: evenly, and the same every time."""
 BINS: Final = 32
-"""Of a plane, along its longer side."""
+"""Bins of a plane along its longer side."""
 MOST_WRITTEN: Final = 16
 """Actions up to which a share is written into its cell."""
 MOST_LETTERS: Final = 50

@@ -14,7 +14,7 @@ const wording = (mark) => [mark.kind, mark.agent === null || mark.agent === unde
 
 gk.Player = class {
   constructor(host) {
-    Object.assign(this, { host, decks: [], chosen: null, solo: false, turn: 0, speed: 3, playing: false, part: null, settled: 0, generation: 0, moved: false });
+    Object.assign(this, { host, decks: [], chosen: null, solo: false, turn: 0, speed: 3, playing: false, part: null, settled: 0, generation: 0, moved: false, anchor: null });
     this.#make();
     this.render = gk.once(() => this.#render());
     gk.onColours(() => this.decks.forEach((deck) => deck.repaint(this.turn)));
@@ -67,18 +67,21 @@ gk.Player = class {
     const speed = gk.node("span", { class: "speed" }, slower, this.pace, button("faster", "Faster (+)", () => this.faster(1)));
     this.slider = gk.node("input", { type: "range", min: "0", max: "0", value: "0", step: "1", "aria-label": "Turn", class: "scrub" });
     this.slider.addEventListener("input", () => this.to(Number(this.slider.value)));
+    this.ranging = gk.node("button", { type: "button", class: "ranging", "aria-pressed": "false", title: "Totals from this turn on (R)", text: "Range" });
+    this.ranging.addEventListener("click", () => this.mark(this.anchor === null ? this.turn : null));
+    this.curve = new gk.SuccessCurve();
     this.where = gk.node("output", { class: "where", "aria-hidden": "true" });
     this.faster(0);
     return gk.node(
       "div",
       { class: "controls", role: "group", "aria-label": "Playback" },
-      gk.node("div", { class: "control-buttons" }, ...buttons, speed, this.where, this.picking, this.following),
-      gk.node("div", { class: "control-slider" }, this.slider, this.ticks),
+      gk.node("div", { class: "control-buttons" }, ...buttons, speed, this.ranging, this.where, this.picking, this.following),
+      gk.node("div", { class: "control-slider" }, this.slider, this.ticks, this.curve.root),
     );
   }
 
   #keys() {
-    const text = "Keys: ← → a turn · Shift with them ten · Home, End · Space plays · + − speed · [ ] marks. Clicking or dragging on the lanes selects a turn, too.";
+    const text = "Keys: ← → a turn · Shift with them ten · Home, End · Space plays · + − speed · [ ] marks · R begins and ends a range. Clicking or dragging on the lanes selects a turn, too, dragging along the turns above them a range.";
     return gk.node("p", { class: "note keys", text });
   }
 
@@ -159,8 +162,9 @@ gk.Player = class {
   }
 
   // Opens an episode, or two side by side, at a turn.
-  async open(entries, { turn, focus = false, agent = null, solo = false } = {}) {
+  async open(entries, { turn, focus = false, agent = null, solo = false, anchor = null } = {}) {
     await this.#show(entries, turn);
+    this.mark(anchor);
     [this.chosen, this.solo] = [agent, agent !== null && solo];
     this.#stress();
     if (focus) {
@@ -199,7 +203,7 @@ gk.Player = class {
   #deal(episodes, entries) {
     const titles = episodes.length > 1 ? ["Left", "Right"] : ["Episode"];
     this.decks = episodes.map((episode, i) => {
-      const deck = new gk.Deck(episode, entries[i], `${titles[i]}: run ${gk.visible(episode.run)}, episode ${episode.index}`, (turn) => this.to(turn), (name) => this.pick(name));
+      const deck = new gk.Deck(episode, entries[i], `${titles[i]}: run ${gk.visible(episode.run)}, episode ${episode.index}`, (turn) => this.to(turn), (name) => this.pick(name), (from, to) => this.brush(from, to));
       Object.assign(deck, { entry: entries[i], side: titles[i].toLowerCase() });
       return deck;
     });
@@ -239,7 +243,9 @@ gk.Player = class {
     ink.clearRect(0, 0, wide, TICKS);
     const shape = { first: 0, perTurn: (wide - THUMB) / Math.max(1, this.last), past: this.last + 1, width: wide };
     const penalties = this.decks.flatMap((deck) => deck.episode.penalties);
-    gk.drawMarks(ink, [...this.marks, ...penalties], { ...shape, at: (turn) => half + turn * shape.perTurn });
+    const at = (turn) => half + turn * shape.perTurn;
+    gk.drawMarks(ink, [...this.marks, ...penalties], { ...shape, at });
+    this.curve.draw(one ? this.decks[0].episode : null, { wide, at });
   }
 
   // A pair begins at its first difference, what broke off where it did, a failure in the midst of an episode where it is, anything else at its beginning.
@@ -298,6 +304,24 @@ gk.Player = class {
     this.render();
   }
 
+  // Begins a range at a turn; it reaches to the cursor, wherever that goes. null: no range.
+  mark(turn) {
+    this.anchor = turn === null ? null : Math.max(0, Math.min(this.last, turn));
+    this.ranging.setAttribute("aria-pressed", String(this.anchor !== null));
+    this.moved ||= this.anchor !== null;
+    this.render();
+  }
+
+  brush(from, to) {
+    this.to(to);
+    this.mark(from);
+  }
+
+  // First and last turn of the range.
+  get range() {
+    return this.anchor === null ? null : [Math.min(this.anchor, this.turn), Math.max(this.anchor, this.turn)];
+  }
+
   // The mark before or after the cursor.
   toMark(by) {
     const turns = this.marks.map((mark) => mark.turn);
@@ -348,6 +372,7 @@ gk.Player = class {
   #render() {
     if (!this.decks.length) return;
     const [a, b] = this.decks;
+    this.decks.forEach((deck) => deck.select(this.range));
     a.show(this.turn, b ? b.episode : null);
     if (b) b.show(this.turn, a.episode);
     if (this.slider.value !== String(this.turn)) this.slider.value = String(this.turn);
@@ -368,11 +393,12 @@ gk.Player = class {
     }, SETTLED);
   }
 
-  // `#play:RUN/EPISODE/TURN`, behind a `+` the episode beside it, behind an `@` the chosen agent, with a `!` where it is alone.
+  // `#play:RUN/EPISODE/TURN`, behind a `~` where the range begins, behind a `+` the episode beside it, behind an `@` the chosen agent, with a `!` where it is alone.
   get address() {
     const [one, other] = this.decks.map(({ episode }) => `${encodeURIComponent(episode.run)}/${episode.index}`);
     const agent = this.chosen === null ? "" : `@${encodeURIComponent(this.chosen)}${this.solo ? "!" : ""}`;
-    return `#play:${one}/${this.turn}${other ? `+${other}` : ""}${agent}`;
+    const range = this.anchor === null ? "" : `~${this.anchor}`;
+    return `#play:${one}/${this.turn}${range}${other ? `+${other}` : ""}${agent}`;
   }
 
   #spoken() {
