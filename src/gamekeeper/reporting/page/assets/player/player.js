@@ -6,10 +6,6 @@ const THUMB = 16; // pixels of the slider's thumb, as style.css has it
 const TICKS = 14; // pixels of the line of marks below the slider
 const SETTLED = 500; // milliseconds after which a turn is read out and stands in the address
 
-const WORDS = { row: "the set of rows", hidden: "a value that is not shown here" };
-const LONGEST = 80; // characters of a value that is shown
-const against = (values) => values.map((value) => gk.visible(value).slice(0, LONGEST)).join(" against ");
-
 const wording = (mark) => [mark.kind, mark.agent === null || mark.agent === undefined ? "" : gk.visible(mark.agent), gk.visible(mark.text ?? "")].filter(Boolean).join(", ");
 
 gk.Player = class {
@@ -101,7 +97,7 @@ gk.Player = class {
   partMarks() {
     if (!this.part || this.part.turn === null) return [];
     const { turn, agent, field } = this.part;
-    const text = field === "length" ? "one of them ends" : `${gk.own(WORDS, field) ?? field} differs`;
+    const text = field === "length" ? "one of them ends" : `${gk.own(gk.FIELD_WORDS, field) ?? field} differs`;
     return [{ turn: Math.min(turn, this.last), kind: "divergence", agent, text, both: true }];
   }
 
@@ -203,7 +199,7 @@ gk.Player = class {
   #deal(episodes, entries) {
     const titles = episodes.length > 1 ? ["Left", "Right"] : ["Episode"];
     this.decks = episodes.map((episode, i) => {
-      const deck = new gk.Deck(episode, entries[i], `${titles[i]}: run ${gk.visible(episode.run)}, episode ${episode.index}`, (turn) => this.to(turn), (name) => this.pick(name), (from, to) => this.brush(from, to));
+      const deck = new gk.Deck(episode, entries[i], `${titles[i]}: run ${gk.visible(episode.run)}, episode ${episode.index}`, (turn) => this.to(turn), (name) => this.pick(name), (from, to) => this.to(to, from));
       Object.assign(deck, { entry: entries[i], side: titles[i].toLowerCase() });
       return deck;
     });
@@ -259,23 +255,7 @@ gk.Player = class {
 
   #sayPart(episodes) {
     this.parted.hidden = episodes.length < 2;
-    if (episodes.length < 2) return;
-    if (!this.part) return gk.say(this.parted, "No difference: every turn is the same in both.");
-    const { turn, agent, field, values } = this.part;
-    if (turn === null) return gk.say(this.parted, `No turn differs; the ${gk.visible(field)} do: ${against(values)}.`);
-    if (field === "length") return gk.say(this.parted, `The same until turn ${turn - 1}, where one of them ends.`);
-    const who = agent === null ? "" : `${gk.visible(agent)}, `;
-    if (field === "row") return gk.say(this.parted, `First difference: turn ${turn}, ${who}which has a row in one of them only.`);
-    if (field === "hidden") return gk.say(this.parted, `First difference: turn ${turn}, in an observation, an info or the state, which this page does not compare one by one.`);
-    const seen = values ?? episodes.map((episode) => this.#valueAt(episode, this.part));
-    return gk.say(this.parted, `First difference: turn ${turn}, ${who}${gk.visible(field)} ${against(seen)}.`);
-  }
-
-  #valueAt(episode, { turn, agent, field }) {
-    const seat = episode.seat.get(agent);
-    const row = seat === undefined ? -1 : episode.rowOf(seat, turn);
-    const value = gk.field(episode, row, field);
-    return typeof value === "number" ? gk.number(value) || "nothing" : value || "nothing";
+    if (episodes.length > 1) gk.say(this.parted, gk.differenceText(this.part, episodes));
   }
 
   // Buttons for marks; those that say nothing an earlier button has not said are left to the brackets.
@@ -299,7 +279,8 @@ gk.Player = class {
     if (marks.length > named.length) this.jumps.append(gk.node("span", { class: "note", text: `and ${marks.length - named.length} more: [ and ] reach them` }));
   }
 
-  to(turn) {
+  to(turn, from = null) {
+    if (from !== null) this.mark(from); // a range, to this turn
     this.turn = Math.max(0, Math.min(this.last, Math.round(turn)));
     this.render();
   }
@@ -310,11 +291,6 @@ gk.Player = class {
     this.ranging.setAttribute("aria-pressed", String(this.anchor !== null));
     this.moved ||= this.anchor !== null;
     this.render();
-  }
-
-  brush(from, to) {
-    this.to(to);
-    this.mark(from);
   }
 
   // First and last turn of the range.
