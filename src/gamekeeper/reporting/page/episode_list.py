@@ -89,8 +89,9 @@ def sparks_of(figures: Figures) -> list[str]:
     is_known = np.isfinite(course).all(axis=1)
     known = course[is_known]
     low, high = min(0.0, known.min(initial=0.0)), known.max(initial=0.0)
-    steps = np.rint((known - low) / ((high - low) or 1.0) * (len(SCALE) - 1)).astype(np.int64)
-    letters = iter(["".join(SCALE[int(k)] for k in row) for row in steps])
+    steps = np.rint((known - low) / ((high - low) or 1.0) * (len(SCALE) - 1))
+    rows: list[list[float]] = np.asarray(steps).tolist()
+    letters = iter(["".join(SCALE[int(k)] for k in row) for row in rows])
     return [next(letters) if each else "" for each in is_known.tolist()]
 
 
