@@ -67,15 +67,16 @@ def main() -> None:
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=ARGUMENTS)
         opened = [_open_seconds(browser, address, given.width) for _ in range(given.repeats)]
-        _tell("report_open", bytes=size, open_s=statistics.median(opened), most_s=max(opened))
-        page = _page(browser, address, given.width)
-        _tell("report_scrub", **_scrub(page))
+        tell("report_open", bytes=size, open_s=statistics.median(opened), most_s=max(opened))
+        page = page_of(browser, address, given.width)
+        tell("report_scrub", **scrub(page))
         if _compare(page):
-            _tell("report_scrub_two", **_scrub(page))
+            tell("report_scrub_two", **scrub(page))
         browser.close()
 
 
-def _page(browser: Browser, address: str, width: int) -> Page:
+def page_of(browser: Browser, address: str, width: int) -> Page:
+    """A page whose player shows its first turn."""
     page = browser.new_context(viewport={"width": width, "height": 900}).new_page()
     page.add_init_script(WATCH)
     page.goto(address)
@@ -85,13 +86,13 @@ def _page(browser: Browser, address: str, width: int) -> Page:
 
 
 def _open_seconds(browser: Browser, address: str, width: int) -> float:
-    page = _page(browser, address, width)
+    page = page_of(browser, address, width)
     shown = page.evaluate("window.shownAt") / 1000
     page.context.close()
     return float(shown)
 
 
-def _scrub(page: Page) -> dict[str, float]:
+def scrub(page: Page) -> dict[str, float]:
     """Frames a second over the sweep, the slowest hundredth, and the page's own work."""
     tools = page.context.new_cdp_session(page)
     tools.send("Performance.enable", {"timeDomain": "threadTicks"})
@@ -126,7 +127,8 @@ def _compare(page: Page) -> bool:
     return True
 
 
-def _tell(figure: str, **values: float) -> None:
+def tell(figure: str, **values: float) -> None:
+    """Prints a figure as a JSON line."""
     print(
         json.dumps({"figure": figure, **{name: round(value, 4) for name, value in values.items()}})
     )

@@ -86,12 +86,12 @@ def sparks_of(figures: Figures) -> list[str]:
     The sum of all agents' rewards so far, on one scale for the run; empty where one isn't finite.
     """
     course = figures.course
-    is_known = np.isfinite(course).all(axis=1)
+    is_known = np.asarray(np.isfinite(course).all(axis=1))
     known = course[is_known]
-    low, high = min(0.0, known.min(initial=0.0)), known.max(initial=0.0)
-    steps = np.rint((known - low) / ((high - low) or 1.0) * (len(SCALE) - 1))
-    rows: list[list[float]] = np.asarray(steps).tolist()
-    letters = iter(["".join(SCALE[int(k)] for k in row) for row in rows])
+    low, high = float(known.min(initial=0.0)), float(known.max(initial=0.0))
+    parts = np.rint((known - low) / ((high - low) or 1.0) * (len(SCALE) - 1)).astype(np.int64)
+    rows: list[list[int]] = parts.tolist()
+    letters = iter(["".join(SCALE[k] for k in row) for row in rows])
     return [next(letters) if each else "" for each in is_known.tolist()]
 
 

@@ -1,6 +1,7 @@
 // A map: where agents are, with the trail of their last moves (a track holds an agent's first place and each change). Roles differ in shape, agents in colour and by name.
 
 const TRAIL = 40; // turns
+const TRAILED = 64; // as many agents have trails; of more only the chosen one
 const NAMED = 24; // as many agents have their names beside them
 const LETTERS = 6; // half the height of a name, in pixels
 const SIZE = 5; // pixels from a sign's centre to its edge
@@ -119,7 +120,8 @@ gk.MapDrawing = class {
     ink.lineWidth = 1.5;
     ink.globalAlpha = 0.45 * faint;
     ink.beginPath();
-    for (let i = here; i >= 0 && !Number.isNaN(track.xs[i]); i--) {
+    const isTrailed = this.tracks.length <= TRAILED || this.chosen === track.name;
+    for (let i = here; isTrailed && i >= 0 && !Number.isNaN(track.xs[i]); i--) {
       ink.lineTo(this.x(track.xs[i]), this.y(track.ys[i]));
       if (track.turns[i] < turn - TRAIL) break;
     }
