@@ -22,6 +22,7 @@ COMMANDS: Final = {
     "audit": "audit ENV --json",
     "diagnosis": "diagnose RUN --json",
     "attribution": "attribute RUN --json",
+    "pivots": "pivots RUN --json",
     "evaluation": "evaluate --out FOLDER",
 }
 """The command that writes each of them."""
@@ -33,6 +34,7 @@ def documents_of(
     audit: Given = None,
     diagnosis: Given = None,
     attribution: Given = None,
+    pivots: Given = None,
     evaluation: Given = None,
 ) -> Documents:
     """Reads the documents about a run: the given ones, else those of its annotations.
@@ -54,6 +56,7 @@ def documents_of(
         attribution=_document(
             attribution or noted.get("attribution"), "attribution", ("agents", "team")
         ),
+        pivots=_document(pivots or noted.get("pivots"), "pivots", ("episodes", "conditions")),
         evaluation=_document(evaluation, "evaluation", ("results",)),
     )
 

@@ -93,12 +93,13 @@ class Documents:
     """JSON documents about a run, as the commands print them; None: not given.
 
     Attributes:
-        audit, diagnosis, attribution, evaluation: the documents.
+        audit, diagnosis, attribution, pivots, evaluation: the documents.
     """
 
     audit: Document | None = None
     diagnosis: Document | None = None
     attribution: Document | None = None
+    pivots: Document | None = None
     evaluation: Document | None = None
 
 
