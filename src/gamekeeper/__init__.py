@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from gamekeeper.episodes.evidence import Evidence
     from gamekeeper.evaluation.evaluation import Evaluation
     from gamekeeper.evaluation.evaluator import evaluate
+    from gamekeeper.interface import wrappers
     from gamekeeper.interface.conversion import to_aec, to_parallel
     from gamekeeper.interface.env_source import Env
     from gamekeeper.interface.tick_env import TickEnv
@@ -117,6 +118,7 @@ __all__ = [
     "to_parallel",
     "vector",
     "verify",
+    "wrappers",
 ]
 
 _HOMES: Final = {
@@ -161,7 +163,7 @@ _HOMES: Final = {
     "verify": "gamekeeper.runs.run_check",
 }
 """The module of each name, which is loaded when the name is first used."""
-_PACKAGES: Final = ("vector",)
+_PACKAGES: Final = {"vector": "gamekeeper.vector", "wrappers": "gamekeeper.interface.wrappers"}
 """Packages that are public themselves: `gk.vector.make`."""
 
 
@@ -213,7 +215,7 @@ def draft_contract(spec: object, /, **kwargs: Any) -> Contract:
 
 def __getattr__(name: str) -> Any:
     if name in _PACKAGES:
-        return importlib.import_module(f"{__name__}.{name}")
+        return importlib.import_module(_PACKAGES[name])
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return globals().setdefault(name, getattr(importlib.import_module(_HOMES[name]), name))
