@@ -6,6 +6,7 @@ form: cells that hold the log, cells that are refused, with the reason, and cell
 
     python benchmarks/trainer_matrix.py vector
     python benchmarks/trainer_matrix.py sb3_on_policy sb3_off_policy   # where it is installed
+    python benchmarks/trainer_matrix.py tianshou                       # likewise
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ BUFFERS: Final = {
     "vector": ("vector_books", "arrays"),
     "sb3_on_policy": ("sb3_books", "on_policy"),
     "sb3_off_policy": ("sb3_books", "off_policy"),
+    "tianshou": ("tianshou_books", "buffer"),
 }
 
 

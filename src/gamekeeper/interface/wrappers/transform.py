@@ -40,7 +40,7 @@ class Transform:
         """Copies what counts for the agent's next action, before anybody can write into it."""
 
     def observation(self, agent: AgentId, seen: Any, info: Mapping[str, Any]) -> Any:
-        """Returns the observation that the agent is shown, from the one that the environment gave."""
+        """Returns what the agent is shown, from what the environment gave."""
         return seen
 
     def info(self, agent: AgentId, seen: Any, info: Any) -> Any:
