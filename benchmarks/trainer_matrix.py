@@ -4,9 +4,9 @@ A cell is a form of observations, with or without masks, one role or two, agents
 one by one or join late, in one of the two interfaces: 192 cells. Prints a row for each buffer and
 form: cells that hold the log, cells that are refused, with the reason, and cells that differ.
 
-    python benchmarks/trainer_matrix.py vector
+    python benchmarks/trainer_matrix.py vector epymarl
     python benchmarks/trainer_matrix.py sb3_on_policy sb3_off_policy   # where it is installed
-    python benchmarks/trainer_matrix.py tianshou                       # likewise
+    python benchmarks/trainer_matrix.py tianshou                       # likewise; torchrl
 """
 
 from __future__ import annotations
@@ -27,7 +27,9 @@ BUFFERS: Final = {
     "vector": ("vector_books", "arrays"),
     "sb3_on_policy": ("sb3_books", "on_policy"),
     "sb3_off_policy": ("sb3_books", "off_policy"),
+    "epymarl": ("epymarl_books", "episodes"),
     "tianshou": ("tianshou_books", "buffer"),
+    "torchrl": ("torchrl_books", "batches"),
 }
 
 
