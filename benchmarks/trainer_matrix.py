@@ -6,7 +6,7 @@ form: cells that hold the log, cells that are refused, with the reason, and cell
 
     python benchmarks/trainer_matrix.py vector epymarl
     python benchmarks/trainer_matrix.py sb3_on_policy sb3_off_policy   # where it is installed
-    python benchmarks/trainer_matrix.py tianshou                       # likewise; torchrl
+    python benchmarks/trainer_matrix.py tianshou                       # likewise; torchrl, rllib
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ BUFFERS: Final = {
     "sb3_on_policy": ("sb3_books", "on_policy"),
     "sb3_off_policy": ("sb3_books", "off_policy"),
     "epymarl": ("epymarl_books", "episodes"),
+    "rllib": ("rllib_ledger", "episodes"),
     "tianshou": ("tianshou_books", "buffer"),
     "torchrl": ("torchrl_books", "batches"),
 }
