@@ -106,12 +106,17 @@ class TransformedSpaces:
     @property
     def observation_spaces(self) -> dict[Any, Space[Any]]:
         """Observation spaces of all possible agents."""
-        return {agent: self.observation_space(agent) for agent in self.env.possible_agents}
+        return {agent: self.observation_space(agent) for agent in self._roster()}
 
     @property
     def action_spaces(self) -> dict[Any, Space[Any]]:
         """Action spaces of all possible agents."""
-        return {agent: self.action_space(agent) for agent in self.env.possible_agents}
+        return {agent: self.action_space(agent) for agent in self._roster()}
+
+    def _roster(self) -> Any:
+        """All agents; where the environment doesn't name them beforehand, those that are there."""
+        found = getattr(self.env, "possible_agents", None)
+        return getattr(self.env, "agents", ()) if found is None else found
 
     def __str__(self) -> str:
         return f"{type(self.transform).__name__}<{self.env}>"
