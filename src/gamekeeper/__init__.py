@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from gamekeeper.evaluation.claim_pack import pack
     from gamekeeper.evaluation.evaluation import Evaluation
     from gamekeeper.evaluation.evaluator import evaluate
+    from gamekeeper.interface import wrappers
     from gamekeeper.interface.conversion import to_aec, to_parallel
     from gamekeeper.interface.env_source import Env
     from gamekeeper.interface.tick_env import TickEnv
@@ -119,6 +120,7 @@ __all__ = [
     "to_parallel",
     "vector",
     "verify",
+    "wrappers",
 ]
 
 _HOMES: Final = {
@@ -163,7 +165,11 @@ _HOMES: Final = {
     "verify": "gamekeeper.runs.run_check",
 }
 """The module of each name, which is loaded when the name is first used."""
-_PACKAGES: Final = {"plot": "gamekeeper.viewing.plot", "vector": "gamekeeper.vector"}
+_PACKAGES: Final = {
+    "plot": "gamekeeper.viewing.plot",
+    "vector": "gamekeeper.vector",
+    "wrappers": "gamekeeper.interface.wrappers",
+}
 """Packages that are public themselves: `gk.vector.make`, `gk.plot.returns`."""
 
 
