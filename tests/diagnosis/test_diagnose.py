@@ -101,9 +101,14 @@ def test_equal_seeds_give_equal_answers_however_many_work(tmp_path: Path) -> Non
     here = plainly(evidence, budget=300, out=tmp_path / "d")
     again = plainly(evidence, budget=300, out=tmp_path / "d")
     assert again.episodes == 9  # three counterfactuals, which no file keeps
+    assert again.reused == here.episodes - 9 - sum(map(_episodes, here.runs.values()))
     for one in (here, again):
-        same = {**one.to_json(), "episodes": apart.episodes, "runs": {}}
+        same = {**one.to_json(), "episodes": apart.episodes, "reused": 0, "runs": {}}
         assert same == apart.to_json()
+
+
+def _episodes(folder: str) -> int:
+    return load(folder).episode_table.num_rows
 
 
 def test_a_stopped_diagnosis_goes_on(tmp_path: Path) -> None:
@@ -123,7 +128,7 @@ def test_a_stopped_diagnosis_goes_on(tmp_path: Path) -> None:
         file.write('{"key": ["unchanged rerun"')
     found = plainly(evidence, out=tmp_path)
     whole = plainly(evidence, out=tmp_path / "whole")
-    assert found.episodes + lines - 1 == whole.episodes
+    assert (found.reused, found.episodes) == (lines - 1, whole.episodes - lines + 1)
     assert found.agents == whole.agents
 
 
@@ -147,7 +152,7 @@ def test_no_more_episodes_are_played_than_the_budget(
     plan = OpenSetup._play
     monkeypatch.setattr(OpenSetup, "_play", lambda *a: played.append(a) or plan(*a))
     found = gk.diagnose(evidence, budget=budget, out=tmp_path / "d", perturbations=budget > 500)
-    recorded = sum(load(folder).episode_table.num_rows for folder in found.runs.values())
+    recorded = sum(map(_episodes, found.runs.values()))
     assert len(played) + recorded == found.episodes <= budget
     assert found.not_played or found.episodes < budget
     assert found.to_json()["budget"] == budget

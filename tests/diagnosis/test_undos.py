@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,35 @@ from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.played_setup import Setup
 from gamekeeper.diagnosis.trials import IdealSubstitute, over_undos, peers_of, swaps_of, undone
 from gamekeeper.diagnosis.undo_candidates import action_undos, call_undos, observation_undos
+from gamekeeper.diagnosis.undo_search import ASIDE, ROUNDS, _other_boundaries
 from gamekeeper.diagnosis.undos import BoundaryUndo, UndoneCast
 from gamekeeper.errors import EvidenceError
 from gamekeeper.rollouts.interventions.fields import acted_fields
 
 SIDE = 5
+
+
+def test_other_boundaries_of_an_agent_are_tried_before_a_label_is_given() -> None:
+    """Where one undo restores, those of the same agent's other boundaries come first."""
+    mirrored, settled = BoundaryUndo(("a",), "mirror axis", (0,)), BoundaryUndo(("a",), "hold")
+    first, same, other, late, strange = (
+        undone(each)
+        for each in (
+            mirrored,
+            BoundaryUndo(("a",), "exchange axes", (0, 1)),
+            BoundaryUndo(("a",), "mirror field", (0,)),
+            settled,
+            BoundaryUndo(("b",), "hold"),
+        )
+    )
+    rest = [strange, same, other, late]
+    room: Any = SimpleNamespace(left=ASIDE + 64 + 10 + 2 * ROUNDS[0], confirm=64)
+    more, left, rivals = _other_boundaries(room, {first: 1.0}, rest, 1, 10)
+    assert more == [other, late]
+    assert (left, rivals) == ([strange, same], [same])
+    room.left -= ROUNDS[0]
+    assert _other_boundaries(room, {first: 1.0}, rest, 1, 10)[2] == [late, same]
+    assert _other_boundaries(room, {first: 0.5}, rest, 1, 10)[0] == []
 
 
 class Spaces:

@@ -142,7 +142,7 @@ def test_answers_are_sentences() -> None:
     joint = _text(team=_answer(answer="joint", labels=both, why="together"))
     assert "The causes are perception and control together (joint): together." in joint
     either = _text(team=_answer(answer="ambiguous", labels=both, why="either"))
-    assert "Possible causes: perception and control (ambiguous): either." in either
+    assert "Possible causes: perception or control (ambiguous): either." in either
     policy = _text(team=_answer(labels=[], component="a_0's policy", why="swapped"), agents={})
     assert "The cause is a_0's policy (isolated): swapped." in policy
     words = {

@@ -12,6 +12,7 @@ from gamekeeper._version import __version__
 from gamekeeper.cli import _options
 from gamekeeper.cli._fan import ExecutorOption, FanOption, players_of
 from gamekeeper.cli._screen import CommandResult, Screen, document_text
+from gamekeeper.cli.diagnose import beside
 from gamekeeper.errors import RunError
 
 ORDER: Final = 56
@@ -52,6 +53,15 @@ ActionEpisodesOption = Annotated[
     ),
 ]
 
+OutOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--out",
+        metavar="FOLDER",
+        help="Folder of what was played; a second call continues there (default: RUN-attribution).",
+    ),
+]
+
 
 def command(
     screen: Screen,
@@ -65,6 +75,7 @@ def command(
     seed: _options.SeedOption = 0,
     workers: FanOption = None,
     executor: ExecutorOption = None,
+    out: OutOption = None,
     allow_import: _options.ImportOption = False,
     timeout: _options.TimeoutOption = _options.SILENCE_S,
 ) -> CommandResult:
@@ -95,11 +106,14 @@ def command(
             env=env,
             seed=seed,
             workers=players,
+            out=out or beside(run, "attribution"),
             allow_import=allow_import,
             timeout_s=timeout,
             on_message=take,
         )
     document = found.to_json()
+    if found.reused:
+        screen.note(f"{found.reused:,} of its episodes were played by an earlier call")
     screen.show(attribution_text(document, width=screen.width))
     _annotate(screen, run, document)
     return CommandResult(document, 0)

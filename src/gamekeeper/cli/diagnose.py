@@ -191,7 +191,7 @@ def command(
     from gamekeeper.interface.policy import parse_choices
 
     condition = only_condition(failed)
-    folder = out or _beside(run, "diagnosis" if good is None else "compared")
+    folder = out or beside(run, "diagnosis" if good is None else "compared")
     opening: dict[str, Any] = {"failed": condition, "env": env, "allow_import": allow_import}
     if shrink is not None:
         opening["out"] = folder / f"shrunk-{shrink}"
@@ -250,7 +250,8 @@ def only_condition(conditions: list[str] | None) -> str | None:
     return conditions[0] if conditions else None
 
 
-def _beside(run: Path, word: str) -> Path:
+def beside(run: Path, word: str) -> Path:
+    """The folder beside a run that has its name and a word."""
     named = run if run.name else run.absolute()  # `.` has none
     return named.with_name(f"{named.name}-{word}")
 

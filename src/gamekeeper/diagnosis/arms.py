@@ -17,8 +17,9 @@ from typing import Any, Final, Self, TypeVar
 
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.played_setup import OpenSetup, Setup
+from gamekeeper.diagnosis.progress_notes import damaged, note, noted
 from gamekeeper.episodes.outcome import Outcome
-from gamekeeper.errors import EnvError, RunError, SpecError
+from gamekeeper.errors import EnvError, SpecError
 from gamekeeper.rollouts.executors.local import LocalExecutor
 from gamekeeper.rollouts.executors.task import Executor, Limits, WorkTask, stopped_after
 
@@ -184,6 +185,11 @@ class ArmRunner:
         if isinstance(self.workers, int) and self._players is not None:
             self._players.close()
 
+    @property
+    def reused(self) -> int:
+        """Episodes of an earlier call that were ordered again."""
+        return len(self.used) - self.spent
+
     def play(self, orders: Sequence[ArmOrder]) -> None:
         """Plays what isn't known yet.
 
@@ -298,9 +304,7 @@ class ArmRunner:
             self.outcomes[key] = outcome
             self.spent += 1
             if self.notes is not None:
-                line = json.dumps({"key": list(key), "outcome": outcome.to_json()})
-                with self.notes.open("a", encoding="utf-8") as file:
-                    file.write(line + "\n")
+                note(self.notes, {"key": list(key), "outcome": outcome.to_json()})
             return True
 
     def _say(self, **fields: Any) -> None:
@@ -344,36 +348,10 @@ class _Unopened(Exception):  # noqa: N818  # no error of the run: the arm is tol
 
 
 def _noted(path: Path, head: Mapping[str, Any]) -> Iterator[tuple[Key, Outcome]]:
-    """Outcomes noted by an earlier call; a last line that was torn is dropped from the file.
-
-    Raises:
-        RunError: the file is another experiment's.
-    """
-    lines = path.read_bytes().split(b"\n") if path.exists() else []
-    if not lines:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(dict(head), sort_keys=True) + "\n", encoding="utf-8")
-        return
-    if lines[0].decode("utf-8", "replace") != json.dumps(dict(head), sort_keys=True):
-        raise RunError(
-            "outcomes of another experiment lie here",
-            where=str(path),
-            expected="the same run, seed and set-up",
-            actual=lines[0].decode("utf-8", "replace")[:200],
-            fix="name another folder with --out, or take this one away",
-        )
-    whole = lines[:-1]
-    for number, line in enumerate(whole[1:], start=2):
+    """Yields outcomes noted by an earlier call."""
+    for number, data in noted(path, head):
         try:
-            data = json.loads(line)
             arm, run_seed, episode = data["key"]
             yield (arm, run_seed, episode), Outcome.from_json(data["outcome"])
         except (ValueError, KeyError, TypeError) as error:
-            raise RunError(
-                "a noted outcome is damaged",
-                where=f"{path}, line {number}",
-                actual=str(error)[:200],
-                fix="take the file away: the experiment is played anew",
-            ) from error
-    if lines[-1]:
-        path.write_bytes(b"\n".join(whole) + b"\n")
+            raise damaged(path, number, error) from error

@@ -186,7 +186,8 @@ class Diagnosis:
         counterfactuals: where failing episodes and their restored counterfactuals part.
         expected, part: the share of successes if nothing is wrong, and the part of the gap to it
             that restores.
-        episodes: how many were played, counterfactuals and recordings among them.
+        episodes: how many this call played, counterfactuals and recordings among them.
+        reused: how many others the answer rests on, which an earlier call had played.
         seed: of the experiment.
         runs: folders with replayable counterfactuals, by arm.
         conditions: when an episode counts as failed, by scope; `agent`: for each of them.
@@ -208,6 +209,7 @@ class Diagnosis:
     expected: float = 0.9
     part: float = 0.7
     episodes: int = 0
+    reused: int = 0
     seed: int = 0
     runs: Mapping[str, str] = field(default_factory=dict)
     contradictions: Mapping[str, Contradiction] = field(default_factory=dict)
@@ -251,6 +253,7 @@ class Diagnosis:
             "expected": self.expected,
             "part": self.part,
             "episodes": self.episodes,
+            "reused": self.reused,
             "seed": self.seed,
             "runs": dict(self.runs),
             "conditions": dict(self.conditions),

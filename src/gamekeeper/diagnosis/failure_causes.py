@@ -152,7 +152,7 @@ def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
     with consent_to(evidence, setup, env=env, policies=policies, allow_import=allow, tried=tried):
         kinds = {name: one for name, one in interventions().items() if one.kind == "perturbation"}
         with OpenSetup(setup, declared) as stage:
-            seen, played = traits_of(stage, kinds), _played(stage)
+            seen, played = traits_of(stage, kinds), stage.identity
             cuts = cuts_of(lost, stage.env, setup.kwargs, len(seen.agents))
             seen = dataclasses.replace(seen, cuts=cuts)
         runner = ArmRunner(
@@ -212,16 +212,6 @@ def _check_budget(budget: int) -> None:
         )
 
 
-def _played(stage: OpenSetup) -> dict[str, Any]:
-    """Identity of an experiment: source, arguments and policies."""
-    identity = stage.opened.identity
-    kept = ("entry_point", "api", "kwargs", "source_digest", "versions")
-    plain = {key: identity.get(key) for key in kept}
-    plain |= {"options": list(stage.setup.options), "policies": json.loads(stage.described)}
-    found: dict[str, Any] = json.loads(json.dumps(plain, default=repr))
-    return found
-
-
 def _diagnosis(
     evidence: Evidence,
     experiment: Experiment,
@@ -266,6 +256,7 @@ def _diagnosis(
         expected=experiment.expected,
         part=experiment.part,
         episodes=experiment.runner.spent + repeated,
+        reused=experiment.runner.reused,
         seed=experiment.seed,
         contradictions=doubts,
         conditions={name: each.text for name, each in conditions.items()},

@@ -218,6 +218,7 @@ def _diagnosis(
         part=options.part,
         expected=found.means[1] if conditions else 1.0,
         episodes=search.runner.spent,
+        reused=search.runner.reused,
         seed=options.seed,
         conditions={name: each.text for name, each in conditions.items()},
         budget=options.budget,

@@ -310,10 +310,13 @@ def _of_singles(
     names = ", ".join(substitute.name for substitute in substitutes)
     rivals = [one for one in skipped if not any(_is_within(each, one) for each in substitutes)]
     if rivals:
+        is_undo = any(one.undo is not None for one in rivals)
+        what = "other undos from outside" if is_undo else "other ideal substitutes"
         why = (
-            f"{names} restores success, and {len(rivals)} other ideal substitutes weren't played, "
+            f"{names} restores success, and {len(rivals)} {what} weren't played on fresh seeds, "
             "as the budget was spent: they may restore it too"
         )
+        labels = _labels((*substitutes, *rivals))
         return ScopeFinding("ambiguous", labels, substitutes, tried, success, why)
     if all(one.cut_off == "later" for one in substitutes):
         why = f"{names} restores success: it is cut off too early, or its agents are too slow"

@@ -17,6 +17,8 @@ from gamekeeper.reporting.text_columns import wrapped
 from gamekeeper.statistics.significance import p_text
 
 INDENT: Final = " " * 11
+OFTEN: Final = 0.5
+"""Part of its actions that a policy draws, from which that is worth a row."""
 CAUSES: Final = ("isolated", "joint", "ambiguous", "environment", "protocol")
 
 
@@ -28,7 +30,8 @@ def diagnosis_screen(document: Mapping[str, Any], *, width: int) -> str:
         width: columns that no line exceeds, but for a command.
     """
     blocks = [*contradiction_lines(document, width), head_line(document, width)]
-    rows = [*_who(document), *_since(document), *_undone(document), *_others(document)]
+    rows = [*_who(document), *_since(document), *_undone(document)]
+    rows += [*_others(document), *_noted(document)]
     lines = [
         line
         for title, text in rows
@@ -49,7 +52,8 @@ def _who(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Rows of the agents with a cause; agents with the same answer share one."""
     groups: dict[str, list[str]] = {}
     for name, each in _named(document).items():
-        cause = " and ".join(each["labels"])
+        is_open = each["answer"] == "ambiguous"
+        cause = (" or " if is_open else " and ").join(each["labels"])
         place = each["component"] or ""
         said = f"{cause}: {place}" if cause and cause not in place else place or cause
         groups.setdefault(f"{each['answer']}; {said}", []).append(name)
@@ -103,6 +107,19 @@ def _others(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     others = [name for name in document["agents"] if name not in named]
     if named and others:
         yield "Not", few(others)
+
+
+def _noted(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Rows of what is striking about policies, where no agent alone is named: facts, no causes."""
+    if any(each["answer"] in ("isolated", "joint") for each in _named(document).values()):
+        return
+    found = [
+        f"{name} {each['text']}"
+        for name, each in (document.get("responses") or {}).items()
+        if (each["changes"] and not each["reactions"]) or each["lag"] or each["randomness"] > OFTEN
+    ]
+    for number, text in enumerate(found):
+        yield "" if number else "Noted", text
 
 
 def _is_failing(document: Mapping[str, Any]) -> bool:

@@ -57,9 +57,11 @@ def contradiction_lines(document: Mapping[str, Any], width: int) -> Iterator[str
 
 
 def head_line(document: Mapping[str, Any], width: int) -> str:
-    """The run, and the number of episodes that were played."""
+    """The run, and the number of episodes that were played, now and by an earlier call."""
+    again = document.get("reused") or 0
+    also = f", {again:,} of an earlier call used again" if again else ""
     text = (
-        f"Diagnosed  {document['run']}: {document['episodes']:,} episodes played "
+        f"Diagnosed  {document['run']}: {document['episodes']:,} episodes played{also} "
         f"(at most {document['budget']:,}), seed {document['seed']}."
     )
     return "\n".join(wrapped(text, width, rest=INDENT))
@@ -115,7 +117,8 @@ def _scope(document: Mapping[str, Any], scope: str, width: int) -> Iterator[str]
 
 def answer_sentence(found: Mapping[str, Any]) -> str:
     """The answer with its reason, without a full stop: the cause, the causes, or none."""
-    cause = " and ".join(found["labels"]) or found["component"]
+    between = " or " if found["answer"] == "ambiguous" else " and "
+    cause = between.join(found["labels"]) or found["component"]
     begin = {
         "healthy": "Healthy",
         "not_failing": "Not failing beyond chance",

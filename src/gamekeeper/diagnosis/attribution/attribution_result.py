@@ -58,6 +58,7 @@ class Attribution:
         run: the folder, or None.
         episodes: recorded ones that were looked into.
         fresh: fresh ones that were played.
+        reused: of all those, how many an earlier call had played.
         recorded: all of the run, of which the agents' own figures are.
         replayed: recorded and fresh ones that were looked into.
         loop: `closed`: policies react. `open`: only recorded actions could be played.
@@ -76,6 +77,7 @@ class Attribution:
     run: str | None
     episodes: int
     fresh: int
+    reused: int
     recorded: int
     replayed: int
     loop: Literal["closed", "open"]
@@ -111,6 +113,7 @@ class Attribution:
             "run": self.run,
             "episodes": self.episodes,
             "fresh": self.fresh,
+            "reused": self.reused,
             "recorded": self.recorded,
             "replayed": self.replayed,
             "loop": self.loop,
