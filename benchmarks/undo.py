@@ -14,6 +14,7 @@ for 10 episodes and diagnosed without a contract, a reference or a knob. Prints 
 The set-ups come in an order that is drawn once, so that a run of fewer is a sample of them.
 
     python benchmarks/undo.py [--budget 1000] [--seed 0] [--most 200] [--keep undo.jsonl]
+        [--envs berth spread "spread, Box" "speaker, AEC" hoist safe ants]
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from undo_causes import Planted, healthy, holds, inside, undoable
+from undo_causes import STACKS, Planted, healthy, holds, inside, undoable
 
 import gamekeeper as gk
 from gamekeeper.statistics.significance import wilson
@@ -117,10 +118,12 @@ def main() -> None:
     parser.add_argument("--budget", type=int, default=1_000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--most", type=int, default=200, help="set-ups that are looked at")
+    parser.add_argument("--envs", nargs="+", choices=STACKS, default=list(STACKS))
     parser.add_argument("--keep", type=Path, default=Path("undo.jsonl"))
     options = parser.parse_args()
     warnings.simplefilter("ignore")  # of mpe2's Box spaces
-    cases = list(chain(undoable(), inside(), healthy()))
+    every = chain(undoable(), inside(), healthy())
+    cases = [each for each in every if each.name.partition(":")[0] in options.envs]
     random.Random(ORDER).shuffle(cases)
     play(cases[: options.most], options.keep, budget=options.budget, seed=options.seed)
     rows = [json.loads(line) for line in options.keep.read_text().splitlines()]

@@ -47,7 +47,7 @@ def documents_of(
         # Older runs have a diagnosis under its own name.
         document = note.get("document", note.get(kind))
         if isinstance(document, Mapping):
-            noted[kind] = document
+            noted[kind] = _added(noted.get(kind), document)
     return Documents(
         audit=_document(audit or noted.get("audit"), "audit", ("verdicts", "measured")),
         diagnosis=_document(diagnosis or noted.get("diagnosis"), "diagnosis", ("agents",)),
@@ -55,7 +55,22 @@ def documents_of(
             attribution or noted.get("attribution"), "attribution", ("agents", "team")
         ),
         evaluation=_document(evaluation, "evaluation", ("results",)),
+        pivots=noted.get("pivots"),
     )
+
+
+def _added(before: Mapping[str, Any] | None, document: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The document; one of pivots with episodes that an earlier one was asked about."""
+    if before is None or "conditions" not in before or not _is_of_pivots(before, document):
+        return document
+    known = {each["episode"]: each for each in [*before["episodes"], *document["episodes"]]}
+    return {**document, "episodes": [known[number] for number in sorted(known)]}
+
+
+def _is_of_pivots(*documents: Mapping[str, Any]) -> bool:
+    """Tells whether all are documents of pivots under one condition."""
+    are_lists = all(isinstance(each.get("episodes"), list) for each in documents)
+    return are_lists and len({str(each.get("conditions")) for each in documents}) == 1
 
 
 def _document(given: Given, kind: str, needed: Sequence[str]) -> Mapping[str, Any] | None:
