@@ -431,7 +431,7 @@ def _inside(stack: Stack, agent: str) -> list[Fault]:
     """Faults that nothing outside makes up for."""
     found: list[Fault] = [("does nothing", (), {"still": True})]
     if agent not in ("caller", "speaker_0") and stack.spec is not Safe:
-        found.append(("noisy sight", (), {"noise": 3.0}))
+        found.append(("noisy sight", P, {"noise": 3.0}))
     if stack.actions >= 5 and agent != "speaker_0" and stack.spec is not spread_aec:
         slip = 0.9 if stack.actions == 5 else 0.97
         found.append(("slips", (), {"slip": slip, "actions": stack.actions}))

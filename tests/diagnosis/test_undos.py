@@ -248,7 +248,7 @@ def diagnosed(fault: str, **more: Any) -> gk.Diagnosis:
     policies = {"left_0": Walker(fault), "right_0": Walker()}
     evidence = gk.rollout(Meeting, policies=policies, episodes=4, seed=1)
     given = {"env": Meeting, "policies": policies, "failed": "return < 1", "perturbations": False}
-    return gk.diagnose(evidence, **{**given, "budget": 500, **more})
+    return gk.diagnose(evidence, **{**given, "episodes": 500, **more})
 
 
 def test_a_fault_inside_a_policy_is_undone_from_outside_with_nothing_declared() -> None:
@@ -265,16 +265,16 @@ def test_a_fault_inside_a_policy_is_undone_from_outside_with_nothing_declared() 
 
 def test_undos_that_do_the_same_cannot_be_told_apart() -> None:
     """To take place and goal for each other, or up for down, is one on a line: no label is sure."""
-    for budget in (400, 1_000):
-        left = diagnosed("fields", budget=budget).agents["left_0"]
+    for episodes in (400, 1_000):
+        left = diagnosed("fields", episodes=episodes).agents["left_0"]
         assert left.answer == "ambiguous"
     assert left.labels == ("perception", "control")
 
 
 def test_a_policy_that_nothing_outside_makes_up_for_is_named_by_its_peer_or_not_at_all() -> None:
     """A named policy restores: the policy, and no label. Without one it stays unexplained."""
-    assert diagnosed("still", budget=300).agents["left_0"].answer == "unexplained"
-    tried = diagnosed("still", budget=300, replace={"left_0": Walker()}).agents["left_0"]
+    assert diagnosed("still", episodes=300).agents["left_0"].answer == "unexplained"
+    tried = diagnosed("still", episodes=300, replace={"left_0": Walker()}).agents["left_0"]
     assert (tried.answer, tried.labels, tried.component) == ("isolated", (), "left_0's policy")
     assert [each.kind for each in tried.tested if each.restores] == ["swap"]
 

@@ -11,7 +11,7 @@ def test_screen_says_who_since_when_what_undoes_it_and_what_to_paste() -> None:
     evidence = gk.rollout(
         "handover", policies="reference", episodes=2, env_kwargs={"latency": {"giver_0": 3}}
     )
-    found = gk.diagnose(evidence, perturbations=False, budget=300)
+    found = gk.diagnose(evidence, perturbations=False, episodes=300)
     document = found.to_json()
     assert document["agents"]["giver_0"]["since"] == {
         "episode": 0,

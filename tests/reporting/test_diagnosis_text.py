@@ -61,7 +61,7 @@ def _document(**given: Any) -> dict[str, Any]:
         "episodes": 300,
         "seed": 0,
         "conditions": {"team": "return < 1"},
-        "budget": 400,
+        "most_episodes": 400,
         "not_played": [],
         "policies": {},
     }
@@ -180,5 +180,5 @@ def test_counterfactuals_are_sentences() -> None:
 def test_what_the_budget_did_not_reach_is_printed() -> None:
     """With the option that raises it."""
     text = _text(not_played=["ideal substitutes: slip = 0"])
-    assert "Not played, as the budget of 400 episodes was spent (--budget)" in text
+    assert "Not played (at most 400; --episodes, --budget)" in text
     assert "ideal substitutes: slip = 0" in text

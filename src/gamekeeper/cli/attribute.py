@@ -46,7 +46,16 @@ ActionEpisodesOption = Annotated[
         "repeat theirs: recorded ones first, then new ones.",
     ),
 ]
-
+BudgetOption = Annotated[
+    int | None,
+    typer.Option(
+        "--budget",
+        metavar="STEPS",
+        min=1,
+        max=_options.MOST,
+        help="Most env steps that are taken (default: as many as the episodes take).",
+    ),
+]
 OutOption = Annotated[
     Path | None,
     typer.Option(
@@ -63,6 +72,7 @@ def command(
     baseline: BaselineOption = "noop",
     episodes: FreshOption = None,
     action_episodes: ActionEpisodesOption = ACTION_EPISODES,
+    budget: BudgetOption = None,
     contract: _options.RunContractOption = None,
     policy: _options.PolicyOption = None,
     env: _options.ReopenOption = None,
@@ -96,6 +106,7 @@ def command(
             baseline=baseline,
             episodes=episodes,
             action_episodes=action_episodes,
+            budget=budget,
             policies=parse_choices(policy) if policy else None,
             env=env,
             seed=seed,

@@ -151,6 +151,8 @@ class ArmRunner:
         spent: episodes played so far, those of an earlier call not among them.
         used: episodes that were ordered so far and have an outcome, also those of an earlier call,
             so that a call that goes on stops where one without a break does.
+        steps: env steps of those.
+        longest: env steps of the longest of them, and of whatever is known to be as long.
 
     As a context it keeps its worker processes from one `play` to the next.
     """
@@ -165,6 +167,8 @@ class ArmRunner:
     broken: dict[str, str] = field(default_factory=dict)
     spent: int = 0
     used: set[Key] = field(default_factory=set)
+    steps: int = 0
+    longest: int = 1
     _players: Executor | None = None
     _lock: Any = field(default_factory=Lock)
 
@@ -214,8 +218,23 @@ class ArmRunner:
                 self._play_here(wanted, total)
             else:
                 self._play_apart(self._players, wanted, total)
-        keys = ((o.arm, o.run_seed, k) for o in orders for k in o.episodes)
-        self.used.update(key for key in keys if key in self.outcomes)
+        keys = {(o.arm, o.run_seed, k) for o in orders for k in o.episodes}
+        new = (keys & self.outcomes.keys()) - self.used
+        self.used |= new
+        turns = [self.outcomes[key].turns for key in new]
+        self.steps += sum(turns)
+        self.longest = max([self.longest, *turns])
+
+    def affordable(self, budget: int | None, extra: int = 0) -> int | None:
+        """Episodes as long as the longest that a budget of env steps still has room for.
+
+        Args:
+            budget: env steps; None: as many as are wanted, and None is returned.
+            extra: episodes that are played elsewhere.
+        """
+        if budget is None:
+            return None
+        return max(budget - self.steps - extra * self.longest, 0) // self.longest
 
     def of(self, arm: str, run_seed: int, episodes: Sequence[int]) -> list[Outcome]:
         """The outcomes of an arm, in the order of its episodes."""

@@ -191,7 +191,9 @@ class Diagnosis:
         seed: of the experiment.
         runs: folders with replayable counterfactuals, by arm.
         conditions: when an episode counts as failed, by scope; `agent`: for each of them.
-        budget: episodes that could be played.
+        most_episodes: how many could be played.
+        budget: env steps that could be taken; None: as many as those take.
+        steps: env steps that were taken, but for counterfactuals and recordings.
         not_played: what the budget didn't reach, in words.
         policies: those that played the new episodes in place of the recorded ones, by agent or
             role; then new and recorded episodes can't contradict each other.
@@ -214,7 +216,9 @@ class Diagnosis:
     runs: Mapping[str, str] = field(default_factory=dict)
     contradictions: Mapping[str, Contradiction] = field(default_factory=dict)
     conditions: Mapping[str, str] = field(default_factory=dict)
-    budget: int = 2_000
+    most_episodes: int = 2_000
+    budget: int | None = None
+    steps: int = 0
     not_played: tuple[str, ...] = ()
     policies: Mapping[str, str] = field(default_factory=dict)
     responses: Mapping[str, ResponseTest] = field(default_factory=dict)
@@ -257,7 +261,9 @@ class Diagnosis:
             "seed": self.seed,
             "runs": dict(self.runs),
             "conditions": dict(self.conditions),
+            "most_episodes": self.most_episodes,
             "budget": self.budget,
+            "steps": self.steps,
             "not_played": list(self.not_played),
             "policies": dict(self.policies),
             "responses": {name: each.to_json() for name, each in self.responses.items()},

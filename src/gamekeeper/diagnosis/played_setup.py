@@ -238,6 +238,11 @@ def _kept_policies(
     return kept
 
 
+def longest_of(evidence: Evidence) -> int:
+    """Env steps of the longest recorded episode, at least 1."""
+    return max([1, *(evidence.turns_of(header) for header in evidence.headers)])
+
+
 def played_identity(opened: Any, described: str, options: Sequence[Any]) -> dict[str, Any]:
     """Identity of an experiment as plain data.
 

@@ -11,7 +11,7 @@ from gamekeeper.diagnosis.judgement import ScopeFinding, is_failing
 from gamekeeper.diagnosis.played_setup import OpenSetup
 from gamekeeper.diagnosis.response_tests import ResponseTest
 from gamekeeper.diagnosis.responses import responses_of
-from gamekeeper.diagnosis.trials import IdealSubstitute, peers_of, undone
+from gamekeeper.diagnosis.trials import POLICY, IdealSubstitute, peers_of, undone
 from gamekeeper.diagnosis.undo_candidates import candidates_of
 from gamekeeper.episodes.layout import agent_name
 
@@ -144,9 +144,15 @@ def search(
     experiment.dropped = len(experiment.undos) - len(pool)
     experiment.undos = pool
     named = {(one.component, one.agents) for one in pool}
-    skipped = [one for one in (*rivals, *open_ones) if (one.component, one.agents) not in named]
+    skipped = [
+        one
+        for one in (*rivals, *open_ones)
+        if (one.component, one.agents) not in named
+        and not any(set(each.agents) < set(one.agents) for each in pool)
+    ]
     experiment.skipped += skipped
-    if any(one in rivals for one in skipped):
+    experiment.rivals = [one for one in skipped if one in rivals]
+    if experiment.rivals:
         experiment.not_played.append("confirming all undos that restored in the search")
     names = [one.name for one in pool]
     experiment.confirmed = [*experiment.confirmed, *names]
@@ -162,8 +168,8 @@ def _other_boundaries(
 ) -> tuple[list[IdealSubstitute], list[IdealSubstitute], list[IdealSubstitute]]:
     """Undos that are tried after all, those that aren't, and those of these that could be rivals.
 
-    Where an undo restores, another boundary of the same agents may do as well: the label of the
-    first is a guess until that was tried.
+    Where an undo restores, another boundary of the same agents may do as well, or another agent's:
+    the first's label is a guess until the one was tried, and its agents until the other was.
 
     Args:
         ranked: shares of those that were tried first.
@@ -175,18 +181,24 @@ def _other_boundaries(
     whose = {one.agents for one in best}
     other = [o for o in rest if o.agents in whose and (o.component, o.agents) not in named]
     other += [o for o in rest if o.agents in whose and o not in other]
+    same = len(other)
+    other += [o for o in rest if best and o not in other]
     room = experiment.left - count * experiment.confirm - later - ASIDE
     more = other[: max(room // ROUNDS[0], 0)]
     left = [one for one in rest if one not in more]
-    return more, left, [one for one in other if one not in more]
+    return more, left, [one for one in other[:same] if one not in more]
 
 
 def _of_each(ranked: Sequence[IdealSubstitute]) -> list[IdealSubstitute]:
-    """The same, first the best of each component of the same agents: they could be rivals."""
+    """The same, first the best of each component of the same agents: they could be rivals.
+
+    Whole policies come after the undos among these: they make up for them, and have no label.
+    """
     firsts: dict[tuple[str, tuple[str, ...]], IdealSubstitute] = {}
     for one in ranked:
         firsts.setdefault((one.component, one.agents), one)
-    return [*firsts.values(), *(one for one in ranked if one not in firsts.values())]
+    best = sorted(firsts.values(), key=lambda one: one.component == POLICY)
+    return [*best, *(one for one in ranked if one not in best)]
 
 
 def _ranked(

@@ -144,7 +144,10 @@ def _next(document: Mapping[str, Any]) -> Sequence[str]:
     elif good is None and _is_failing(document):
         found.append(f"gamekeeper diagnose {run} --good GOOD_RUN{words}")
     if document["not_played"]:
-        found.append(f"gamekeeper diagnose {run}{words} --budget {2 * document['budget']}")
+        more = f" --episodes {2 * document['most_episodes']}"
+        if document.get("budget") is not None:
+            more += f" --budget {2 * document['budget']}"
+        found.append(f"gamekeeper diagnose {run}{words}{more}")
     beside = "" if good is None else f" --good {shlex.quote(good['good'])}"
     found.append(f"gamekeeper diagnose {run}{beside}{words} --all")
     return found

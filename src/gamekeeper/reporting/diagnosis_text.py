@@ -62,9 +62,17 @@ def head_line(document: Mapping[str, Any], width: int) -> str:
     also = f", {again:,} of an earlier call used again" if again else ""
     text = (
         f"Diagnosed  {document['run']}: {document['episodes']:,} episodes played{also} "
-        f"(at most {document['budget']:,}), seed {document['seed']}."
+        f"({limit_words(document)}), seed {document['seed']}."
     )
     return "\n".join(wrapped(text, width, rest=INDENT))
+
+
+def limit_words(document: Mapping[str, Any]) -> str:
+    """Limit of episodes, and the env steps that were taken where they were limited too."""
+    most = f"at most {document['most_episodes']:,}"
+    if document.get("budget") is None:
+        return most
+    return f"{most}; {document['steps']:,} of {document['budget']:,} env steps"
 
 
 def _answers(document: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
@@ -289,7 +297,7 @@ def _not_played(document: Mapping[str, Any], width: int) -> str:
     rows = document["not_played"]
     if not rows:
         return ""
-    title = f"Not played, as the budget of {document['budget']:,} episodes was spent (--budget)"
+    title = f"Not played ({limit_words(document)}; --episodes, --budget)"
     lines = [line for each in rows for line in _lines(each, width)]
     return "\n".join([*wrapped(title, width, rest=INDENT), *lines])
 

@@ -17,7 +17,7 @@ SOURCES: Final = {
     "sample": "the sample {}",
     "reference": "the reference policy's {}",
 }
-"""Where an action comes from, in words."""
+"""Sources of an action, in words."""
 LOSSES: Final = {
     "draws": "most of it comes back if the same actions meet fresh draws: chance lost it",
     "several": "no action that was tried of one agent alone keeps it",

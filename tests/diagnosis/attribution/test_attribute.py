@@ -137,6 +137,24 @@ def test_a_stopped_attribution_goes_on(tmp_path: Path) -> None:
         attribute(evidence, out=tmp_path, seed=1, **again)
 
 
+def test_a_budget_of_steps_binds_and_says_what_it_left() -> None:
+    """Some of each kind is played, and the rest is named."""
+    policies = {"*": f"{games.HERE}:step"}
+    options = {"policies": policies, "episodes": 20, "action_episodes": 6, "allow_import": True}
+    evidence = gk.rollout(
+        f"{games.HERE}:make", policies=policies, episodes=6, contract=games.SHOVING
+    )
+    whole = attribute(evidence, **options)
+    found = attribute(evidence, budget=whole.steps // 2, **options)
+    assert whole.steps // 3 < found.steps <= whole.steps // 2
+    assert 0 < found.fresh < 20
+    assert 0 < found.episodes < 6
+    why = {each["what"]: each["why"] for each in found.not_tested}
+    left = f"{20 - found.fresh} new episodes with agents replaced"
+    assert why[left] == "the budget of env steps was reached (--budget)"
+    assert left in attribution_text(found.to_json(), width=80)
+
+
 def test_penalty_on_the_one_that_earned_it_is_right() -> None:
     """The same shoves, paid by whom they come from."""
     found = _shoving(games.shove_at_times, whom="robot_0")

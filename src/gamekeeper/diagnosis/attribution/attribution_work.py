@@ -6,10 +6,9 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import chain
 from pathlib import Path
 from threading import Lock
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.random import Generator
@@ -285,6 +284,8 @@ class ContributionData:
         said: what was said, and what was known and done around it.
         listened: looks at whether a message changed what was done.
         reused: units that an earlier call had played.
+        steps: env steps of each unit, by kind and number.
+        not_played: what the budget didn't reach, in words.
     """
 
     closed: dict[int, dict[int, float]] = field(default_factory=dict)
@@ -292,21 +293,18 @@ class ContributionData:
     said: list[dict[str, Any]] = field(default_factory=list)
     listened: list[dict[str, Any]] = field(default_factory=list)
     reused: int = 0
+    steps: dict[tuple[str, int], int] = field(default_factory=dict)
+    not_played: list[str] = field(default_factory=list)
 
     def take(self, unit: Mapping[str, Any]) -> None:
         """Keeps what came of one unit of work, as `play_share` hands it over."""
+        self.steps[unit["kind"], unit["number"]] = unit["steps"]
         if unit["kind"] == "closed":
             values = unit["value"]
             self.closed[int(unit["number"])] = {int(mask): returned for mask, returned in values}
             return
         for name, values in unit["value"].items():
             getattr(self, name).extend(values)
-
-    @property
-    def known(self) -> set[tuple[str, int]]:
-        """Kind and number of each unit that was played."""
-        found = {("closed", number) for number in self.closed}
-        return found | {(each["run"], each["number"]) for each in self.scans}
 
     def in_order(self) -> ContributionData:
         """The same whoever played it."""
@@ -325,6 +323,7 @@ def gather(
     workers: int | Executor = 0,
     silence_s: float | None = SILENCE_S,
     on_message: Callable[[dict[str, Any]], None] | None = None,
+    budget: int | None = None,
     notes: Path | None = None,
     head: Mapping[str, Any] | None = None,
 ) -> ContributionData:
@@ -336,6 +335,7 @@ def gather(
         fresh: of these, those that are looked into action by action as well.
         workers: processes that play; 0: this one does; or an executor that plays.
         on_message: called with `{"episode", "episodes"}`.
+        budget: env steps; an episode that began is finished.
         notes: the file in which what was played is kept, and from which a second call goes on.
         head: what that file has to begin with.
     Raises:
@@ -349,7 +349,7 @@ def gather(
     found, lock = ContributionData(), Lock()
     if notes is not None:
         _take_noted(found, notes, head or {}, wanted)
-    known = found.known
+    known = set(found.steps)
 
     def take(unit: Mapping[str, Any]) -> None:
         with lock:
@@ -360,18 +360,69 @@ def gather(
         if on_message is not None:
             on_message({"episode": done, "episodes": len(wanted)})
 
-    left = (
-        [paper for paper in papers if ("recorded", paper.number) not in known],
-        [number for number in range(closed) if ("closed", number) not in known],
-        [number for number in range(fresh) if ("fresh", number) not in known],
-    )
+    units = _in_turn(papers, closed, fresh)
     with noted_if_interrupted(lambda: _kept(found, len(wanted), notes)):
-        if any(left) and workers == 0:
-            with ReplacementRunner(task) as bench:
-                play_share(bench, *left, take)
-        elif any(left):
-            _apart(task, *left, workers, silence_s, take)
+        for share in _rounds(units, found, budget):
+            left = [unit for unit in share if unit[:2] not in known]
+            if left and workers == 0:
+                with ReplacementRunner(task) as bench:
+                    play_share(bench, *_sorted(left), take)
+            elif left:
+                _apart(task, *_sorted(left), workers, silence_s, take)
     return found.in_order()
+
+
+WorkUnit: TypeAlias = tuple[str, int, Any]
+"""Kind and number of an episode, and the recorded actions of one that is played again."""
+
+
+def _in_turn(papers: Sequence[EpisodeActions], closed: int, fresh: int) -> list[WorkUnit]:
+    """Units of work: those of each kind in order, the kinds in proportion to their numbers."""
+    kinds: list[list[WorkUnit]] = [
+        [("closed", number, None) for number in range(closed)],
+        [
+            *(("recorded", paper.number, paper) for paper in papers),
+            *(("fresh", number, None) for number in range(fresh)),
+        ],
+    ]
+    placed = [((k + 0.5) / len(units), unit) for units in kinds for k, unit in enumerate(units)]
+    return [unit for _, unit in sorted(placed, key=lambda each: each[0])]
+
+
+def _sorted(units: Sequence[WorkUnit]) -> tuple[list[EpisodeActions], list[int], list[int]]:
+    """Recorded episodes, numbers of those in which coalitions play, and of fresh ones."""
+    papers = [paper for _, _, paper in units if paper is not None]
+    closed, fresh = ([n for kind, n, _ in units if kind == each] for each in ("closed", "fresh"))
+    return papers, closed, fresh
+
+
+def _rounds(
+    units: Sequence[WorkUnit], found: ContributionData, budget: int | None
+) -> Iterator[Sequence[WorkUnit]]:
+    """Yields units to be played next: all at once, or with a budget half of what it allows.
+
+    It depends on the steps of whole rounds alone, so that the answer is the same whoever plays.
+    """
+    if budget is None:
+        yield units
+        return
+    done = 0
+    while done < len(units):
+        spent = [found.steps[kind, number] for kind, number, _ in units[:done]]
+        room = (budget - sum(spent)) // max([1, *spent]) if done else 2
+        if room < 1:
+            break
+        count = max(room // 2, 1)
+        yield units[done : done + count]
+        done += count
+    left = units[done:]
+    whole = [unit for unit in left if unit[0] == "closed"]
+    for count, what in (
+        (len(whole), "new episodes with agents replaced"),
+        (len(left) - len(whole), "episodes with actions replaced"),
+    ):
+        if count:
+            found.not_played.append(f"{count} {what}")
 
 
 def _take_noted(
@@ -384,7 +435,7 @@ def _take_noted(
                 found.take(unit)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise damaged(notes, number, error) from error
-    found.reused = len(found.known)
+    found.reused = len(found.steps)
 
 
 def _kept(found: ContributionData, count: int, notes: Path | None) -> list[str]:
@@ -404,9 +455,15 @@ def play_share(
 ) -> None:
     """Plays a part of what is wanted; what comes of it depends on nothing but the episode."""
     for number in closed:
-        take({"kind": "closed", "number": number, "value": _coalitions(bench, number)})
-    for paper in chain(papers, map(bench.fresh, fresh)):
-        take({"kind": paper.run, "number": paper.number, "value": _looked_into(bench, paper)})
+        before = bench.steps
+        unit = {"kind": "closed", "number": number, "value": _coalitions(bench, number)}
+        take({**unit, "steps": bench.steps - before})
+    looked_into: list[EpisodeActions | int] = [*papers, *fresh]
+    for each in looked_into:
+        before = bench.steps
+        paper = bench.fresh(each) if isinstance(each, int) else each
+        unit = {"kind": paper.run, "number": paper.number, "value": _looked_into(bench, paper)}
+        take({**unit, "steps": bench.steps - before})
 
 
 def _looked_into(bench: ReplacementRunner, paper: EpisodeActions) -> dict[str, list[Any]]:

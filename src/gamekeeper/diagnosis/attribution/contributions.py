@@ -72,6 +72,7 @@ def attribute(
     baseline: Baseline = "noop",
     episodes: int | None = None,
     action_episodes: int = ACTION_EPISODES,
+    budget: int | None = None,
     env: object | None = None,
     policies: Mapping[str, Any] | None = None,
     seed: int = 0,
@@ -95,6 +96,8 @@ def attribute(
         episodes: fresh ones in which agents are replaced; None: 50. Of fewer no interval is given.
         action_episodes: episodes that are played again with actions of one agent replaced:
             recorded ones first, then fresh ones.
+        budget: most env steps that are taken, an episode that began is finished; None: as many as
+            those episodes take. `not_tested` names what it didn't reach.
         env: opened in place of what the evidence names, with the recorded arguments.
         policies: in place of the recorded ones, by agent, role or under `*`.
         seed: of all draws; equal seeds give equal answers.
@@ -143,10 +146,11 @@ def attribute(
             workers=workers,
             silence_s=timeout_s,
             on_message=on_message,
+            budget=budget,
             notes=None if out is None else Path(out) / NOTES,
             head=head,
         )
-    return _attributed(evidence, task, found, roles, baseline)
+    return _attributed(evidence, task, found, roles, baseline, budget)
 
 
 def _setup(evidence: Evidence, **given: Any) -> Setup:
@@ -188,6 +192,7 @@ def _attributed(
     found: ContributionData,
     roles: Mapping[str, str | None],
     baseline: str,
+    budget: int | None,
 ) -> Attribution:
     rng = np.random.default_rng([12, task.seed])
     shapley, differences = _closed(task, found, rng)
@@ -215,6 +220,8 @@ def _attributed(
         episodes=sum(each["run"] == "recorded" for each in found.scans),
         fresh=len(found.closed),
         reused=found.reused,
+        steps=sum(found.steps.values()),
+        budget=budget,
         recorded=evidence.episode_table.num_rows,
         replayed=len(found.scans),
         loop="closed" if task.is_closed else "open",
@@ -326,6 +333,8 @@ def _not_tested(
     if deaf:
         why = "all that it observes is declared a message; name the part, as observation[-3:]"
         notes.append({"what": f"listening of {', '.join(deaf)}", "why": why})
+    for what in found.not_played:
+        notes.append({"what": what, "why": "the budget of env steps was reached (--budget)"})
     noisy = sum(each["noise"] is not None for each in found.scans)
     if noisy:
         why = f"in {noisy} of {len(found.scans)} episodes the same actions came out otherwise"
@@ -333,6 +342,7 @@ def _not_tested(
     ends = evidence.episode_table["end"].to_pylist()
     broken = sum(end not in CAN_BE_PLAYED for end in ends)
     beyond = len(ends) - broken - sum(each["run"] == "recorded" for each in found.scans)
+    beyond = 0 if found.not_played else beyond
     for count, why in ((broken, "they broke off"), (beyond, "they are beyond --action-episodes")):
         if count:
             notes.append({"what": f"replaced actions in {count} recorded episodes", "why": why})

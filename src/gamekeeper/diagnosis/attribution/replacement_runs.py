@@ -147,7 +147,7 @@ class ReplacementRunner:
             PolicyError: a policy can't be found.
         """
         self.task, self.contract = task, task.contract
-        self._on_step = on_step or _nothing
+        self._on_step, self.steps = on_step or _nothing, 0
         self.opened = open_env(task.setup.spec, **task.setup.kwargs)
         self.env: Any = self.opened.env
         try:
@@ -257,7 +257,7 @@ class ReplacementRunner:
 
     def _filmed(self, film: SomeFilm, play: EpisodePlan) -> SomeFilm:
         course = EpisodeLoop(
-            play, game_of(self.env), film, Hooks(), film, self._on_step, self.contract
+            play, game_of(self.env), film, Hooks(), film, self._count, self.contract
         )
         film.begin(self.task.run_seed, play.stream)
         failed = course.run()
@@ -269,6 +269,10 @@ class ReplacementRunner:
                 fix="replay the episode with this seed; the environment raised there",
             )
         return film
+
+    def _count(self) -> None:
+        self.steps += 1
+        self._on_step()
 
     def _play(self, number: int) -> EpisodePlan:
         setup = self.task.setup
