@@ -14,7 +14,7 @@ for 10 episodes and diagnosed without a contract, a reference or a knob. Prints 
 The set-ups come in an order that is drawn once, so that a run of fewer is a sample of them.
 
     python benchmarks/undo.py [--episodes 1000] [--seed 0] [--most 200] [--keep undo.jsonl]
-        [--envs berth spread "spread, Box" "speaker, AEC" hoist safe ants]
+        [--also other.jsonl] [--envs berth spread "spread, Box" "speaker, AEC" hoist safe ants]
 """
 
 from __future__ import annotations
@@ -66,10 +66,15 @@ def diagnosed(planted: Planted, *, episodes: int, seed: int) -> dict[str, Any]:
     }
 
 
+def read(path: Path) -> list[dict[str, Any]]:
+    """Rows of a file; none where there is no file yet."""
+    lines = path.read_text().splitlines() if path.exists() else []
+    return [json.loads(line) for line in lines]
+
+
 def play(cases: Sequence[Planted], keep: Path, *, episodes: int, seed: int) -> None:
     """Looks at each set-up, and has those that hold diagnosed."""
-    lines = keep.read_text().splitlines() if keep.exists() else []
-    known = {json.loads(line)["name"] for line in lines}
+    known = {row["name"] for row in read(keep)}
     for planted in cases:
         if planted.name in known:
             continue
@@ -120,13 +125,14 @@ def main() -> None:
     parser.add_argument("--most", type=int, default=200, help="set-ups that are looked at")
     parser.add_argument("--envs", nargs="+", choices=STACKS, default=list(STACKS))
     parser.add_argument("--keep", type=Path, default=Path("undo.jsonl"))
+    parser.add_argument("--also", type=Path, nargs="*", default=[], help="other parts' files")
     options = parser.parse_args()
     warnings.simplefilter("ignore")  # of mpe2's Box spaces
     every = chain(undoable(), inside(), healthy())
     cases = [each for each in every if each.name.partition(":")[0] in options.envs]
     random.Random(ORDER).shuffle(cases)
     play(cases[: options.most], options.keep, episodes=options.episodes, seed=options.seed)
-    rows = [json.loads(line) for line in options.keep.read_text().splitlines()]
+    rows = [row for path in (options.keep, *options.also) for row in read(path)]
     held = [row for row in rows if "answer" in row]
     said = {"set-ups": len(rows), "held": len(held), **summary(held)}
     print(json.dumps({"measure": "undone from outside", "episodes": options.episodes, **said}))

@@ -190,6 +190,7 @@ def test_a_budget_in_steps_binds_and_says_what_it_left() -> None:
         text = diagnosis_screen(found.to_json(), width=200)
         assert f"{found.steps:,} of {budget:,} env steps" in text
         assert f"--budget {2 * budget}" in text
+        assert f"Not tried  {found.not_played[0]}" in text
     with pytest.raises(EvidenceError, match="too few"):
         plainly(evidence, budget=99 * longest)
 

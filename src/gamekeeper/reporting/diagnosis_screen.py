@@ -19,6 +19,8 @@ from gamekeeper.statistics.significance import p_text
 INDENT: Final = " " * 11
 OFTEN: Final = 0.5
 """Part of its actions that a policy draws, from which that is worth a row."""
+LEFT_OUT: Final = 3
+"""Things that weren't tried of which a screen has room."""
 CAUSES: Final = ("isolated", "joint", "ambiguous", "environment", "protocol")
 
 
@@ -31,7 +33,7 @@ def diagnosis_screen(document: Mapping[str, Any], *, width: int) -> str:
     """
     blocks = [*contradiction_lines(document, width), head_line(document, width)]
     rows = [*_who(document), *_since(document), *_undone(document)]
-    rows += [*_others(document), *_noted(document)]
+    rows += [*_others(document), *_noted(document), *_left_out(document)]
     lines = [
         line
         for title, text in rows
@@ -120,6 +122,14 @@ def _noted(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     ]
     for number, text in enumerate(found):
         yield "" if number else "Noted", text
+
+
+def _left_out(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """A row of what neither the episodes nor the budget reached."""
+    rows = document["not_played"]
+    if rows:
+        more = f"; and {len(rows) - LEFT_OUT} more" if len(rows) > LEFT_OUT else ""
+        yield "Not tried", "; ".join(rows[:LEFT_OUT]) + more
 
 
 def _is_failing(document: Mapping[str, Any]) -> bool:
