@@ -298,7 +298,7 @@ class Diagnosis:
             f"<p><b>{escape(f'{scope}: {each}')}</b></p>"
             for scope, each in self.contradictions.items()
         )
-        return f"{told}{html_table(self.rows())}"
+        return f"{told}{html_table(self.rows(), caption='Diagnosis by agent')}"
 
 
 def _counts(by_scope: Mapping[str, tuple[int, int]]) -> dict[str, dict[str, int]]:

@@ -22,6 +22,7 @@ COMMANDS: Final = {
     "audit": "audit ENV --json",
     "diagnosis": "diagnose RUN --json",
     "attribution": "attribute RUN --json",
+    "pivots": "pivots RUN --json",
     "evaluation": "evaluate --out FOLDER",
 }
 """The command that writes each of them."""
@@ -33,6 +34,7 @@ def documents_of(
     audit: Given = None,
     diagnosis: Given = None,
     attribution: Given = None,
+    pivots: Given = None,
     evaluation: Given = None,
 ) -> Documents:
     """Reads the documents about a run: the given ones, else those of its annotations.
@@ -44,8 +46,7 @@ def documents_of(
     noted: dict[str, Any] = {}
     for note in read_notes(run):
         kind = str(note.get("kind"))
-        # Older runs have a diagnosis under its own name.
-        document = note.get("document", note.get(kind))
+        document = note.get("document")
         if isinstance(document, Mapping):
             noted[kind] = _added(noted.get(kind), document)
     return Documents(
@@ -54,8 +55,8 @@ def documents_of(
         attribution=_document(
             attribution or noted.get("attribution"), "attribution", ("agents", "team")
         ),
+        pivots=_document(pivots or noted.get("pivots"), "pivots", ("episodes", "conditions")),
         evaluation=_document(evaluation, "evaluation", ("results",)),
-        pivots=noted.get("pivots"),
     )
 
 

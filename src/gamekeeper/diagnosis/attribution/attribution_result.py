@@ -145,7 +145,7 @@ class Attribution:
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
-        return html_table(self.rows())
+        return html_table(self.rows(), caption="Attribution of the run's returns")
 
 
 def _row(name: str, part: AgentPart) -> list[str]:

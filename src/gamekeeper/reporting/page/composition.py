@@ -94,14 +94,14 @@ class Documents:
     """JSON documents about a run, as the commands print them; None: not given.
 
     Attributes:
-        audit, diagnosis, attribution, evaluation, pivots: the documents.
+        audit, diagnosis, attribution, pivots, evaluation: the documents.
     """
 
     audit: Document | None = None
     diagnosis: Document | None = None
     attribution: Document | None = None
-    evaluation: Document | None = None
     pivots: Document | None = None
+    evaluation: Document | None = None
 
 
 def sections_of(
