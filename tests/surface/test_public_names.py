@@ -58,6 +58,7 @@ PUBLIC = [
     "pack",
     "pivots",
     "player",
+    "plot",
     "record",
     "replay",
     "report",

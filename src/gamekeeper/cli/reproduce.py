@@ -13,11 +13,13 @@ from gamekeeper.cli._options import SILENCE_S, ImportOption, ReopenOption, Timeo
 from gamekeeper.cli._screen import CommandResult, Screen
 
 if TYPE_CHECKING:
-    from gamekeeper.runs.claim_check import CheckedClaim
+    from gamekeeper.evaluation.claim_check import CheckedClaim
 
 ORDER: Final = 151
 MOST_SHOWN: Final = 20
 """Differences that are shown; the document has all of them."""
+MOST_ROWS: Final = 60
+"""Figures that are shown; of more, those that aren't ticked."""
 MARKS: Final = {True: "✓", False: "✗", None: "?"}
 CODES: Final = {True: 0, False: 1, None: 2}
 
@@ -54,7 +56,7 @@ def command(
 
     Example: gamekeeper reproduce claim.zip --allow-import
     """
-    from gamekeeper.runs.claim_check import reproduce
+    from gamekeeper.evaluation.claim_check import reproduce
 
     place: Any = tempfile.TemporaryDirectory() if out is None else nullcontext(str(out))
     with place as folder:
@@ -80,12 +82,18 @@ def _show(screen: Screen, found: CheckedClaim) -> None:
             screen.verdict(f"{run} diverged at {where}", "bad")
     for run, reason in found.reasons.items():
         screen.error(f"{run} wasn't played again: {reason}")
+    shown = list(found.figures)
+    if len(shown) > MOST_ROWS:
+        shown = [each for each in shown if each.ticked is not True][:MOST_ROWS]
     rows = [
         [MARKS[each.ticked], each.run, each.name, _short(each.claimed), _short(each.recorded)]
-        for each in found.figures
+        for each in shown
     ]
     head = ["", "run", "figure", "claimed", "in the evidence"]
-    screen.show("\n".join(column_lines([head, *rows], width=screen.width)))
+    if rows:
+        screen.show("\n".join(column_lines([head, *rows], width=screen.width)))
+    if len(rows) < len(found.figures):
+        screen.note("figures that are ticked, and more than the first 60 others: --json has all")
     ticked = sum(each.ticked is True for each in found.figures)
     manner = {True: "good", False: "bad", None: "unsure"}[found.ok]
     screen.verdict(f"{ticked} of {len(found.figures)} figures ticked", manner)
