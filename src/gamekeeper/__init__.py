@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from gamekeeper.evaluation.claim_pack import pack
     from gamekeeper.evaluation.evaluation import Evaluation
     from gamekeeper.evaluation.evaluator import evaluate
+    from gamekeeper.interface import wrappers
     from gamekeeper.interface.conversion import to_aec, to_parallel
     from gamekeeper.interface.env_source import Env
     from gamekeeper.interface.tick_env import TickEnv
@@ -57,6 +58,7 @@ if TYPE_CHECKING:
     from gamekeeper.runs.recording import record, rollout
     from gamekeeper.runs.resuming import Resumed, resume
     from gamekeeper.runs.run_check import Verification, verify
+    from gamekeeper.viewing import plot
     from gamekeeper.viewing.episode_player import player
     from gamekeeper.viewing.report_file import report
 
@@ -106,6 +108,7 @@ __all__ = [
     "pack",
     "pivots",
     "player",
+    "plot",
     "record",
     "replay",
     "report",
@@ -117,6 +120,7 @@ __all__ = [
     "to_parallel",
     "vector",
     "verify",
+    "wrappers",
 ]
 
 _HOMES: Final = {
@@ -161,8 +165,12 @@ _HOMES: Final = {
     "verify": "gamekeeper.runs.run_check",
 }
 """The module of each name, which is loaded when the name is first used."""
-_PACKAGES: Final = ("vector",)
-"""Packages that are public themselves: `gk.vector.make`."""
+_PACKAGES: Final = {
+    "plot": "gamekeeper.viewing.plot",
+    "vector": "gamekeeper.vector",
+    "wrappers": "gamekeeper.interface.wrappers",
+}
+"""Packages that are public themselves: `gk.vector.make`, `gk.plot.returns`."""
 
 
 def make(spec: object, /, *, slim: bool = True, **kwargs: Any) -> Env:
@@ -213,7 +221,7 @@ def draft_contract(spec: object, /, **kwargs: Any) -> Contract:
 
 def __getattr__(name: str) -> Any:
     if name in _PACKAGES:
-        return importlib.import_module(f"{__name__}.{name}")
+        return importlib.import_module(_PACKAGES[name])
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return globals().setdefault(name, getattr(importlib.import_module(_HOMES[name]), name))

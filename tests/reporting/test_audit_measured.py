@@ -34,10 +34,11 @@ def influence(one: str, two: str, on: str, lag: int, p: float) -> dict[str, Any]
 
 
 def test_measured_stands_beside_declared() -> None:
-    """A row for each measured field, what the contract says of it at the right."""
+    """A row for each measured field, the declaration at its right; differences are marked."""
     text = measured_text(audit(measured=MEASURED, declared=DECLARED), width=80)
     rows = {line[2:26].strip(): line for line in text.splitlines()}
-    assert rows["horizon"].split() == ["horizon", "20", "25"]
+    assert rows["horizon"].split() == ["horizon", "20", "25", "(differs)"]
+    assert rows["order"].split() == ["order", "none", "none"]
     assert rows["deterministic"].endswith("not declared")
     assert rows["symmetric"].split("  ")[-1].strip() == "rover: yes"
     assert rows["reward"].endswith("sample (individual)")

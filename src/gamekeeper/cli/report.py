@@ -56,6 +56,15 @@ AttributionOption = Annotated[
         help="Output of `gamekeeper attribute RUN --json` (default: the run's own, if it has one).",
     ),
 ]
+PivotsOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--pivots",
+        metavar="FILE",
+        help="Output of `gamekeeper pivots RUN --json`, for the timeline (default: the run's own, "
+        "if it has one).",
+    ),
+]
 EvaluationOption = Annotated[
     Path | None,
     typer.Option(
@@ -101,6 +110,7 @@ def command(
     audit: AuditOption = None,
     diagnosis: DiagnosisOption = None,
     attribution: AttributionOption = None,
+    pivots: PivotsOption = None,
     evaluation: EvaluationOption = None,
     episode: EpisodeOption = None,
     budget: BudgetOption = MEGABYTES,
@@ -134,6 +144,7 @@ def command(
             audit=audit,
             diagnosis=diagnosis,
             attribution=attribution,
+            pivots=pivots,
             evaluation=evaluation,
             episodes=episode or (),
             budget_bytes=round(budget * MEGABYTE),

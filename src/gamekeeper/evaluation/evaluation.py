@@ -110,7 +110,7 @@ class Evaluation:
     @legible
     def _repr_html_(self) -> str:
         said = "".join(f"<li>{escape(text)}</li>" for text in (*self.notes, *self.claims))
-        return f"{html_table(self.rows())}<ul>{said}</ul>"
+        return f"{html_table(self.rows(), caption=self.name)}<ul>{said}</ul>"
 
 
 def is_headline(row: Mapping[str, Any]) -> bool:

@@ -79,7 +79,7 @@ def measured_text(audit: Document, *, width: int) -> str:
         (
             LABELS.get(key, key.replace("_", " ")),
             _cut(_value(key, value)) or "not measured",
-            _cut(words(declared_as(declared, key))) or "not declared",
+            _declared(declared_as(declared, key), value),
         )
         for key, value in measured.items()
         if key not in APART
@@ -111,6 +111,13 @@ def _errors_text(errors: Sequence[Document], *, width: int) -> str:
         text = f"{each['during']}, in {each['episodes']} episodes: {one_line(each['error'])}"
         lines += wrapped(text, width, first=INDENT, rest=INDENT)
     return "\n".join(lines)
+
+
+def _declared(declared: Any, measured: Any) -> str:
+    """A declaration in words, marked where it is another than a measured word or number."""
+    text = _cut(words(declared)) or "not declared"
+    is_plain = isinstance(measured, str | int) and type(measured) is type(declared)
+    return f"{text} (differs)" if is_plain and measured != declared else text
 
 
 def _value(key: str, value: Any) -> str:

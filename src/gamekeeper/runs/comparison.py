@@ -15,6 +15,7 @@ from gamekeeper.episodes.canonical import from_json
 from gamekeeper.episodes.divergence import Comparison, Divergence, compare_chunks
 from gamekeeper.episodes.evidence import IDENTITY, Evidence, fingerprints
 from gamekeeper.episodes.known_extent import ENDS_OPEN
+from gamekeeper.episodes.row_tables import html_text
 from gamekeeper.episodes.where import Where
 from gamekeeper.errors import EvidenceError, PolicyError, SpecError
 from gamekeeper.interface.env_source import Opened
@@ -106,9 +107,7 @@ class Replay:
         return f"can't tell: {self.reason}"
 
     def _repr_html_(self) -> str:
-        verdict, *rest = map(escape, str(self).splitlines())
-        details = f"<pre>{chr(10).join(rest)}</pre>" if rest else ""
-        return f"<b>{verdict}</b> <code>{escape(self.run)}</code>{details}"
+        return html_text(str(self)) + f"<code>{escape(self.run)}</code>"
 
 
 def replay(

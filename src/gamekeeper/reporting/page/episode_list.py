@@ -20,6 +20,7 @@ from gamekeeper.reporting.page.packed_episode import (
     packed_agents,
     packed_episode,
 )
+from gamekeeper.reporting.page.pivot_marks import pivot_marks, pivots_of, success_curve
 from gamekeeper.reporting.page.player_drawing import DeclaredScene, Drawing, drawn
 from gamekeeper.reporting.page.scene_drawing import scene_of
 
@@ -112,6 +113,7 @@ def packed_of(
     roster: Sequence[PackedAgent] = (),
     frames: Drawing | None = None,
     has_failed: bool | None = None,
+    pivots: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """One episode as the player reads it, with its drawing and all its marks.
 
@@ -124,6 +126,7 @@ def packed_of(
         roster: of the run, where it is known already.
         frames: frames that were recorded.
         has_failed: True if it failed, where that is known already.
+        pivots: the document of `gamekeeper pivots`.
     Raises:
         KeyError: there is no such episode.
     """
@@ -136,8 +139,10 @@ def packed_of(
         [(member.name, member.role) for member in roster],
         environment.get("kwargs") or {},
     )
+    lost = pivots_of(pivots, episode)
+    marks = [*marks, *(() if lost is None else pivot_marks(lost))]
     every = [*marks, *_label_marks(trace, labels), *_failure_marks(evidence, trace, has_failed)]
-    return packed_episode(
+    packed = packed_episode(
         trace,
         roster,
         run=run,
@@ -146,6 +151,7 @@ def packed_of(
         volatile=evidence.contract.volatile_infos(),
         drawing=lambda infos: drawn(trace, names, frames=frames, infos=infos, declared=declared),
     )
+    return packed if lost is None else {**packed, "curve": success_curve(lost)}
 
 
 def _label_marks(trace: Episode, labels: Iterable[Label]) -> Iterable[Mark]:

@@ -39,6 +39,7 @@ PARTS: Final = (
     "cells.js",
     "drawing.js",
     "table.js",
+    "timeline.js",
     "deck.js",
     "list.js",
     "charts.js",
