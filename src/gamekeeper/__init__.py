@@ -43,14 +43,15 @@ if TYPE_CHECKING:
     from gamekeeper.episodes.divergence import Divergence
     from gamekeeper.episodes.episode import Episode, Turn
     from gamekeeper.episodes.evidence import Evidence
+    from gamekeeper.evaluation.claim_check import CheckedClaim, reproduce
+    from gamekeeper.evaluation.claim_pack import pack
     from gamekeeper.evaluation.evaluation import Evaluation
     from gamekeeper.evaluation.evaluator import evaluate
+    from gamekeeper.interface import wrappers
     from gamekeeper.interface.conversion import to_aec, to_parallel
     from gamekeeper.interface.env_source import Env
     from gamekeeper.interface.tick_env import TickEnv
     from gamekeeper.interface.turn_env import TurnEnv
-    from gamekeeper.runs.claim_check import CheckedClaim, reproduce
-    from gamekeeper.runs.claim_pack import pack
     from gamekeeper.runs.comparison import Replay, diff, replay
     from gamekeeper.runs.expanding import expand
     from gamekeeper.runs.load_run import load
@@ -119,6 +120,7 @@ __all__ = [
     "to_parallel",
     "vector",
     "verify",
+    "wrappers",
 ]
 
 _HOMES: Final = {
@@ -132,7 +134,7 @@ _HOMES: Final = {
     "Finding": "gamekeeper.checks.verdict",
     "Pivots": "gamekeeper.diagnosis.pivot_result",
     "Replay": "gamekeeper.runs.comparison",
-    "CheckedClaim": "gamekeeper.runs.claim_check",
+    "CheckedClaim": "gamekeeper.evaluation.claim_check",
     "ResponseTest": "gamekeeper.diagnosis.response_tests",
     "Resumed": "gamekeeper.runs.resuming",
     "TickEnv": "gamekeeper.interface.tick_env",
@@ -148,13 +150,13 @@ _HOMES: Final = {
     "evaluate": "gamekeeper.evaluation.evaluator",
     "expand": "gamekeeper.runs.expanding",
     "load": "gamekeeper.runs.load_run",
-    "pack": "gamekeeper.runs.claim_pack",
+    "pack": "gamekeeper.evaluation.claim_pack",
     "pivots": "gamekeeper.diagnosis.pivots",
     "player": "gamekeeper.viewing.episode_player",
     "record": "gamekeeper.runs.recording",
     "replay": "gamekeeper.runs.comparison",
     "report": "gamekeeper.viewing.report_file",
-    "reproduce": "gamekeeper.runs.claim_check",
+    "reproduce": "gamekeeper.evaluation.claim_check",
     "responses": "gamekeeper.diagnosis.responses",
     "resume": "gamekeeper.runs.resuming",
     "rollout": "gamekeeper.runs.recording",
@@ -163,7 +165,11 @@ _HOMES: Final = {
     "verify": "gamekeeper.runs.run_check",
 }
 """The module of each name, which is loaded when the name is first used."""
-_PACKAGES: Final = {"plot": "gamekeeper.viewing.plot", "vector": "gamekeeper.vector"}
+_PACKAGES: Final = {
+    "plot": "gamekeeper.viewing.plot",
+    "vector": "gamekeeper.vector",
+    "wrappers": "gamekeeper.interface.wrappers",
+}
 """Packages that are public themselves: `gk.vector.make`, `gk.plot.returns`."""
 
 

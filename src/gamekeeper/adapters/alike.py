@@ -6,8 +6,8 @@ places. It is measured on a few steps before training, not read from spaces.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from itertools import combinations
 from typing import Any, Final
 
 import numpy as np
@@ -24,7 +24,10 @@ STEPS: Final = 12
 def alike(
     env: Any, policies: JointPolicy, api: str, role_of: Callable[[Any], str]
 ) -> dict[str, tuple[list[Any], int]]:
-    """Agents of each role that were shown the same observation whenever two of them were live.
+    """Agents of each role that were shown the same observation whenever they were live together.
+
+    Groups are split at each step by what their agents are shown, so that the work grows with the
+    number of agents and no faster.
 
     Args:
         env: an open environment; it is reset.
@@ -34,21 +37,28 @@ def alike(
     Returns:
         By role: the agents, and how often two of them were compared.
     """
-    same: dict[tuple[Any, Any], int] = {}
-    differ: set[tuple[Any, Any]] = set()
-    for shown in _looks(env, policies, api == "aec"):
-        for pair in combinations(shown, 2):
-            if role_of(pair[0]) != role_of(pair[1]) or pair in differ:
-                continue
-            if shown[pair[0]] == shown[pair[1]]:
-                same[pair] = same.get(pair, 0) + 1
-            else:
-                differ.add(pair)
+    group_of: dict[Any, tuple[Any, ...]] = {}
+    rosters = []
+    for step, shown in enumerate(_looks(env, policies, api == "aec")):
+        parts: dict[tuple[Any, ...], dict[bytes, list[Any]]] = {}
+        for agent, seen in shown.items():
+            group = group_of.setdefault(agent, (role_of(agent),))
+            parts.setdefault(group, {}).setdefault(seen, []).append(agent)
+        for group, members in parts.items():
+            for number, agents in enumerate(members.values() if len(members) > 1 else ()):
+                group_of |= dict.fromkeys(agents, (*group, (step, number)))
+        rosters.append(list(shown))
+    looks: dict[tuple[Any, ...], list[int]] = {}
+    for roster in rosters:
+        for group, count in Counter(group_of[agent] for agent in roster).items():
+            if count > 1:
+                looks.setdefault(group, []).append(count * (count - 1) // 2)
     found: dict[str, tuple[list[Any], int]] = {}
-    for pair, count in same.items():
-        if pair not in differ and count > 1:
-            agents, looks = found.get(role_of(pair[0]), ([], 0))
-            found[role_of(pair[0])] = list(dict.fromkeys([*agents, *pair])), looks + count
+    for group, pairs in looks.items():
+        if len(pairs) > 1:  # one look tells little
+            agents, looked = found.get(group[0], ([], 0))
+            same = [agent for agent, mine in group_of.items() if mine == group]
+            found[group[0]] = [*agents, *same], looked + sum(pairs)
     return found
 
 

@@ -44,6 +44,7 @@ class Evaluation:
         fingerprint: of the raw episodes.
         evidence: runs of pairings, where they were recorded.
         commands: how to have it again.
+        spec: the specification as plain data, without what stands at its default.
     """
 
     name: str
@@ -65,6 +66,7 @@ class Evaluation:
     fingerprint: str = ""
     evidence: tuple[Mapping[str, Any], ...] = ()
     commands: tuple[str, ...] = ()
+    spec: Mapping[str, Any] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """The document that `gamekeeper evaluate --json` prints."""

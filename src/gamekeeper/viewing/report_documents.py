@@ -46,10 +46,9 @@ def documents_of(
     noted: dict[str, Any] = {}
     for note in read_notes(run):
         kind = str(note.get("kind"))
-        # Older runs have a diagnosis under its own name.
-        document = note.get("document", note.get(kind))
+        document = note.get("document")
         if isinstance(document, Mapping):
-            noted[kind] = document
+            noted[kind] = _added(noted.get(kind), document)
     return Documents(
         audit=_document(audit or noted.get("audit"), "audit", ("verdicts", "measured")),
         diagnosis=_document(diagnosis or noted.get("diagnosis"), "diagnosis", ("agents",)),
@@ -59,6 +58,20 @@ def documents_of(
         pivots=_document(pivots or noted.get("pivots"), "pivots", ("episodes", "conditions")),
         evaluation=_document(evaluation, "evaluation", ("results",)),
     )
+
+
+def _added(before: Mapping[str, Any] | None, document: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The document; one of pivots with episodes that an earlier one was asked about."""
+    if before is None or "conditions" not in before or not _is_of_pivots(before, document):
+        return document
+    known = {each["episode"]: each for each in [*before["episodes"], *document["episodes"]]}
+    return {**document, "episodes": [known[number] for number in sorted(known)]}
+
+
+def _is_of_pivots(*documents: Mapping[str, Any]) -> bool:
+    """Tells whether all are documents of pivots under one condition."""
+    are_lists = all(isinstance(each.get("episodes"), list) for each in documents)
+    return are_lists and len({str(each.get("conditions")) for each in documents}) == 1
 
 
 def _document(given: Given, kind: str, needed: Sequence[str]) -> Mapping[str, Any] | None:
