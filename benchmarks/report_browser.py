@@ -116,13 +116,13 @@ def _work(tools: Any) -> dict[str, float]:
 
 def _compare(page: Page) -> bool:
     """Puts the last episode of the list beside the one on show, if there is another one."""
-    page.locator(".episode-list summary").click()
+    page.locator(".episode-list > summary").click()
     buttons = page.locator(".episode-list button:text-is('Beside')")
     if buttons.count() < 2:
         return False
     buttons.last.click()
     page.wait_for_selector(".deck + .deck")
-    page.locator(".episode-list summary").click()
+    page.locator(".episode-list > summary").click()
     page.wait_for_timeout(300)
     return True
 

@@ -52,7 +52,7 @@ def paired(
 def put_beside(page: Any, which: str) -> None:
     """A reader puts an episode beside the first one."""
     page.wait_for_selector("#gk-player[data-turn]")
-    page.locator(".episode-list summary").click()
+    page.locator(".episode-list > summary").click()
     page.get_by_role("button", name=f"Beside {which}").click()
     expect(page.locator(".deck")).to_have_count(2)
 
@@ -205,7 +205,7 @@ def test_button_puts_an_episode_beside(open_page: Open) -> None:
     """Any two episodes of the list stand beside each other; opening one leaves it alone."""
     page = open_page(page_of([parallel_episode(), parallel_episode(episode=1, seed=1)]))
     page.wait_for_selector("#gk-player[data-turn]")
-    page.locator(".episode-list summary").click()
+    page.locator(".episode-list > summary").click()
     page.get_by_role("button", name="Beside episode 1 of run a").click()
     expect(page.locator(".deck")).to_have_count(2)
     page.get_by_role("button", name="Play episode 1 of run a").click()

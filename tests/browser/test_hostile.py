@@ -47,7 +47,7 @@ def test_hostile_text_is_shown_and_nothing_else(open_page: Open) -> None:
     charts = [chart(kind) for kind in ("line", "bars", "forest")]
     page = open_page(page_of([hostile_episode(), parallel_episode(episode=1)], charts=charts))
     page.wait_for_selector("#gk-player[data-turn]")
-    page.locator(".episode-list summary").click()
+    page.locator(".episode-list > summary").click()
     page.get_by_role("button", name="Beside episode 1 of run a").click()
     expect(page.locator(".deck")).to_have_count(2)
     page.locator("#charts").scroll_into_view_if_needed()

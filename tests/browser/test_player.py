@@ -146,7 +146,7 @@ def test_list_filters_and_opens(open_page: Open) -> None:
     """The list finds episodes by words, and opens the one that is asked for."""
     episodes = [parallel_episode(episode=k, seed=k, turns=30) for k in range(30)]
     page = opened(open_page, *episodes)
-    page.locator(".episode-list summary").click()
+    page.locator(".episode-list > summary").click()
     assert page.locator(".episode-list tbody tr").count() == 12
     page.locator(".episode-list input").fill("seed 27")
     assert page.locator(".episode-list tbody tr").count() == 1
@@ -158,7 +158,7 @@ def test_list_sorts_by_a_column(open_page: Open) -> None:
     """A heading sorts by its numbers, the largest first; pressed again, the smallest first."""
     episodes = [parallel_episode(episode=k, seed=k, turns=10 + 7 * k % 11) for k in range(9)]
     page = opened(open_page, *episodes)
-    page.locator(".episode-list summary").click()
+    page.locator(".episode-list > summary").click()
     heading = page.get_by_role("columnheader", name="steps")
     shown = page.locator(".episode-list tbody tr td:nth-child(5)")
     turns = sorted(packed["turns"] for packed in episodes)

@@ -80,7 +80,7 @@ def test_page_is_accessible(open_page: Open, scheme: str, width: int) -> None:
         whole_page(), color_scheme=scheme, viewport={"width": width, "height": 900}, bypass_csp=True
     )
     page.wait_for_selector("#gk-player[data-turn]")
-    page.locator(".episode-list summary").click()
+    page.locator(".episode-list > summary").click()
     page.get_by_role("button", name="Beside episode 1 of run a").click()
     expect(page.locator(".deck")).to_have_count(2)
     page.locator("#charts").scroll_into_view_if_needed()
@@ -93,7 +93,7 @@ def test_page_fits_its_width(open_page: Open, width: int) -> None:
     """Nothing is wider than the page; what is wide scrolls in its own place."""
     page = open_page(whole_page(), viewport={"width": width, "height": 900})
     page.wait_for_selector("#gk-player[data-turn]")
-    page.locator(".episode-list summary").click()
+    page.locator(".episode-list > summary").click()
     page.get_by_role("button", name="Beside episode 1 of run a").click()
     expect(page.locator(".deck")).to_have_count(2)
     assert page.evaluate("document.documentElement.scrollWidth") == width
