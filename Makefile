@@ -112,7 +112,7 @@ format: $(VENV)/test.stamp
 lock:
 	@command -v uv >/dev/null || { echo "make lock needs uv: pip install uv" >&2; exit 1; }
 	$(LOCK) $(UPGRADE) --extra fast pyproject.toml requirements/base.in -o requirements/base.txt
-	$(LOCK) $(UPGRADE) --extra fast --extra frames --extra query --extra video pyproject.toml requirements/base.in requirements/test.in -o requirements/test.txt
+	$(LOCK) $(UPGRADE) --extra fast --extra frames --extra plot --extra query --extra video pyproject.toml requirements/base.in requirements/test.in -o requirements/test.txt
 	$(LOCK) $(UPGRADE) pyproject.toml requirements/base.in requirements/browser.in -o requirements/browser.txt
 	@set -e; for lock in requirements/trainers/*.txt; do trainer=$$(basename $$lock .txt); echo "locking $$trainer"; \
 		$(LOCK) $(UPGRADE) --extra fast --extra $$trainer pyproject.toml requirements/base.in requirements/trainers/$$trainer.in -o $$lock; done

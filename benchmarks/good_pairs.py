@@ -12,7 +12,7 @@ Pairs that don't come out so are drawn anew. Each is recorded for 10 episodes an
 `good=`; no knob is declared. Prints a JSON line for each, then the share of exact sets with its
 Wilson interval, and of healthy pairs (all differences harmless) those in which a cause is named.
 
-    python benchmarks/good_pairs.py [--pairs 20] [--healthy 8] [--budget 2000] [--seed 0]
+    python benchmarks/good_pairs.py [--pairs 20] [--healthy 8] [--episodes 2000] [--seed 0]
 """
 
 from __future__ import annotations
@@ -213,13 +213,13 @@ def pairs(most: int, *, causes: Sequence[int], seed: int) -> Iterator[Pair]:
                 break
 
 
-def diagnosed(pair: Pair, *, budget: int, seed: int) -> dict[str, Any]:
+def diagnosed(pair: Pair, *, episodes: int, seed: int) -> dict[str, Any]:
     """The least sets of differences that the diagnosis names, in the words of the tables."""
     bad = recorded(pair, pair.bad, episodes=10, seed=seed + 1)
     good = recorded(pair, pair.good, episodes=10, seed=seed + 2)
     began = time.perf_counter()
     found = gk.diagnose(
-        bad, good=good, failed=condition(pair), budget=budget, seed=seed, allow_import=True
+        bad, good=good, failed=condition(pair), episodes=episodes, seed=seed, allow_import=True
     )
     assert found.differences is not None
     sets = [sorted(map(_word, each)) for each in found.differences.least]
@@ -243,14 +243,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--pairs", type=int, default=20)
     parser.add_argument("--healthy", type=int, default=8)
-    parser.add_argument("--budget", type=int, default=2_000)
+    parser.add_argument("--episodes", type=int, default=2_000)
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     warnings.simplefilter("ignore")  # of mpe2's Box spaces
     exact = accused = 0
     wanted = [*pairs(options.pairs, causes=(1, 2), seed=options.seed)]
     for pair in [*wanted, *pairs(options.healthy, causes=(0,), seed=options.seed)]:
-        row = diagnosed(pair, budget=options.budget, seed=options.seed)
+        row = diagnosed(pair, episodes=options.episodes, seed=options.seed)
         exact += row["exact"] and bool(pair.causes)
         accused += bool(row["sets"]) and not pair.causes
         head = {"stack": pair.stack, "differences": len(pair.good), "causes": pair.causes}

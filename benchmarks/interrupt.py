@@ -54,7 +54,7 @@ COMMANDS: Final[dict[str, tuple[str, ...]]] = {
     "run": ("run", TASK, "--episodes", "20", "--out", "new"),
     "replay": ("replay", "line"),
     "audit": ("audit", TASK, "--quick"),
-    "diagnose": ("diagnose", "line", "--budget", "200"),
+    "diagnose": ("diagnose", "line", "--episodes", "200"),
     "attribute": ("attribute", "line", "--episodes", "2", "--action-episodes", "1"),
     "evaluate": (
         "evaluate",

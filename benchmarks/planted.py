@@ -1,7 +1,7 @@
 """How often a diagnosis is right: planted causes, joint ones, lost ones, healthy set-ups.
 
 The set-ups come from planted_causes.py, which knows nothing of the diagnosis. Each is recorded for
-20 episodes and diagnosed with a budget of 2,000 episodes and no perturbations. A claim (`isolated`,
+20 episodes and diagnosed with 2,000 episodes and no perturbations. A claim (`isolated`,
 `joint`) is right where its labels are the planted ones and, where agents were named, no other agent
 is given a cause. Prints a JSON line for each set-up (also into `--keep`, from which a second call
 goes on), then the shares with Wilson intervals; `--page` writes

@@ -4,8 +4,9 @@ A cell is a form of observations, with or without masks, one role or two, agents
 one by one or join late, in one of the two interfaces: 192 cells. Prints a row for each buffer and
 form: cells that hold the log, cells that are refused, with the reason, and cells that differ.
 
-    python benchmarks/trainer_matrix.py vector
+    python benchmarks/trainer_matrix.py vector gymnasium epymarl
     python benchmarks/trainer_matrix.py sb3_on_policy sb3_off_policy   # where it is installed
+    python benchmarks/trainer_matrix.py tianshou                       # likewise; torchrl, rllib
 """
 
 from __future__ import annotations
@@ -24,8 +25,13 @@ from tests.adapters import ledger
 
 BUFFERS: Final = {
     "vector": ("vector_books", "arrays"),
+    "gymnasium": ("gymnasium_books", "single"),
     "sb3_on_policy": ("sb3_books", "on_policy"),
     "sb3_off_policy": ("sb3_books", "off_policy"),
+    "epymarl": ("epymarl_books", "episodes"),
+    "rllib": ("rllib_ledger", "episodes"),
+    "tianshou": ("tianshou_books", "buffer"),
+    "torchrl": ("torchrl_books", "batches"),
 }
 
 

@@ -7,13 +7,16 @@ for 10 episodes and diagnosed without a contract, a reference or a knob. Prints 
 
 - *named*: of undoable faults, those for which a cause is named;
 - *agent right*: of failing set-ups with a cause, those in which the faulty agent alone is named;
+- *agent right, isolated*: the same of answers that say which one it is (isolated, joint);
 - *agent among them*: the same, where it may be one of several agents;
 - *label right*: of answers with one label (isolated, joint), those that have the planted one;
 - *healthy accused*: of healthy set-ups, those in which a cause is named.
 
 The set-ups come in an order that is drawn once, so that a run of fewer is a sample of them.
 
-    python benchmarks/undo.py [--budget 1000] [--seed 0] [--most 200] [--keep undo.jsonl]
+    python benchmarks/undo.py [--episodes 1000] [--seed 0] [--most 200] [--keep undo.jsonl]
+        [--also other.jsonl] [--kinds undoable inside healthy]
+        [--envs berth spread "spread, Box" "speaker, AEC" hoist safe ants]
 """
 
 from __future__ import annotations
@@ -31,7 +34,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from undo_causes import Planted, healthy, holds, inside, undoable
+from undo_causes import STACKS, Planted, healthy, holds, inside, undoable
 
 import gamekeeper as gk
 from gamekeeper.statistics.significance import wilson
@@ -40,7 +43,7 @@ ORDER = 7
 CAUSES = ("isolated", "joint", "ambiguous", "protocol", "environment")
 
 
-def diagnosed(planted: Planted, *, budget: int, seed: int) -> dict[str, Any]:
+def diagnosed(planted: Planted, *, episodes: int, seed: int) -> dict[str, Any]:
     """What the diagnosis says of a set-up."""
     evidence = gk.rollout(planted.spec, policies=planted.policies, episodes=10, seed=seed + 1)
     began = time.perf_counter()
@@ -50,7 +53,7 @@ def diagnosed(planted: Planted, *, budget: int, seed: int) -> dict[str, Any]:
         policies=planted.policies,
         failed=planted.failed,
         perturbations=False,
-        budget=budget,
+        episodes=episodes,
         seed=seed,
     )
     assert found.team is not None
@@ -65,10 +68,15 @@ def diagnosed(planted: Planted, *, budget: int, seed: int) -> dict[str, Any]:
     }
 
 
-def play(cases: Sequence[Planted], keep: Path, *, budget: int, seed: int) -> None:
+def read(path: Path) -> list[dict[str, Any]]:
+    """Rows of a file; none where there is no file yet."""
+    lines = path.read_text().splitlines() if path.exists() else []
+    return [json.loads(line) for line in lines]
+
+
+def play(cases: Sequence[Planted], keep: Path, *, episodes: int, seed: int) -> None:
     """Looks at each set-up, and has those that hold diagnosed."""
-    lines = keep.read_text().splitlines() if keep.exists() else []
-    known = {json.loads(line)["name"] for line in lines}
+    known = {row["name"] for row in read(keep)}
     for planted in cases:
         if planted.name in known:
             continue
@@ -79,7 +87,7 @@ def play(cases: Sequence[Planted], keep: Path, *, budget: int, seed: int) -> Non
             "labels": list(planted.labels),
         }
         if holds(planted):
-            row |= diagnosed(planted, budget=budget, seed=seed)
+            row |= diagnosed(planted, episodes=episodes, seed=seed)
             print(json.dumps(row), flush=True)
         with keep.open("a") as file:
             file.write(json.dumps(row) + "\n")
@@ -92,10 +100,12 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     sound = [row for row in rows if row["kind"] == "healthy"]
     named = [row for row in [*undone, *lost] if row["answer"] in CAUSES]
     labelled = [row for row in named if row["said"] and row["answer"] != "ambiguous"]
+    sure = [row for row in named if row["answer"] != "ambiguous"]
     counts = {
         "named, of undoable": (sum(row["answer"] in CAUSES for row in undone), len(undone)),
         "named, of those inside": (sum(row["answer"] in CAUSES for row in lost), len(lost)),
         "agent right": (sum(row["whom"] == row["agents"] for row in named), len(named)),
+        "agent right, isolated": (sum(row["whom"] == row["agents"] for row in sure), len(sure)),
         "agent among them": (
             sum(set(row["agents"]) <= set(row["whom"]) for row in named),
             len(named),
@@ -114,19 +124,24 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
 def main() -> None:
     """Plays what is wanted and says how often it was right."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--budget", type=int, default=1_000)
+    parser.add_argument("--episodes", type=int, default=1_000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--most", type=int, default=200, help="set-ups that are looked at")
+    parser.add_argument("--kinds", nargs="+", default=["undoable", "inside", "healthy"])
+    parser.add_argument("--envs", nargs="+", choices=STACKS, default=list(STACKS))
     parser.add_argument("--keep", type=Path, default=Path("undo.jsonl"))
+    parser.add_argument("--also", type=Path, nargs="*", default=[], help="other parts' files")
     options = parser.parse_args()
     warnings.simplefilter("ignore")  # of mpe2's Box spaces
-    cases = list(chain(undoable(), inside(), healthy()))
+    every = chain(undoable(), inside(), healthy())
+    cases = [each for each in every if each.name.partition(":")[0] in options.envs]
+    cases = [each for each in cases if each.kind in options.kinds]
     random.Random(ORDER).shuffle(cases)
-    play(cases[: options.most], options.keep, budget=options.budget, seed=options.seed)
-    rows = [json.loads(line) for line in options.keep.read_text().splitlines()]
+    play(cases[: options.most], options.keep, episodes=options.episodes, seed=options.seed)
+    rows = [row for path in (options.keep, *options.also) for row in read(path)]
     held = [row for row in rows if "answer" in row]
     said = {"set-ups": len(rows), "held": len(held), **summary(held)}
-    print(json.dumps({"measure": "undone from outside", "budget": options.budget, **said}))
+    print(json.dumps({"measure": "undone from outside", "episodes": options.episodes, **said}))
 
 
 if __name__ == "__main__":

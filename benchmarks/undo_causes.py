@@ -23,6 +23,7 @@ import numpy as np
 from gymnasium.spaces import MultiDiscrete
 from mpe2 import simple_speaker_listener_v4, simple_spread_v3
 from pettingzoo.utils import BaseParallelWrapper, BaseWrapper
+from undo_more_envs import DIGITS, Ants, Hoist, Safe, ants, hoist, safe
 
 import gamekeeper as gk
 from gamekeeper.episodes.outcome import failed, failures, outcome_of
@@ -312,6 +313,9 @@ STACKS = {
     "spread": Stack(spread_parallel, spread, ("agent_0", "agent_1"), FAR, 5),
     "spread, Box": Stack(spread_aec, spread_box, ("agent_0", "agent_1"), FAR, 5),
     "speaker, AEC": Stack(speaker_aec, speaker, ("speaker_0", "listener_0"), FAR, 5),
+    "hoist": Stack(Hoist, hoist, ("winch_0", "winch_1", "trolley_0"), "return < 1", 0),
+    "safe": Stack(Safe, safe, ("scout_0", "scout_1", "opener_0"), "return < 1", 0),
+    "ants": Stack(Ants, ants, ("ant_0", "ant_1", "ant_2"), "return < 3", 6),
 }
 
 P, C, T = ("perception",), ("control",), ("timing",)
@@ -330,6 +334,54 @@ LATE: list[Fault] = [
     ("acts 8 turns late", T, {"lag": 8}),
     ("acts 12 turns late", T, {"lag": 12}),
     ("chooses every 16th turn", T, {"every": 16}),
+]
+WINCH: list[Fault] = [
+    ("fields 0 and 1 exchanged", P, {"sees": swapped(0, 1)}),
+    ("field 1 mirrored", P, {"sees": mirrored(1, 0)}),
+    ("axis mirrored", C, {"does": mirrored(0, 0)}),
+    ("a tenth of the force", C, {"does": scaled(0.1)}),
+    ("acts 10 turns late", T, {"lag": 10}),
+    ("chooses every 12th turn", T, {"every": 12}),
+]
+TROLLEY: list[Fault] = [
+    ("fields 0 and 2 exchanged", P, {"sees": swapped(0, 2)}),
+    ("fields 2 and 3 exchanged", P, {"sees": swapped(2, 3)}),
+    ("field 0 mirrored", P, {"sees": mirrored(0, 0)}),
+    ("field 3 mirrored", P, {"sees": mirrored(3, 0)}),
+    ("axis 0 mirrored", C, {"does": mirrored(0, 0)}),
+    ("axis 1 mirrored", C, {"does": mirrored(1, 0)}),
+    ("axes exchanged", C, {"does": swapped(0, 1)}),
+    ("acts 10 turns late", T, {"lag": 10}),
+    ("a tenth of the force", C, {"does": scaled(0.1)}),
+]
+SCOUT: list[Fault] = [
+    ("field 0 mirrored", P, {"sees": mirrored(0, DIGITS - 1)}),
+    ("fields 0 and 2 exchanged", P, {"sees": swapped(0, 2)}),
+    ("axis 0 mirrored", C, {"does": mirrored(0, DIGITS - 1)}),
+    ("axis 1 mirrored", C, {"does": mirrored(1, 1)}),
+]
+OPENER: list[Fault] = [
+    ("field 0 mirrored", P, {"sees": mirrored(0, DIGITS - 1)}),
+    ("field 1 mirrored", P, {"sees": mirrored(1, 1)}),
+    ("field 2 mirrored", P, {"sees": mirrored(2, DIGITS - 1)}),
+    ("axis 0 mirrored", C, {"does": mirrored(0, DIGITS - 1)}),
+    ("axis 1 mirrored", C, {"does": mirrored(1, DIGITS - 1)}),
+    ("axis 2 mirrored", C, {"does": mirrored(2, 1)}),
+    ("axes 0 and 1 exchanged", C, {"does": swapped(0, 1)}),
+    ("fields 0 and 2 exchanged", P, {"sees": swapped(0, 2)}),
+]
+ANT: list[Fault] = [
+    ("fields 0 and 1 exchanged", P, {"sees": swapped(0, 1)}),
+    ("fields 2 and 3 exchanged", P, {"sees": swapped(2, 3)}),
+    ("fields 4 and 5 exchanged", P, {"sees": swapped(4, 5)}),
+    ("field 0 mirrored", P, {"sees": mirrored(0, SIDE - 1)}),
+    ("field 3 mirrored", P, {"sees": mirrored(3, SIDE - 1)}),
+    ("actions 1 and 2 exchanged", C, {"does": renamed(1, 2)}),
+    ("actions 3 and 4 exchanged", C, {"does": renamed(3, 4)}),
+    ("actions 0 and 5 exchanged", C, {"does": renamed(0, 5)}),
+    ("actions 1 and 3 exchanged", C, {"does": renamed(1, 3)}),
+    ("acts 9 turns late", T, {"lag": 9}),
+    ("chooses every 9th turn", T, {"every": 9}),
 ]
 UNDOABLE: dict[str, dict[str, list[Fault]]] = {
     "berth": {
@@ -368,6 +420,9 @@ UNDOABLE: dict[str, dict[str, list[Fault]]] = {
             *LATE,
         ]
     },
+    "hoist": {"winch_0": WINCH, "winch_1": WINCH, "trolley_0": TROLLEY},
+    "safe": {"scout_0": SCOUT, "scout_1": SCOUT, "opener_0": OPENER},
+    "ants": {"ant_0": ANT, "ant_1": ANT, "ant_2": ANT},
 }
 """By environment and agent. A fault of a message could be the speaker's or the listener's."""
 
@@ -375,10 +430,11 @@ UNDOABLE: dict[str, dict[str, list[Fault]]] = {
 def _inside(stack: Stack, agent: str) -> list[Fault]:
     """Faults that nothing outside makes up for."""
     found: list[Fault] = [("does nothing", (), {"still": True})]
-    if agent not in ("caller", "speaker_0"):
-        found.append(("noisy sight", (), {"noise": 3.0}))
-    if stack.actions == 5 and agent != "speaker_0" and stack.spec is not spread_aec:
-        found.append(("slips", (), {"slip": 0.9, "actions": 5}))
+    if agent not in ("caller", "speaker_0") and stack.spec is not Safe:
+        found.append(("noisy sight", P, {"noise": 3.0}))
+    if stack.actions >= 5 and agent != "speaker_0" and stack.spec is not spread_aec:
+        slip = 0.9 if stack.actions == 5 else 0.97
+        found.append(("slips", (), {"slip": slip, "actions": stack.actions}))
     return found
 
 
@@ -393,11 +449,24 @@ HARMLESS: list[dict[str, Any]] = [
 """What does no harm, or little, in most of them."""
 
 
+LOOKED_AT = (
+    ("hoist", "winch_1", "axis mirrored"),
+    ("safe", "opener_0", "fields 0 and 2 exchanged"),
+    ("safe", "scout_1", "axis 0 mirrored"),
+    ("safe", "opener_0", "axes 0 and 1 exchanged"),
+    ("ants", "ant_1", "actions 1 and 2 exchanged"),
+    ("ants", "ant_2", "fields 2 and 3 exchanged"),
+)
+"""Set-ups that were looked at while the search was changed: they are no part of the benchmark."""
+
+
 def undoable() -> Iterator[Planted]:
     """Set-ups with a fault that something outside makes up for."""
     for name, agents in UNDOABLE.items():
         for agent, faults in agents.items():
-            yield from (_planted(name, agent, fault, "undoable") for fault in faults)
+            for fault in faults:
+                if (name, agent, fault[0]) not in LOOKED_AT:
+                    yield _planted(name, agent, fault, "undoable")
 
 
 def inside() -> Iterator[Planted]:

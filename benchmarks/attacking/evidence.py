@@ -88,7 +88,7 @@ MODULES: Final = (
 """Those and the ones that every command imports, which only its own packages may provide."""
 COMMANDS: Final = {
     "replay": ("replay", "."),
-    "diagnose": ("diagnose", ".", "--budget", "20"),
+    "diagnose": ("diagnose", ".", "--episodes", "100"),
     "verify": ("verify", "."),
     "report": ("report", ".", "--out", "../report.html"),
 }

@@ -43,20 +43,22 @@ if TYPE_CHECKING:
     from gamekeeper.episodes.divergence import Divergence
     from gamekeeper.episodes.episode import Episode, Turn
     from gamekeeper.episodes.evidence import Evidence
+    from gamekeeper.evaluation.claim_check import CheckedClaim, reproduce
+    from gamekeeper.evaluation.claim_pack import pack
     from gamekeeper.evaluation.evaluation import Evaluation
     from gamekeeper.evaluation.evaluator import evaluate
+    from gamekeeper.interface import wrappers
     from gamekeeper.interface.conversion import to_aec, to_parallel
     from gamekeeper.interface.env_source import Env
     from gamekeeper.interface.tick_env import TickEnv
     from gamekeeper.interface.turn_env import TurnEnv
-    from gamekeeper.runs.claim_check import CheckedClaim, reproduce
-    from gamekeeper.runs.claim_pack import pack
     from gamekeeper.runs.comparison import Replay, diff, replay
     from gamekeeper.runs.expanding import expand
     from gamekeeper.runs.load_run import load
     from gamekeeper.runs.recording import record, rollout
     from gamekeeper.runs.resuming import Resumed, resume
     from gamekeeper.runs.run_check import Verification, verify
+    from gamekeeper.viewing import plot
     from gamekeeper.viewing.episode_player import player
     from gamekeeper.viewing.report_file import report
 
@@ -106,6 +108,7 @@ __all__ = [
     "pack",
     "pivots",
     "player",
+    "plot",
     "record",
     "replay",
     "report",
@@ -117,6 +120,7 @@ __all__ = [
     "to_parallel",
     "vector",
     "verify",
+    "wrappers",
 ]
 
 _HOMES: Final = {
@@ -130,7 +134,7 @@ _HOMES: Final = {
     "Finding": "gamekeeper.checks.verdict",
     "Pivots": "gamekeeper.diagnosis.pivot_result",
     "Replay": "gamekeeper.runs.comparison",
-    "CheckedClaim": "gamekeeper.runs.claim_check",
+    "CheckedClaim": "gamekeeper.evaluation.claim_check",
     "ResponseTest": "gamekeeper.diagnosis.response_tests",
     "Resumed": "gamekeeper.runs.resuming",
     "TickEnv": "gamekeeper.interface.tick_env",
@@ -146,13 +150,13 @@ _HOMES: Final = {
     "evaluate": "gamekeeper.evaluation.evaluator",
     "expand": "gamekeeper.runs.expanding",
     "load": "gamekeeper.runs.load_run",
-    "pack": "gamekeeper.runs.claim_pack",
+    "pack": "gamekeeper.evaluation.claim_pack",
     "pivots": "gamekeeper.diagnosis.pivots",
     "player": "gamekeeper.viewing.episode_player",
     "record": "gamekeeper.runs.recording",
     "replay": "gamekeeper.runs.comparison",
     "report": "gamekeeper.viewing.report_file",
-    "reproduce": "gamekeeper.runs.claim_check",
+    "reproduce": "gamekeeper.evaluation.claim_check",
     "responses": "gamekeeper.diagnosis.responses",
     "resume": "gamekeeper.runs.resuming",
     "rollout": "gamekeeper.runs.recording",
@@ -161,8 +165,12 @@ _HOMES: Final = {
     "verify": "gamekeeper.runs.run_check",
 }
 """The module of each name, which is loaded when the name is first used."""
-_PACKAGES: Final = ("vector",)
-"""Packages that are public themselves: `gk.vector.make`."""
+_PACKAGES: Final = {
+    "plot": "gamekeeper.viewing.plot",
+    "vector": "gamekeeper.vector",
+    "wrappers": "gamekeeper.interface.wrappers",
+}
+"""Packages that are public themselves: `gk.vector.make`, `gk.plot.returns`."""
 
 
 def make(spec: object, /, *, slim: bool = True, **kwargs: Any) -> Env:
@@ -213,7 +221,7 @@ def draft_contract(spec: object, /, **kwargs: Any) -> Contract:
 
 def __getattr__(name: str) -> Any:
     if name in _PACKAGES:
-        return importlib.import_module(f"{__name__}.{name}")
+        return importlib.import_module(_PACKAGES[name])
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return globals().setdefault(name, getattr(importlib.import_module(_HOMES[name]), name))

@@ -193,7 +193,10 @@ def digest_of(data: bytes) -> str:
 
 def _check(name: str, data: bytes, digest: str) -> None:
     if digest_of(data) != digest:
-        raise ImportError(f"the file of {name} isn't the one that the run was recorded with")
+        raise ImportError(
+            f"the file of {name} isn't the one that the run was recorded with; if you trust what "
+            "it is now, say --allow-import (allow_import=True)"
+        )
 
 
 def _pth_lines(folder: str) -> Iterator[str]:

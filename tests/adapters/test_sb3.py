@@ -233,6 +233,22 @@ def test_buffer_leaves_no_batch_of_one() -> None:
     venv.close()
 
 
+def test_decisions_are_shared_out_evenly() -> None:
+    """A few that are left over would move the network as far as a whole batch does."""
+    from sb3_contrib import MaskablePPO
+
+    from gamekeeper.adapters import sb3
+
+    venv = made(FOUR, 3)  # a decision of each that waits at the end is left out
+    more = sb3.buffer(venv, masked=True)
+    model = MaskablePPO("MlpPolicy", venv, n_steps=40, batch_size=100, device="cpu", **more)
+    model.learn(venv.num_envs * 40)
+    sizes = [len(batch.actions) for batch in model.rollout_buffer.get(100)]
+    assert len(sizes) == 2
+    assert max(sizes) - min(sizes) <= 1
+    venv.close()
+
+
 def test_drawn_actions_leave_torchs_generator_alone() -> None:
     """Whoever learns meanwhile draws the same; the same stream gives the same actions."""
     import torch

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 from gymnasium import spaces
 
+import gamekeeper as gk
 from gamekeeper.errors import SpecError
 from tests.adapters import kinds
 
@@ -64,3 +66,45 @@ def test_ppo_trains_on_every_kind_of_space(kind: dict[str, Any], spec: str) -> N
     assert all(bool(weight.isfinite().all()) for weight in model.policy.state_dict().values())
     kinds.plays(spec, kind, learnt)
     venv.close()
+
+
+def test_pixels_that_the_network_never_reads_are_named(capsys: pytest.CaptureFixture[str]) -> None:
+    """As many as have no gradient, for every size; an environment's picture is looked at."""
+    import torch
+    from stable_baselines3.common.torch_layers import NatureCNN
+
+    from gamekeeper.adapters import sb3
+    from gamekeeper.adapters.sb3.sb3_envs import unread
+
+    for size in (41, 44, 64):
+        net = NatureCNN(spaces.Box(0, 255, (1, 36, size), np.uint8))
+        picture = torch.ones(1, 1, 36, size, requires_grad=True)
+        net.cnn(picture).sum().backward()
+        assert picture.grad is not None
+        assert unread(size) == int((picture.grad.abs().sum((0, 1, 2)) == 0).sum())
+
+    for side in (36, 40):
+        sb3.vec_env(lambda n=side: Picture(n), 1, check=None).close()
+    (said,) = capsys.readouterr().err.splitlines()
+    assert "never reads the last 4 of 40 columns of 'observation' (fix: 36 or 44 columns" in said
+
+
+class Picture(gk.TickEnv):
+    """One agent that sees a picture of a width."""
+
+    metadata = {"name": "picture_v0"}  # noqa: RUF012  # as PettingZoo has it
+
+    def __init__(self, width: int) -> None:
+        super().__init__(horizon=2)
+        self.possible_agents = ["a"]
+        self.observation_spaces = {"a": spaces.Box(0, 255, (36, width, 1), np.uint8)}
+        self.action_spaces = {"a": spaces.Discrete(2)}
+
+    def start(self, rng: Any, options: Any) -> None:
+        """Nothing to begin."""
+
+    def tick(self, actions: Any) -> None:
+        """Nothing happens."""
+
+    def observe(self, agent: Any) -> Any:
+        return np.zeros(self.observation_spaces[agent].shape, np.uint8)

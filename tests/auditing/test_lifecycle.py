@@ -157,6 +157,19 @@ def test_a_reset_needs_no_argument() -> None:
     assert "reset()" in verdict.findings[0].reproducer
 
 
+class NeverResets(Rovers):
+    """Its reset has a fault of its own."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Raises, whatever it is given."""
+        raise KeyError("a fault of its own")
+
+
+def test_arguments_are_not_blamed_where_no_reset_succeeds() -> None:
+    """What raises with every argument and without any isn't a matter of arguments."""
+    assert audited(NeverResets).of("GK524").outcome == "not_exercised"
+
+
 def test_the_ended_may_be_refused() -> None:
     """An environment that raises at actions of those who are gone is fine."""
 

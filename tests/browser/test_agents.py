@@ -113,3 +113,19 @@ def test_other_episode_is_a_ghost_on_the_map(open_page: Open) -> None:
     page.evaluate("gamekeeper.player.decks[0].drawing.ghost = null")
     page.evaluate("gamekeeper.player.decks[0].drawing.show(3)")
     assert ghost != page.evaluate(PICTURE)
+
+
+def test_names_on_the_map_cover_neither_signs_nor_one_another(open_page: Open) -> None:
+    """A name goes to a side that is free; without one it is left out."""
+    page = opened(open_page, with_scene())
+    close = [{"text": f"agent_{k}", "x": 50 + 12 * k, "y": 50, "wide": 40} for k in range(5)]
+    named = page.evaluate(
+        "labels => gamekeeper.placeNames(labels, { size: 5, width: 160, height: 100 })", close
+    )
+    signs = [
+        {"left": each["x"] - 5, "right": each["x"] + 5, "top": 45, "bottom": 55} for each in close
+    ]
+    assert 2 <= len(named) < 5
+    for one, other in itertools.combinations([*named, *signs], 2):
+        apart = one["right"] <= other["left"] or other["right"] <= one["left"]
+        assert apart or one["bottom"] <= other["top"] or other["bottom"] <= one["top"]

@@ -11,7 +11,7 @@ import pytest
 import gamekeeper as gk
 from tests.cli.lines import SURROUNDINGS, document, said
 
-QUICK = ("--all", "--no-perturbations", "--workers", "0", "--budget", "400")
+QUICK = ("--all", "--no-perturbations", "--workers", "0", "--episodes", "400")
 
 
 @pytest.fixture(name="run")

@@ -88,6 +88,23 @@ def test_report_goes_through_a_pipe(line_run: Path, tmp_path: Path, capsys: Capt
     assert read[0].lower().startswith(b"<!doctype html>")
 
 
+@pytest.mark.parametrize("display", ["", ":0"])
+def test_report_opens_its_page_where_there_is_a_display(
+    line_run: Path, tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch, display: str
+) -> None:
+    """Elsewhere it names the address."""
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", lambda url: not opened.append(url))
+    for name in ("WAYLAND_DISPLAY", "BROWSER"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("DISPLAY", display)
+    page = tmp_path / "page.html"
+    code, _, error = said(capsys, "report", line_run, "--out", page, "--open")
+    assert opened == ([page.as_uri()] if display else [])
+    assert code == 0
+    assert (page.as_uri() in error) == (not display)
+
+
 def test_report_of_no_run_is_refused(tmp_path: Path, capsys: Capture) -> None:
     """A folder that is no run is named."""
     code, told = document(capsys, "report", tmp_path)

@@ -54,7 +54,7 @@ def test_run_does_the_main_job(
     assert f"  verified: fingerprint {fingerprint[:16]}..." in lines
     assert f"  fingerprint  {fingerprint}" in lines
     next_command = lines[-1].removeprefix("Next").split()
-    assert next_command[:3] == ["gamekeeper", "report", "demo"]
+    assert next_command[:4] == ["gamekeeper", "report", "demo", "--open"]
     assert max(len(each) for each in lines[:-1] if fingerprint not in each) <= 80
     assert len(lines) <= 37
 

@@ -101,7 +101,7 @@ def test_a_limit_shorter_than_the_default_is_the_protocols() -> None:
 @pytest.mark.parametrize("kwargs", [{}, {"limit": 19}])
 def test_an_agent_that_stands_still_is_not_excused_by_the_limit(kwargs: Any) -> None:
     """More time doesn't help, so that nothing is named."""
-    found = diagnosed(kwargs, {"ant_0": HERE + "stands", "ant_1": HERE + "walks"}, budget=600)
+    found = diagnosed(kwargs, {"ant_0": HERE + "stands", "ant_1": HERE + "walks"}, episodes=600)
     assert found.agents["ant_0"].component == "ant_0's policy"
     assert found.agents["ant_1"].answer == "elsewhere"
 
@@ -109,7 +109,7 @@ def test_an_agent_that_stands_still_is_not_excused_by_the_limit(kwargs: Any) -> 
 def test_truncation_before_the_declared_horizon_is_told_by_evidence_alone() -> None:
     """No argument that could be tried cuts it."""
     contract = gk.Contract.parse('[schedule]\nhorizon = 60\n[failure]\nteam = "return < 2"\n')
-    found = diagnosed({"wind": 0.8}, HERE + "walks", contract=contract, budget=200)
+    found = diagnosed({"wind": 0.8}, HERE + "walks", contract=contract, episodes=200)
     assert found.team is not None
     assert found.team.answer == "protocol"
     assert found.team.labels == ()
@@ -119,7 +119,7 @@ def test_truncation_before_the_declared_horizon_is_told_by_evidence_alone() -> N
 def test_a_knob_that_is_the_environments_is_nobodys_fault() -> None:
     """Wind is the same for all."""
     contract = gk.Contract.parse('[knobs]\nwind = { label = "environment", ideal = 0.0 }\n')
-    found = diagnosed({"wind": 0.9}, HERE + "walks", contract=contract, budget=400)
+    found = diagnosed({"wind": 0.9}, HERE + "walks", contract=contract, episodes=400)
     assert {each.answer for each in found.agents.values()} == {"environment"}
     assert found.agents["ant_0"].component == "the environment's wind"
     assert found.agents["ant_0"].labels == ()

@@ -14,6 +14,7 @@ from gamekeeper.diagnosis.played_setup import OpenSetup
 from gamekeeper.diagnosis.shortest_failure import shrunk
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import ContractError, EvidenceError, RunError, TrustError
+from gamekeeper.reporting.diagnosis_screen import diagnosis_screen
 from gamekeeper.runs.load_run import load
 
 
@@ -77,7 +78,7 @@ def test_a_sound_run_has_no_cause() -> None:
 
 def test_a_fault_without_a_handle_is_not_named() -> None:
     """The condition can't be met by any ideal substitute, so nothing is."""
-    found = plainly(run(occlusion=0.02), failed="length > 0", budget=350)
+    found = plainly(run(occlusion=0.02), failed="length > 0", episodes=350)
     assert found.team is not None
     assert (found.team.answer, found.team.labels) == ("unexplained", ())
     assert "no ideal substitute restores" in found.team.why
@@ -85,7 +86,7 @@ def test_a_fault_without_a_handle_is_not_named() -> None:
 
 def test_perturbations_show_dependence_and_never_a_cause() -> None:
     """A sound run depends on what its agents see, and no cause is named."""
-    found = gk.diagnose(run(), budget=1_500, perturbations=True)
+    found = gk.diagnose(run(), episodes=1_500, perturbations=True)
     kinds = {each.kind for agent in found.agents.values() for each in agent.tested}
     assert kinds == {"perturbation"}
     tested = {each.intervention: each for each in found.agents["giver_0"].tested}
@@ -97,13 +98,18 @@ def test_perturbations_show_dependence_and_never_a_cause() -> None:
 def test_equal_seeds_give_equal_answers_however_many_work(tmp_path: Path) -> None:
     """One process, a worker, or a second call that goes on: the same document."""
     evidence = run(latency=3)
-    apart = plainly(evidence, budget=300, workers=2)
-    here = plainly(evidence, budget=300, out=tmp_path / "d")
-    again = plainly(evidence, budget=300, out=tmp_path / "d")
+    apart = plainly(evidence, episodes=300, workers=2)
+    here = plainly(evidence, episodes=300, out=tmp_path / "d")
+    again = plainly(evidence, episodes=300, out=tmp_path / "d")
     assert again.episodes == 9  # three counterfactuals, which no file keeps
+    assert again.reused == here.episodes - 9 - sum(map(_episodes, here.runs.values()))
     for one in (here, again):
-        same = {**one.to_json(), "episodes": apart.episodes, "runs": {}}
+        same = {**one.to_json(), "episodes": apart.episodes, "reused": 0, "runs": {}}
         assert same == apart.to_json()
+
+
+def _episodes(folder: str) -> int:
+    return load(folder).episode_table.num_rows
 
 
 def test_a_stopped_diagnosis_goes_on(tmp_path: Path) -> None:
@@ -123,12 +129,12 @@ def test_a_stopped_diagnosis_goes_on(tmp_path: Path) -> None:
         file.write('{"key": ["unchanged rerun"')
     found = plainly(evidence, out=tmp_path)
     whole = plainly(evidence, out=tmp_path / "whole")
-    assert found.episodes + lines - 1 == whole.episodes
+    assert (found.reused, found.episodes) == (lines - 1, whole.episodes - lines + 1)
     assert found.agents == whole.agents
 
 
 @pytest.mark.parametrize(
-    ("budget", "kwargs"),
+    ("most", "kwargs"),
     [
         (100, {"latency": 3}),
         (200, {"latency": 3}),
@@ -138,45 +144,60 @@ def test_a_stopped_diagnosis_goes_on(tmp_path: Path) -> None:
         (700, {"latency": {"giver_0": 3}, "occlusion": 0.02}),
     ],
 )
-def test_no_more_episodes_are_played_than_the_budget(
-    budget: int, kwargs: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_no_more_episodes_are_played_than_allowed(
+    most: int, kwargs: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Search, confirmation, counterfactuals, perturbations and recordings together."""
     evidence = run(**kwargs)
     played = []
     plan = OpenSetup._play
     monkeypatch.setattr(OpenSetup, "_play", lambda *a: played.append(a) or plan(*a))
-    found = gk.diagnose(evidence, budget=budget, out=tmp_path / "d", perturbations=budget > 500)
-    recorded = sum(load(folder).episode_table.num_rows for folder in found.runs.values())
-    assert len(played) + recorded == found.episodes <= budget
-    assert found.not_played or found.episodes < budget
-    assert found.to_json()["budget"] == budget
+    found = gk.diagnose(evidence, episodes=most, out=tmp_path / "d", perturbations=most > 500)
+    recorded = sum(map(_episodes, found.runs.values()))
+    assert len(played) + recorded == found.episodes <= most
+    assert found.not_played or found.episodes < most
+    assert found.to_json()["most_episodes"] == most
 
 
 def test_what_the_budget_did_not_reach_is_said() -> None:
     """No cause by default of rivals that weren't played."""
-    few = plainly(run(latency=3), budget=100)
+    few = plainly(run(latency=3), episodes=100)
     assert few.team is not None
     assert few.not_played == ("ideal substitutes: latency = 0", "undos from outside")
-    assert "budget of 100 episodes was spent" in few.team.why
-    assert ("timing", "the budget of 100 episodes was spent") in few.team.not_tested
+    assert "limit of 100 episodes was reached" in few.team.why
+    assert ("timing", "the limit of 100 episodes was reached") in few.team.not_tested
     evidence = run(latency=3, occlusion=0.02, actuator_slip=0.05)
-    part = plainly(evidence, budget=250).team
+    part = plainly(evidence, episodes=250).team
     assert part is not None
     assert [each.n for each in part.tested] == [64, 64]
     assert part.answer != "isolated"
-    more = plainly(evidence, budget=300)
+    more = plainly(evidence, episodes=300)
     assert more.team is not None
     assert more.team.answer == "isolated"
     assert more.not_played[0] == "several ideal substitutes at once"
 
 
+def test_a_budget_in_steps_binds_and_says_what_it_left() -> None:
+    """What was played is as long as allowed, and the screen says what wasn't played."""
+    evidence = run(latency=3)
+    budget = 100 * max(episode.header["turns"] for episode in evidence.episodes)
+    found = plainly(evidence, episodes=300, budget=budget)
+    assert budget // 2 < found.steps <= budget
+    assert found.not_played
+    text = diagnosis_screen(found.to_json(), width=200)
+    assert f"{found.steps:,} of {budget:,} env steps" in text
+    assert f"--budget {2 * budget}" in text
+    assert f"Not tried  {found.not_played[0]}" in text
+    with pytest.raises(EvidenceError, match="too few"):
+        plainly(evidence, budget=budget - 1)
+
+
 def test_a_budget_that_is_too_small_is_refused_at_once() -> None:
     """The same from Python as on the command line, with the fix."""
     with pytest.raises(EvidenceError, match="50 episodes are too few for a diagnosis") as caught:
-        plainly(run(latency=3), budget=50)
+        plainly(run(latency=3), episodes=50)
     assert caught.value.expected == "100 or more"
-    assert "budget=" in (caught.value.fix or "")
+    assert "episodes=" in (caught.value.fix or "")
 
 
 def test_counterfactuals_replay_and_another_experiment_is_refused(tmp_path: Path) -> None:

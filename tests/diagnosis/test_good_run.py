@@ -183,7 +183,7 @@ def test_runs_that_do_the_same_have_no_cause() -> None:
 def test_a_budget_that_is_spent_names_nothing() -> None:
     """The least budget isn't enough for any set."""
     bad = {"env_kwargs": {"limit": 1, "haze": 1.0, "size": 3}, **_policies()}
-    found = diagnosed(bad, budget=200)
+    found = diagnosed(bad, episodes=200)
     assert found.episodes <= 200
     assert found.not_played
     assert not found.has_cause

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from gamekeeper.diagnosis.judgement import ScopeFinding, is_failing, judged, recovered
-from gamekeeper.diagnosis.trials import POLICY, IdealSubstitute, joined
+from gamekeeper.diagnosis.trials import POLICY, IdealSubstitute, joined, undone
+from gamekeeper.diagnosis.undos import BoundaryUndo
 
 N = 64
 NOISE = IdealSubstitute("noise = 0", "perception", ("a",), (("argument", "", "noise", 0),))
@@ -77,6 +78,16 @@ def test_either_of_two_agents_cannot_be_told_apart() -> None:
     one = judged(share(0.1), {names[0]: share(0.95)}, rng=np.random.default_rng(0))
     assert (one.answer, one.labels) == ("isolated", ())
     assert "it is a's policy; which part of it can't be told apart" in one.why
+
+
+def test_an_undo_whose_rivals_were_not_played_is_ambiguous_with_their_labels() -> None:
+    """No label alone, as another boundary of the same agent may be it."""
+    seen, done = (undone(BoundaryUndo(("a",), way, (0,))) for way in ("mirror field", "hold"))
+    rng = np.random.default_rng(0)
+    answer = judged(share(0.0), {seen: share(1.0)}, skipped=[done], rng=rng)
+    assert (answer.answer, answer.labels) == ("ambiguous", ("perception", "timing"))
+    assert "1 other undos from outside weren't played" in answer.why
+    assert judged(share(0.0), {seen: share(1.0)}, rng=rng).answer == "isolated"
 
 
 def test_a_pair_that_neither_part_replaces_is_joint() -> None:

@@ -57,7 +57,7 @@ def test_labels_outside_the_vocabulary_are_refused(run: Path) -> None:
 
 def test_a_diagnosis_proposes_labels_once(run: Path) -> None:
     """They say that nobody but the diagnosis has said so."""
-    found = gk.diagnose(run, perturbations=False, budget=300)
+    found = gk.diagnose(run, perturbations=False, episodes=300)
     assert [each.label for each in propose(run, found, by="test")] == ["timing", "timing"]
     assert propose(run, found, by="test") == ()
     assert all(each.proposed and each.by == "test" for each in labels(run))

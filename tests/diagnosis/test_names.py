@@ -68,7 +68,7 @@ def test_names_are_the_same_from_the_recording_to_the_diagnosis(
     assert names == set(attribution["agents"])
     assert attribution["agents"][agent_name(agents[0])]["own"] == 0.0
     diagnosis = gk.diagnose(
-        run, allow_import=True, failed="return < 100", perturbations=True, budget=4_000
+        run, allow_import=True, failed="return < 100", perturbations=True, episodes=4_000
     ).to_json()
     assert names == set(diagnosis["agents"])
 

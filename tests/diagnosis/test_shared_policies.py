@@ -132,7 +132,9 @@ def test_workers_share_as_one_process_does(folder: Path) -> None:
 def test_a_shared_policy_that_failed_fails_again(folder: Path) -> None:
     """The unchanged rerun has one object too: 20 of 20 failed, and so do fresh episodes."""
     evidence = recorded("alternating.py:Alternating")
-    found = gk.diagnose(evidence, failed=FAILED, perturbations=False, allow_import=True, budget=200)
+    found = gk.diagnose(
+        evidence, failed=FAILED, perturbations=False, allow_import=True, episodes=200
+    )
     assert found.recorded == {"team": (20, 20)}
     assert found.team is not None
     assert found.team.success[0] == 0.0
@@ -145,7 +147,7 @@ def test_a_named_policy_contradicts_no_recorded_episode(folder: Path) -> None:
     """What another policy plays may differ from the recording; the diagnosis says who played."""
     evidence = recorded("alternating.py:Alternating")
     options: dict[str, Any] = {"failed": FAILED, "perturbations": False, "allow_import": True}
-    found = gk.diagnose(evidence, policies={"*": "first-legal"}, budget=200, **options)
+    found = gk.diagnose(evidence, policies={"*": "first-legal"}, episodes=200, **options)
     assert found.policies == {"*": "first-legal"}
     assert found.fresh["team"][0] == 0
     assert found.contradictions == {}
@@ -164,7 +166,7 @@ def test_a_contradiction_is_said_first_and_is_no_all_clear(
     recorded("alternating.py:Alternating", out="run")
     (folder / "generous.py").write_text(ENV.replace("float(one == two)", "1.0"))
     options: dict[str, Any] = {"failed": FAILED, "perturbations": False, "allow_import": True}
-    fair = gk.diagnose("run", env="generous.py:Agree", budget=100, **options)
+    fair = gk.diagnose("run", env="generous.py:Agree", episodes=100, **options)
     assert fair.contradictions["team"].recorded == (20, 20)
     assert fair.contradictions["team"].fresh == (0, 64)
     assert fair.team is not None
@@ -179,7 +181,16 @@ def test_a_contradiction_is_said_first_and_is_no_all_clear(
     shown = diagnosis_text(json.loads(json.dumps(fair.to_json())), width=80)
     assert shown.startswith("Contradiction  team: 20 of 20 recorded episodes failed and 0 of 64")
     assert "not significantly below" not in shown
-    line = ["diagnose", "run", "--failed", FAILED, "--env", "generous.py:Agree", "--budget", "100"]
+    line = [
+        "diagnose",
+        "run",
+        "--failed",
+        FAILED,
+        "--env",
+        "generous.py:Agree",
+        "--episodes",
+        "100",
+    ]
     code = run_line([*line, "--no-perturbations", "--workers", "0", "--allow-import"])
     assert code == 2
     assert capsys.readouterr().out.startswith("Contradiction")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,35 @@ from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.played_setup import Setup
 from gamekeeper.diagnosis.trials import IdealSubstitute, over_undos, peers_of, swaps_of, undone
 from gamekeeper.diagnosis.undo_candidates import action_undos, call_undos, observation_undos
+from gamekeeper.diagnosis.undo_search import ASIDE, ROUNDS, _other_boundaries
 from gamekeeper.diagnosis.undos import BoundaryUndo, UndoneCast
 from gamekeeper.errors import EvidenceError
 from gamekeeper.rollouts.interventions.fields import acted_fields
 
 SIDE = 5
+
+
+def test_other_boundaries_of_an_agent_are_tried_before_a_label_is_given() -> None:
+    """Where one undo restores, those of the same agent's other boundaries come first."""
+    mirrored, settled = BoundaryUndo(("a",), "mirror axis", (0,)), BoundaryUndo(("a",), "hold")
+    first, same, other, late, strange = (
+        undone(each)
+        for each in (
+            mirrored,
+            BoundaryUndo(("a",), "exchange axes", (0, 1)),
+            BoundaryUndo(("a",), "mirror field", (0,)),
+            settled,
+            BoundaryUndo(("b",), "hold"),
+        )
+    )
+    rest = [strange, same, other, late]
+    room: Any = SimpleNamespace(left=ASIDE + 64 + 10 + 2 * ROUNDS[0], confirm=64)
+    more, left, rivals = _other_boundaries(room, {first: 1.0}, rest, 1, 10)
+    assert more == [other, late]
+    assert (left, rivals) == ([strange, same], [same])
+    room.left -= ROUNDS[0]
+    assert _other_boundaries(room, {first: 1.0}, rest, 1, 10)[2] == [late, same]
+    assert _other_boundaries(room, {first: 0.5}, rest, 1, 10)[0] == []
 
 
 class Spaces:
@@ -223,7 +248,7 @@ def diagnosed(fault: str, **more: Any) -> gk.Diagnosis:
     policies = {"left_0": Walker(fault), "right_0": Walker()}
     evidence = gk.rollout(Meeting, policies=policies, episodes=4, seed=1)
     given = {"env": Meeting, "policies": policies, "failed": "return < 1", "perturbations": False}
-    return gk.diagnose(evidence, **{**given, "budget": 500, **more})
+    return gk.diagnose(evidence, **{**given, "episodes": 500, **more})
 
 
 def test_a_fault_inside_a_policy_is_undone_from_outside_with_nothing_declared() -> None:
@@ -240,16 +265,16 @@ def test_a_fault_inside_a_policy_is_undone_from_outside_with_nothing_declared() 
 
 def test_undos_that_do_the_same_cannot_be_told_apart() -> None:
     """To take place and goal for each other, or up for down, is one on a line: no label is sure."""
-    for budget in (400, 1_000):
-        left = diagnosed("fields", budget=budget).agents["left_0"]
+    for episodes in (400, 1_000):
+        left = diagnosed("fields", episodes=episodes).agents["left_0"]
         assert left.answer == "ambiguous"
     assert left.labels == ("perception", "control")
 
 
 def test_a_policy_that_nothing_outside_makes_up_for_is_named_by_its_peer_or_not_at_all() -> None:
     """A named policy restores: the policy, and no label. Without one it stays unexplained."""
-    assert diagnosed("still", budget=300).agents["left_0"].answer == "unexplained"
-    tried = diagnosed("still", budget=300, replace={"left_0": Walker()}).agents["left_0"]
+    assert diagnosed("still", episodes=300).agents["left_0"].answer == "unexplained"
+    tried = diagnosed("still", episodes=300, replace={"left_0": Walker()}).agents["left_0"]
     assert (tried.answer, tried.labels, tried.component) == ("isolated", (), "left_0's policy")
     assert [each.kind for each in tried.tested if each.restores] == ["swap"]
 

@@ -11,7 +11,7 @@ def test_screen_says_who_since_when_what_undoes_it_and_what_to_paste() -> None:
     evidence = gk.rollout(
         "handover", policies="reference", episodes=2, env_kwargs={"latency": {"giver_0": 3}}
     )
-    found = gk.diagnose(evidence, perturbations=False, budget=300)
+    found = gk.diagnose(evidence, perturbations=False, episodes=300)
     document = found.to_json()
     assert document["agents"]["giver_0"]["since"] == {
         "episode": 0,
@@ -32,3 +32,14 @@ def test_screen_of_a_healthy_run_accuses_no_agent() -> None:
     text = diagnosis_screen(gk.diagnose(evidence, perturbations=False).to_json(), width=80)
     assert "Who        no agent. Healthy:" in text
     assert "--good" not in text
+
+
+def test_screen_says_what_is_striking_where_no_agent_alone_is_named() -> None:
+    """Facts of the response tests, such as a policy that reacts to nothing."""
+    evidence = gk.rollout("handover", policies="reference", episodes=2)
+    document = gk.diagnose(evidence, perturbations=False).to_json()
+    plain = {"changes": 9, "reactions": 5, "lag": 0, "randomness": 0.0, "text": "reacts at once"}
+    deaf = {**plain, "reactions": 0, "lag": None, "text": "reacts to no change"}
+    text = diagnosis_screen({**document, "responses": {"a_0": plain, "b_0": deaf}}, width=80)
+    assert "Noted      b_0 reacts to no change" in text
+    assert "a_0 reacts" not in text

@@ -61,7 +61,7 @@ def _document(**given: Any) -> dict[str, Any]:
         "episodes": 300,
         "seed": 0,
         "conditions": {"team": "return < 1"},
-        "budget": 400,
+        "most_episodes": 400,
         "not_played": [],
         "policies": {},
     }
@@ -142,7 +142,7 @@ def test_answers_are_sentences() -> None:
     joint = _text(team=_answer(answer="joint", labels=both, why="together"))
     assert "The causes are perception and control together (joint): together." in joint
     either = _text(team=_answer(answer="ambiguous", labels=both, why="either"))
-    assert "Possible causes: perception and control (ambiguous): either." in either
+    assert "Possible causes: perception or control (ambiguous): either." in either
     policy = _text(team=_answer(labels=[], component="a_0's policy", why="swapped"), agents={})
     assert "The cause is a_0's policy (isolated): swapped." in policy
     words = {
@@ -180,5 +180,5 @@ def test_counterfactuals_are_sentences() -> None:
 def test_what_the_budget_did_not_reach_is_printed() -> None:
     """With the option that raises it."""
     text = _text(not_played=["ideal substitutes: slip = 0"])
-    assert "Not played, as the budget of 400 episodes was spent (--budget)" in text
+    assert "Not played (at most 400; --episodes, --budget)" in text
     assert "ideal substitutes: slip = 0" in text

@@ -6,7 +6,9 @@ from pathlib import Path
 import pytest
 
 import gamekeeper as gk
+from gamekeeper.checks.verdict import Finding, Verdict
 from gamekeeper.contract import Contract
+from gamekeeper.episodes.divergence import Divergence
 from gamekeeper.runs.comparison import Replay
 from gamekeeper.runs.standing import Against, Standing
 
@@ -59,7 +61,17 @@ def results() -> list[tuple[str, object]]:
     )
     replay = Replay("run", False, None, "", None, HOSTILE)
     row = Standing(HOSTILE, HOSTILE, None, "stale", HOSTILE, HOSTILE)
-    return [("contract", declared), ("replay", replay), ("against", Against("r", "e", (row,)))]
+    apart = Divergence(3, 7, HOSTILE, "reward", 1.0, HOSTILE)
+    finding = Finding(HOSTILE, "1", HOSTILE, "f", HOSTILE)
+    verdict = Verdict("GK402", HOSTILE, "failed", "high", findings=(finding,))
+    return [
+        ("contract", declared),
+        ("replay", replay),
+        ("against", Against("r", "e", (row,))),
+        ("divergence", apart),
+        ("finding", finding),
+        ("verdict", verdict),
+    ]
 
 
 @pytest.mark.parametrize(("name", "result"), results())
@@ -68,6 +80,13 @@ def test_notebooks_show_results_as_text_alone(name: str, result: object) -> None
     seen = elements(result._repr_html_())  # type: ignore[attr-defined]  # what notebooks look for
     assert "script" not in seen.found
     assert HOSTILE in seen.text
+
+
+def test_divergence_has_a_caption_with_its_place() -> None:
+    """Episode, turn and agent, above the field and both values."""
+    seen = elements(Divergence(3, 7, "picker_0", "reward", 1.0, 0.5)._repr_html_())
+    assert "First difference, episode 3, turn 7, agent picker_0" in seen.text
+    assert "caption" in seen.found
 
 
 def test_notebooks_show_every_public_result(tmp_path: Path) -> None:

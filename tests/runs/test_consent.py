@@ -126,6 +126,23 @@ def test_own_policies_need_no_flag_beside_an_environment_that_is_named(tmp_path:
         opened()
 
 
+def test_replay_of_actions_asks_for_no_changed_policy(tmp_path: Path) -> None:
+    """A policy may move on, as recorded actions need none; what the environment imports may not."""
+    spec = f"{write_env(tmp_path, ('TURNS = 5', 'import beside' + chr(10) + 'TURNS = 5'))}:Walk"
+    beside, policies = tmp_path / "beside.py", tmp_path / "mine.py"
+    beside.write_text("")
+    policies.write_text("def still(observation, agent, info, rng):\n    return 0\n")
+    run = tmp_path / "still"
+    rollout(spec, policies=f"{policies}:still", episodes=1, out=run, most_turns=2)
+    policies.write_text("")
+    result = replay(run)
+    assert result.verified, str(result)
+    with pytest.raises(TrustError, match=r"mine.py has changed"):
+        replay(run, policies=True)
+    beside.write_text("raise SystemExit\n")
+    assert "the file of beside isn't the one" in str(replay(run).reason)
+
+
 def test_own_run_of_workers_replays_without_a_flag(tmp_path: Path, own_state: Path) -> None:
     """The whole of parts is an own run, and nothing is remembered of the parts."""
     played(tmp_path, workers=2)

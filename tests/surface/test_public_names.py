@@ -58,6 +58,7 @@ PUBLIC = [
     "pack",
     "pivots",
     "player",
+    "plot",
     "record",
     "replay",
     "report",
@@ -69,6 +70,7 @@ PUBLIC = [
     "to_parallel",
     "vector",
     "verify",
+    "wrappers",
 ]
 TEXTS = [path for path in kept_files() if path.suffix == ".md" and "decisions" not in path.parts]
 

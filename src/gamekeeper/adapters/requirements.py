@@ -92,7 +92,7 @@ def _warn_of_likeness(spec: object, env_kwargs: Mapping[str, Any] | None) -> Non
         sys.stderr.write(
             f"gamekeeper: {', '.join(map(str, agents))} were shown the same observation in all "
             f"{looks} comparisons: a policy that they share can't tell them apart "
-            "(fix: put the agent's number into its observation, or train a policy for each)\n"
+            "(fix: gk.wrappers.agent_id shows each its number; or train a policy for each)\n"
         )
 
 

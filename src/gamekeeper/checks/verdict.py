@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Final, Literal, TypeAlias
 
+from gamekeeper.episodes.row_tables import html_table, html_text
+
 Outcome: TypeAlias = Literal[
     "passed", "failed", "suspected", "not_exercised", "not_applicable", "waived", "error"
 ]
@@ -41,6 +43,10 @@ class Finding:
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
         return asdict(self)
+
+    def _repr_html_(self) -> str:
+        rows = [[name, getattr(self, name)] for name in ("where", "expected", "actual", "fix")]
+        return html_table([["Finding", ""], *rows]) + html_text(f"Reproducer\n{self.reproducer}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +116,11 @@ class Verdict:
     reason: str = ""
     reproduced: Reproduced | None = None
     follows_from: FollowsFrom | None = None
+
+    def _repr_html_(self) -> str:
+        rows = [[each.where, each.expected, each.actual, each.fix] for each in self.findings]
+        caption = f"{self.id} {self.outcome.replace('_', ' ')}: {self.claim}"
+        return html_table([["where", "expected", "actual", "fix"], *rows], caption=caption)
 
     @property
     def could_miss(self) -> float | None:

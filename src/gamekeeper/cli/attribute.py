@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 
 import typer
 
-from gamekeeper._version import __version__
 from gamekeeper.cli import _options
+from gamekeeper.cli._annotated import annotated
 from gamekeeper.cli._fan import ExecutorOption, FanOption, players_of
-from gamekeeper.cli._screen import CommandResult, Screen, document_text
-from gamekeeper.errors import RunError
+from gamekeeper.cli._screen import CommandResult, Screen
+from gamekeeper.cli.diagnose import beside
 
 ORDER: Final = 56
 ACTION_EPISODES: Final = 50
 """As `contributions.ACTION_EPISODES` has it; importing that loads numpy, help doesn't."""
-KIND: Final = "attribution"
-MOST_BYTES: Final = 16 << 20
-"""Largest document that is stored among a run's annotations."""
-
 BaselineOption = Annotated[
     Literal["noop", "random", "reference"],
     typer.Option(
@@ -51,6 +46,24 @@ ActionEpisodesOption = Annotated[
         "repeat theirs: recorded ones first, then new ones.",
     ),
 ]
+BudgetOption = Annotated[
+    int | None,
+    typer.Option(
+        "--budget",
+        metavar="STEPS",
+        min=1,
+        max=_options.MOST,
+        help="Most env steps that are taken (default: as many as the episodes take).",
+    ),
+]
+OutOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--out",
+        metavar="FOLDER",
+        help="Folder of what was played; a second call continues there (default: RUN-attribution).",
+    ),
+]
 
 
 def command(
@@ -59,12 +72,14 @@ def command(
     baseline: BaselineOption = "noop",
     episodes: FreshOption = None,
     action_episodes: ActionEpisodesOption = ACTION_EPISODES,
+    budget: BudgetOption = None,
     contract: _options.RunContractOption = None,
     policy: _options.PolicyOption = None,
     env: _options.ReopenOption = None,
     seed: _options.SeedOption = 0,
     workers: FanOption = None,
     executor: ExecutorOption = None,
+    out: OutOption = None,
     allow_import: _options.ImportOption = False,
     timeout: _options.TimeoutOption = _options.SILENCE_S,
 ) -> CommandResult:
@@ -91,34 +106,19 @@ def command(
             baseline=baseline,
             episodes=episodes,
             action_episodes=action_episodes,
+            budget=budget,
             policies=parse_choices(policy) if policy else None,
             env=env,
             seed=seed,
             workers=players,
+            out=out or beside(run, "attribution"),
             allow_import=allow_import,
             timeout_s=timeout,
             on_message=take,
         )
     document = found.to_json()
+    if found.reused:
+        screen.note(f"{found.reused:,} of its episodes were played by an earlier call")
     screen.show(attribution_text(document, width=screen.width))
-    _annotate(screen, run, document)
+    annotated(screen, run, "attribution", document)
     return CommandResult(document, 0)
-
-
-def _annotate(screen: Screen, run: Path, document: dict[str, Any]) -> None:
-    """Adds the document to the run's annotations, where a report finds it; never twice."""
-    from gamekeeper.runs.files.notes import annotate, read_notes
-
-    text = document_text(document)
-    if len(text) > MOST_BYTES:
-        screen.note(f"not stored in the run's annotations: it has {len(text):,} bytes")
-        return
-    plain = json.loads(text)
-    try:
-        known = [note.get("document") for note in read_notes(run) if note.get("kind") == KIND]
-        if known[-1:] != [plain]:
-            by = f"gamekeeper attribute {__version__}"
-            annotate(run, {"kind": KIND, "by": by, "document": plain})
-            screen.note("kept in the run's annotations, where `gamekeeper report` finds it")
-    except RunError as error:  # a run that can't be written is attributed all the same
-        screen.note(f"not stored in the run's annotations: {error.what}")

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from gamekeeper.diagnosis.diagnosis_result import Diagnosis
 
 ORDER: Final = 90
-BUDGET: Final = 2_000
+EPISODES: Final = 2_000
 EXPECTED: Final = 0.9
 PART: Final = 0.7
 """Defaults of `gk.diagnose`; importing it loads numpy, help doesn't."""
@@ -90,9 +90,21 @@ PartOption = Annotated[
         "cause, from 0 to 1.",
     ),
 ]
-BudgetOption = Annotated[
+EpisodesOption = Annotated[
     int,
-    typer.Option("--budget", metavar="N", min=100, max=MOST, help="Most episodes that are played."),
+    typer.Option(
+        "--episodes", metavar="N", min=100, max=MOST, help="Most episodes that are played."
+    ),
+]
+BudgetOption = Annotated[
+    int | None,
+    typer.Option(
+        "--budget",
+        metavar="STEPS",
+        min=1,
+        max=MOST,
+        help="Most env steps that are taken (default: as many as the episodes take).",
+    ),
 ]
 PerturbationsOption = Annotated[
     bool | None,
@@ -163,7 +175,8 @@ def command(
     expected: ExpectedOption = EXPECTED,
     part: PartOption = PART,
     seed: SeedOption = 0,
-    budget: BudgetOption = BUDGET,
+    episodes: EpisodesOption = EPISODES,
+    budget: BudgetOption = None,
     perturbations: PerturbationsOption = None,
     workers: WorkersOption = None,
     executor: ExecutorOption = None,
@@ -191,14 +204,13 @@ def command(
     from gamekeeper.interface.policy import parse_choices
 
     condition = only_condition(failed)
-    folder = out or _beside(run, "diagnosis" if good is None else "compared")
+    folder = out or beside(run, "diagnosis" if good is None else "compared")
     opening: dict[str, Any] = {"failed": condition, "env": env, "allow_import": allow_import}
     if shrink is not None:
         opening["out"] = folder / f"shrunk-{shrink}"
         return _shrunk(screen, run, shrink, contract=contract, **opening)
-    count = (os.cpu_count() or 1) if workers is None else workers
     with (
-        players_of(executor, count, asked=workers) as players,
+        players_of(executor, workers_of(workers), asked=workers) as players,
         screen.progress("diagnosing") as take,
     ):
         found = diagnose(
@@ -211,6 +223,7 @@ def command(
             expected=expected,
             part=part,
             seed=seed,
+            episodes=episodes,
             budget=budget,
             perturbations=perturbations,
             workers=players,
@@ -218,11 +231,15 @@ def command(
             timeout_s=timeout,
             on_message=take,
         )
-    document = found.to_json()
     propose(run, found, by=f"gamekeeper diagnose {__version__}")
-    screen.show(_text(document, screen.width, folder if all_ else None))
+    screen.show(_text(found.to_json(), screen.width, folder if all_ else None))
     _save(screen, found, run, save_case, condition)
-    return CommandResult(document, diagnosis_code(found))
+    return CommandResult(found.to_json(), diagnosis_code(found))
+
+
+def workers_of(workers: int | None) -> int:
+    """Number of worker processes: as asked, or one per core."""
+    return (os.cpu_count() or 1) if workers is None else workers
 
 
 def _text(document: dict[str, Any], width: int, folder: Path | None) -> str:
@@ -250,7 +267,8 @@ def only_condition(conditions: list[str] | None) -> str | None:
     return conditions[0] if conditions else None
 
 
-def _beside(run: Path, word: str) -> Path:
+def beside(run: Path, word: str) -> Path:
+    """The folder beside a run that has its name and a word."""
     named = run if run.name else run.absolute()  # `.` has none
     return named.with_name(f"{named.name}-{word}")
 

@@ -11,7 +11,12 @@ from gamekeeper.cli._screen import CommandResult, Screen
 
 ORDER: Final = 150
 RunsArgument = Annotated[
-    list[Path], typer.Argument(metavar="RUN", show_default=False, help="Folders of recorded runs.")
+    list[Path],
+    typer.Argument(
+        metavar="RUN",
+        show_default=False,
+        help="Folders of recorded runs, and of evaluations (--record).",
+    ),
 ]
 OutOption = Annotated[
     Path, typer.Option("--out", metavar="FILE", help="File to write, such as claim.zip (required).")
@@ -33,11 +38,12 @@ def command(
     """Packs runs into a claim that others can check: evidence, source, packages, figures.
 
     Runs no code of the runs. The source is that of your own runs, as recording noted it, and the
-    file of an environment that was named by its path.
+    file of an environment that was named by its path. Of an evaluation, its recorded runs are
+    packed, and every number of its results.
 
     Example: gamekeeper pack runs/warehouse-1 --out claim.zip
     """
-    from gamekeeper.runs.claim_pack import pack
+    from gamekeeper.evaluation.claim_pack import pack
 
     packed = pack(runs, out, files=more or ())
     screen.show(

@@ -6,6 +6,7 @@ from typing import Annotated, Final
 
 import typer
 
+from gamekeeper.cli._annotated import annotated
 from gamekeeper.cli._fan import FanOption
 from gamekeeper.cli._options import (
     MOST,
@@ -77,4 +78,5 @@ def command(
     )
     document = found.to_json()
     screen.show(pivots_text(document, width=screen.width, has_blocks=has_blocks(screen)))
+    annotated(screen, run, "pivots", document)
     return CommandResult(document, 0 if all(each.pivots for each in found.episodes) else 2)

@@ -9,6 +9,7 @@ import typer
 
 from gamekeeper.cli._options import MOST
 from gamekeeper.cli._screen import CommandResult, Screen
+from gamekeeper.cli.view import has_display
 from gamekeeper.errors import GamekeeperError
 
 ORDER: Final = 95
@@ -55,6 +56,15 @@ AttributionOption = Annotated[
         help="Output of `gamekeeper attribute RUN --json` (default: the run's own, if it has one).",
     ),
 ]
+PivotsOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--pivots",
+        metavar="FILE",
+        help="Output of `gamekeeper pivots RUN --json`, for the timeline (default: the run's own, "
+        "if it has one).",
+    ),
+]
 EvaluationOption = Annotated[
     Path | None,
     typer.Option(
@@ -88,6 +98,9 @@ TitleOption = Annotated[
         "--title", metavar="TEXT", help="Title of the page (default: the name of the run)."
     ),
 ]
+OpenOption = Annotated[
+    bool, typer.Option("--open", help="Open the page in the browser, where there is a display.")
+]
 
 
 def command(
@@ -97,11 +110,13 @@ def command(
     audit: AuditOption = None,
     diagnosis: DiagnosisOption = None,
     attribution: AttributionOption = None,
+    pivots: PivotsOption = None,
     evaluation: EvaluationOption = None,
     episode: EpisodeOption = None,
     budget: BudgetOption = MEGABYTES,
     frames_budget: FramesOption = FRAMES_MEGABYTES,
     title: TitleOption = None,
+    opens: OpenOption = False,
 ) -> CommandResult:
     """Writes a report as one HTML file: game form, checks, agents, player, causes, provenance.
 
@@ -129,6 +144,7 @@ def command(
             audit=audit,
             diagnosis=diagnosis,
             attribution=attribution,
+            pivots=pivots,
             evaluation=evaluation,
             episodes=episode or (),
             budget_bytes=round(budget * MEGABYTE),
@@ -137,4 +153,15 @@ def command(
         )
     size = written.stat().st_size
     screen.show(f"Report  {written}  ({size / MEGABYTE:.1f} MB)")
+    if opens:
+        _open(screen, written)
     return CommandResult({"run": str(runs[0]), "report": str(written), "size_bytes": size}, 0)
+
+
+def _open(screen: Screen, page: Path) -> None:
+    """Opens a page in the browser, or says that there is none here."""
+    import webbrowser
+
+    address = page.resolve().as_uri()
+    if not has_display() or not webbrowser.open(address):
+        screen.note(f"there is no browser to open it in here; its address: {address}")

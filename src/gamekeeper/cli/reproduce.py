@@ -13,11 +13,15 @@ from gamekeeper.cli._options import SILENCE_S, ImportOption, ReopenOption, Timeo
 from gamekeeper.cli._screen import CommandResult, Screen
 
 if TYPE_CHECKING:
-    from gamekeeper.runs.claim_check import CheckedClaim
+    from gamekeeper.evaluation.claim_check import CheckedClaim
 
 ORDER: Final = 151
 MOST_SHOWN: Final = 20
 """Differences that are shown; the document has all of them."""
+MOST_ROWS: Final = 60
+"""Figures that are shown; of more, those that aren't ticked."""
+MOST_NAMED: Final = 8
+"""Packages that are named where they aren't installed."""
 MARKS: Final = {True: "✓", False: "✗", None: "?"}
 CODES: Final = {True: 0, False: 1, None: 2}
 
@@ -54,7 +58,7 @@ def command(
 
     Example: gamekeeper reproduce claim.zip --allow-import
     """
-    from gamekeeper.runs.claim_check import reproduce
+    from gamekeeper.evaluation.claim_check import reproduce
 
     place: Any = tempfile.TemporaryDirectory() if out is None else nullcontext(str(out))
     with place as folder:
@@ -64,28 +68,39 @@ def command(
 
 
 def _show(screen: Screen, found: CheckedClaim) -> None:
+    from gamekeeper.evaluation.claim_check import ABSENT
     from gamekeeper.reporting.results_text import divergence_text
     from gamekeeper.reporting.text_columns import column_lines
 
     screen.show(f"digest {found.digest}")
     for each in found.damage:
         screen.verdict(f"damaged: {each}", "bad")
-    for other in found.differs[:MOST_SHOWN]:
+    others = [each for each in found.differs if each.here != ABSENT]
+    for other in others[:MOST_SHOWN]:
         screen.show(f"differs here: {other.name}, claimed {other.claimed}, here {other.here}")
-    if len(found.differs) > MOST_SHOWN:
-        screen.show(f"differs here: {len(found.differs) - MOST_SHOWN} more packages")
+    if len(others) > MOST_SHOWN:
+        screen.show(f"differs here: {len(others) - MOST_SHOWN} more")
+    if absent := [each.name for each in found.differs if each.here == ABSENT]:
+        more = f" and {len(absent) - MOST_NAMED} more" if len(absent) > MOST_NAMED else ""
+        screen.show(f"not installed here: {', '.join(absent[:MOST_NAMED])}{more}")
     for run, played in found.replays.items():
         if played.divergence is not None:
             where = divergence_text(played.divergence, width=screen.width)
             screen.verdict(f"{run} diverged at {where}", "bad")
     for run, reason in found.reasons.items():
         screen.error(f"{run} wasn't played again: {reason}")
+    shown = list(found.figures)
+    if len(shown) > MOST_ROWS:
+        shown = [each for each in shown if each.ticked is not True][:MOST_ROWS]
     rows = [
         [MARKS[each.ticked], each.run, each.name, _short(each.claimed), _short(each.recorded)]
-        for each in found.figures
+        for each in shown
     ]
     head = ["", "run", "figure", "claimed", "in the evidence"]
-    screen.show("\n".join(column_lines([head, *rows], width=screen.width)))
+    if rows:
+        screen.show("\n".join(column_lines([head, *rows], width=screen.width)))
+    if len(rows) < len(found.figures):
+        screen.note(f"{len(found.figures) - len(rows)} more figures are in the document of --json")
     ticked = sum(each.ticked is True for each in found.figures)
     manner = {True: "good", False: "bad", None: "unsure"}[found.ok]
     screen.verdict(f"{ticked} of {len(found.figures)} figures ticked", manner)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
+import shutil
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -277,7 +280,17 @@ def show_end(screen: Screen, recorded: Recorded, command: str) -> None:
     evidence = recorded.evidence
     screen.show(f"\nEvidence  {evidence.path}")
     screen.show(digests_text(evidence))
-    screen.show(f"Next      {command}")
+    screen.show(f"Next      {command.replace('gamekeeper', _as_typed(), 1)}")
+
+
+def _as_typed() -> str:
+    """`gamekeeper`, or its path where the shell wouldn't find this very command by its name."""
+    typed = Path(sys.argv[0])
+    if typed.name != "gamekeeper":
+        return "gamekeeper"
+    found = shutil.which("gamekeeper")
+    is_found = found is not None and Path(found).samefile(typed)
+    return "gamekeeper" if is_found or not typed.is_file() else quote(os.path.relpath(typed))
 
 
 def next_command(
@@ -298,7 +311,7 @@ def next_command(
         return f"{audit_line}   # the failed checks, each with its fix"
     if replayed.divergence is not None:
         return _after_divergence(env, evidence, replayed.divergence)
-    return f"gamekeeper report {quote(str(evidence.path))}   # writes report.html"
+    return f"gamekeeper report {quote(str(evidence.path))} --open   # writes and opens report.html"
 
 
 def _after_divergence(env: str, evidence: Evidence, divergence: Divergence) -> str:

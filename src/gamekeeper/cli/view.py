@@ -71,7 +71,7 @@ def _announce(screen: Screen, view: Viewer, runs: list[Path], *, browser: bool) 
     screen.note("Ctrl-C ends it")
     if "SSH_CONNECTION" in os.environ:
         screen.note(f"from your own machine: ssh -N -L {view.port}:127.0.0.1:{view.port} THIS-HOST")
-    elif browser and not screen.is_json and is_at_terminal(screen) and _has_display():
+    elif browser and not screen.is_json and is_at_terminal(screen) and has_display():
         open_browser(view.url)
 
 
@@ -87,7 +87,7 @@ def open_browser(url: str) -> None:
     threading.Thread(target=webbrowser.open, args=(url,), daemon=True).start()
 
 
-def _has_display() -> bool:
+def has_display() -> bool:
     """Tells if there is a display; without one, a browser would open in this very terminal."""
     if os.name == "nt" or sys.platform == "darwin":
         return True

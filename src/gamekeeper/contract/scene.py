@@ -48,7 +48,8 @@ class Body:
         scale: factor of both numbers.
         mirrored: x is counted from the right.
         count: number of things; of agents it is known.
-        beside: the agent from whose place, and in whose observation, things are seen.
+        by: the agent in whose observation or info the records of things stand.
+        beside: the same, and things are seen from its place.
     """
 
     source: str = "state"
@@ -63,24 +64,33 @@ class Body:
     scale: float = 1.0
     mirrored: bool = False
     count: Count = 1
+    by: str | None = None
     beside: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cells:
-    """A layer of a grid: words for the numbers that its cells hold.
+    """A layer of a grid: words for the numbers that its cells hold, or a board of two agents.
 
     Args:
-        source: `state`.
+        source: `state`; of a board `observation`, or `observation.KEY`.
         plane: of a state of three axes.
         last: cells are the last of the state, or those before them: 1 is the last block.
-        values: by word, the number; an agent's name is drawn as the agent is.
+        values: by word, the number; an agent's name is drawn as the agent is. Of a board, which
+            has rows, columns and channels: the channel that isn't 0 where the observing agent has
+            such a piece.
+        other: of a board, by the same words, the channels of the other agent's pieces.
+        turned: the second agent sees the rows from the other side.
+        transposed: columns stand before rows.
     """
 
     values: Mapping[str, int]
     source: str = "state"
     plane: int | None = None
     last: int | None = None
+    other: Mapping[str, int] = field(default_factory=Table)
+    turned: bool = False
+    transposed: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,6 +107,9 @@ class Scene:
         agents: places of agents by role, or of `all`.
         things: places of other bodies by word.
         cells: layers by word.
+        fixed: by word, cells that never change: columns and rows, or with their extents, as
+            `[[4, 10], [1, 1, 2, 8]]`.
+        note: what a reader has to know of the drawing; stands below it.
         links: pairs of agents that are joined.
         actions: names of actions by role, or of `all`.
     """
@@ -109,6 +122,8 @@ class Scene:
     agents: Mapping[str, Body] = field(default_factory=Table)
     things: Mapping[str, Body] = field(default_factory=Table)
     cells: Mapping[str, Cells] = field(default_factory=Table)
+    fixed: Mapping[str, tuple[tuple[int, ...], ...]] = field(default_factory=Table)
+    note: str | None = None
     links: tuple[tuple[str, ...], ...] = ()
     actions: Mapping[str, tuple[str, ...]] = field(default_factory=Table)
 
@@ -179,12 +194,21 @@ BODY: Final = section(
         "scale": factor,
         "mirrored": truth,
         "count": count,
+        "by": text,
         "beside": text,
     },
 )
 CELLS: Final = section(
     Cells,
-    {"source": source, "plane": whole(0), "last": whole(1), "values": named(integer)},
+    {
+        "source": source,
+        "plane": whole(0),
+        "last": whole(1),
+        "values": named(integer),
+        "other": named(whole(0)),
+        "turned": truth,
+        "transposed": truth,
+    },
     "values",
 )
 SCENE: Final[Read[Scene]] = section(
@@ -198,6 +222,8 @@ SCENE: Final[Read[Scene]] = section(
         "agents": named(BODY),
         "things": named(BODY),
         "cells": named(CELLS),
+        "fixed": named(listed(listed(whole(0), least=2))),
+        "note": text,
         "links": listed(listed(text, least=2)),
         "actions": named(listed(text, least=1)),
     },

@@ -10,7 +10,14 @@ from gamekeeper.diagnosis.diagnosis_result import AgentDiagnosis, Tested
 from gamekeeper.diagnosis.experiment import Experiment
 from gamekeeper.diagnosis.judgement import ALPHA, CAUSES, ScopeFinding, Tried
 from gamekeeper.diagnosis.played_setup import SetupTraits
-from gamekeeper.diagnosis.trials import EVERYBODY, MEMORY, POLICY, IdealSubstitute, PerturbationArm
+from gamekeeper.diagnosis.trials import (
+    CUT_OFF,
+    EVERYBODY,
+    MEMORY,
+    POLICY,
+    IdealSubstitute,
+    PerturbationArm,
+)
 from gamekeeper.episodes.outcome import LABELS
 from gamekeeper.interface.policy import REFERENCE
 
@@ -51,9 +58,13 @@ def agent_answer(
     if agent in concerned:
         return _own_part(agent, found, finding)
     names = ", ".join(substitute.name for substitute in finding.substitutes)
-    helps = [one for one in mine if _helps_alone(one, concerned)]
+    helps = [one.substitute for one in mine if _helps_alone(one, concerned)]
     if helps:
-        return _not_acquitted(found, helps, names)
+        return _not_acquitted(found, helps, names, "helps beyond chance too")
+    rivals = [one for one in finding.rivals if agent in one.agents]
+    if rivals:
+        end = "did in the search; it wasn't played on fresh seeds, as the budget was spent"
+        return dataclasses.replace(_not_acquitted(found, rivals, names, end), substitutes=())
     why = f"what restores success is {names}, which isn't this agent's"
     return dataclasses.replace(
         found, answer="elsewhere", labels=(), why=why, substitutes=(), component=None
@@ -62,21 +73,23 @@ def agent_answer(
 
 def _helps_alone(one: Tried, concerned: Collection[str]) -> bool:
     """An ideal substitute of other agents than those concerned helps beyond chance."""
-    is_ideal = one.substitute.undo is None and one.substitute.component != MEMORY
+    parts = one.substitute.component.split(" + ")
+    is_ideal = one.substitute.undo is None and not {MEMORY, CUT_OFF} & {*parts}
     is_own = bool(one.substitute.agents) and not set(one.substitute.agents) & set(concerned)
     return is_ideal and is_own and one.effect.low > 0 and one.p < ALPHA
 
 
-def _not_acquitted(found: AgentDiagnosis, helps: Sequence[Tried], names: str) -> AgentDiagnosis:
-    """The answer for an agent whose own ideal substitute helps, though another's restores."""
-    own = [one.substitute for one in helps]
+def _not_acquitted(
+    found: AgentDiagnosis, own: Sequence[IdealSubstitute], names: str, end: str
+) -> AgentDiagnosis:
+    """The answer for an agent whose own substitute helps, though another's restores."""
     named = {label for one in own for label in one.labels}
     shown = ", ".join(one.name for one in own)
     return dataclasses.replace(
         found,
         answer="ambiguous",
         labels=tuple(label for label in LABELS if label in named),
-        why=f"{names} restores success, and this agent's own {shown} helps beyond chance too",
+        why=f"{names} restores success, and this agent's own {shown} {end}",
         substitutes=tuple(one.name for one in own),
         component=" or ".join(dict.fromkeys(one.shown for one in own)),
     )
@@ -153,7 +166,7 @@ def _why_not(
 ) -> str:
     if handle is not None:
         broken = experiment.runner.broken.get(handle)
-        spent = f"the budget of {experiment.budget} episodes was spent"
+        spent = f"the {experiment.limit} was reached"
         return broken or (spent if experiment.fails else SOUND)
     knobs = [name for name, knob in experiment.contract.knobs.items() if knob.label == label]
     is_anothers = any(one.component == label for one in experiment.substitutes)

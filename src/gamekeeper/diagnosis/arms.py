@@ -17,8 +17,9 @@ from typing import Any, Final, Self, TypeVar
 
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.played_setup import OpenSetup, Setup
+from gamekeeper.diagnosis.progress_notes import damaged, note, noted
 from gamekeeper.episodes.outcome import Outcome
-from gamekeeper.errors import EnvError, RunError, SpecError
+from gamekeeper.errors import EnvError, SpecError
 from gamekeeper.rollouts.executors.local import LocalExecutor
 from gamekeeper.rollouts.executors.task import Executor, Limits, WorkTask, stopped_after
 
@@ -150,6 +151,8 @@ class ArmRunner:
         spent: episodes played so far, those of an earlier call not among them.
         used: episodes that were ordered so far and have an outcome, also those of an earlier call,
             so that a call that goes on stops where one without a break does.
+        steps: env steps of those.
+        longest: env steps of the longest of them, and of whatever is known to be as long.
 
     As a context it keeps its worker processes from one `play` to the next.
     """
@@ -164,6 +167,8 @@ class ArmRunner:
     broken: dict[str, str] = field(default_factory=dict)
     spent: int = 0
     used: set[Key] = field(default_factory=set)
+    steps: int = 0
+    longest: int = 1
     _players: Executor | None = None
     _lock: Any = field(default_factory=Lock)
 
@@ -183,6 +188,11 @@ class ArmRunner:
     def __exit__(self, *error: object) -> None:
         if isinstance(self.workers, int) and self._players is not None:
             self._players.close()
+
+    @property
+    def reused(self) -> int:
+        """Episodes of an earlier call that were ordered again."""
+        return len(self.used) - self.spent
 
     def play(self, orders: Sequence[ArmOrder]) -> None:
         """Plays what isn't known yet.
@@ -208,8 +218,23 @@ class ArmRunner:
                 self._play_here(wanted, total)
             else:
                 self._play_apart(self._players, wanted, total)
-        keys = ((o.arm, o.run_seed, k) for o in orders for k in o.episodes)
-        self.used.update(key for key in keys if key in self.outcomes)
+        keys = {(o.arm, o.run_seed, k) for o in orders for k in o.episodes}
+        new = (keys & self.outcomes.keys()) - self.used
+        self.used |= new
+        turns = [self.outcomes[key].turns for key in new]
+        self.steps += sum(turns)
+        self.longest = max([self.longest, *turns])
+
+    def affordable(self, budget: int | None, extra: int = 0) -> int | None:
+        """Episodes as long as the longest that a budget of env steps still has room for.
+
+        Args:
+            budget: env steps; None: as many as are wanted, and None is returned.
+            extra: episodes that are played elsewhere.
+        """
+        if budget is None:
+            return None
+        return max(budget - self.steps - extra * self.longest, 0) // self.longest
 
     def of(self, arm: str, run_seed: int, episodes: Sequence[int]) -> list[Outcome]:
         """The outcomes of an arm, in the order of its episodes."""
@@ -298,9 +323,7 @@ class ArmRunner:
             self.outcomes[key] = outcome
             self.spent += 1
             if self.notes is not None:
-                line = json.dumps({"key": list(key), "outcome": outcome.to_json()})
-                with self.notes.open("a", encoding="utf-8") as file:
-                    file.write(line + "\n")
+                note(self.notes, {"key": list(key), "outcome": outcome.to_json()})
             return True
 
     def _say(self, **fields: Any) -> None:
@@ -344,36 +367,10 @@ class _Unopened(Exception):  # noqa: N818  # no error of the run: the arm is tol
 
 
 def _noted(path: Path, head: Mapping[str, Any]) -> Iterator[tuple[Key, Outcome]]:
-    """Outcomes noted by an earlier call; a last line that was torn is dropped from the file.
-
-    Raises:
-        RunError: the file is another experiment's.
-    """
-    lines = path.read_bytes().split(b"\n") if path.exists() else []
-    if not lines:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(dict(head), sort_keys=True) + "\n", encoding="utf-8")
-        return
-    if lines[0].decode("utf-8", "replace") != json.dumps(dict(head), sort_keys=True):
-        raise RunError(
-            "outcomes of another experiment lie here",
-            where=str(path),
-            expected="the same run, seed and set-up",
-            actual=lines[0].decode("utf-8", "replace")[:200],
-            fix="name another folder with --out, or take this one away",
-        )
-    whole = lines[:-1]
-    for number, line in enumerate(whole[1:], start=2):
+    """Yields outcomes noted by an earlier call."""
+    for number, data in noted(path, head):
         try:
-            data = json.loads(line)
             arm, run_seed, episode = data["key"]
             yield (arm, run_seed, episode), Outcome.from_json(data["outcome"])
         except (ValueError, KeyError, TypeError) as error:
-            raise RunError(
-                "a noted outcome is damaged",
-                where=f"{path}, line {number}",
-                actual=str(error)[:200],
-                fix="take the file away: the experiment is played anew",
-            ) from error
-    if lines[-1]:
-        path.write_bytes(b"\n".join(whole) + b"\n")
+            raise damaged(path, number, error) from error

@@ -192,7 +192,7 @@ def case_text(diagnosis: Diagnosis, run: str | PathLike[str], *, failed: str | N
             where="--save-case",
             expected="a named cause",
             actual="none",
-            fix="declare more knobs in the contract, or play more episodes (--budget)",
+            fix="declare more knobs in the contract, or play more episodes (--episodes)",
         )
     found = next(each for each in everybody if each.substitutes)
     arms: dict[str, Any] = {}

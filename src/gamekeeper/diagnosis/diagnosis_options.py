@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gamekeeper.contract import Contract
+from gamekeeper.errors import EvidenceError
 from gamekeeper.rollouts.executors.task import Executor
 
 NOTES: Final = "outcomes.jsonl"
@@ -26,7 +27,8 @@ class DiagnosisOptions:
     expected: float
     part: float
     seed: int
-    budget: int
+    episodes: int
+    budget: int | None
     perturbations: bool | None
     workers: int | Executor
     folder: Path | None
@@ -38,6 +40,24 @@ class DiagnosisOptions:
     def notes(self) -> Path | None:
         """The file in which outcomes are kept."""
         return None if self.folder is None else self.folder / NOTES
+
+    def check_budget(self, longest: int, least: int) -> None:
+        """Refuses a budget of env steps with which nothing can be shown.
+
+        Args:
+            longest: env steps of the longest recorded episode.
+            least: episodes without which there is no answer.
+        Raises:
+            EvidenceError: it is too small.
+        """
+        if self.budget is not None and self.budget < least * longest:
+            raise EvidenceError(
+                f"{self.budget:,} env steps are too few for a diagnosis",
+                where="budget",
+                expected=f"{least * longest:,} or more: {least} episodes as long as the longest",
+                actual=f"{self.budget:,}",
+                fix="raise it (budget=, --budget)",
+            )
 
     @property
     def goes_on(self) -> str:

@@ -186,11 +186,14 @@ class Diagnosis:
         counterfactuals: where failing episodes and their restored counterfactuals part.
         expected, part: the share of successes if nothing is wrong, and the part of the gap to it
             that restores.
-        episodes: how many were played, counterfactuals and recordings among them.
+        episodes: how many this call played, counterfactuals and recordings among them.
+        reused: how many others the answer rests on, which an earlier call had played.
         seed: of the experiment.
         runs: folders with replayable counterfactuals, by arm.
         conditions: when an episode counts as failed, by scope; `agent`: for each of them.
-        budget: episodes that could be played.
+        most_episodes: how many could be played.
+        budget: env steps that could be taken; None: as many as those take.
+        steps: env steps that were taken, but for counterfactuals and recordings.
         not_played: what the budget didn't reach, in words.
         policies: those that played the new episodes in place of the recorded ones, by agent or
             role; then new and recorded episodes can't contradict each other.
@@ -208,11 +211,14 @@ class Diagnosis:
     expected: float = 0.9
     part: float = 0.7
     episodes: int = 0
+    reused: int = 0
     seed: int = 0
     runs: Mapping[str, str] = field(default_factory=dict)
     contradictions: Mapping[str, Contradiction] = field(default_factory=dict)
     conditions: Mapping[str, str] = field(default_factory=dict)
-    budget: int = 2_000
+    most_episodes: int = 2_000
+    budget: int | None = None
+    steps: int = 0
     not_played: tuple[str, ...] = ()
     policies: Mapping[str, str] = field(default_factory=dict)
     responses: Mapping[str, ResponseTest] = field(default_factory=dict)
@@ -251,10 +257,13 @@ class Diagnosis:
             "expected": self.expected,
             "part": self.part,
             "episodes": self.episodes,
+            "reused": self.reused,
             "seed": self.seed,
             "runs": dict(self.runs),
             "conditions": dict(self.conditions),
+            "most_episodes": self.most_episodes,
             "budget": self.budget,
+            "steps": self.steps,
             "not_played": list(self.not_played),
             "policies": dict(self.policies),
             "responses": {name: each.to_json() for name, each in self.responses.items()},
@@ -289,7 +298,7 @@ class Diagnosis:
             f"<p><b>{escape(f'{scope}: {each}')}</b></p>"
             for scope, each in self.contradictions.items()
         )
-        return f"{told}{html_table(self.rows())}"
+        return f"{told}{html_table(self.rows(), caption='Diagnosis by agent')}"
 
 
 def _counts(by_scope: Mapping[str, tuple[int, int]]) -> dict[str, dict[str, int]]:

@@ -72,7 +72,8 @@ class DifferenceSearch:
         runner: plays.
         score: figure of an episode; higher is better.
         part: of the gap that a set has to close.
-        budget: episodes that may be played.
+        most: episodes that may be played.
+        budget: env steps that may be taken; None: as many as those take.
         seeds: run seeds of the search and of the confirmation.
         alone: by name, the part of the gap that a difference closes, taken over alone.
         confirmed: sets that the answer is given on.
@@ -86,7 +87,8 @@ class DifferenceSearch:
     runner: ArmRunner
     score: Callable[[Outcome], float]
     part: float
-    budget: int
+    most: int
+    budget: int | None
     seeds: tuple[int, int]
     alone: dict[str, float] = field(default_factory=dict)
     confirmed: list[TriedSet] = field(default_factory=list)
@@ -213,7 +215,10 @@ class DifferenceSearch:
         if arm not in (BAD, GOOD):
             self.tried.add(arm)
         new = sum((arm, seed, k) not in self.runner.used for k in range(n))
-        if len(self.runner.used) + new > self.budget:
+        affordable = self.runner.affordable(self.budget)
+        if len(self.runner.used) + new > self.most:
+            raise Spent
+        if affordable is not None and new > affordable:
             raise Spent
         if arm not in self.runner.broken:
             try:

@@ -24,6 +24,8 @@ from gamekeeper.diagnosis.least_set import least_set
 from gamekeeper.diagnosis.played_setup import Setup
 from gamekeeper.diagnosis.trials import (
     COMPONENTS,
+    CUT_OFF,
+    MEMORY,
     IdealSubstitute,
     PerturbationArm,
     joined,
@@ -47,6 +49,8 @@ NEAR: Final = 0.2
 """An ideal substitute so near the part of the gap that restores could be on either side of it."""
 SLACK: Final = 0.15
 """The part of the gap by which fewer substitutes may do less than all of their kind, by chance."""
+BEGUN: Final = 2
+"""Episodes of an arm that tell how long its others are."""
 MOST_PAIRS: Final = 24
 """Pairs that are searched, those that do most first."""
 PAIRS: Final = 3
@@ -63,8 +67,9 @@ class Experiment:
         conditions: when an episode failed, by scope.
         runner: plays.
         expected, part: as `judged` has them.
-        budget: episodes that may be played, `LEAST` or more.
+        most: episodes that may be played, `LEAST` or more.
         seed: all seeds come from it and from the run's fingerprint.
+        budget: env steps that may be taken.
         pairs: those that are confirmed, and least sets that were shrunk from a group.
         least: names of groups of which nothing can be left out.
         groups: sets that were tried while a group was shrunk, by name.
@@ -73,6 +78,8 @@ class Experiment:
         not_played: what the budget didn't reach, in words.
         undos: undos from outside, and policies of peers, that are confirmed.
         dropped: number of those that the search dropped.
+        idle: number of memory resets that the search dropped.
+        rivals: those that restored in the search, and weren't confirmed for want of budget.
         extra: episodes that were played, or are to be, outside of arms.
         recordings: episodes of each arm that are recorded into a run.
         early_cut: the turn at which every failed recorded episode was truncated, if that is before
@@ -86,9 +93,10 @@ class Experiment:
     runner: ArmRunner
     expected: float
     part: float
-    budget: int
+    most: int
     seed: int
     fingerprint: str
+    budget: int | None = None
     confirm: int = CONFIRM
     pairs: list[IdealSubstitute] = field(default_factory=list)
     least: set[str] = field(default_factory=set)
@@ -96,6 +104,8 @@ class Experiment:
     confirmed: list[str] = field(default_factory=list)
     undos: list[IdealSubstitute] = field(default_factory=list)
     dropped: int = 0
+    idle: int = 0
+    rivals: list[IdealSubstitute] = field(default_factory=list)
     skipped: list[IdealSubstitute] = field(default_factory=list)
     not_played: list[str] = field(default_factory=list)
     extra: int = 0
@@ -127,6 +137,7 @@ class Experiment:
             singles.append(EVERYTHING)
         if (SEARCH + CONFIRM) * len(singles) <= self.left:
             self._search(singles)
+            singles = self._worth_confirming(singles)
         elif CONFIRM * len(singles) <= self.left:
             self.not_played.append("the search for pairs, and for settings that still restore")
         else:
@@ -150,6 +161,22 @@ class Experiment:
             whole = EVERYTHING if not any(map(self._restores, singles[:-1])) else None
             shrunk.append(self._shrunk(leaves, whole) if whole else None)
         self.pairs += [one for one in shrunk if one is not None]
+
+    def _worth_confirming(self, singles: Sequence[str]) -> list[str]:
+        """The same without memory resets that did little in the search, and all at once of those.
+
+        Nobody declared them, so that an answer needs no effect of theirs.
+        """
+        idle = [
+            one.name
+            for one in self.substitutes
+            if one.component == MEMORY and self._most(one.name) < PROMISING
+        ]
+        left = [name for name in singles if name not in idle]
+        if left == [EVERYTHING] and self._most(EVERYTHING) < PROMISING:
+            left = []
+        self.idle = len(idle)
+        return left
 
     def _shrunk(
         self, parts: Sequence[IdealSubstitute], whole: str | None = None
@@ -230,11 +257,45 @@ class Experiment:
     @property
     def left(self) -> int:
         """Episodes that may still be played."""
-        return max(self.budget - len(self.runner.used) - self.extra, 0)
+        left = max(self.most - len(self.runner.used) - self.extra, 0)
+        affordable = self.runner.affordable(self.budget, self.extra)
+        return left if affordable is None else min(left, affordable)
+
+    @property
+    def limit(self) -> str:
+        """The limit that is reached first, in words."""
+        affordable = self.runner.affordable(self.budget, self.extra)
+        left = self.most - len(self.runner.used) - self.extra
+        if affordable is not None and affordable < left:
+            return f"budget of {self.budget:,} env steps"
+        return f"limit of {self.most} episodes"
 
     def play(self, arms: Sequence[str], run_seed: int, episodes: Sequence[int]) -> None:
-        """Plays episodes of arms, as far as they aren't known yet."""
-        self.runner.play([ArmOrder(a, self.arm(a), run_seed, episodes) for a in arms])
+        """Plays episodes of arms, as far as they aren't known yet.
+
+        With a budget of env steps an arm is begun, and played on only if that is affordable.
+        """
+        orders = [ArmOrder(a, self.arm(a), run_seed, episodes) for a in arms]
+        if self.budget is not None:
+            orders = [order for order in orders if self._is_affordable(order, self.budget)]
+        self.runner.play(orders)
+
+    def _is_affordable(self, order: ArmOrder, budget: int) -> bool:
+        """Tells whether an arm is affordable by the length of its first few episodes."""
+        runner, arm, seed = self.runner, order.arm, order.run_seed
+        new = [k for k in order.episodes if (arm, seed, k) not in runner.used]
+        if arm == UNCHANGED or arm in runner.broken or not new:
+            return True
+        runner.play([replace(order, episodes=new[:BEGUN])])
+        if arm in runner.broken:
+            return True
+        longest = max(outcome.turns for outcome in runner.of(arm, seed, new[:BEGUN]))
+        left = budget - runner.steps - self.extra * runner.longest
+        if left >= longest * (len(new) - BEGUN):
+            return True
+        runner.broken[arm] = f"the budget of {budget:,} env steps was reached"
+        self.not_played.append(arm)
+        return False
 
     def _play(self, arms: Sequence[str], run_seed: int, episodes: int) -> None:
         self.play(arms, run_seed, range(episodes))
@@ -264,7 +325,8 @@ class Experiment:
         """Pairs of components: each as a whole, and where it has several handles each of those."""
         units: dict[str, list[IdealSubstitute]] = {}
         for one in self.substitutes:
-            units.setdefault(one.component, []).append(one)
+            if one.component != CUT_OFF:  # more time makes up for anything that is slow
+                units.setdefault(one.component, []).append(one)
         known = [component for component in COMPONENTS if component in units]
         pairs = [
             joined(pair)
@@ -322,10 +384,11 @@ class Experiment:
             part=self.part,
             everything=whole,
             skipped=self.skipped,
-            budget=self.budget,
-            dropped=self.dropped,
+            limit=self.limit,
+            dropped=self.dropped + self.idle,
             rng=np.random.default_rng([11, self.seed]),
         )
+        found = replace(found, rivals=tuple(self.rivals))
         return cut_early(found, self.early_cut, self.contract.schedule.horizon)
 
     def fresh(self, scope: str) -> tuple[int, int]:

@@ -34,6 +34,7 @@ from gamekeeper.diagnosis.played_setup import (
     SetupTraits,
     consent_to,
     contract_of,
+    longest_of,
     other_policies,
     setup_of,
     traits_of,
@@ -51,7 +52,7 @@ from gamekeeper.runs.expanding import whole_evidence
 from gamekeeper.statistics.paired import FEWEST, paired_effect
 from gamekeeper.statistics.significance import holm
 
-BUDGET: Final = 2_000
+EPISODES: Final = 2_000
 """Episodes that an experiment may play unless told otherwise."""
 PERTURBED: Final = 0.75
 """The part of the budget left by substitutes that perturbations get; the rest finds strengths."""
@@ -70,7 +71,8 @@ def diagnose(
     expected: float = EXPECTED,
     part: float = PART,
     seed: int = 0,
-    budget: int = BUDGET,
+    episodes: int = EPISODES,
+    budget: int | None = None,
     perturbations: bool | None = None,
     workers: int | Executor = 0,
     out: str | PathLike[str] | None = None,
@@ -100,8 +102,9 @@ def diagnose(
         expected: the share of episodes that succeed where nothing is wrong.
         part: of the gap to the expected share that an ideal substitute has to close.
         seed: of the experiment; equal seeds give equal answers.
-        budget: most episodes that are played, 100 or more; `not_played` of the diagnosis names what
-            it didn't reach.
+        episodes: most that are played, 100 or more.
+        budget: most env steps that are taken; None: as many as those episodes take. `not_played` of
+            the diagnosis names what neither reached.
         perturbations: also play perturbations with what is left of the budget; None: where it fails
             beyond chance.
         workers: processes that play; 0: this one; or an executor that plays.
@@ -116,7 +119,7 @@ def diagnose(
         ContractError: nothing says when an episode failed.
         RunError: there is no run, or another experiment lies in `out`.
     """
-    _check_budget(budget)
+    _check_episodes(episodes)
     options = DiagnosisOptions(
         failed=failed,
         contract=contract,
@@ -126,6 +129,7 @@ def diagnose(
         expected=expected,
         part=part,
         seed=seed,
+        episodes=episodes,
         budget=budget,
         perturbations=perturbations,
         workers=workers,
@@ -152,7 +156,7 @@ def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
     with consent_to(evidence, setup, env=env, policies=policies, allow_import=allow, tried=tried):
         kinds = {name: one for name, one in interventions().items() if one.kind == "perturbation"}
         with OpenSetup(setup, declared) as stage:
-            seen, played = traits_of(stage, kinds), _played(stage)
+            seen, played = traits_of(stage, kinds), stage.identity
             cuts = cuts_of(lost, stage.env, setup.kwargs, len(seen.agents))
             seen = dataclasses.replace(seen, cuts=cuts)
         runner = ArmRunner(
@@ -161,8 +165,10 @@ def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
             on_message=options.on_message,
             silence_s=options.timeout_s,
             notes=options.notes,
+            longest=longest_of(evidence),
             head={"run": evidence.fingerprint, "seed": options.seed, **played},
         )
+        options.check_budget(runner.longest, LEAST)
         experiment = Experiment(
             setup,
             substitutes_of(setup, declared, seen, options.replace),
@@ -171,9 +177,10 @@ def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
             runner,
             options.expected,
             options.part,
-            options.budget,
+            options.episodes,
             options.seed,
             evidence.fingerprint,
+            budget=options.budget,
         )
         with runner, noted_if_interrupted(lambda: _known(experiment, options)):
             experiment.run()
@@ -196,30 +203,20 @@ def _known(experiment: Experiment, options: DiagnosisOptions) -> list[str]:
     return [options.goes_on, "success rates by then:", *experiment.runner.known(score)]
 
 
-def _check_budget(budget: int) -> None:
-    """Refuses a budget with which nothing can be shown.
+def _check_episodes(episodes: int) -> None:
+    """Refuses so few episodes that nothing can be shown.
 
     Raises:
-        EvidenceError: it is too small.
+        EvidenceError: they are too few.
     """
-    if budget < LEAST:
+    if episodes < LEAST:
         raise EvidenceError(
-            f"{budget} episodes are too few for a diagnosis",
-            where="budget",
+            f"{episodes} episodes are too few for a diagnosis",
+            where="episodes",
             expected=f"{LEAST} or more",
-            actual=str(budget),
-            fix=f"raise it (budget=, --budget); {BUDGET:,} is the default",
+            actual=str(episodes),
+            fix=f"allow more (episodes=, --episodes); {EPISODES:,} is the default",
         )
-
-
-def _played(stage: OpenSetup) -> dict[str, Any]:
-    """Identity of an experiment: source, arguments and policies."""
-    identity = stage.opened.identity
-    kept = ("entry_point", "api", "kwargs", "source_digest", "versions")
-    plain = {key: identity.get(key) for key in kept}
-    plain |= {"options": list(stage.setup.options), "policies": json.loads(stage.described)}
-    found: dict[str, Any] = json.loads(json.dumps(plain, default=repr))
-    return found
 
 
 def _diagnosis(
@@ -266,10 +263,13 @@ def _diagnosis(
         expected=experiment.expected,
         part=experiment.part,
         episodes=experiment.runner.spent + repeated,
+        reused=experiment.runner.reused,
         seed=experiment.seed,
         contradictions=doubts,
         conditions={name: each.text for name, each in conditions.items()},
+        most_episodes=experiment.most,
         budget=experiment.budget,
+        steps=experiment.runner.steps,
         not_played=tuple(experiment.not_played),
         policies=others,
     )

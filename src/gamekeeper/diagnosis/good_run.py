@@ -15,7 +15,7 @@ from gamekeeper.diagnosis.diagnosis_result import AgentDiagnosis, Diagnosis, Run
 from gamekeeper.diagnosis.difference_search import CONFIRM, Chosen, DifferenceSearch
 from gamekeeper.diagnosis.experiment import fresh_seed
 from gamekeeper.diagnosis.judgement import Answer
-from gamekeeper.diagnosis.played_setup import consent_to, contract_of, setup_of
+from gamekeeper.diagnosis.played_setup import consent_to, contract_of, longest_of, setup_of
 from gamekeeper.diagnosis.setup_differences import (
     SetupDifference,
     differences_of,
@@ -67,6 +67,7 @@ def compared(
                 )
             )
         runner = stack.enter_context(_runner(one, two, contract, options, differences))
+        options.check_budget(runner.longest, 2 * CONFIRM)
         search = DifferenceSearch(
             mine,
             theirs,
@@ -74,6 +75,7 @@ def compared(
             runner,
             _score(conditions, contract),
             options.part,
+            options.episodes,
             options.budget,
             (
                 fresh_seed(one.fingerprint, options.seed, "search differences"),
@@ -108,6 +110,7 @@ def _runner(
         silence_s=options.timeout_s,
         notes=options.notes,
         head=head,
+        longest=max(longest_of(one), longest_of(two)),
     )
 
 
@@ -218,9 +221,12 @@ def _diagnosis(
         part=options.part,
         expected=found.means[1] if conditions else 1.0,
         episodes=search.runner.spent,
+        reused=search.runner.reused,
         seed=options.seed,
         conditions={name: each.text for name, each in conditions.items()},
+        most_episodes=options.episodes,
         budget=options.budget,
+        steps=search.runner.steps,
         not_played=tuple(search.not_played),
         differences=found,
     )

@@ -69,6 +69,7 @@ class ScopeFinding:
         tried: everything that was tried on fresh seeds.
         success: the share of successes as it is: (share, low, high).
         why: in a sentence.
+        rivals: others that restored in the search, and weren't played on fresh seeds.
     """
 
     answer: Answer
@@ -77,6 +78,7 @@ class ScopeFinding:
     tried: tuple[Tried, ...]
     success: tuple[float, float, float]
     why: str
+    rivals: tuple[IdealSubstitute, ...] = ()
 
 
 def is_failing(unchanged: Successes, expected: float) -> bool:
@@ -98,7 +100,7 @@ def judged(
     part: float = PART,
     everything: Successes | None = None,
     skipped: Sequence[IdealSubstitute] = (),
-    budget: int | None = None,
+    limit: str = "budget",
     dropped: int = 0,
     least: Collection[str] = (),
     rng: Generator,
@@ -112,7 +114,7 @@ def judged(
         part: of the gap to it that an ideal substitute has to close.
         everything: all ideal substitutes at once, on the same seeds.
         skipped: ideal substitutes that weren't played, as the budget was spent.
-        budget: episodes that could be played.
+        limit: what may be played at most, in words.
         dropped: undos and policies of peers that the search tried and dropped.
         least: names of groups of which nothing can be left out; such a group goes before a part of
             it that it beats beyond chance.
@@ -152,7 +154,7 @@ def judged(
             "played does"
         )
         return ScopeFinding("ambiguous", labels, (), tried, success, why)
-    why = _why_none(arms, everything, skipped, budget, dropped)
+    why = _why_none(arms, everything, skipped, limit, dropped)
     answer = "unexplained" if arms or dropped else "not_tried"
     return ScopeFinding(answer, (), (), tried, success, why)
 
@@ -177,7 +179,7 @@ def _why_none(
     arms: Mapping[IdealSubstitute, Successes],
     everything: Successes | None,
     skipped: Sequence[IdealSubstitute],
-    budget: int | None,
+    limit: str,
     dropped: int,
 ) -> str:
     """Reason why no cause is named although the set-up fails."""
@@ -186,13 +188,10 @@ def _why_none(
         ideals = [one for one in arms if one.undo is None]
         begin = "no ideal substitute restores success, nor does any" if ideals else "none"
         end = "" if ideals else " restores success"
-        return f"{begin} of {count} undos from outside and policies of peers{end}"
+        return f"{begin} of {count} undos from outside, memory resets and policies of peers{end}"
     if skipped:
         played = f"none of {len(arms)} that were played restores success" if arms else "none was"
-        return (
-            f"the budget of {budget} episodes was spent before every ideal substitute was played, "
-            f"and {played}"
-        )
+        return f"the {limit} was reached before every ideal substitute was played, and {played}"
     if not arms:
         return (
             "nothing could be tested, as no knob that the contract declares ([knobs]) differs from "
@@ -310,10 +309,13 @@ def _of_singles(
     names = ", ".join(substitute.name for substitute in substitutes)
     rivals = [one for one in skipped if not any(_is_within(each, one) for each in substitutes)]
     if rivals:
+        is_undo = any(one.undo is not None for one in rivals)
+        what = "other undos from outside" if is_undo else "other ideal substitutes"
         why = (
-            f"{names} restores success, and {len(rivals)} other ideal substitutes weren't played, "
+            f"{names} restores success, and {len(rivals)} {what} weren't played on fresh seeds, "
             "as the budget was spent: they may restore it too"
         )
+        labels = _labels((*substitutes, *rivals))
         return ScopeFinding("ambiguous", labels, substitutes, tried, success, why)
     if all(one.cut_off == "later" for one in substitutes):
         why = f"{names} restores success: it is cut off too early, or its agents are too slow"

@@ -240,7 +240,7 @@ class Pivots:
         return "\n".join(text_lines(self.rows()))
 
     def _repr_html_(self) -> str:
-        return html_table(self.rows())
+        return html_table(self.rows(), caption=f"Pivots of {self.run}")
 
 
 def _point(data: Mapping[str, Any]) -> CurvePoint:

@@ -238,6 +238,26 @@ def _kept_policies(
     return kept
 
 
+def longest_of(evidence: Evidence) -> int:
+    """Env steps of the longest recorded episode, at least 1."""
+    return max([1, *(evidence.turns_of(header) for header in evidence.headers)])
+
+
+def played_identity(opened: Any, described: str, options: Sequence[Any]) -> dict[str, Any]:
+    """Identity of an experiment as plain data.
+
+    Args:
+        opened: the environment, as `open_env` gives it.
+        described: its policies, as evidence names them, in JSON.
+        options: of the resets.
+    """
+    kept = ("entry_point", "api", "kwargs", "source_digest", "versions")
+    plain = {key: opened.identity.get(key) for key in kept}
+    plain |= {"options": list(options), "policies": json.loads(described)}
+    found: dict[str, Any] = json.loads(json.dumps(plain, default=repr))
+    return found
+
+
 class OpenSetup:
     """A set-up, ready to be played. Use as a context: it closes the environment.
 
@@ -316,6 +336,11 @@ class OpenSetup:
             contract=self.contract,
             keep=EvidenceOptions(number=episode),
         )
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """Identity of an experiment: source, arguments, options and policies."""
+        return played_identity(self.opened, self.described, self.setup.options)
 
     def _play(self, run_seed: int, episode: int) -> EpisodePlan:
         options = self.setup.options

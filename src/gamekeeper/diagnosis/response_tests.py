@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from gamekeeper.episodes import canonical
 from gamekeeper.episodes.episode import Episode
+from gamekeeper.episodes.row_tables import html_text
 from gamekeeper.rollouts.interventions.fields import NumberField
 from gamekeeper.rollouts.interventions.value_parts import WIDEST, numbers_of, parts_of
 
@@ -85,6 +86,9 @@ class ResponseTest:
             "sensitivity": dict(self.sensitivity),
             "text": str(self),
         }
+
+    def _repr_html_(self) -> str:
+        return html_text(str(self))
 
     def __str__(self) -> str:
         if not self.is_repeatable:

@@ -1,7 +1,7 @@
 """Undos that are worth trying on the agents of an opened set-up, and the order in which they are.
 
-Response tests leave out what they contradict: a lag that wasn't measured isn't settled, and fields
-to which a policy is deaf aren't exchanged.
+Response tests leave out what they contradict: a lag that wasn't measured isn't settled, fields to
+which a policy is deaf aren't exchanged, and one that reacts to nothing misreads nothing.
 """
 
 from __future__ import annotations
@@ -163,6 +163,8 @@ def _of_group(
     slowest = [max((x for x in each.lags if x <= MOST_LAG), default=0) for each in tests]
     lags = [*slowest, *(each.lag or 0 for each in tests)]
     yield from call_undos(group, lags, max((each.randomness for each in known), default=0.0))
+    if tests and all(each.changes and not each.reactions for each in tests):
+        return  # one constant in place of another would make up for nothing that it misreads
     if observed is not None:
         deaf = [frozenset(each.deaf) for each in tests] or [frozenset[str]()]
         fields = observed_fields(stage.contract, group[0], observed)

@@ -11,7 +11,7 @@ from gamekeeper.diagnosis.judgement import ScopeFinding, is_failing
 from gamekeeper.diagnosis.played_setup import OpenSetup
 from gamekeeper.diagnosis.response_tests import ResponseTest
 from gamekeeper.diagnosis.responses import responses_of
-from gamekeeper.diagnosis.trials import IdealSubstitute, peers_of, undone
+from gamekeeper.diagnosis.trials import POLICY, IdealSubstitute, peers_of, undone
 from gamekeeper.diagnosis.undo_candidates import candidates_of
 from gamekeeper.episodes.layout import agent_name
 
@@ -25,6 +25,8 @@ RIVAL: Final = 0.8
 """The part from which an undo that was left out for want of budget could be as good as one in."""
 CONFIRMED: Final = 5
 """Undos that are confirmed at most."""
+ASIDE: Final = 24
+"""Episodes that stay for counterfactuals and recordings of what restores."""
 UNDONE: Final = 0.75
 """The part of what is left of the budget that undos get."""
 
@@ -118,34 +120,85 @@ def search(
     count = min(max(room // (3 * experiment.confirm), 1), CONFIRMED)
     later = room // 4
     most = max((room - count * experiment.confirm - later) // ROUNDS[0], 0)
-    if most < len(candidates):
-        experiment.not_played.append(
-            f"{len(candidates) - most} of {len(candidates)} undos from outside"
-        )
-    pool, rivals = list(candidates[:most]), list[IdealSubstitute]()
+    pool, rest = list(candidates[:most]), list(candidates[most:])
+    rivals, open_ones = list[IdealSubstitute](), list[IdealSubstitute]()
     experiment.undos = pool
     for at, until in pairwise((*ROUNDS, ROUNDS[-1])):
         ranked = _ranked(experiment, pool, failing[:at], scopes)
+        if rest:
+            more, rest, open_ones = _other_boundaries(experiment, ranked, rest, count, later)
+            experiment.undos = [*pool, *more]
+            ranked = _ranked(experiment, experiment.undos, failing[:at], scopes)
+            if rest:
+                text = f"{len(rest)} of {len(candidates)} undos from outside"
+                experiment.not_played.append(text)
+            rest = []
         kept = _of_each([one for one, share in ranked.items() if share >= HALF])
-        more = max(min(until, len(failing)) - at, 1)
-        cap = later // (len(ROUNDS) - 1) // more if until > at else count
+        each = max(min(until, len(failing)) - at, 1)
+        cap = later // (len(ROUNDS) - 1) // each
+        if until == at:
+            affordable = (experiment.left - ASIDE) // experiment.confirm
+            cap = max(count, min(affordable, CONFIRMED))
         rivals += [one for one in kept[cap:] if ranked[one] >= RIVAL]
         pool = kept[:cap]
     experiment.dropped = len(experiment.undos) - len(pool)
     experiment.undos = pool
     named = {(one.component, one.agents) for one in pool}
-    experiment.skipped += [one for one in rivals if (one.component, one.agents) not in named]
+    skipped = [
+        one
+        for one in (*rivals, *open_ones)
+        if (one.component, one.agents) not in named
+        and not any(set(each.agents) < set(one.agents) for each in pool)
+    ]
+    experiment.skipped += skipped
+    experiment.rivals = [one for one in skipped if one in rivals]
+    if experiment.rivals:
+        experiment.not_played.append("confirming all undos that restored in the search")
     names = [one.name for one in pool]
     experiment.confirmed = [*experiment.confirmed, *names]
     experiment.play(names, experiment.confirm_seed, range(experiment.confirm))
 
 
+def _other_boundaries(
+    experiment: Experiment,
+    ranked: Mapping[IdealSubstitute, float],
+    rest: Sequence[IdealSubstitute],
+    count: int,
+    later: int,
+) -> tuple[list[IdealSubstitute], list[IdealSubstitute], list[IdealSubstitute]]:
+    """Undos that are tried after all, those that aren't, and those of these that could be rivals.
+
+    Where an undo restores, another boundary of the same agents may do as well, or another agent's:
+    the first's label is a guess until the one was tried, and its agents until the other was.
+
+    Args:
+        ranked: shares of those that were tried first.
+        rest: those that weren't, likely ones first.
+        count, later: undos to be confirmed, and episodes of later rounds, that stay affordable.
+    """
+    best = [one for one, share in ranked.items() if share >= RIVAL and one.undo is not None]
+    named = {(one.component, one.agents) for one in best}
+    whose = {one.agents for one in best}
+    other = [o for o in rest if o.agents in whose and (o.component, o.agents) not in named]
+    other += [o for o in rest if o.agents in whose and o not in other]
+    same = len(other)
+    other += [o for o in rest if best and o not in other]
+    room = experiment.left - count * experiment.confirm - later - ASIDE
+    more = other[: max(room // ROUNDS[0], 0)]
+    left = [one for one in rest if one not in more]
+    return more, left, [one for one in other[:same] if one not in more]
+
+
 def _of_each(ranked: Sequence[IdealSubstitute]) -> list[IdealSubstitute]:
-    """The same, first the best of each component of the same agents: they could be rivals."""
+    """The same, first the best of each component of the same agents: they could be rivals.
+
+    Whole policies come after the undos among these: they make up for them, and have no label.
+    """
     firsts: dict[tuple[str, tuple[str, ...]], IdealSubstitute] = {}
     for one in ranked:
         firsts.setdefault((one.component, one.agents), one)
-    return [*firsts.values(), *(one for one in ranked if one not in firsts.values())]
+    best = sorted(firsts.values(), key=lambda one: one.component == POLICY)
+    return [*best, *(one for one in ranked if one not in best)]
 
 
 def _ranked(

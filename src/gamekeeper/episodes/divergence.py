@@ -22,6 +22,7 @@ from gamekeeper.episodes.episode import Episode, Turn
 from gamekeeper.episodes.known_extent import Extent, clipped, extent_of, is_open
 from gamekeeper.episodes.layout import value_columns
 from gamekeeper.episodes.plain_json import legible
+from gamekeeper.episodes.row_tables import html_table
 
 WHOLE_ELEMENTS = 16  # an array of no more is shown whole
 SHOWN = 200  # characters of a value
@@ -166,6 +167,13 @@ class Divergence:
         recorded, replayed = shown_pair(self.recorded, self.replayed)
         first = ", ".join(filter(None, [place, key]))
         return f"{first}\n  recorded: {recorded}\n  replayed: {replayed}"
+
+    def _repr_html_(self) -> str:
+        both = shown_pair(self.recorded, self.replayed)
+        caption = ", ".join(filter(None, ["First difference", self.place_text]))
+        return html_table(
+            [["field", "recorded", "replayed"], [self.field_text, *both]], caption=caption
+        )
 
 
 class Comparison:

@@ -18,11 +18,19 @@ def text_lines(rows: Sequence[Sequence[str]], *, right: Collection[int] = ()) ->
     ]
 
 
-def html_table(rows: Sequence[Sequence[str]]) -> str:
-    """The rows as an HTML table; texts are escaped."""
+def html_text(text: str) -> str:
+    """Lines of text for a notebook, the first one bold."""
+    first, *others = map(escape, text.splitlines() or [""])
+    rest = f"<pre>{chr(10).join(others)}</pre>" if others else ""
+    return f"<b>{first}</b>{rest}"
+
+
+def html_table(rows: Sequence[Sequence[str]], *, caption: str = "") -> str:
+    """The rows as an HTML table under a caption; texts are escaped."""
     head, *others = rows
     heading = "".join(f"<th>{escape(text)}</th>" for text in head)
     body = "".join(
         "<tr>" + "".join(f"<td>{escape(text)}</td>" for text in row) + "</tr>" for row in others
     )
-    return f"<table><thead><tr>{heading}</tr></thead><tbody>{body}</tbody></table>"
+    title = f"<caption>{escape(caption)}</caption>" if caption else ""
+    return f"<table>{title}<thead><tr>{heading}</tr></thead><tbody>{body}</tbody></table>"

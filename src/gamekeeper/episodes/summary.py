@@ -185,7 +185,7 @@ class Summary:
 
     def to_html(self) -> str:
         """A table for notebooks."""
-        return html_table(self.rows())
+        return html_table(self.rows(), caption=f"Agents over {self.episodes} episodes")
 
 
 def summarise(

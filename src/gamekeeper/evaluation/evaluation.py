@@ -44,6 +44,7 @@ class Evaluation:
         fingerprint: of the raw episodes.
         evidence: runs of pairings, where they were recorded.
         commands: how to have it again.
+        spec: the specification as plain data, without what stands at its default.
     """
 
     name: str
@@ -65,6 +66,7 @@ class Evaluation:
     fingerprint: str = ""
     evidence: tuple[Mapping[str, Any], ...] = ()
     commands: tuple[str, ...] = ()
+    spec: Mapping[str, Any] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """The document that `gamekeeper evaluate --json` prints."""
@@ -108,7 +110,7 @@ class Evaluation:
     @legible
     def _repr_html_(self) -> str:
         said = "".join(f"<li>{escape(text)}</li>" for text in (*self.notes, *self.claims))
-        return f"{html_table(self.rows())}<ul>{said}</ul>"
+        return f"{html_table(self.rows(), caption=self.name)}<ul>{said}</ul>"
 
 
 def is_headline(row: Mapping[str, Any]) -> bool:

@@ -6,7 +6,7 @@ import json
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -201,16 +201,11 @@ def _evaluated(
     note(_said_of(played, episodes * len(matches)))
     table, told = course.merge(matches, episodes)
     evidence = course.keep(matches, episodes) if spec.record else []
-    judge = Judge(spec.level, spec.seed)
-    sheets = _sheets(spec, table)
-    grounds = _grounds(spec, looks, matches, sheets)
-    results = [row for ground in grounds for row in results_of(spec, ground, judge)]
+    judged = judged_of(spec, looks, matches, table)
+    grounds, comparisons, crossed = judged.grounds, judged.comparisons, judged.crossplay
     stopped = None if stopping is None else stopping.to_json(episodes)
-    tables = _tables(spec, grounds, matches, sheets, judge)
-    comparisons = comparisons_of(spec, grounds, tables, judge)
-    crossed = {name: _crossed(table, comparisons) for name, table in tables.items()}
     _keep_payoffs(crossed, course.storage)
-    overall = overall_of(spec, grounds, judge)
+    judge = judged.judge
     _refuse_unrepeated(judge, evidence)
     notes = notes_of(
         spec,
@@ -229,10 +224,10 @@ def _evaluated(
         level=spec.level,
         environments=_environments(spec, looks),
         policies=_policies(spec, looks),
-        results=tuple(_with_sequences(results, stopped)),
+        results=tuple(_with_sequences(judged.results, stopped)),
         comparisons=tuple(comparisons),
-        curves=curves_of(spec, results),
-        overall=overall,
+        curves=curves_of(spec, judged.results),
+        overall=judged.overall,
         crossplay=crossed,
         stopping=stopped,
         refused=tuple(judge.refused),
@@ -241,8 +236,42 @@ def _evaluated(
         episodes=episodes,
         fingerprint=told["fingerprint"],
         evidence=tuple(evidence),
+        spec=spec.to_json(),
     )
     return found, grounds
+
+
+@dataclass(frozen=True, slots=True)
+class JudgedEpisodes:
+    """Figures of an evaluation, worked out from its raw episodes.
+
+    Attributes:
+        grounds: each environment's share.
+        results, comparisons, crossplay, overall: as an `Evaluation` has them.
+        judge: knows what was refused.
+    """
+
+    grounds: list[Ground]
+    results: list[dict[str, Any]]
+    comparisons: list[dict[str, Any]]
+    crossplay: dict[str, Any]
+    overall: dict[str, Any]
+    judge: Judge
+
+
+def judged_of(
+    spec: Spec, looks: Mapping[str, Inspection], matches: Sequence[Match], table: pa.Table
+) -> JudgedEpisodes:
+    """Figures, intervals and comparisons over raw episodes; nothing is played or opened."""
+    judge = Judge(spec.level, spec.seed)
+    sheets = _sheets(spec, table)
+    grounds = _grounds(spec, looks, matches, sheets)
+    results = [row for ground in grounds for row in results_of(spec, ground, judge)]
+    tables = _tables(spec, grounds, matches, sheets, judge)
+    comparisons = comparisons_of(spec, grounds, tables, judge)
+    crossed = {name: _crossed(table, comparisons) for name, table in tables.items()}
+    overall = overall_of(spec, grounds, judge)
+    return JudgedEpisodes(grounds, results, comparisons, crossed, overall, judge)
 
 
 def _sheets(spec: Spec, table: pa.Table) -> dict[tuple[str, str], Sheet]:

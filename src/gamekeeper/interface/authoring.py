@@ -410,6 +410,8 @@ class Authored(AuthorCalls):
             self.rng = Stream(seed)
         else:
             self.rng = Stream(secrets.randbits(63)) if last is None else last.next_episode()
+        if last is not None:
+            self.rng.follow(last)
         return self.rng
 
     def _check_names(self, *, is_begun: bool) -> None:

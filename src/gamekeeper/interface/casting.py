@@ -80,8 +80,10 @@ def _to_array(dtype: np.dtype[Any], shape: tuple[int, ...]) -> Cast:
     array = np.ndarray
 
     def cast(value: Any) -> Any:
-        if type(value) is array and value.dtype == dtype and value.shape == shape:
-            return value.copy()
+        if type(value) is array and value.shape == shape:
+            found = value.dtype
+            if found is dtype or found == dtype:
+                return value.copy()
         return _converted(value, dtype, shape)
 
     return cast

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+import numpy as np
 from gymnasium.spaces import Space
 from pettingzoo import ParallelEnv
 
@@ -108,9 +109,11 @@ class TickEnv(Authored, ParallelEnv[Any, Any, Any]):
             OrderError: there was no reset, or everybody has ended.
             ActionError: an agent has no action, one that isn't live has one, or one isn't legal.
         """
-        if not hasattr(self, "agents"):
-            raise before_reset("step")
-        if not self.agents:
+        try:
+            agents = self.agents
+        except AttributeError:
+            raise before_reset("step") from None
+        if not agents:
             raise after_end("step")
         ordered, refused = self.__in_order(actions)
         self.__open_tick()
@@ -147,7 +150,8 @@ class TickEnv(Authored, ParallelEnv[Any, Any, Any]):
 
     def __in_order(self, actions: Mapping[Any, Any]) -> tuple[Given, Given]:
         """All actions in the order of the roster, and those that a rule must punish."""
-        if not isinstance(actions, Mapping) or len(actions) != len(self.agents):
+        is_mapping = type(actions) is dict or isinstance(actions, Mapping)
+        if not is_mapping or len(actions) != len(self.agents):
             raise self.__mismatch(actions)
         ordered: Given = {}
         refused: Given = {}
@@ -157,17 +161,24 @@ class TickEnv(Authored, ParallelEnv[Any, Any, Any]):
                 action = actions[agent]
             except KeyError:
                 raise self.__mismatch(actions) from None
-            if type(action) is not int or action not in ranges[agent]:
-                plays, action = self._judge(agent, action)
-                if not plays:
-                    refused[agent] = action
+            if type(action) is not int:
+                if isinstance(action, np.integer) and int(action) in ranges[agent]:
+                    ordered[agent] = int(action)  # what NumPy samples, so most actions there are
+                    continue
+            elif action in ranges[agent]:
+                ordered[agent] = action
+                continue
+            plays, action = self._judge(agent, action)
+            if not plays:
+                refused[agent] = action
             ordered[agent] = action
         return ordered, refused
 
     def __show(self) -> Given:
         """Everybody's observation and new info; a picture for who watches."""
         agents, view = self.agents, self._view
-        self._forget_masks()
+        if self._masks:
+            self._forget_masks()
         observations = {agent: view(agent) for agent in agents}
         if self._masks or self._informs:
             self.infos = {agent: self._info_of(agent) for agent in agents}

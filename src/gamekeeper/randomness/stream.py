@@ -15,6 +15,7 @@ values), plus as many again each time a word is refused, which happens to less t
 
 from __future__ import annotations
 
+import sys
 from collections.abc import MutableSequence, Sequence
 from operator import index
 from typing import Any, Final, SupportsIndex, TypeVar
@@ -33,6 +34,8 @@ _STEPS: Final = tuple((i * philox.W0, i * philox.W1) for i in range(10))  # of a
 WIDEST: Final = 1 << 63  # a kernel's integers are 64 bits wide, with a sign
 ONE_BY_ONE: Final = 12  # blocks in a row that are worked out alone, for the price of 64 at once
 AT_ONCE: Final = (64, 256)  # blocks worked out after them, the first time and from then on
+NORMALS_ALONE: Final = 8  # normal numbers worked out alone, before all that lie ahead are at once,
+LEAST_AHEAD: Final = 160  # if so many words do
 
 
 class Stream:
@@ -42,7 +45,20 @@ class Stream:
     may be read, and `draws` may be set to go back or ahead.
     """
 
-    __slots__ = ("_ahead", "_first", "_keys", "_run", "draws", "episode", "lane", "seed")
+    __slots__ = (
+        "_ahead",
+        "_alone",
+        "_first",
+        "_keys",
+        "_likely",
+        "_normals",
+        "_run",
+        "_worked_out",
+        "draws",
+        "episode",
+        "lane",
+        "seed",
+    )
 
     def __init__(
         self, seed: SupportsIndex, episode: SupportsIndex = 0, *, lane: SupportsIndex = 0
@@ -60,8 +76,10 @@ class Stream:
         self.episode: Final = _within(episode, SPAN, "episode")
         self.lane: Final = _within(lane, SPAN, "lane")
         self.draws = 0
-        self._first, self._run = 0, 0
+        self._first, self._run, self._likely, self._alone = 0, 0, 0, 0
         self._ahead: Sequence[int] = ()  # words from number _first on
+        self._worked_out: Words | None = None  # the same as an array, where many were at once
+        self._normals: Sequence[float] = ()  # the normal number that begins at each of them
         self._keys = _keys_of(self.seed)
 
     def word(self) -> int:
@@ -86,12 +104,36 @@ class Stream:
         """Works out the words from that number's block on: many, once many were drawn in a row."""
         block = draws >> 2
         self._run = self._run + 1 if draws == self._first + len(self._ahead) else 0
-        self._first = 4 * block
-        if self._run < ONE_BY_ONE:
-            self._ahead = _one_block(self, block)
+        if self._ahead:
+            self._alone = NORMALS_ALONE if self._normals else 0
+        self._first, self._normals = 4 * block, ()
+        likely, self._likely = -(-self._likely // 4), 0
+        if likely > 2 * ONE_BY_ONE:
+            self._run = ONE_BY_ONE
+            blocks = min(likely + likely // 8, 4 * AT_ONCE[1])
+        elif self._run < ONE_BY_ONE:
+            self._ahead, self._worked_out = _one_block(self, block), None
+            return
         else:
             blocks = AT_ONCE[self._run > ONE_BY_ONE]
-            self._ahead = tuple(words_from(self, block, blocks).reshape(-1).tolist())
+        self._worked_out = words_from(self, block, blocks).reshape(-1)
+        self._ahead = self._worked_out.tolist()
+
+    def follow(self, last: Stream) -> None:
+        """Works out as many words at once as another stream gave, when the first is drawn.
+
+        The numbers stay the same.
+        """
+        self._likely, self._alone = last.draws, NORMALS_ALONE if last._normals else 0
+
+    def _normal(self) -> float:
+        """The next two words as a normal number; after some of them, all that lie ahead at once."""
+        self._alone += 1
+        drawn = normal_of(*self._two_words())
+        ahead = self._worked_out  # perhaps just fetched
+        if self._alone > NORMALS_ALONE and ahead is not None and len(ahead) >= LEAST_AHEAD:
+            self._normals = _normals_of(ahead[:-1], ahead[1:]).tolist()
+        return drawn
 
     def integers(self, low: SupportsIndex, high: SupportsIndex | None = None) -> int:
         """A whole number in [low, high), or in [0, low) where no `high` is given, without bias.
@@ -139,7 +181,11 @@ class Stream:
                 actual=repr(deviation),
                 fix="give a deviation of 0 or more",
             )
-        return float(mean) + float(deviation) * normal_of(*self._two_words())
+        at = self.draws - self._first
+        if 0 <= at < len(self._normals):
+            self.draws += 2
+            return float(mean) + float(deviation) * self._normals[at]
+        return float(mean) + float(deviation) * self._normal()
 
     def choice(self, items: Sequence[T], *, weights: Sequence[float] | None = None) -> T:
         """One of the items, each as likely as any other, or as its weight says.
@@ -231,8 +277,9 @@ class Stream:
     def copy(self) -> Stream:
         """Another stream at the same place; the two go on alike and apart."""
         other = Stream(self.seed, self.episode, lane=self.lane)
-        other.draws, other._run = self.draws, self._run
-        other._first, other._ahead = self._first, self._ahead
+        other.draws, other._run, other._first = self.draws, self._run, self._first
+        other._ahead, other._worked_out = self._ahead, self._worked_out
+        other._normals, other._alone, other._likely = self._normals, self._alone, self._likely
         return other
 
     __copy__ = copy
@@ -313,8 +360,10 @@ def _within(value: SupportsIndex, bound: int, name: str) -> int:
 Floats = NDArray[np.float64]
 Words = NDArray[np.uint64]
 
-_WORD: Final = np.uint64(philox.WORD)
-_HALF: Final = np.uint64(32)
+# arrays without an axis: NumPy takes a third of a microsecond more to read a number
+_WORD: Final = np.array(philox.WORD, np.uint64)
+_HALF: Final = np.array(32, np.uint64)
+_LOW: Final = int(sys.byteorder == "big")  # place of a product's low word
 _FACTORS: Final = np.array([[philox.M0], [philox.M1]], np.uint64)
 
 
@@ -331,17 +380,21 @@ def words(stream: Stream, count: int) -> Words:
 
 def words_from(stream: Stream, first: int, count: int) -> Words:
     """[count, 4] the words of the stream's blocks from one on."""
-    blocks = np.arange(count, dtype=np.uint64) + np.uint64(first)
-    even, odd, product = (np.empty((2, count), np.uint64) for _ in range(3))  # c0, c2 and c1, c3
+    blocks = np.arange(first, first + count, dtype=np.uint64)
+    even = np.empty((2, count), np.uint64)  # c0 and c2
     even[0], even[1] = blocks & _WORD, stream.episode
-    odd[0], odd[1] = blocks >> _HALF, stream.lane
-    crossed = product[::-1]
-    for key in np.array(stream._keys, np.uint64).reshape(-1, 2, 1):
-        np.multiply(even, _FACTORS, out=product)
-        np.bitwise_xor(odd, key, out=odd)
-        np.right_shift(crossed, _HALF, out=even)
-        np.bitwise_xor(even, odd, out=even)
-        np.bitwise_and(crossed, _WORD, out=odd)
+    # of a round's products the high words go into the next c0 and c2, the low ones are c1 and c3:
+    # both are read where they lie, so that a round takes three calls
+    products = np.empty((2, 2, count), np.uint64)
+    halves = products.view(np.uint32).reshape(2, 2, count, 2)[:, ::-1]
+    high, low = halves[..., 1 - _LOW], halves[..., _LOW]
+    low[1, 0], low[1, 1] = blocks >> _HALF, stream.lane
+    for number, key in enumerate(np.array(stream._keys, np.uint64).reshape(-1, 2, 1)):
+        now = number % 2
+        np.multiply(even, _FACTORS, out=products[now])
+        np.bitwise_xor(high[now], low[1 - now], out=even)
+        np.bitwise_xor(even, key, out=even)
+    odd = low[1]  # of the tenth round
     return np.stack((even[0], odd[0], even[1], odd[1]), axis=-1)
 
 
@@ -370,23 +423,22 @@ def units(stream: Stream, count: int) -> Floats:
 def normals(stream: Stream, count: int) -> Floats:
     """[count] what `normal()` would give next."""
     pairs = words(stream, 2 * count).reshape(-1, 2)
-    shifted = pairs[:, 0] * np.uint64(1048576) + (pairs[:, 1] >> np.uint64(12))
-    return _normals((shifted * np.uint64(2) + np.uint64(1)).astype(np.float64))
+    return _normals_of(pairs[:, 0], pairs[:, 1])
 
 
-def _normals(nonconforming: Floats) -> Floats:
-    """The quantiles of odd numbers out of 2**53, branch by branch of `philox.normal_of`."""
+def _normals_of(first: Words, second: Words) -> Floats:
+    """Normal numbers of pairs of words, branch by branch of `philox.normal_of`."""
+    shifted = first * np.uint64(1048576) + (second >> np.uint64(12))
+    nonconforming = (shifted * np.uint64(2) + np.uint64(1)).astype(np.float64)  # out of 2**53
     q = nonconforming * philox.STEP - 0.5
-    found = np.empty_like(q)
-    is_middle = np.abs(q) <= 0.425
-    middle = q[is_middle]
-    found[is_middle] = middle * _ratio(0.180625 - middle * middle, philox._MID_TOP, philox._MID_LOW)
-    nonconforming, q = nonconforming[~is_middle], q[~is_middle]
+    found = q * _ratio(0.180625 - q * q, _MIDDLE)
+    tail = np.flatnonzero(np.abs(q) > 0.425)
+    nonconforming, q = nonconforming[tail], q[tail]
     r = np.sqrt(-_log(np.minimum(nonconforming, philox.STEPS - nonconforming) * philox.STEP))
-    x = _ratio(r - 1.6, philox._TAIL_TOP, philox._TAIL_LOW)
+    x = _ratio(r - 1.6, _TAIL)
     if (r > 5.0).any():  # one number in 10**11
-        x = np.where(r <= 5.0, x, _ratio(r - 5.0, philox._FAR_TOP, philox._FAR_LOW))
-    found[~is_middle] = np.where(q < 0.0, -x, x)
+        x = np.where(r <= 5.0, x, _ratio(r - 5.0, _FAR))
+    found[tail] = np.where(q < 0.0, -x, x)
     return found
 
 
@@ -398,17 +450,29 @@ def _log(x: Floats) -> Floats:
     s = (m - 1.0) / (m + 1.0)
     z = s * s
     total = np.zeros_like(s)
-    for term in philox._ATANH:
+    for term in _ATANH:
         total *= z
         total += term
     return exponent * philox._LN2 + 2.0 * s * total
 
 
-def _ratio(r: Floats, top: philox._Poly, low: philox._Poly) -> Floats:
-    above, below = np.zeros_like(r), np.zeros_like(r)
-    for one, other in zip(top, low, strict=True):
-        above *= r
-        above += one
-        below *= r
-        below += other
-    return above / below
+def _columns(top: philox._Poly, low: philox._Poly) -> Floats:
+    """[8, 2, 1] coefficients of two polynomials, the highest power first."""
+    return np.array([top, low]).T[:, :, None]
+
+
+_ATANH: Final = [np.array(term) for term in philox._ATANH]
+_MIDDLE: Final = _columns(philox._MID_TOP, philox._MID_LOW)
+_TAIL: Final = _columns(philox._TAIL_TOP, philox._TAIL_LOW)
+_FAR: Final = _columns(philox._FAR_TOP, philox._FAR_LOW)
+
+
+def _ratio(r: Floats, coefficients: Floats) -> Floats:
+    """[numbers] as `philox._ratio`: both polynomials go side by side."""
+    both = coefficients[0] * r
+    both += coefficients[1]
+    for each in coefficients[2:]:
+        both *= r
+        both += each
+    quotient: Floats = both[0] / both[1]
+    return quotient

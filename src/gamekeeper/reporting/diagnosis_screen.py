@@ -17,6 +17,10 @@ from gamekeeper.reporting.text_columns import wrapped
 from gamekeeper.statistics.significance import p_text
 
 INDENT: Final = " " * 11
+OFTEN: Final = 0.5
+"""Part of its actions that a policy draws, from which that is worth a row."""
+LEFT_OUT: Final = 3
+"""Things that weren't tried of which a screen has room."""
 CAUSES: Final = ("isolated", "joint", "ambiguous", "environment", "protocol")
 
 
@@ -28,7 +32,8 @@ def diagnosis_screen(document: Mapping[str, Any], *, width: int) -> str:
         width: columns that no line exceeds, but for a command.
     """
     blocks = [*contradiction_lines(document, width), head_line(document, width)]
-    rows = [*_who(document), *_since(document), *_undone(document), *_others(document)]
+    rows = [*_who(document), *_since(document), *_undone(document)]
+    rows += [*_others(document), *_noted(document), *_left_out(document)]
     lines = [
         line
         for title, text in rows
@@ -49,7 +54,8 @@ def _who(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     """Rows of the agents with a cause; agents with the same answer share one."""
     groups: dict[str, list[str]] = {}
     for name, each in _named(document).items():
-        cause = " and ".join(each["labels"])
+        is_open = each["answer"] == "ambiguous"
+        cause = (" or " if is_open else " and ").join(each["labels"])
         place = each["component"] or ""
         said = f"{cause}: {place}" if cause and cause not in place else place or cause
         groups.setdefault(f"{each['answer']}; {said}", []).append(name)
@@ -105,6 +111,27 @@ def _others(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "Not", few(others)
 
 
+def _noted(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Rows of what is striking about policies, where no agent alone is named: facts, no causes."""
+    if any(each["answer"] in ("isolated", "joint") for each in _named(document).values()):
+        return
+    found = [
+        f"{name} {each['text']}"
+        for name, each in (document.get("responses") or {}).items()
+        if (each["changes"] and not each["reactions"]) or each["lag"] or each["randomness"] > OFTEN
+    ]
+    for number, text in enumerate(found):
+        yield "" if number else "Noted", text
+
+
+def _left_out(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """A row of what neither the episodes nor the budget reached."""
+    rows = document["not_played"]
+    if rows:
+        more = f"; and {len(rows) - LEFT_OUT} more" if len(rows) > LEFT_OUT else ""
+        yield "Not tried", "; ".join(rows[:LEFT_OUT]) + more
+
+
 def _is_failing(document: Mapping[str, Any]) -> bool:
     """Somebody fails beyond chance, and no cause is named."""
     answers = {each["answer"] for each in document["agents"].values()}
@@ -127,7 +154,10 @@ def _next(document: Mapping[str, Any]) -> Sequence[str]:
     elif good is None and _is_failing(document):
         found.append(f"gamekeeper diagnose {run} --good GOOD_RUN{words}")
     if document["not_played"]:
-        found.append(f"gamekeeper diagnose {run}{words} --budget {2 * document['budget']}")
+        more = f" --episodes {2 * document['most_episodes']}"
+        if document.get("budget") is not None:
+            more += f" --budget {2 * document['budget']}"
+        found.append(f"gamekeeper diagnose {run}{words}{more}")
     beside = "" if good is None else f" --good {shlex.quote(good['good'])}"
     found.append(f"gamekeeper diagnose {run}{beside}{words} --all")
     return found

@@ -57,12 +57,22 @@ def contradiction_lines(document: Mapping[str, Any], width: int) -> Iterator[str
 
 
 def head_line(document: Mapping[str, Any], width: int) -> str:
-    """The run, and the number of episodes that were played."""
+    """The run, and the number of episodes that were played, now and by an earlier call."""
+    again = document.get("reused") or 0
+    also = f", {again:,} of an earlier call used again" if again else ""
     text = (
-        f"Diagnosed  {document['run']}: {document['episodes']:,} episodes played "
-        f"(at most {document['budget']:,}), seed {document['seed']}."
+        f"Diagnosed  {document['run']}: {document['episodes']:,} episodes played{also} "
+        f"({limit_words(document)}), seed {document['seed']}."
     )
     return "\n".join(wrapped(text, width, rest=INDENT))
+
+
+def limit_words(document: Mapping[str, Any]) -> str:
+    """Limit of episodes, and the env steps that were taken where they were limited too."""
+    most = f"at most {document['most_episodes']:,}"
+    if document.get("budget") is None:
+        return most
+    return f"{most}; {document['steps']:,} of {document['budget']:,} env steps"
 
 
 def _answers(document: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
@@ -115,7 +125,8 @@ def _scope(document: Mapping[str, Any], scope: str, width: int) -> Iterator[str]
 
 def answer_sentence(found: Mapping[str, Any]) -> str:
     """The answer with its reason, without a full stop: the cause, the causes, or none."""
-    cause = " and ".join(found["labels"]) or found["component"]
+    between = " or " if found["answer"] == "ambiguous" else " and "
+    cause = between.join(found["labels"]) or found["component"]
     begin = {
         "healthy": "Healthy",
         "not_failing": "Not failing beyond chance",
@@ -286,7 +297,7 @@ def _not_played(document: Mapping[str, Any], width: int) -> str:
     rows = document["not_played"]
     if not rows:
         return ""
-    title = f"Not played, as the budget of {document['budget']:,} episodes was spent (--budget)"
+    title = f"Not played ({limit_words(document)}; --episodes, --budget)"
     lines = [line for each in rows for line in _lines(each, width)]
     return "\n".join([*wrapped(title, width, rest=INDENT), *lines])
 

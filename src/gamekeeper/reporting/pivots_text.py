@@ -17,6 +17,13 @@ SOURCES: Final = {
     "sample": "the sample {}",
     "reference": "the reference policy's {}",
 }
+"""Sources of an action, in words."""
+LOSSES: Final = {
+    "draws": "most of it comes back if the same actions meet fresh draws: chance lost it",
+    "several": "no action that was tried of one agent alone keeps it",
+    "not tried": "other actions: not tried, the budget is spent",
+}
+"""The reason why success was lost, where no agent's other action keeps it."""
 LONGEST: Final = 60
 """Characters of an action."""
 
@@ -88,24 +95,23 @@ def _pivot(pivot: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         f"{_share(after)} after it ({p_text(pivot['p'])}, corrected)",
         INDENT,
     )
-    loss = pivot["loss"]
-    if loss == "draws":
-        yield (
-            "most of it comes back if the same actions meet fresh draws: chance lost it",
-            INDENT * 2,
-        )
-    elif loss == "several":
-        yield "no action that was tried of one agent alone keeps it", INDENT * 2
-    elif loss == "not tried":
-        yield "other actions: not tried, the budget is spent", INDENT * 2
-    yield from _kept(pivot)
+    lost = loss_sentence(pivot)
+    if lost:
+        yield lost, INDENT * 2
+    for text in kept_by(pivot):
+        yield text, INDENT * 2
 
 
-def _kept(pivot: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """The best action of each agent that would have kept it."""
+def loss_sentence(pivot: Mapping[str, Any]) -> str:
+    """The reason why success was lost; empty where an agent's other action keeps it."""
+    return LOSSES.get(pivot["loss"], "")
+
+
+def kept_by(pivot: Mapping[str, Any]) -> Iterator[str]:
+    """The best action of each agent that would have kept it, in sentences."""
     for agent in pivot["agents"]:
         best = next(each for each in pivot["tried"] if each["agent"] == agent and each["keeps"])
-        yield f"{agent} would have kept it by {_action(best)}: {_share(best)} succeed", INDENT * 2
+        yield f"{agent} would have kept it by {_action(best)}: {_share(best)} succeed"
 
 
 def _last_action(each: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
@@ -116,7 +122,8 @@ def _last_action(each: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     )
     for pivot in each["pivots"]:
         yield f"turn {pivot['turn']} is the last one", INDENT
-        yield from _kept(pivot)
+        for text in kept_by(pivot):
+            yield text, INDENT * 2
     if not each["pivots"]:
         rest = "was tried so far" if each["not_tried"] else "was tried at any turn"
         yield f"no other action of one agent that {rest} succeeds", INDENT

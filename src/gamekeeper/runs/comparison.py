@@ -15,6 +15,7 @@ from gamekeeper.episodes.canonical import from_json
 from gamekeeper.episodes.divergence import Comparison, Divergence, compare_chunks
 from gamekeeper.episodes.evidence import IDENTITY, Evidence, fingerprints
 from gamekeeper.episodes.known_extent import ENDS_OPEN
+from gamekeeper.episodes.row_tables import html_text
 from gamekeeper.episodes.where import Where
 from gamekeeper.errors import EvidenceError, PolicyError, SpecError
 from gamekeeper.interface.env_source import Opened
@@ -106,9 +107,7 @@ class Replay:
         return f"can't tell: {self.reason}"
 
     def _repr_html_(self) -> str:
-        verdict, *rest = map(escape, str(self).splitlines())
-        details = f"<pre>{chr(10).join(rest)}</pre>" if rest else ""
-        return f"<b>{verdict}</b> <code>{escape(self.run)}</code>{details}"
+        return html_text(str(self)) + f"<code>{escape(self.run)}</code>"
 
 
 def replay(
@@ -206,8 +205,13 @@ def _from_json(value: Mapping[str, Any]) -> Replay:
     where = value["divergence"]
     if where is None:
         return Replay(**value)
+    return Replay(**{**value, "divergence": divergence_from_json(where)})
+
+
+def divergence_from_json(where: Mapping[str, Any]) -> Divergence:
+    """The divergence that another process returned as JSON, its values as they were."""
     values = {side: from_json(compact(where[side])) for side in ("recorded", "replayed")}
-    return Replay(**{**value, "divergence": Divergence(**{**where, **values})})
+    return Divergence(**{**where, **values})
 
 
 def _identity(evidence: Evidence) -> Mapping[str, Any]:

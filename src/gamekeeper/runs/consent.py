@@ -113,10 +113,10 @@ def _rule(
     """The first rule that consents, and the modules that may be imported besides."""
     is_open = env is None or any(map(distrust_policy, policies))
     modules = _own(path) if is_open else None
-    changed = [] if modules is None else own_runs.changed(modules)
+    identity = manifest.get("environment")
+    changed = [] if modules is None else own_runs.changed(_opened(modules, identity, policies))
     if modules is not None and not changed and not any(map(is_schemed, policies)):
         return ("own_run" if env is None else "named"), modules
-    identity = manifest.get("environment")
     reason = None
     if env is None:
         reason = distrust(identity if isinstance(identity, Mapping) else {})
@@ -134,6 +134,19 @@ def _rule(
         actual=reason,
         fix=fix,
     )
+
+
+def _opened(modules: own_runs.Modules, identity: object, policies: list[str]) -> own_runs.Modules:
+    """Modules that must be as they were: all where policies choose, else the environment's own.
+
+    Any other one, such as a recorded policy's or a script's that has moved on, is compared once the
+    environment imports it.
+    """
+    if policies or not isinstance(identity, Mapping):
+        return modules
+    place, module = identity.get("path"), str(identity.get("entry_point")).partition(":")[0]
+    found = {name: each for name, each in modules.items() if name == module or each[0] == place}
+    return found or modules
 
 
 def _own(path: PurePath) -> own_runs.Modules | None:

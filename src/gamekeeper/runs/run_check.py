@@ -20,6 +20,7 @@ from gamekeeper.episodes.encoder import EPISODES, KEPT, LEVELS, add_infos, by_ep
 from gamekeeper.episodes.episode import digests_of, states_of_table
 from gamekeeper.episodes.evidence import Evidence, fingerprints
 from gamekeeper.episodes.known_extent import env_steps
+from gamekeeper.episodes.row_tables import html_text
 from gamekeeper.errors import EvidenceError, GamekeeperError, RunError
 from gamekeeper.runs.files.checksums import (
     Damage,
@@ -116,6 +117,9 @@ class Verification:
         lines += [f"stray (no part of the run): {name}" for name in self.strays]
         lines += [self.not_checked] if self.not_checked else []
         return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        return html_text(str(self))
 
 
 def verify(

@@ -22,6 +22,7 @@ COMMANDS: Final = {
     "audit": "audit ENV --json",
     "diagnosis": "diagnose RUN --json",
     "attribution": "attribute RUN --json",
+    "pivots": "pivots RUN --json",
     "evaluation": "evaluate --out FOLDER",
 }
 """The command that writes each of them."""
@@ -33,6 +34,7 @@ def documents_of(
     audit: Given = None,
     diagnosis: Given = None,
     attribution: Given = None,
+    pivots: Given = None,
     evaluation: Given = None,
 ) -> Documents:
     """Reads the documents about a run: the given ones, else those of its annotations.
@@ -44,18 +46,32 @@ def documents_of(
     noted: dict[str, Any] = {}
     for note in read_notes(run):
         kind = str(note.get("kind"))
-        # Older runs have a diagnosis under its own name.
-        document = note.get("document", note.get(kind))
+        document = note.get("document")
         if isinstance(document, Mapping):
-            noted[kind] = document
+            noted[kind] = _added(noted.get(kind), document)
     return Documents(
         audit=_document(audit or noted.get("audit"), "audit", ("verdicts", "measured")),
         diagnosis=_document(diagnosis or noted.get("diagnosis"), "diagnosis", ("agents",)),
         attribution=_document(
             attribution or noted.get("attribution"), "attribution", ("agents", "team")
         ),
+        pivots=_document(pivots or noted.get("pivots"), "pivots", ("episodes", "conditions")),
         evaluation=_document(evaluation, "evaluation", ("results",)),
     )
+
+
+def _added(before: Mapping[str, Any] | None, document: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The document; one of pivots with episodes that an earlier one was asked about."""
+    if before is None or "conditions" not in before or not _is_of_pivots(before, document):
+        return document
+    known = {each["episode"]: each for each in [*before["episodes"], *document["episodes"]]}
+    return {**document, "episodes": [known[number] for number in sorted(known)]}
+
+
+def _is_of_pivots(*documents: Mapping[str, Any]) -> bool:
+    """Tells whether all are documents of pivots under one condition."""
+    are_lists = all(isinstance(each.get("episodes"), list) for each in documents)
+    return are_lists and len({str(each.get("conditions")) for each in documents}) == 1
 
 
 def _document(given: Given, kind: str, needed: Sequence[str]) -> Mapping[str, Any] | None:

@@ -152,7 +152,7 @@ MOST_COUNTERFACTUALS: Final = 3
 """Most counterfactuals of each intervention."""
 LIST_BYTES: Final = 300_000
 """Size of the list of all episodes."""
-ENTRY_BYTES: Final = 220
+ENTRY_BYTES: Final = 260
 RETURN_BYTES: Final = 24
 """Approximate size of an episode in that list, and of an agent's return in it."""
 SEED: Final = 0
@@ -167,6 +167,7 @@ def report(
     audit: Given = None,
     diagnosis: Given = None,
     attribution: Given = None,
+    pivots: Given = None,
     evaluation: Given = None,
     episodes: Iterable[int] = (),
     budget_bytes: int = BUDGET_BYTES,
@@ -185,6 +186,7 @@ def report(
         audit: document of `gamekeeper audit --json`, or its file.
         diagnosis: document or file, in place of the run's last diagnosis.
         attribution: document or file, in place of the run's last attribution.
+        pivots: document or file of `gamekeeper pivots`, shown on the episodes' timelines.
         evaluation: `evaluation.json` of `gamekeeper evaluate`, or its folder.
         episodes: numbers of episodes that must be on the page.
         budget_bytes: size of all episodes on the page; the others are only listed.
@@ -207,7 +209,12 @@ def report(
         )
     runs = [opened(path, key=key) for key, path in zip(LETTERS, paths, strict=False)]
     documents = documents_of(
-        paths[0], audit=audit, diagnosis=diagnosis, attribution=attribution, evaluation=evaluation
+        paths[0],
+        audit=audit,
+        diagnosis=diagnosis,
+        attribution=attribution,
+        pivots=pivots,
+        evaluation=evaluation,
     )
     page = _page(
         runs,

@@ -90,7 +90,7 @@ class Packer:
         self._pictures = {run.key: Pictures(Path(run.path)) for run in runs}
         self._why: dict[tuple[str, int], tuple[str, ...]] = {}
         self._first_divergences = (documents.diagnosis or {}).get("counterfactuals") or ()
-        self._main = runs[0].key
+        self._pivots, self._main = documents.pivots, runs[0].key
 
     def has(self, pair: Pair) -> bool:
         """True if both episodes are on the page."""
@@ -134,6 +134,7 @@ class Packer:
                 marks=self._marks(key, number),
                 frames=frames,
                 has_failed=run.failed[run.figures.place(number)],
+                pivots=self._pivots if key == self._main else None,
             )
         )
         # Pictures hardly deflate, and stand in the data as base64: they have a budget of their own.

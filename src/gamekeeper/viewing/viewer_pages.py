@@ -83,6 +83,7 @@ def episode_of(edition: Edition, number: int) -> dict[str, Any]:
         labels=shown.labels,
         roster=shown.roster,
         frames=edition.pictures.of(number, FRAMES_BYTES),
+        pivots=_documents(shown).pivots,
     )
 
 

@@ -1,10 +1,12 @@
 """Small games whose attribution is known by their rules."""
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from gymnasium.spaces import Box, Dict, Discrete
+from pettingzoo import ParallelEnv
 
 import gamekeeper as gk
 
@@ -69,6 +71,47 @@ class Shoving(gk.TickEnv):
     def observe(self, agent: str) -> Any:
         """The time, and how often it was shoved."""
         return np.array([self.clock, self.shoved[agent]])
+
+
+class PlainShoving(ParallelEnv):  # type: ignore[type-arg]
+    """The same as an ordinary environment, with the terms in infos, somewhere or nowhere.
+
+    `told`: `plain` (fields of the info), `nested` (one level deeper), `total` (running totals, so
+    that they aren't what was paid) or `never`.
+    """
+
+    metadata = {"name": "shoving_v0"}  # noqa: RUF012
+
+    def __init__(self, told: str = "plain", fair: bool = False) -> None:
+        self.told, self.inner = told, Shoving(fair)
+        self.possible_agents = self.inner.possible_agents
+        self.observation_space = self.inner.observation_space
+        self.action_space = self.inner.action_space
+
+    @property
+    def agents(self) -> Any:
+        """The live ones."""
+        return self.inner.agents
+
+    @agents.setter
+    def agents(self, value: Any) -> None:
+        self.inner.agents = value
+
+    def reset(self, seed: Any = None, options: Any = None) -> Any:
+        """Resets."""
+        self.sums: Any = {agent: Counter() for agent in self.possible_agents}
+        return self.inner.reset(seed, options)
+
+    def step(self, actions: Any) -> Any:
+        """A tick."""
+        observations, rewards, over, cut, _ = self.inner.step(actions)
+        return observations, rewards, over, cut, {a: self._told(a) for a in rewards}
+
+    def _told(self, agent: str) -> Any:
+        paid = dict(self.inner.terms.get(agent, {}))
+        self.sums[agent].update(paid)
+        infos = {"plain": paid, "nested": {"paid": paid}, "total": dict(self.sums[agent])}
+        return infos.get(self.told, {})
 
 
 class ShovingInTurns(gk.TurnEnv):

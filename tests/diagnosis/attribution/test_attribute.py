@@ -9,7 +9,7 @@ import pytest
 
 import gamekeeper as gk
 from gamekeeper.diagnosis.attribution.contributions import attribute
-from gamekeeper.errors import PolicyError, TrustError
+from gamekeeper.errors import PolicyError, RunError, TrustError
 from gamekeeper.reporting.attribution_text import attribution_text
 from tests.diagnosis.attribution import games
 from tests.runs.parts.here import Here
@@ -83,6 +83,76 @@ def test_penalty_on_the_wrong_participant_is_found() -> None:
     assert wrong.first["episode"] == 0
     assert wrong.first["turn"] % 3 == 0
     assert wrong.first["causers"] == ["robot_0"]
+
+
+@pytest.mark.parametrize("told", ["plain", "nested", "total", "never"])
+def test_terms_of_an_ordinary_environment_are_read_from_infos(told) -> None:
+    """They count where they sum to what was paid; else it is said that they couldn't be read."""
+    policies = {"*": games.step, "robot_0": games.shove_at_times}
+    evidence = gk.rollout(
+        games.PlainShoving,
+        policies=policies,
+        episodes=1,
+        contract=games.SHOVING,
+        env_kwargs={"told": told},
+    )
+    found = attribute(evidence, env=games.PlainShoving, policies=policies, episodes=0)
+    untold = {each["what"]: each["why"] for each in found.not_tested}
+    why = untold.get("rewards and penalties by declared term")
+    if told in ("plain", "nested"):
+        (wrong,) = found.wrong_penalties
+        assert (wrong.agent, wrong.term, list(wrong.by), why) == (
+            "robot_1",
+            "bump",
+            ["robot_0"],
+            None,
+        )
+        assert found.agents["robot_1"].own.terms == {"progress": 32.0, "bump": -2.0}
+        return
+    assert not found.penalties
+    assert not found.agents["robot_1"].own.terms
+    never = told == "never"
+    assert why == ("bump, progress: never in infos" if never else "in infos, but not what was paid")
+
+
+def test_a_stopped_attribution_goes_on(tmp_path: Path) -> None:
+    """What was played isn't played again, and another attribution isn't taken for this one."""
+    policies = {"*": games.step}
+    evidence = gk.rollout(games.Shoving, policies=policies, episodes=2, contract=games.SHOVING)
+    seen = []
+
+    def stop(fields: dict[str, int]) -> None:
+        seen.append(fields)
+        if len(seen) == 4:
+            raise KeyboardInterrupt
+
+    again = {"env": games.Shoving, "policies": policies, "episodes": 3}
+    with pytest.raises(KeyboardInterrupt) as caught:
+        attribute(evidence, out=tmp_path, on_message=stop, **again)
+    assert "the same command goes on from there" in caught.value.__notes__[0]
+    found = attribute(evidence, out=tmp_path, **again)
+    assert found.reused == 4
+    assert {**found.to_json(), "reused": 0} == attribute(evidence, **again).to_json()
+    with pytest.raises(RunError, match="another experiment"):
+        attribute(evidence, out=tmp_path, seed=1, **again)
+
+
+def test_a_budget_of_steps_binds_and_says_what_it_left() -> None:
+    """Some of each kind is played, and the rest is named."""
+    policies = {"*": f"{games.HERE}:step"}
+    options = {"policies": policies, "episodes": 20, "action_episodes": 6, "allow_import": True}
+    evidence = gk.rollout(
+        f"{games.HERE}:make", policies=policies, episodes=6, contract=games.SHOVING
+    )
+    whole = attribute(evidence, **options)
+    found = attribute(evidence, budget=whole.steps // 2, **options)
+    assert whole.steps // 3 < found.steps <= whole.steps // 2
+    assert 0 < found.fresh < 20
+    assert 0 < found.episodes < 6
+    why = {each["what"]: each["why"] for each in found.not_tested}
+    left = f"{20 - found.fresh} new episodes with agents replaced"
+    assert why[left] == "the budget of env steps was reached (--budget)"
+    assert left in attribution_text(found.to_json(), width=80)
 
 
 def test_penalty_on_the_one_that_earned_it_is_right() -> None:

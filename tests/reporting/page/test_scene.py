@@ -85,3 +85,65 @@ def test_agents_stand_in_cells_that_are_open(spec: str, closed: str) -> None:
     ]
     assert len(shut) > 0
     assert not shut & set(cells)
+
+
+def board_at(drawing: Scene, turn: int) -> Any:
+    """[rows, columns] numbers of a board's cells."""
+    layer = drawing["scene"]["cells"][-1]
+    cells = list(layer["base"])
+    for at, cell, value in layer["changes"]:
+        if at <= turn:
+            cells[cell] = value
+    return np.array(cells).reshape(layer["rows"], layer["columns"])
+
+
+BOARDS: dict[str, Any] = {
+    "tictactoe_v3": lambda env: np.reshape(env.board.squares, (3, 3)).T,
+    "connect_four_v3": lambda env: np.reshape(env.board, (6, 7)),
+    "go_v5": lambda env: np.where(env._go.board == -1, 2, env._go.board),
+}
+
+
+@pytest.mark.parametrize("name", BOARDS)
+def test_boards_of_pettingzoo_are_as_their_environments_have_them(name: str) -> None:
+    """At every turn, whoever observes; the last move is seen, too."""
+    kwargs = {"board_size": 5} if name == "go_v5" else {}
+    run = gk.rollout(f"classic/{name}", episodes=1, seed=3, env_kwargs=kwargs)
+    drawing, episode = packed_of(run, 0)["drawing"], run.episode(0)
+    env = gk.make(f"classic/{name}", **kwargs)
+    env.reset(seed=episode.seed)
+    rows = [row for row in episode.steps.to_pylist() if row["order"] is not None]
+    for row in rows:
+        seen = board_at(drawing, row["turn"])
+        np.testing.assert_array_equal(seen, BOARDS[name](env.unwrapped))
+        env.step(row["action"])
+    assert len(rows) > 5
+
+
+def test_pieces_of_chess_stand_on_their_agents_rows() -> None:
+    """From the second turn on, whoever observes, white's pieces stand below and black's above."""
+    run = gk.rollout("classic/chess_v6", episodes=1, seed=3, most_turns=6)
+    drawing = packed_of(run, 0)["drawing"]
+    layer = drawing["scene"]["cells"][0]
+    for turn in (2, 3):
+        rows = board_at(drawing, turn)
+        owners = [{layer["values"][str(k)] for k in row if k} for row in rows.tolist()]
+        assert (owners[0], owners[7]) == ({"player_1"}, {"player_0"})
+        assert layer["pieces"][str(rows[0, 4])] == "king"
+
+
+@pytest.mark.parametrize(
+    ("spec", "size"),
+    [("rware:rware-tiny-2ag-v2", [10, 11]), ("lbforaging:Foraging-6x6-2p-1f-v3", [6, 6])],
+)
+def test_agents_of_registered_ids_are_where_their_environments_have_them(
+    spec: str, size: list[int]
+) -> None:
+    """The pattern that fits the id has the grid's size; x is the column."""
+    drawing = drawing_of(spec)
+    env = first_env(spec)
+    inner = env.guest.env.unwrapped
+    bodies = getattr(inner, "agents", None) or inner.players
+    places = [[b.x, b.y] if hasattr(b, "x") else list(b.position)[::-1] for b in bodies]
+    assert [track[0][1:] for track in drawing["tracks"].values()] == places
+    assert drawing["scene"]["size"] == size

@@ -18,7 +18,7 @@ from tests.cli.lines import document
 ray = pytest.importorskip("ray")
 pytestmark = pytest.mark.trainer
 
-QUICK = ("--no-perturbations", "--budget", 300)
+QUICK = ("--no-perturbations", "--episodes", 300)
 FEW = ("--episodes", 2, "--action-episodes", 4)
 
 
@@ -46,7 +46,7 @@ def run(tmp_path: Path) -> Path:
 def test_functions_give_the_same_answers_on_ray(executor: RayExecutor, run: Path) -> None:
     """Ideal substitutes and perturbations, coalitions and single actions, each figure of them."""
     here, far = (
-        gk.diagnose(run, budget=700, perturbations=True, workers=players)
+        gk.diagnose(run, episodes=700, perturbations=True, workers=players)
         for players in (0, executor)
     )
     assert far.to_json() == here.to_json()
@@ -65,7 +65,7 @@ def test_diagnosis_on_ray_goes_on_from_what_was_played(
 ) -> None:
     """What one executor played is known to another."""
     first, second = (
-        gk.diagnose(run, budget=100, perturbations=False, workers=players, out=tmp_path / "d")
+        gk.diagnose(run, episodes=100, perturbations=False, workers=players, out=tmp_path / "d")
         for players in (executor, 0)
     )
     assert first.episodes > 0

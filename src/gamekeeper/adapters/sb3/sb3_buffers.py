@@ -157,11 +157,15 @@ class _Decisions:
         self._keep(valid)
 
     def get(self, batch_size: int | None = None) -> Any:
-        """Batches in an order drawn anew; one decision left over waits for another time.
+        """Batches in an order drawn anew, none of them larger than asked for.
 
-        How many decisions there are depends on what was played, so that now and then one is left
-        over, and MaskablePPO divides by its deviation: the network would be no numbers from then.
+        How many decisions there are depends on what was played. Where steps were left out they are
+        shared out evenly: a few that are left over, with advantages divided by their own deviation,
+        would move the network as far as a whole batch does; one alone has no deviation.
         """
+        count, whole = self.buffer_size, int(np.prod(self._whole))
+        if batch_size is not None and count * self.n_envs != whole:
+            batch_size = -(-count // -(-count // batch_size))
         for batch in super().get(batch_size):  # type: ignore[misc]  # likewise
             if len(batch.actions) > 1:
                 yield batch

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from stable_baselines3.common.preprocessing import is_image_space, is_image_space_channels_first
 from stable_baselines3.common.vec_env import VecEnv
 
 from gamekeeper.adapters.requirements import checked
@@ -60,8 +62,10 @@ def vec_env(
         if isinstance(seen, spaces.Dict):
             for key, part in seen.spaces.items():
                 _check_space(part, f"observation_space[{key!r}]", axes=None)
+                _note_cropping(part, key)
         else:
             _check_space(seen, "observation_space", axes=None)
+            _note_cropping(seen, "observation")
         _check_space(slots.action_space, "action_space", axes=1)
     except BaseException:
         slots.close()
@@ -86,8 +90,33 @@ def _check_space(space: Any, where: str, *, axes: int | None) -> None:
             where=where,
             expected="Box, Discrete, MultiDiscrete, MultiBinary; to observe, also one Dict of them",
             actual=str(space)[:200],
-            fix="flatten it, or count from 0, in the environment",
+            fix="gk.wrappers.flatten_observations(env); or count from 0, in the environment",
         )
+
+
+def _note_cropping(space: Any, name: str) -> None:
+    """Says on stderr which part of a picture Stable-Baselines3's own network never reads."""
+    if not is_image_space(space):
+        return
+    height, width = space.shape[1:] if is_image_space_channels_first(space) else space.shape[:2]
+    for size, lines in ((height, "rows"), (width, "columns")):
+        lost = unread(size)
+        if lost:
+            sys.stderr.write(
+                f"gamekeeper: CnnPolicy's network never reads the last {lost} of {size} {lines} of "
+                f"{name!r} (fix: {size - lost} or {size - lost + 8} {lines} are read whole)\n"
+            )
+
+
+def unread(size: int) -> int:
+    """Number of pixels at the end of a picture's axis that no stride of `NatureCNN` reaches.
+
+    Source: NatureCNN in stable_baselines3/common/torch_layers.py: kernels of 8, 4 and 3, strides of
+    4, 2 and 1; below 36 pixels the network can't be built.
+    """
+    first = (size - 8) // 4 + 1
+    second = (first - 4) // 2 + 1
+    return size - (4 * (2 * second + 1) + 8) if second >= 3 else 0
 
 
 class SlotVecEnv(VecEnv):

@@ -6,10 +6,7 @@ Stable-Baselines3 saves these in a file of their own, or not at all.
 
 from __future__ import annotations
 
-import json
 import zipfile
-from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,57 +17,10 @@ from stable_baselines3.common.vec_env import VecNormalize
 
 from gamekeeper.adapters.sb3.sb3_buffers import Watched
 from gamekeeper.errors import PolicyError, SpecError
+from gamekeeper.interface.wrappers.normalization import Normalization
 
 MEMBER: Final = "normalization.json"
 """Part of a model's zip that holds the statistics; Stable-Baselines3 passes it over."""
-
-
-@dataclass(frozen=True, slots=True)
-class Normalization:
-    """Statistics as they stood at one moment.
-
-    Attributes:
-        parts: by key of a Dict, or "" for the whole observation: mean, variance, count.
-        paid: variance and count of the discounted return.
-        clip, epsilon: observations lie within +-clip; epsilon is added to a variance.
-    """
-
-    parts: Mapping[str, tuple[Any, Any, float]]
-    paid: tuple[float, float]
-    clip: float
-    epsilon: float
-
-    def __call__(self, observation: Any) -> Any:
-        """The observation as the policy is shown it."""
-        if "" in self.parts:
-            return self._scaled(observation, "")
-        if not isinstance(observation, Mapping):
-            return observation
-        return {
-            key: self._scaled(part, key) if key in self.parts else part
-            for key, part in observation.items()
-        }
-
-    def _scaled(self, part: Any, key: str) -> Any:
-        mean, variance, _ = self.parts[key]
-        scaled = (part - mean) / np.sqrt(variance + self.epsilon)
-        return np.clip(scaled, -self.clip, self.clip).astype(np.float32)
-
-    def to_json(self) -> str:
-        """As text; floats are read back to the bit."""
-        parts = {k: [m.tolist(), v.tolist(), n] for k, (m, v, n) in self.parts.items()}
-        kept = {"parts": parts, "paid": self.paid, "clip": self.clip, "epsilon": self.epsilon}
-        return json.dumps(kept, sort_keys=True)
-
-    @classmethod
-    def of_json(cls, text: str) -> Normalization:
-        """Reads what `to_json` wrote."""
-        kept = json.loads(text)
-        parts = {
-            key: (np.array(mean), np.array(variance), float(count))
-            for key, (mean, variance, count) in kept["parts"].items()
-        }
-        return cls(parts, tuple(kept["paid"]), kept["clip"], kept["epsilon"])
 
 
 class _ActingOnly(RunningMeanStd):

@@ -16,14 +16,10 @@ import torch
 from stable_baselines3.common.callbacks import BaseCallback
 
 from gamekeeper.adapters.requirements import role_of, weights_digest
-from gamekeeper.adapters.sb3.sb3_normalization import (
-    Normalization,
-    normalization_of,
-    save,
-    saved_normalization,
-)
+from gamekeeper.adapters.sb3.sb3_normalization import normalization_of, save, saved_normalization
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import PolicyError
+from gamekeeper.interface.wrappers.normalization import Normalization
 from gamekeeper.runs.recording import rollout
 from gamekeeper.vector.vector_form import MASK
 

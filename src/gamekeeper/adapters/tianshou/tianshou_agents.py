@@ -90,7 +90,7 @@ def _refuse_tuples(space: Any) -> None:
             "Tianshou has no tuples of observations",
             where="observation_space",
             actual=str(space)[:200],
-            fix="make a Dict of them, in the environment",
+            fix="gk.wrappers.flatten_observations(env), or make a Dict of them in the environment",
         )
 
 
@@ -288,7 +288,8 @@ class TianshouAgents:
                 turn = self._infos["turn"]
                 learner = self._learner_of[turn]
                 mine = np.flatnonzero((self._group_of[turn] == g) & (learner >= 0))
-                array[mine] = native(space, actions[mine, learner[mine]])
+                if len(mine):  # actions of a role that doesn't learn may be of another shape
+                    array[mine] = native(space, actions[mine, learner[mine]])
                 continue
             for j in np.flatnonzero(np.array(self._groups) == g):
                 array[:, self._columns[j] - group.first] = native(space, actions[:, j])

@@ -187,7 +187,8 @@ def resets_take_seed_and_options(contract: Contract, evidence: ProbeEvidence) ->
     """`reset` takes `seed` and `options` by keyword, and neither is needed.
 
     Wrappers, vector environments and trainers call `reset(seed=..., options=...)`; where one of
-    them isn't known, they crash with a TypeError.
+    them isn't known, they crash with a TypeError. Where no reset succeeds, with or without them,
+    the arguments aren't the cause, and nothing is said of them.
 
     Bad:
     ```python
@@ -199,6 +200,8 @@ def resets_take_seed_and_options(contract: Contract, evidence: ProbeEvidence) ->
     ```
     """
     for fact in evidence.facts(ResetArguments):
+        if all(fact.value.raised.values()):
+            continue
         for words, raised in fact.value.raised.items():
             yield Case(
                 fact.where,

@@ -219,10 +219,11 @@ def laziness(
         return Laziness(False, "no other surely brings anything", fair)
     usual = sum(differences[name].value for name in peers if name != agent) / len(others)
     usual = max(usual, fair)
+    whose = " of its role" if part == PART else ""
     said = (
-        f"its Shapley value is at most {own.high:.3g} (the others of its role: {fair:.3g} on "
+        f"its Shapley value is at most {own.high:.3g} (the others{whose}: {fair:.3g} on "
         f"average), and the team loses at most {lost.high:.3g} without it; lazy is below "
-        f"{PART * fair:.3g} and {PART * usual:.3g}"
+        f"{part * fair:.3g} and {part * usual:.3g}"
     )
     return Laziness(own.high < part * fair and lost.high < part * usual, said, fair)
 

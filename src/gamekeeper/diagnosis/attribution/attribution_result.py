@@ -58,6 +58,9 @@ class Attribution:
         run: the folder, or None.
         episodes: recorded ones that were looked into.
         fresh: fresh ones that were played.
+        reused: of all those, how many an earlier call had played.
+        steps: env steps that these took.
+        budget: those that could be taken; None: as many as the episodes take.
         recorded: all of the run, of which the agents' own figures are.
         replayed: recorded and fresh ones that were looked into.
         loop: `closed`: policies react. `open`: only recorded actions could be played.
@@ -76,6 +79,9 @@ class Attribution:
     run: str | None
     episodes: int
     fresh: int
+    reused: int
+    steps: int
+    budget: int | None
     recorded: int
     replayed: int
     loop: Literal["closed", "open"]
@@ -111,6 +117,9 @@ class Attribution:
             "run": self.run,
             "episodes": self.episodes,
             "fresh": self.fresh,
+            "reused": self.reused,
+            "steps": self.steps,
+            "budget": self.budget,
             "recorded": self.recorded,
             "replayed": self.replayed,
             "loop": self.loop,
@@ -136,7 +145,7 @@ class Attribution:
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
-        return html_table(self.rows())
+        return html_table(self.rows(), caption="Attribution of the run's returns")
 
 
 def _row(name: str, part: AgentPart) -> list[str]:

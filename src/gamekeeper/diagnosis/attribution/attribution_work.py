@@ -6,8 +6,9 @@ import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from threading import Lock
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.random import Generator
@@ -28,7 +29,9 @@ from gamekeeper.diagnosis.attribution.replacement_runs import (
     paper_from_json,
     paper_to_json,
 )
+from gamekeeper.diagnosis.progress_notes import damaged, note, noted
 from gamekeeper.rollouts.executors.task import Executor
+from gamekeeper.rollouts.interrupts import noted_if_interrupted
 
 ONE: Final = 2
 """Actions of each agent and episode that are replaced by doing nothing, one at a time."""
@@ -48,7 +51,9 @@ def scan(bench: ReplacementRunner, paper: EpisodeActions, *, seed: int) -> dict[
     `return`; `noise`: the first turn that differs although nothing was changed, or None; `all`: by
     agent, how much less the team has where the agent does nothing all along; `one`: the same of
     single actions, their mean; `influence`: rows of from, to, on, lag, changed, looks; `penalties`:
-    what an agent paid, and whose doing nothing would have spared it that.
+    what an agent paid, and whose doing nothing would have spared it that; `terms`: rewards by agent
+    and term; `untold`: where terms are neither told nor in infos, those that are in no info, else
+    None.
     """
     rng = np.random.default_rng([seed, paper.number, paper.run == "fresh"])
     base = bench.from_paper(paper, sees=True)
@@ -73,7 +78,18 @@ def scan(bench: ReplacementRunner, paper: EpisodeActions, *, seed: int) -> dict[
     }
     found["influence"] = _influence(bench, paper, base, agents, noise, rng)
     found["penalties"] = _penalties(bench, paper, base, noise, rng)
+    found["terms"] = {agent: _sums(base, agent) for agent in base.actions} if base.has_terms else {}
+    told = base.info_terms
+    found["untold"] = None if told is None or told.hold else sorted(told.declared - told.found)
     return found
+
+
+def _sums(film: ActionTrack, agent: str) -> dict[str, float]:
+    """Rewards of an agent by term."""
+    sums: Counter[str] = Counter()
+    for paid in film.terms:
+        sums.update(paid.get(agent, {}))
+    return dict(sums)
 
 
 def first_difference(one: ActionTrack, two: ActionTrack) -> int | None:
@@ -166,7 +182,7 @@ def _penalties(
     """Penalties that a term's earner should have got, and the agent that caused them."""
     if paper.run != "recorded":
         return []
-    costs = payments(base, bench.contract)
+    costs = payments(base, bench.contract, has_terms=base.has_terms)
     paid: dict[tuple[str, str], list[int]] = {}
     for turn, terms in enumerate(costs):
         for agent, own in terms.items():
@@ -188,11 +204,17 @@ def _penalties(
     ]
 
 
-def payments(film: ActionTrack, contract: Contract) -> list[dict[str, dict[str, float]]]:
-    """By turn and agent, the negative payments of terms whose payee is their earner."""
+def payments(
+    film: ActionTrack, contract: Contract, *, has_terms: bool
+) -> list[dict[str, dict[str, float]]]:
+    """By turn and agent, the negative payments of terms whose payee is their earner.
+
+    Args:
+        has_terms: the unchanged film tells terms; in a short one of few of them nobody could say.
+    """
     own = {name for name, term in contract.rewards.items() if term.payee == ("earner",)}
     told: list[Mapping[str, Mapping[str, float]]]
-    if len(film.terms) == len(film.rewards):
+    if has_terms:
         told = list(film.terms)
     elif len(contract.rewards) == 1:  # the reward is that term
         name = next(iter(contract.rewards))
@@ -239,7 +261,8 @@ def _causers(
         film = bench.from_paper(paper, Swap(name, at, "noop"), turns=turn + 1)
         if len(film.rewards) <= turn:
             return True
-        now = payments(film, bench.contract)[turn].get(payer, {}).get(term, 0.0)
+        paid = payments(film, bench.contract, has_terms=base.has_terms)[turn]
+        now = paid.get(payer, {}).get(term, 0.0)
         return now > cost + 1e-12
 
     if payer in last and spares(payer):
@@ -260,20 +283,28 @@ class ContributionData:
         scans: what single actions did, as `scan` has it; recorded episodes first.
         said: what was said, and what was known and done around it.
         listened: looks at whether a message changed what was done.
+        reused: units that an earlier call had played.
+        steps: env steps of each unit, by kind and number.
+        not_played: what the budget didn't reach, in words.
     """
 
     closed: dict[int, dict[int, float]] = field(default_factory=dict)
     scans: list[dict[str, Any]] = field(default_factory=list)
     said: list[dict[str, Any]] = field(default_factory=list)
     listened: list[dict[str, Any]] = field(default_factory=list)
+    reused: int = 0
+    steps: dict[tuple[str, int], int] = field(default_factory=dict)
+    not_played: list[str] = field(default_factory=list)
 
-    def take(self, kind: str, value: Any) -> None:
-        """Keeps a report."""
-        if kind == "closed":
-            number, values = value
-            self.closed[int(number)] = {int(mask): returned for mask, returned in values}
-        else:
-            getattr(self, kind).append(value)
+    def take(self, unit: Mapping[str, Any]) -> None:
+        """Keeps what came of one unit of work, as `play_share` hands it over."""
+        self.steps[unit["kind"], unit["number"]] = unit["steps"]
+        if unit["kind"] == "closed":
+            values = unit["value"]
+            self.closed[int(unit["number"])] = {int(mask): returned for mask, returned in values}
+            return
+        for name, values in unit["value"].items():
+            getattr(self, name).extend(values)
 
     def in_order(self) -> ContributionData:
         """The same whoever played it."""
@@ -292,6 +323,9 @@ def gather(
     workers: int | Executor = 0,
     silence_s: float | None = SILENCE_S,
     on_message: Callable[[dict[str, Any]], None] | None = None,
+    budget: int | None = None,
+    notes: Path | None = None,
+    head: Mapping[str, Any] | None = None,
 ) -> ContributionData:
     """Plays fresh episodes with every coalition, and looks into papers action by action.
 
@@ -301,27 +335,115 @@ def gather(
         fresh: of these, those that are looked into action by action as well.
         workers: processes that play; 0: this one does; or an executor that plays.
         on_message: called with `{"episode", "episodes"}`.
+        budget: env steps; an episode that began is finished.
+        notes: the file in which what was played is kept, and from which a second call goes on.
+        head: what that file has to begin with.
     Raises:
         EnvError: the environment raised, or a worker process hung or died.
+        RunError: the file is another attribution's, or damaged.
+        KeyboardInterrupt: by Ctrl-C; its notes say what was kept.
     """
+    wanted = {("closed", number) for number in range(closed)}
+    wanted |= {("recorded", paper.number) for paper in papers}
+    wanted |= {("fresh", number) for number in range(fresh)}
     found, lock = ContributionData(), Lock()
-    total = closed + len(papers) + fresh
+    if notes is not None:
+        _take_noted(found, notes, head or {}, wanted)
+    known = set(found.steps)
 
-    def take(fields: Mapping[str, Any]) -> None:
-        if "kind" not in fields:
-            return
+    def take(unit: Mapping[str, Any]) -> None:
         with lock:
-            found.take(fields["kind"], fields["value"])
+            found.take(unit)
+            if notes is not None:
+                note(notes, unit)
             done = len(found.closed) + len(found.scans)
         if on_message is not None:
-            on_message({"episode": done, "episodes": total})
+            on_message({"episode": done, "episodes": len(wanted)})
 
-    if workers == 0:
-        with ReplacementRunner(task) as bench:
-            play_share(bench, papers, range(closed), range(fresh), take)
-    else:
-        _apart(task, papers, closed, fresh, workers, silence_s, take)
+    units = _in_turn(papers, closed, fresh)
+    with noted_if_interrupted(lambda: _kept(found, len(wanted), notes)):
+        for share in _rounds(units, found, budget):
+            left = [unit for unit in share if unit[:2] not in known]
+            if left and workers == 0:
+                with ReplacementRunner(task) as bench:
+                    play_share(bench, *_sorted(left), take)
+            elif left:
+                _apart(task, *_sorted(left), workers, silence_s, take)
     return found.in_order()
+
+
+WorkUnit: TypeAlias = tuple[str, int, Any]
+"""Kind and number of an episode, and the recorded actions of one that is played again."""
+
+
+def _in_turn(papers: Sequence[EpisodeActions], closed: int, fresh: int) -> list[WorkUnit]:
+    """Units of work: those of each kind in order, the kinds in proportion to their numbers."""
+    kinds: list[list[WorkUnit]] = [
+        [("closed", number, None) for number in range(closed)],
+        [
+            *(("recorded", paper.number, paper) for paper in papers),
+            *(("fresh", number, None) for number in range(fresh)),
+        ],
+    ]
+    placed = [((k + 0.5) / len(units), unit) for units in kinds for k, unit in enumerate(units)]
+    return [unit for _, unit in sorted(placed, key=lambda each: each[0])]
+
+
+def _sorted(units: Sequence[WorkUnit]) -> tuple[list[EpisodeActions], list[int], list[int]]:
+    """Recorded episodes, numbers of those in which coalitions play, and of fresh ones."""
+    papers = [paper for _, _, paper in units if paper is not None]
+    closed, fresh = ([n for kind, n, _ in units if kind == each] for each in ("closed", "fresh"))
+    return papers, closed, fresh
+
+
+def _rounds(
+    units: Sequence[WorkUnit], found: ContributionData, budget: int | None
+) -> Iterator[Sequence[WorkUnit]]:
+    """Yields units to be played next: all at once, or with a budget half of what it allows.
+
+    It depends on the steps of whole rounds alone, so that the answer is the same whoever plays.
+    """
+    if budget is None:
+        yield units
+        return
+    done = 0
+    while done < len(units):
+        spent = [found.steps[kind, number] for kind, number, _ in units[:done]]
+        room = (budget - sum(spent)) // max([1, *spent]) if done else 2
+        if room < 1:
+            break
+        count = max(room // 2, 1)
+        yield units[done : done + count]
+        done += count
+    left = units[done:]
+    whole = [unit for unit in left if unit[0] == "closed"]
+    for count, what in (
+        (len(whole), "new episodes with agents replaced"),
+        (len(left) - len(whole), "episodes with actions replaced"),
+    ):
+        if count:
+            found.not_played.append(f"{count} {what}")
+
+
+def _take_noted(
+    found: ContributionData, notes: Path, head: Mapping[str, Any], wanted: set[tuple[str, int]]
+) -> None:
+    """Takes what an earlier call had played of what is wanted."""
+    for number, unit in noted(notes, head):
+        try:
+            if (unit["kind"], unit["number"]) in wanted:
+                found.take(unit)
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise damaged(notes, number, error) from error
+    found.reused = len(found.steps)
+
+
+def _kept(found: ContributionData, count: int, notes: Path | None) -> list[str]:
+    """Lines of what becomes of an attribution that was interrupted."""
+    done = f"{len(found.closed) + len(found.scans)} of {count} episodes were played"
+    if notes is None:
+        return [f"{done}; nothing was kept; with an output folder the next call would go on"]
+    return [f"{done}; they stay in {notes.parent}; the same command goes on from there"]
 
 
 def play_share(
@@ -332,17 +454,27 @@ def play_share(
     take: Callable[[Mapping[str, Any]], None],
 ) -> None:
     """Plays a part of what is wanted; what comes of it depends on nothing but the episode."""
-    task = bench.task
     for number in closed:
-        take({"kind": "closed", "value": [number, _coalitions(bench, number)]})
-    for paper in [*papers, *(bench.fresh(number) for number in fresh)]:
-        take({"kind": "scans", "value": scan(bench, paper, seed=task.seed)})
-        at = {"run": paper.run, "number": paper.number}
-        for value in said(bench, paper):
-            take({"kind": "said", "value": {**at, **value}})
-        if paper.run == "fresh":
-            for value in listened(bench, paper, seed=task.seed):
-                take({"kind": "listened", "value": {**at, **value}})
+        before = bench.steps
+        unit = {"kind": "closed", "number": number, "value": _coalitions(bench, number)}
+        take({**unit, "steps": bench.steps - before})
+    looked_into: list[EpisodeActions | int] = [*papers, *fresh]
+    for each in looked_into:
+        before = bench.steps
+        paper = bench.fresh(each) if isinstance(each, int) else each
+        unit = {"kind": paper.run, "number": paper.number, "value": _looked_into(bench, paper)}
+        take({**unit, "steps": bench.steps - before})
+
+
+def _looked_into(bench: ReplacementRunner, paper: EpisodeActions) -> dict[str, list[Any]]:
+    """Effects of single actions in an episode, and the messages that were said and heard in it."""
+    at, seed = {"run": paper.run, "number": paper.number}, bench.task.seed
+    heard = listened(bench, paper, seed=seed) if paper.run == "fresh" else ()
+    return {
+        "scans": [scan(bench, paper, seed=seed)],
+        "said": [{**at, **each} for each in said(bench, paper)],
+        "listened": [{**at, **each} for each in heard],
+    }
 
 
 def _coalitions(bench: ReplacementRunner, number: int) -> list[list[float]]:
@@ -360,8 +492,8 @@ def members(mask: int, players: Sequence[str]) -> list[str]:
 def _apart(
     task: ReplacementTask,
     papers: Sequence[EpisodeActions],
-    closed: int,
-    fresh: int,
+    closed: Sequence[int],
+    fresh: Sequence[int],
     workers: int | Executor,
     silence_s: float | None,
     take: Callable[[Mapping[str, Any]], None],
@@ -384,15 +516,18 @@ def _apart(
 
 
 def _shares(
-    task: ReplacementTask, papers: Sequence[EpisodeActions], closed: int, fresh: int
+    task: ReplacementTask,
+    papers: Sequence[EpisodeActions],
+    closed: Sequence[int],
+    fresh: Sequence[int],
 ) -> Iterator[dict[str, Any]]:
     plain = task.to_json()
     nothing: dict[str, Any] = {"task": plain, "papers": [], "closed": [], "fresh": []}
-    for number in range(closed):
+    for number in closed:
         yield {**nothing, "closed": [number]}
     for paper in papers:
         yield {**nothing, "papers": [paper_to_json(paper)]}
-    for number in range(fresh):
+    for number in fresh:
         yield {**nothing, "fresh": [number]}
 
 

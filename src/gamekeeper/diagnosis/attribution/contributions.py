@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -17,6 +19,7 @@ from gamekeeper.diagnosis.attribution.agent_measures import (
     Harm,
     Laziness,
     Measured,
+    Own,
     everyone,
     harms,
     influence,
@@ -58,6 +61,7 @@ ACTION_EPISODES: Final = 50
 """Episodes that are looked into action by action unless told otherwise."""
 MOST_PLAYERS: Final = 24
 """Agents whose part in whole episodes is asked for; of larger teams they are drawn."""
+NOTES: Final = "attribution.jsonl"
 CAN_BE_PLAYED: Final = ("ended", "cut")
 
 
@@ -68,10 +72,12 @@ def attribute(
     baseline: Baseline = "noop",
     episodes: int | None = None,
     action_episodes: int = ACTION_EPISODES,
+    budget: int | None = None,
     env: object | None = None,
     policies: Mapping[str, Any] | None = None,
     seed: int = 0,
     workers: int | Executor = 0,
+    out: str | PathLike[str] | None = None,
     allow_import: bool = False,
     timeout_s: float | None = SILENCE_S,
     on_message: Callable[[dict[str, Any]], None] | None = None,
@@ -90,10 +96,13 @@ def attribute(
         episodes: fresh ones in which agents are replaced; None: 50. Of fewer no interval is given.
         action_episodes: episodes that are played again with actions of one agent replaced:
             recorded ones first, then fresh ones.
+        budget: most env steps that are taken, an episode that began is finished; None: as many as
+            those episodes take. `not_tested` names what it didn't reach.
         env: opened in place of what the evidence names, with the recorded arguments.
         policies: in place of the recorded ones, by agent, role or under `*`.
         seed: of all draws; equal seeds give equal answers.
         workers: processes that play; 0: this one; or an executor that plays.
+        out: a folder for what was played; a second call goes on there.
         allow_import: run code that the evidence names.
         timeout_s: longest time without a turn in a worker.
         on_message: called with `{"episode", "episodes"}` as they are played.
@@ -102,7 +111,7 @@ def attribute(
         SpecError: the environment can't be opened.
         PolicyError: a policy or the baseline can't be found.
         EnvError: the environment raised, or a worker hung or died.
-        RunError: there is no run.
+        RunError: there is no run, or another attribution lies in `out`.
     """
     evidence = whole_evidence(run, env=env, allow_import=allow_import)
     declared = contract_of(evidence, contract)
@@ -127,6 +136,7 @@ def attribute(
                 bench.paper_of(trace) for trace in traces[:action_episodes]
             ]
             roles = {name: bench.role_of(name) for name in players}
+            head = {"run": evidence.fingerprint, **bench.identity}
         fresh = min(max(action_episodes - len(recorded), 0), closed)
         found = gather(
             task,
@@ -136,8 +146,11 @@ def attribute(
             workers=workers,
             silence_s=timeout_s,
             on_message=on_message,
+            budget=budget,
+            notes=None if out is None else Path(out) / NOTES,
+            head=head,
         )
-    return _attributed(evidence, task, found, roles, baseline)
+    return _attributed(evidence, task, found, roles, baseline, budget)
 
 
 def _setup(evidence: Evidence, **given: Any) -> Setup:
@@ -179,13 +192,15 @@ def _attributed(
     found: ContributionData,
     roles: Mapping[str, str | None],
     baseline: str,
+    budget: int | None,
 ) -> Attribution:
     rng = np.random.default_rng([12, task.seed])
     shapley, differences = _closed(task, found, rng)
     sure = [each for each in found.scans if each["noise"] is None]
     whole = everyone(len(task.players))
     agents, harm = {}, harms(differences, shapley)
-    for name, own in own_rewards(evidence.summary, map(outcome_of, evidence.episodes)).items():
+    owns = own_rewards(evidence.summary, map(outcome_of, evidence.episodes))
+    for name, own in _with_terms(owns, found, evidence.episode_table.num_rows).items():
         peers = [peer for peer in task.players if roles.get(peer) == roles.get(name)]
         mine = harm.get(name, Harm(None, "nothing was played in its place"))
         lazy = _laziness(name, peers, differences, shapley, task)
@@ -204,6 +219,9 @@ def _attributed(
         run=None if evidence.path is None else evidence.name,
         episodes=sum(each["run"] == "recorded" for each in found.scans),
         fresh=len(found.closed),
+        reused=found.reused,
+        steps=sum(found.steps.values()),
+        budget=budget,
         recorded=evidence.episode_table.num_rows,
         replayed=len(found.scans),
         loop="closed" if task.is_closed else "open",
@@ -218,6 +236,20 @@ def _attributed(
         penalties=tuple(penalties(found.scans)),
         not_tested=(*_not_tested(task, found, evidence), *_untold(agents, found, task)),
     )
+
+
+def _with_terms(owns: Mapping[str, Own], found: ContributionData, episodes: int) -> dict[str, Own]:
+    """Agents' own rewards with terms from infos, where every recorded episode has them there."""
+    told = [scan["terms"] for scan in found.scans if scan["run"] == "recorded" and scan["terms"]]
+    if len(told) < episodes or any(own.terms for own in owns.values()):
+        return dict(owns)
+    sums: dict[str, Counter[str]] = {name: Counter() for name in owns}
+    counts = Counter(name for by_agent in told for name in by_agent)
+    for by_agent in told:
+        for name, terms in by_agent.items():
+            sums[name].update(terms)
+    means = {name: {term: x / counts[name] for term, x in sums[name].items()} for name in owns}
+    return {name: replace(own, terms=means[name]) for name, own in owns.items()}
 
 
 def _method(task: ReplacementTask) -> Any:
@@ -278,8 +310,11 @@ def _laziness(
     if name not in task.players:
         return Laziness(None, "it joins late, on the side of the one it follows")
     baseline = task.baseline[name]
-    if len(peers) > 1 or any(each.value < 0 for each in shapley.values()):
+    if len(peers) > 1:
         return laziness(name, peers, differences, shapley, baseline=baseline)
+    if any(each.high is not None and each.high < 0 for each in shapley.values()):
+        why = "it is alone in its role, and some agent surely takes from the team's return"
+        return Laziness(None, why)
     every = list(task.players)
     return laziness(name, every, differences, shapley, baseline=baseline, part=ACROSS)
 
@@ -298,6 +333,8 @@ def _not_tested(
     if deaf:
         why = "all that it observes is declared a message; name the part, as observation[-3:]"
         notes.append({"what": f"listening of {', '.join(deaf)}", "why": why})
+    for what in found.not_played:
+        notes.append({"what": what, "why": "the budget of env steps was reached (--budget)"})
     noisy = sum(each["noise"] is not None for each in found.scans)
     if noisy:
         why = f"in {noisy} of {len(found.scans)} episodes the same actions came out otherwise"
@@ -305,12 +342,18 @@ def _not_tested(
     ends = evidence.episode_table["end"].to_pylist()
     broken = sum(end not in CAN_BE_PLAYED for end in ends)
     beyond = len(ends) - broken - sum(each["run"] == "recorded" for each in found.scans)
+    beyond = 0 if found.not_played else beyond
     for count, why in ((broken, "they broke off"), (beyond, "they are beyond --action-episodes")):
         if count:
             notes.append({"what": f"replaced actions in {count} recorded episodes", "why": why})
     if not any(term.payee == ("earner",) for term in task.contract.rewards.values()):
         why = 'no reward term of the contract has payee = "earner"'
         notes.append({"what": "penalties caused by another agent", "why": why})
+    untold = [set(each["untold"]) for each in found.scans if each["untold"] is not None]
+    if untold:
+        never = sorted(set.intersection(*untold))
+        why = f"{', '.join(never)}: never in infos" if never else "in infos, but not what was paid"
+        notes.append({"what": "rewards and penalties by declared term", "why": why})
     if not (found.said or found.listened or deaf):
         why = "the contract names no message field that is a part of an observation or an action"
         notes.append({"what": "effects of messages", "why": why})

@@ -17,6 +17,7 @@ from gymnasium.spaces import Discrete
 from numpy.random import Generator
 
 from gamekeeper.contract import Contract
+from gamekeeper.diagnosis.attribution.info_terms import InfoTerms
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.interface.action_mask import legal_flags, reader
 from gamekeeper.interface.capture import AgentId
@@ -76,6 +77,7 @@ class ActionTrack:
         given: a fingerprint of what an agent was given to decide on, by turn and agent.
         rewards: what each step paid, by agent.
         terms: the same by reward term; empty where the environment doesn't tell terms.
+        info_terms: declared terms in infos, where the environment tells terms nowhere else.
         ended: the agents that had ended, after each step.
         left_paper: decisions that had to follow the rule for illegal or missing actions.
         swapped: decisions that were made otherwise.
@@ -94,6 +96,7 @@ class ActionTrack:
     given: dict[tuple[int, str], Any] = field(default_factory=dict)
     rewards: list[dict[str, float]] = field(default_factory=list)
     terms: list[dict[str, dict[str, float]]] = field(default_factory=list)
+    info_terms: InfoTerms | None = None
     ended: list[frozenset[str]] = field(default_factory=list)
     left_paper: int = 0
     swapped: int = 0
@@ -150,10 +153,10 @@ class ActionTrack:
         self.turn = turn
         if turn == 0:
             return
-        rewards, over = (
-            (env.rewards, (env.terminations, env.truncations))
+        rewards, over, infos = (
+            (env.rewards, (env.terminations, env.truncations), env.infos)
             if out is None
-            else (out[1], (out[2], out[3]))
+            else (out[1], (out[2], out[3]), out[4])
         )
         self.rewards.append({agent_name(a): float(value) for a, value in rewards.items()})
         self._gone |= {agent_name(a) for flags in over for a, flag in flags.items() if flag}
@@ -161,6 +164,15 @@ class ActionTrack:
         paid = getattr(env, "terms", None)
         if isinstance(paid, dict):
             self.terms.append({agent_name(a): dict(terms) for a, terms in paid.items()})
+        elif len(self.contract.rewards) > 1 and not self.counts:
+            self.info_terms = self.info_terms or InfoTerms(frozenset(self.contract.rewards))
+            self.terms.append(self.info_terms.take(infos, self.rewards[-1]))
+
+    @property
+    def has_terms(self) -> bool:
+        """Tells whether it is known what each step paid by reward term."""
+        is_known = self.info_terms is None or self.info_terms.hold
+        return is_known and len(self.terms) == len(self.rewards)
 
     def team_return(self) -> float:
         """The sum of all rewards."""

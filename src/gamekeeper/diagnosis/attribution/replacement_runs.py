@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
+from hashlib import blake2b
 from typing import Any, Literal, TypeAlias, TypeVar
 
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.attribution.recorded_actions import ActionTrack, EpisodeActions, Swap
-from gamekeeper.diagnosis.played_setup import Setup
+from gamekeeper.diagnosis.played_setup import Setup, played_identity
 from gamekeeper.episodes.canonical import from_json, to_json
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
@@ -145,8 +147,9 @@ class ReplacementRunner:
             PolicyError: a policy can't be found.
         """
         self.task, self.contract = task, task.contract
-        self._on_step = on_step or _nothing
-        self.env: Any = open_env(task.setup.spec, **task.setup.kwargs).env
+        self._on_step, self.steps = on_step or _nothing, 0
+        self.opened = open_env(task.setup.spec, **task.setup.kwargs)
+        self.env: Any = self.opened.env
         try:
             self.own: Any = None
             if task.is_closed:
@@ -161,6 +164,21 @@ class ReplacementRunner:
 
     def __exit__(self, *exception: object) -> None:
         self.env.close()
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """Identity of the attribution: source, arguments, policies, baselines, contract."""
+        task, described = self.task, "null"
+        if self.own is not None:
+            agents = list(getattr(self.env, "possible_agents", ()))
+            described = to_json(self.own.described(agents))
+        contract = json.dumps(task.contract.to_json(), sort_keys=True)
+        return {
+            **played_identity(self.opened, described, task.setup.options),
+            "seed": [task.seed, task.run_seed],
+            "baseline": dict(task.baseline),
+            "contract": blake2b(contract.encode(), digest_size=16).hexdigest(),
+        }
 
     def role_of(self, agent: AgentId) -> str | None:
         """An agent's role, declared or by its name."""
@@ -239,7 +257,7 @@ class ReplacementRunner:
 
     def _filmed(self, film: SomeFilm, play: EpisodePlan) -> SomeFilm:
         course = EpisodeLoop(
-            play, game_of(self.env), film, Hooks(), film, self._on_step, self.contract
+            play, game_of(self.env), film, Hooks(), film, self._count, self.contract
         )
         film.begin(self.task.run_seed, play.stream)
         failed = course.run()
@@ -251,6 +269,10 @@ class ReplacementRunner:
                 fix="replay the episode with this seed; the environment raised there",
             )
         return film
+
+    def _count(self) -> None:
+        self.steps += 1
+        self._on_step()
 
     def _play(self, number: int) -> EpisodePlan:
         setup = self.task.setup

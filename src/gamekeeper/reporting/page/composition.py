@@ -25,6 +25,7 @@ from gamekeeper.reporting.page.learning_section import learning_section, names_o
 from gamekeeper.reporting.page.packed_episode import PackedAgent, packed_agents
 from gamekeeper.reporting.page.page_data import PageBlock, PageSection, RunCard
 from gamekeeper.reporting.page.page_html import provenance_section
+from gamekeeper.reporting.page.pivots_section import pivots_section
 from gamekeeper.reporting.results_text import few, last_line
 
 Document = Mapping[str, Any]
@@ -93,12 +94,13 @@ class Documents:
     """JSON documents about a run, as the commands print them; None: not given.
 
     Attributes:
-        audit, diagnosis, attribution, evaluation: the documents.
+        audit, diagnosis, attribution, pivots, evaluation: the documents.
     """
 
     audit: Document | None = None
     diagnosis: Document | None = None
     attribution: Document | None = None
+    pivots: Document | None = None
     evaluation: Document | None = None
 
 
@@ -145,6 +147,7 @@ def sections_of(
         [(run.key, run.path, run.evidence) for run in runs], version=version, audit=documents.audit
     )
     backing = (
+        pivots_section(documents.pivots, key=main.key),
         PageSection("agents", "Agents", tuple(agents)),
         causes_section(documents.diagnosis, documents.attribution, key=main.key),
         verdicts_section(documents.audit),

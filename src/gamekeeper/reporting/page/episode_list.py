@@ -20,6 +20,7 @@ from gamekeeper.reporting.page.packed_episode import (
     packed_agents,
     packed_episode,
 )
+from gamekeeper.reporting.page.pivot_marks import pivot_marks, pivots_of, success_curve
 from gamekeeper.reporting.page.player_drawing import DeclaredScene, Drawing, drawn
 from gamekeeper.reporting.page.scene_drawing import scene_of
 
@@ -52,7 +53,7 @@ def entries_of(
     given: dict[Any, list[str]] = {}
     for each in labels:
         given.setdefault(each["episode"], []).append(str(each["label"]))
-    team = figures.team
+    team, sparks = figures.team, sparks_of(figures)
     return [
         {
             "run": run,
@@ -65,6 +66,7 @@ def entries_of(
             "why": [],
             "failing": failed[place],
             "team": _finite(team[place]),
+            "spark": sparks[place],
             "returns": {
                 agent: _finite(figures.returns[place, column])
                 for column, agent in enumerate(figures.agents)
@@ -76,6 +78,21 @@ def entries_of(
         }
         for place, header in enumerate(figures.headers)
     ]
+
+
+def sparks_of(figures: Figures) -> list[str]:
+    """Sparkline of each episode: a letter for each part, from A (the least of the run) to z.
+
+    The sum of all agents' rewards so far, on one scale for the run; empty where one isn't finite.
+    """
+    course = figures.course
+    is_known = np.isfinite(course).all(axis=1)
+    known = course[is_known]
+    low, high = min(0.0, known.min(initial=0.0)), known.max(initial=0.0)
+    steps = np.rint((known - low) / ((high - low) or 1.0) * (len(SCALE) - 1))
+    rows: list[list[float]] = np.asarray(steps).tolist()
+    letters = iter(["".join(SCALE[int(k)] for k in row) for row in rows])
+    return [next(letters) if each else "" for each in is_known.tolist()]
 
 
 def listed(entries: Sequence[dict[str, Any]], *, most_bytes: int) -> list[dict[str, Any]]:
@@ -112,6 +129,7 @@ def packed_of(
     roster: Sequence[PackedAgent] = (),
     frames: Drawing | None = None,
     has_failed: bool | None = None,
+    pivots: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """One episode as the player reads it, with its drawing and all its marks.
 
@@ -124,6 +142,7 @@ def packed_of(
         roster: of the run, where it is known already.
         frames: frames that were recorded.
         has_failed: True if it failed, where that is known already.
+        pivots: the document of `gamekeeper pivots`.
     Raises:
         KeyError: there is no such episode.
     """
@@ -136,8 +155,10 @@ def packed_of(
         [(member.name, member.role) for member in roster],
         environment.get("kwargs") or {},
     )
+    lost = pivots_of(pivots, episode)
+    marks = [*marks, *(() if lost is None else pivot_marks(lost))]
     every = [*marks, *_label_marks(trace, labels), *_failure_marks(evidence, trace, has_failed)]
-    return packed_episode(
+    packed = packed_episode(
         trace,
         roster,
         run=run,
@@ -146,6 +167,7 @@ def packed_of(
         volatile=evidence.contract.volatile_infos(),
         drawing=lambda infos: drawn(trace, names, frames=frames, infos=infos, declared=declared),
     )
+    return packed if lost is None else {**packed, "curve": success_curve(lost)}
 
 
 def _label_marks(trace: Episode, labels: Iterable[Label]) -> Iterable[Mark]:
@@ -176,6 +198,8 @@ def _failure_marks(evidence: Evidence, trace: Episode, has_failed: bool | None) 
 
 BUDGET_BYTES: Final = 2_500_000
 """Size of packed episodes on a page, in base64."""
+SCALE: Final = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz"
+"""Letters of a sparkline, from the least to the largest; `gallery.js` has them too."""
 MISSES: Final = 3
 """Number of episodes that didn't fit after which no other is tried."""
 

@@ -57,7 +57,7 @@ class Mark:
 
     Attributes:
         turn: the place.
-        kind: `divergence`, `failure`, `label`, `error`, `ending` or `change`.
+        kind: `divergence`, `failure`, `pivot`, `label`, `error`, `ending` or `change`.
         text: its description.
         agent: agent that it belongs to; None: all.
     """

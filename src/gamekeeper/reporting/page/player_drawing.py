@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from gamekeeper.contract.scene import Scene
@@ -115,7 +116,10 @@ def drawn(
     infos = infos if infos is not None else _infos(trace)
     if declared is not None:
         sources = SceneSources(
-            *_by_source(trace, leaves, infos), declared.agents, declared.arguments
+            *_by_source(trace, leaves, infos),
+            declared.agents,
+            declared.arguments,
+            over=_last_action(trace) + 1,
         )
         found = drawn_scene(declared.scene, sources)
         if found is not None:
@@ -195,6 +199,14 @@ def _by_source(
         own[0].append(turn)
         own[1].append(info)
     return (states[0].turns, states[0].values) if states else None, seen, by_agent
+
+
+def _last_action(trace: Episode) -> int:
+    """The last turn in which an agent that had not ended acted; -1 without one."""
+    steps = trace.steps
+    ended = pc.or_(*(pc.fill_null(steps[name], False) for name in ("terminated", "truncated")))
+    turns = steps["turn"].filter(pc.and_(pc.is_valid(steps["order"]), pc.invert(ended)))
+    return int(turns[-1].as_py()) if len(turns) else -1
 
 
 def _tracks(

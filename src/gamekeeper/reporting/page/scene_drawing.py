@@ -5,9 +5,10 @@ Where a declared source wasn't recorded, or has another shape, there is no scene
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
 from typing import Any, Final
@@ -38,16 +39,26 @@ def scene_of(evidence: Evidence) -> Scene:
     environment = evidence.manifest.get("environment") or {}
     declared = evidence.contract.scene
     if not declared.is_declared:
-        declared = _foreign().get(str(environment.get("name")), declared)
+        declared = _named(str(environment.get("name"))) or declared
     given = environment.get("kwargs") or {}
     if any(given.get(name) is not None for name in declared.unless):
         return Scene(actions=declared.actions)
     return declared
 
 
+def _named(name: str) -> Scene | None:
+    """The scene of our file for an environment's name, whose numbers are arguments."""
+    for pattern, scene in _foreign().items():
+        found = re.fullmatch(pattern, name)
+        if found is not None:
+            numbers = {key: int(value) for key, value in found.groupdict().items()}
+            return replace(scene, arguments={**scene.arguments, **numbers})
+    return None
+
+
 @cache
 def _foreign() -> dict[str, Scene]:
-    """Scenes of environments that have no contract of their own, by name."""
+    """Scenes of environments that have no contract of their own, by a pattern of their names."""
     text = files(__package__).joinpath("assets", "scenes.toml").read_text(encoding="utf-8")
     return {name: SCENE(data, SourcePath(NOWHERE)) for name, data in tomllib.loads(text).items()}
 
@@ -62,6 +73,7 @@ class SceneSources:
         infos: by agent, the turns and infos as plain JSON.
         agents: every agent of the run in order, with its role.
         arguments: of the environment.
+        over: the turn after the last action.
     """
 
     state: Series | None
@@ -69,6 +81,7 @@ class SceneSources:
     infos: Mapping[str, tuple[list[int], list[Any]]]
     agents: Sequence[tuple[str, str]]
     arguments: Mapping[str, Any]
+    over: int
 
     def series(self, source: str, agent: str) -> Series:
         """The numbers of a source.
@@ -138,6 +151,8 @@ def _drawn(scene: Scene, sources: SceneSources) -> dict[str, Any]:
     ]
     layers = {name: _layer(scene, sources, layer) for name, layer in scene.cells.items()}
     size = _size(scene, sources, layers)
+    if scene.fixed and size is not None:
+        layers = {"fixed": _fixed(scene, size), **layers}
     points = [*tracks.values(), *(each["track"] for each in things)]
     return {
         "kind": "map",
@@ -151,6 +166,7 @@ def _drawn(scene: Scene, sources: SceneSources) -> dict[str, Any]:
             "things": things,
             "cells": [layer for layer in layers.values() if layer],
             "links": [list(pair) for pair in scene.links],
+            "note": scene.note,
         },
     }
 
@@ -211,7 +227,7 @@ def _things(
     scene: Scene, sources: SceneSources, body: Body, tracks: Mapping[str, Track]
 ) -> list[Track]:
     found = []
-    agent = body.beside or ""
+    agent = body.beside or body.by or ""
     turns, values = sources.series(body.source, agent)
     flat = values.reshape(len(values), -1).astype(np.float64)
     start = _start(scene, sources, body)
@@ -241,6 +257,8 @@ def _names(sources: SceneSources, agent: str) -> tuple[str, ...]:
 
 def _layer(scene: Scene, sources: SceneSources, layer: Cells) -> dict[str, Any]:
     """Cells of a layer at the first turn, and those that change later."""
+    if layer.other:
+        return _board(sources, layer)
     turns, values = sources.series(layer.source, "")
     if layer.plane is not None:
         values = values[:, layer.plane]
@@ -252,8 +270,55 @@ def _layer(scene: Scene, sources: SceneSources, layer: Cells) -> dict[str, Any]:
         values = flat[:, end - length : end].reshape(len(values), rows, columns)
     if values.ndim != 3:
         raise _SourceError(layer.source)
+    values = np.where(np.isin(values, list(layer.values.values())), values, 0)
+    return _cells(turns, values, {number: word for word, number in layer.values.items()})
+
+
+def _board(sources: SceneSources, layer: Cells) -> dict[str, Any]:
+    """Pieces of two agents as whoever observes sees them, until one has seen the last action.
+
+    A number stands for an agent's piece: those of the first agent come first, from 1.
+    """
+    names, words = [name for name, _ in sources.agents], list(layer.values)
+    if len(names) != 2 or set(words) != set(layer.other):
+        raise _SourceError(layer.source)
+    seen: list[tuple[int, Numbers]] = []
+    for place, name in enumerate(names):
+        turns, values = sources.series(layer.source, name)
+        if values.ndim != 4:
+            raise _SourceError(layer.source)
+        board = np.zeros(values.shape[:3], np.int64)
+        for owner, channels in ((place, layer.values), (1 - place, layer.other)):
+            for word, channel in channels.items():
+                piece = 1 + owner * len(words) + words.index(word)
+                board[values[..., channel] != 0] = piece
+        board = board[:, ::-1] if layer.turned and place else board
+        board = board.swapaxes(1, 2) if layer.transposed else board
+        seen += [
+            each for each in zip(turns.tolist(), board, strict=True) if each[0] <= sources.over
+        ]
+    seen.sort(key=lambda each: each[0])
+    every = np.array([turn for turn, _ in seen], np.int64), np.stack([board for _, board in seen])
+    pieces = [(name, word) for name in names for word in words]
+    drawing = _cells(*every, {k + 1: name for k, (name, _) in enumerate(pieces)})
+    if drawing and len(words) > 1:
+        drawing["pieces"] = {str(k + 1): word for k, (_, word) in enumerate(pieces)}
+    return drawing
+
+
+def _fixed(scene: Scene, size: Sequence[int]) -> dict[str, Any]:
+    """Cells that never change, as a layer."""
+    cells = np.zeros((1, size[1], size[0]), np.int64)
+    for number, places in enumerate(scene.fixed.values(), 1):
+        for x, y, *extent in places:
+            columns, rows = (*extent, 1, 1)[:2]
+            cells[0, y : y + rows, x : x + columns] = number
+    return {**_cells(np.zeros(1, np.int64), cells, dict(enumerate(scene.fixed, 1))), "fixed": True}
+
+
+def _cells(turns: NDArray[np.int64], values: Numbers, words: Mapping[int, str]) -> dict[str, Any]:
+    """A layer as the player reads it; empty where too many cells change."""
     flat = values.reshape(len(values), -1)
-    flat = np.where(np.isin(flat, list(layer.values.values())), flat, 0)
     later, cell = np.nonzero(flat[1:] != flat[:-1])
     if len(later) > MOST_CHANGES:
         return {}
@@ -262,7 +327,7 @@ def _layer(scene: Scene, sources: SceneSources, layer: Cells) -> dict[str, Any]:
         for k, c in zip(later.tolist(), cell.tolist(), strict=True)
     ]
     return {
-        "values": {str(number): word for word, number in layer.values.items()},
+        "values": {str(number): word for number, word in words.items()},
         "columns": int(values.shape[2]),
         "rows": int(values.shape[1]),
         "base": [int(x) for x in flat[0]],

@@ -4,18 +4,19 @@ gk.endText = (end) => gk.own({ open: "no end: still recorded, or killed", torn: 
 // One episode on show: what it is, the world drawn, its lanes, and the table under the cursor.
 
 gk.Deck = class {
-  // `choose(turn)`, `pick(name)`: the reader points at a turn, or an agent, in the lanes.
-  constructor(episode, entry, label, choose, pick) {
+  // `choose(turn)`, `pick(name)`, `brush(from, to)`: the reader points at a turn, an agent, or along turns, in the lanes.
+  constructor(episode, entry, label, choose, pick, brush) {
     this.episode = episode;
     this.label = label;
     this.drawing = gk.drawingOf(episode);
-    this.lanes = new gk.Lanes(episode, choose, pick);
+    this.lanes = new gk.Lanes(episode, choose, pick, brush);
+    this.totals = new gk.RangeTable(episode, this.lanes.all);
     this.table = new gk.TurnTable(episode, label);
     const note = episode.drawingNote && gk.node("p", { class: "note", text: (episode.drawing ? "Drawn: " : "") + gk.visible(episode.drawingNote) });
     const world = gk.node("div", { class: "deck-world" }, this.drawing.root, note || "");
     const parts = [this.#heading(entry), this.#trouble(), this.#before()].filter(Boolean);
     const top = gk.node("div", { class: "deck-top" }, ...parts);
-    this.root = gk.node("article", { class: "deck", "aria-label": label }, top, world, this.lanes.root, this.table.root);
+    this.root = gk.node("article", { class: "deck", "aria-label": label }, top, world, gk.node("div", { class: "deck-lanes" }, this.lanes.root, this.totals.root), this.table.root);
   }
 
   #heading(entry) {
@@ -53,6 +54,12 @@ gk.Deck = class {
     this.lanes.show(turn);
     this.table.show(turn, other);
     this.root.classList.toggle("over", turn > this.episode.last);
+  }
+
+  // A range of turns: shaded in the lanes, its totals below them; null: none.
+  select(range) {
+    this.lanes.range = range;
+    this.totals.show(range);
   }
 
   // One agent stands out in the map, the lanes and the table, or is alone there; null: all alike.

@@ -52,3 +52,26 @@ const extraAgent = (a, b, turn) => {
   }
   return null;
 };
+
+gk.FIELD_WORDS = { row: "the set of rows", hidden: "a value that is not shown here" };
+const LONGEST = 80; // characters of a value that is shown
+
+const valueAt = (episode, { turn, agent, field }) => {
+  const seat = episode.seat.get(agent);
+  const row = seat === undefined ? -1 : episode.rowOf(seat, turn);
+  const value = gk.field(episode, row, field);
+  return typeof value === "number" ? gk.number(value) || "nothing" : value || "nothing";
+};
+
+// The first difference in a sentence; null: there is none.
+gk.differenceText = (part, episodes) => {
+  if (!part) return "No difference: every turn is the same in both.";
+  const { turn, agent, field, values } = part;
+  const against = (both) => both.map((value) => gk.visible(value).slice(0, LONGEST)).join(" against ");
+  if (turn === null) return `No turn differs; the ${gk.visible(field)} do: ${against(values)}.`;
+  if (field === "length") return `The same until turn ${turn - 1}, where one of them ends.`;
+  const who = agent === null ? "" : `${gk.visible(agent)}, `;
+  if (field === "row") return `First difference: turn ${turn}, ${who}which has a row in one of them only.`;
+  if (field === "hidden") return `First difference: turn ${turn}, in an observation, an info or the state, which this page does not compare one by one.`;
+  return `First difference: turn ${turn}, ${who}${gk.visible(field)} ${against(values ?? episodes.map((episode) => valueAt(episode, part)))}.`;
+};

@@ -50,6 +50,7 @@ gk.Episode = class {
     this.values = packed.values ?? [];
     this.endings = packed.endings ?? {};
     this.drawing = packed.drawing ?? null;
+    this.curve = packed.curve ?? []; // [turn, share that succeeds, low, high]
     this.drawingNote = packed.drawing_note ?? "";
     const rows = packed.rows;
     const n = rows.turn.length;

@@ -19,6 +19,7 @@ gk.listenToKeys = (player) => {
     "-": () => player.faster(-1),
     "[": () => player.toMark(-1),
     "]": () => player.toMark(1),
+    r: () => player.mark(player.anchor === null ? player.turn : null),
   };
   const scrolls = (element) => element.matches(".lanes-scroll, .scroll, pre");
   player.host.addEventListener("keydown", (event) => {

@@ -9,12 +9,14 @@ const TALLEST = 420; // pixels of all lanes in sight at once
 const CROWD = 50; // agents from which outliers come first
 
 gk.Lanes = class {
-  // `choose(turn)` is called when the reader points at a turn, `pick(name)` when at an agent.
-  constructor(episode, choose, pick) {
+  // `choose(turn)` is called when the reader points at a turn, `pick(name)` when at an agent, `brush(from, to)` when along the ruler.
+  constructor(episode, choose, pick, brush) {
     this.episode = episode;
     this.pyramids = new gk.Pyramids(episode);
     this.choose = choose;
     this.pick = pick;
+    this.brush = brush;
+    this.range = null; // first and last turn of the range
     this.all = orderOf(episode); // places of agents from top to bottom
     this.order = this.all;
     this.chosen = null;
@@ -42,7 +44,8 @@ gk.Lanes = class {
     const label = `Lanes of ${this.episode.agents.length} agents over turns 0 to ${this.episode.last}`;
     this.scroll = gk.node("div", { class: "lanes-scroll", tabindex: "0", role: "group", "aria-label": label }, this.space);
     this.line = gk.node("div", { class: "lanes-cursor", "aria-hidden": "true" });
-    this.box = gk.node("div", { class: "lanes-box" }, this.ruler, this.scroll, this.line);
+    this.shade = gk.node("div", { class: "lanes-range", "aria-hidden": "true", hidden: true });
+    this.box = gk.node("div", { class: "lanes-box" }, this.ruler, this.scroll, this.shade, this.line);
     this.#fit();
     this.canvas.setAttribute("aria-label", this.summary());
     this.zooms = this.#zooms();
@@ -82,11 +85,16 @@ gk.Lanes = class {
     );
   }
 
-  // Pointing, dragging and tapping choose a turn; the wheel with Ctrl zooms.
+  // Pointing, dragging and tapping choose a turn, dragging along the ruler a range; the wheel with Ctrl zooms.
   #pointer() {
     const at = (event) => this.first + Math.floor((event.clientX - this.canvas.getBoundingClientRect().left) / this.perTurn);
+    let start = 0;
     const follow = (event) => {
-      if (event.buttons & 1 || event.type === "pointerdown") this.choose(Math.max(0, Math.min(this.episode.last, at(event))));
+      if (!(event.buttons & 1) && event.type !== "pointerdown") return;
+      const turn = Math.max(0, Math.min(this.episode.last, at(event)));
+      if (event.type === "pointerdown") start = turn;
+      else if (event.currentTarget === this.ruler && turn !== start) return this.brush(start, turn);
+      this.choose(turn);
     };
     for (const canvas of [this.canvas, this.ruler]) {
       canvas.addEventListener("pointerdown", (event) => {
@@ -159,6 +167,11 @@ gk.Lanes = class {
     const per = this.perTurn;
     this.line.style.width = `${Math.max(2, per)}px`;
     this.line.style.transform = `translateX(${this.left + (this.cursor - this.first) * per}px)`;
+    this.shade.hidden = this.range === null;
+    if (this.range === null) return;
+    const [from, to] = [Math.max(this.first, this.range[0]), Math.min(this.first + this.width / per, this.range[1] + 1)];
+    this.shade.style.width = `${Math.max(0, to - from) * per}px`;
+    this.shade.style.transform = `translateX(${this.left + (from - this.first) * per}px)`;
   }
 
   // Brings an agent's lane into sight.

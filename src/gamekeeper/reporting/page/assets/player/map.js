@@ -2,6 +2,7 @@
 
 const TRAIL = 40; // turns
 const NAMED = 24; // as many agents have their names beside them
+const LETTERS = 6; // half the height of a name, in pixels
 const SIZE = 5; // pixels from a sign's centre to its edge
 const SIDE = 360; // pixels of the picture's longer side, at most
 const CELL = 48; // pixels of a cell's side, at most
@@ -25,6 +26,27 @@ gk.trackOf = (points) => ({
   xs: Float64Array.from(points, (point) => point[1] ?? NaN),
   ys: Float64Array.from(points, (point) => point[2] ?? NaN),
 });
+
+const overlap = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+
+// Places for names: right of their signs, left, below or above, where no other sign or name is and the picture doesn't end.
+gk.placeNames = (labels, { size, width, height }) => {
+  const box = (left, middle, wide, half) => ({ left, middle, right: left + wide, top: middle - half, bottom: middle + half });
+  const taken = labels.map(({ x, y }) => box(x - size, y, 2 * size, size));
+  const found = [];
+  labels.forEach(({ text, x, y, wide }, i) => {
+    const [apart, below] = [size + 3, size + LETTERS + 2];
+    const middle = Math.max(1, Math.min(width - wide - 1, x - wide / 2));
+    const places = [[x + apart, y], [x - apart - wide, y], [middle, y + below], [middle, y - below]];
+    const free = places
+      .map(([left, at]) => box(left, at, wide, LETTERS))
+      .find((each) => each.left >= 0 && each.right <= width && each.top >= 0 && each.bottom <= height && !taken.some((other, k) => k !== i && overlap(each, other)));
+    if (!free) return;
+    taken.push(free);
+    found.push({ text, ...free });
+  });
+  return found;
+};
 
 gk.MapDrawing = class {
   constructor(episode) {
@@ -83,7 +105,7 @@ gk.MapDrawing = class {
     for (const track of this.tracks) this.#draw(ink, track, turn, labels);
     for (const track of this.ghost?.tracks ?? []) this.#haunt(ink, track, turn);
     ink.fillStyle = colours.ink;
-    if (this.tracks.length <= NAMED) labels.forEach(([text, x, y]) => this.#write(ink, text, x, y));
+    if (this.tracks.length <= NAMED) this.#name(ink, labels);
     this.canvas.setAttribute("aria-label", `Map at turn ${turn}: ${this.#places(turn)}`);
   }
 
@@ -153,16 +175,17 @@ gk.MapDrawing = class {
     return true;
   }
 
-  // A name to the right of its sign, or to the left where the edge is near.
-  #write(ink, text, x, y) {
-    const short = text.length > 18 ? `${text.slice(0, 17)}…` : text;
-    const apart = this.size + 3;
-    const left = x + apart + 2 + ink.measureText(short).width > this.width;
-    ink.textAlign = left ? "right" : "left";
+  // Names beside their signs; those without room are left out, the lanes have all.
+  #name(ink, labels) {
+    const short = labels.map(([text, x, y]) => ({ text: text.length > 18 ? `${text.slice(0, 17)}…` : text, x, y }));
+    const named = gk.placeNames(short.map((each) => ({ ...each, wide: ink.measureText(each.text).width })), this);
+    ink.textAlign = "left";
     ink.lineWidth = 3;
     ink.strokeStyle = gk.colours().raised; // a rim, so that names are read on cells
-    ink.strokeText(short, left ? x - apart : x + apart, y);
-    ink.fillText(short, left ? x - apart : x + apart, y);
+    for (const { text, left, middle } of named) {
+      ink.strokeText(text, left, middle);
+      ink.fillText(text, left, middle);
+    }
   }
 
   #places(turn) {

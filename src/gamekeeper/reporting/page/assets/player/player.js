@@ -6,15 +6,11 @@ const THUMB = 16; // pixels of the slider's thumb, as style.css has it
 const TICKS = 14; // pixels of the line of marks below the slider
 const SETTLED = 500; // milliseconds after which a turn is read out and stands in the address
 
-const WORDS = { row: "the set of rows", hidden: "a value that is not shown here" };
-const LONGEST = 80; // characters of a value that is shown
-const against = (values) => values.map((value) => gk.visible(value).slice(0, LONGEST)).join(" against ");
-
 const wording = (mark) => [mark.kind, mark.agent === null || mark.agent === undefined ? "" : gk.visible(mark.agent), gk.visible(mark.text ?? "")].filter(Boolean).join(", ");
 
 gk.Player = class {
   constructor(host) {
-    Object.assign(this, { host, decks: [], chosen: null, solo: false, turn: 0, speed: 3, playing: false, part: null, settled: 0, generation: 0, moved: false });
+    Object.assign(this, { host, decks: [], chosen: null, solo: false, turn: 0, speed: 3, playing: false, part: null, settled: 0, generation: 0, moved: false, anchor: null });
     this.#make();
     this.render = gk.once(() => this.#render());
     gk.onColours(() => this.decks.forEach((deck) => deck.repaint(this.turn)));
@@ -67,18 +63,21 @@ gk.Player = class {
     const speed = gk.node("span", { class: "speed" }, slower, this.pace, button("faster", "Faster (+)", () => this.faster(1)));
     this.slider = gk.node("input", { type: "range", min: "0", max: "0", value: "0", step: "1", "aria-label": "Turn", class: "scrub" });
     this.slider.addEventListener("input", () => this.to(Number(this.slider.value)));
+    this.ranging = gk.node("button", { type: "button", class: "ranging", "aria-pressed": "false", title: "Totals from this turn on (R)", text: "Range" });
+    this.ranging.addEventListener("click", () => this.mark(this.anchor === null ? this.turn : null));
+    this.curve = new gk.SuccessCurve();
     this.where = gk.node("output", { class: "where", "aria-hidden": "true" });
     this.faster(0);
     return gk.node(
       "div",
       { class: "controls", role: "group", "aria-label": "Playback" },
-      gk.node("div", { class: "control-buttons" }, ...buttons, speed, this.where, this.picking, this.following),
-      gk.node("div", { class: "control-slider" }, this.slider, this.ticks),
+      gk.node("div", { class: "control-buttons" }, ...buttons, speed, this.ranging, this.where, this.picking, this.following),
+      gk.node("div", { class: "control-slider" }, this.slider, this.ticks, this.curve.root),
     );
   }
 
   #keys() {
-    const text = "Keys: ← → a turn · Shift with them ten · Home, End · Space plays · + − speed · [ ] marks. Clicking or dragging on the lanes selects a turn, too.";
+    const text = "Keys: ← → a turn · Shift with them ten · Home, End · Space plays · + − speed · [ ] marks · R begins and ends a range. Clicking or dragging on the lanes selects a turn, too, dragging along the turns above them a range.";
     return gk.node("p", { class: "note keys", text });
   }
 
@@ -98,7 +97,7 @@ gk.Player = class {
   partMarks() {
     if (!this.part || this.part.turn === null) return [];
     const { turn, agent, field } = this.part;
-    const text = field === "length" ? "one of them ends" : `${gk.own(WORDS, field) ?? field} differs`;
+    const text = field === "length" ? "one of them ends" : `${gk.own(gk.FIELD_WORDS, field) ?? field} differs`;
     return [{ turn: Math.min(turn, this.last), kind: "divergence", agent, text, both: true }];
   }
 
@@ -159,8 +158,9 @@ gk.Player = class {
   }
 
   // Opens an episode, or two side by side, at a turn.
-  async open(entries, { turn, focus = false, agent = null, solo = false } = {}) {
+  async open(entries, { turn, focus = false, agent = null, solo = false, anchor = null } = {}) {
     await this.#show(entries, turn);
+    this.mark(anchor);
     [this.chosen, this.solo] = [agent, agent !== null && solo];
     this.#stress();
     if (focus) {
@@ -199,7 +199,7 @@ gk.Player = class {
   #deal(episodes, entries) {
     const titles = episodes.length > 1 ? ["Left", "Right"] : ["Episode"];
     this.decks = episodes.map((episode, i) => {
-      const deck = new gk.Deck(episode, entries[i], `${titles[i]}: run ${gk.visible(episode.run)}, episode ${episode.index}`, (turn) => this.to(turn), (name) => this.pick(name));
+      const deck = new gk.Deck(episode, entries[i], `${titles[i]}: run ${gk.visible(episode.run)}, episode ${episode.index}`, (turn) => this.to(turn), (name) => this.pick(name), (from, to) => this.to(to, from));
       Object.assign(deck, { entry: entries[i], side: titles[i].toLowerCase() });
       return deck;
     });
@@ -239,7 +239,9 @@ gk.Player = class {
     ink.clearRect(0, 0, wide, TICKS);
     const shape = { first: 0, perTurn: (wide - THUMB) / Math.max(1, this.last), past: this.last + 1, width: wide };
     const penalties = this.decks.flatMap((deck) => deck.episode.penalties);
-    gk.drawMarks(ink, [...this.marks, ...penalties], { ...shape, at: (turn) => half + turn * shape.perTurn });
+    const at = (turn) => half + turn * shape.perTurn;
+    gk.drawMarks(ink, [...this.marks, ...penalties], { ...shape, at });
+    this.curve.draw(one ? this.decks[0].episode : null, { wide, at });
   }
 
   // A pair begins at its first difference, what broke off where it did, a failure in the midst of an episode where it is, anything else at its beginning.
@@ -253,23 +255,7 @@ gk.Player = class {
 
   #sayPart(episodes) {
     this.parted.hidden = episodes.length < 2;
-    if (episodes.length < 2) return;
-    if (!this.part) return gk.say(this.parted, "No difference: every turn is the same in both.");
-    const { turn, agent, field, values } = this.part;
-    if (turn === null) return gk.say(this.parted, `No turn differs; the ${gk.visible(field)} do: ${against(values)}.`);
-    if (field === "length") return gk.say(this.parted, `The same until turn ${turn - 1}, where one of them ends.`);
-    const who = agent === null ? "" : `${gk.visible(agent)}, `;
-    if (field === "row") return gk.say(this.parted, `First difference: turn ${turn}, ${who}which has a row in one of them only.`);
-    if (field === "hidden") return gk.say(this.parted, `First difference: turn ${turn}, in an observation, an info or the state, which this page does not compare one by one.`);
-    const seen = values ?? episodes.map((episode) => this.#valueAt(episode, this.part));
-    return gk.say(this.parted, `First difference: turn ${turn}, ${who}${gk.visible(field)} ${against(seen)}.`);
-  }
-
-  #valueAt(episode, { turn, agent, field }) {
-    const seat = episode.seat.get(agent);
-    const row = seat === undefined ? -1 : episode.rowOf(seat, turn);
-    const value = gk.field(episode, row, field);
-    return typeof value === "number" ? gk.number(value) || "nothing" : value || "nothing";
+    if (episodes.length > 1) gk.say(this.parted, gk.differenceText(this.part, episodes));
   }
 
   // Buttons for marks; those that say nothing an earlier button has not said are left to the brackets.
@@ -293,9 +279,23 @@ gk.Player = class {
     if (marks.length > named.length) this.jumps.append(gk.node("span", { class: "note", text: `and ${marks.length - named.length} more: [ and ] reach them` }));
   }
 
-  to(turn) {
+  to(turn, from = null) {
+    if (from !== null) this.mark(from); // a range, to this turn
     this.turn = Math.max(0, Math.min(this.last, Math.round(turn)));
     this.render();
+  }
+
+  // Begins a range at a turn; it reaches to the cursor, wherever that goes. null: no range.
+  mark(turn) {
+    this.anchor = turn === null ? null : Math.max(0, Math.min(this.last, turn));
+    this.ranging.setAttribute("aria-pressed", String(this.anchor !== null));
+    this.moved ||= this.anchor !== null;
+    this.render();
+  }
+
+  // First and last turn of the range.
+  get range() {
+    return this.anchor === null ? null : [Math.min(this.anchor, this.turn), Math.max(this.anchor, this.turn)];
   }
 
   // The mark before or after the cursor.
@@ -348,6 +348,7 @@ gk.Player = class {
   #render() {
     if (!this.decks.length) return;
     const [a, b] = this.decks;
+    this.decks.forEach((deck) => deck.select(this.range));
     a.show(this.turn, b ? b.episode : null);
     if (b) b.show(this.turn, a.episode);
     if (this.slider.value !== String(this.turn)) this.slider.value = String(this.turn);
@@ -368,11 +369,12 @@ gk.Player = class {
     }, SETTLED);
   }
 
-  // `#play:RUN/EPISODE/TURN`, behind a `+` the episode beside it, behind an `@` the chosen agent, with a `!` where it is alone.
+  // `#play:RUN/EPISODE/TURN`, behind a `~` where the range begins, behind a `+` the episode beside it, behind an `@` the chosen agent, with a `!` where it is alone.
   get address() {
     const [one, other] = this.decks.map(({ episode }) => `${encodeURIComponent(episode.run)}/${episode.index}`);
     const agent = this.chosen === null ? "" : `@${encodeURIComponent(this.chosen)}${this.solo ? "!" : ""}`;
-    return `#play:${one}/${this.turn}${other ? `+${other}` : ""}${agent}`;
+    const range = this.anchor === null ? "" : `~${this.anchor}`;
+    return `#play:${one}/${this.turn}${range}${other ? `+${other}` : ""}${agent}`;
   }
 
   #spoken() {

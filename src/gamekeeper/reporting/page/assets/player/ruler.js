@@ -6,6 +6,7 @@ const APART = 64; // pixels between numbers
 gk.MARKS = {
   divergence: "◆",
   failure: "▲",
+  pivot: "▼",
   error: "✕",
   label: "●",
   change: "✚",

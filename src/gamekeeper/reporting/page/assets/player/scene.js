@@ -44,7 +44,8 @@ gk.Scene = class {
     const there = (layer) => new Set([...layer.base, ...layer.changes.map((change) => change[2])].map(String));
     const wordsOf = (layer, numbers) => Object.entries(layer.values).flatMap(([number, word]) => (numbers.has(number) ? [word] : []));
     const words = this.layers.flatMap((layer) => wordsOf(layer, there(layer))).filter((word) => !episode.seat.has(word));
-    this.letters = lettersOf([...new Set([...words, ...this.things.map(({ name }) => name)])]);
+    const pieces = this.layers.flatMap((layer) => Object.values(layer.pieces ?? {}));
+    this.letters = lettersOf([...new Set([...words, ...pieces, ...this.things.map(({ name }) => name)])]);
     this.carried = scene.carries;
   }
 
@@ -52,6 +53,7 @@ gk.Scene = class {
     const sign = (word, letter) => (SOLID.includes(word) ? "filled" : SMALL.includes(word) && this.grid ? "small square" : letter);
     const words = [...this.letters].map(([word, letter]) => `${sign(word, letter)}: ${gk.visible(word)}`);
     if (Object.keys(this.carried).length) words.push("square on an agent: it carries something");
+    if (this.note) words.push(this.note);
     return words.join(" · ");
   }
 
@@ -77,8 +79,14 @@ gk.Scene = class {
         const word = gk.own(layer.values, String(cells[cell]));
         if (!word) continue;
         const [column, row] = [cell % layer.columns, Math.floor(cell / layer.columns)];
-        if (agentSign(word, x(column), y(row), per * 0.36)) continue;
-        this.#cell(ink, word, x(column), y(row), per, colours);
+        if (agentSign(word, x(column), y(row), per * 0.36)) {
+          const piece = gk.own(layer.pieces ?? {}, String(cells[cell]));
+          if (piece) this.#letter(ink, piece, x(column), y(row), per, colours.raised);
+          continue;
+        }
+        // Of cells that never change, one of each field has the letter.
+        const isInside = layer.fixed && [column ? cell - 1 : cell, cell - layer.columns].some((near) => near !== cell && cells[near] === cells[cell]);
+        this.#cell(ink, word, x(column), y(row), per, colours, !isInside);
       }
     }
     for (const thing of this.things) this.#thing(ink, thing, turn, { x, y, per }, colours);
@@ -95,7 +103,7 @@ gk.Scene = class {
     ink.stroke();
   }
 
-  #cell(ink, word, x, y, per, colours) {
+  #cell(ink, word, x, y, per, colours, isNamed = true) {
     if (SMALL.includes(word)) {
       const side = Math.max(3, per * 0.3);
       ink.fillStyle = colours.ink;
@@ -104,12 +112,12 @@ gk.Scene = class {
     }
     ink.fillStyle = SOLID.includes(word) ? colours.grey : colours.band;
     ink.fillRect(x - per / 2 + 0.5, y - per / 2 + 0.5, per - 1, per - 1);
-    if (!SOLID.includes(word)) this.#letter(ink, word, x, y, per, colours);
+    if (isNamed && !SOLID.includes(word)) this.#letter(ink, word, x, y, per, colours.grey);
   }
 
-  #letter(ink, word, x, y, per, colours) {
-    ink.fillStyle = colours.grey;
-    ink.font = `${Math.max(8, Math.min(13, per * 0.42))}px ${colours.font}`;
+  #letter(ink, word, x, y, per, colour) {
+    ink.fillStyle = colour;
+    ink.font = `${Math.max(8, Math.min(13, per * 0.42))}px ${gk.colours().font}`;
     ink.fillText(this.letters.get(word), x, y);
   }
 
@@ -124,6 +132,6 @@ gk.Scene = class {
     ink.beginPath();
     ink.arc(px, py, size, 0, 2 * Math.PI);
     ink.stroke();
-    return this.#letter(ink, thing.name, px, py, 2 * size, colours);
+    return this.#letter(ink, thing.name, px, py, 2 * size, colours.grey);
   }
 };

@@ -20,15 +20,15 @@ const copyFrom = async (button) => {
   setTimeout(() => (button.textContent = before), 2000);
 };
 
-// `#play:RUN/EPISODE/TURN`, of two side by side `#play:RUN/EPISODE/TURN+RUN/EPISODE`, with a chosen agent `…@AGENT`, alone `…@AGENT!`; or null.
+// `#play:RUN/EPISODE/TURN`, with a range `#play:RUN/EPISODE/TURN~FROM`, of two side by side `#play:RUN/EPISODE/TURN+RUN/EPISODE`, with a chosen agent `…@AGENT`, alone `…@AGENT!`; or null.
 const placeIn = (hash) => {
-  const found = /^#play:([^/+]*)\/(\d+)(?:\/(\d+))?(?:\+([^/+]*)\/(\d+))?(?:@([^!]*)(!)?)?$/.exec(hash);
+  const found = /^#play:([^/+]*)\/(\d+)(?:\/(\d+)(?:~(\d+))?)?(?:\+([^/+]*)\/(\d+))?(?:@([^!]*)(!)?)?$/.exec(hash);
   if (!found) return null;
-  const [, run, episode, turn, other, beside, agent, solo] = found;
+  const [, run, episode, turn, anchor, other, beside, agent, solo] = found;
   const place = (key, number) => ({ run: decodeURIComponent(key), episode: Number(number) });
   try {
     const chosen = agent ? { agent: decodeURIComponent(agent), solo: Boolean(solo) } : {};
-    return { ...place(run, episode), ...chosen, turn: turn === undefined ? undefined : Number(turn), beside: other === undefined ? null : place(other, beside) };
+    return { ...place(run, episode), ...chosen, turn: turn === undefined ? undefined : Number(turn), anchor: anchor === undefined ? null : Number(anchor), beside: other === undefined ? null : place(other, beside) };
   } catch {
     return null; // not an address that we wrote
   }
@@ -37,7 +37,7 @@ const placeIn = (hash) => {
 const goTo = (player, place) => {
   const entries = [place, place?.beside].filter(Boolean).map(({ run, episode }) => player.entry(run, episode));
   if (!entries.length || !entries.every((entry) => entry?.packed)) return false;
-  player.open(entries, { turn: place.turn, agent: place.agent, solo: place.solo, focus: true });
+  player.open(entries, { turn: place.turn, agent: place.agent, solo: place.solo, anchor: place.anchor, focus: true });
   return true;
 };
 

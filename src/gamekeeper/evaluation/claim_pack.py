@@ -2,6 +2,7 @@
 
     claim.json      what is claimed: runs, their digests and figures, source, packages, all files
     runs/NAME/      each run, byte by byte
+    evaluations/    each evaluation's document and raw episodes; its recorded runs are among runs
     source/         modules that the environment was imported from, and contracts beside them
     files/          whatever else was named: checkpoints, specifications, tables
     lock.txt        packages that are installed where it was packed
@@ -24,8 +25,12 @@ from typing import Any, Final
 
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import RunError
+from gamekeeper.evaluation.claim_figures import policy_files, runs_of
+from gamekeeper.evaluation.continuation import RESULT, document_in
+from gamekeeper.evaluation.worker_tasks import EPISODES
 from gamekeeper.import_guard import guarded
 from gamekeeper.interface.found_again import FILE_MODULE
+from gamekeeper.rollouts.executors.storage import Storage
 from gamekeeper.runs import own_runs
 from gamekeeper.runs.load_run import load
 from gamekeeper.runs.run_check import verify
@@ -33,6 +38,7 @@ from gamekeeper.runs.run_check import verify
 FORMAT: Final = 1
 CLAIM: Final = "claim.json"
 RUNS, SOURCE, FILES, LOCK = "runs", "source", "files", "lock.txt"
+EVALUATIONS: Final = "evaluations"
 MOMENT: Final = (1980, 1, 1, 0, 0, 0)
 """Time of every entry, so that equal contents make equal files."""
 FIGURES: Final = ("return_mean", "length_mean", "share", "idle")
@@ -67,16 +73,21 @@ def pack(
     *,
     files: Iterable[str | PathLike[str]] = (),
 ) -> Packed:
-    """Writes a claim over runs: evidence, source, packages, figures.
+    """Writes a claim over runs and evaluations: evidence, source, packages, figures.
 
     Args:
-        runs: folders of finalized, undamaged runs.
+        runs: folders of finalized, undamaged runs, and of evaluations that recorded theirs.
         out: the file to write; it must not exist.
         files: more files and folders: checkpoints, an evaluation and its specification.
     Raises:
-        RunError: a run is open or damaged, there is none, or the file exists.
+        RunError: a run is open or damaged, an evaluation recorded none, there is none, or the
+            file exists.
     """
-    folders = [Path(each) for each in runs]
+    named = [Path(each) for each in runs]
+    evaluations = [each for each in named if (each / RESULT).is_file()]
+    found = {each: _evaluation(each) for each in evaluations}
+    played = [each / run for each in evaluations for run in found[each][1].values()]
+    folders = [each for each in named if each not in found] + played
     target = Path(out)
     if not folders or target.exists():
         raise RunError(
@@ -86,8 +97,27 @@ def pack(
             actual="the file exists already" if folders else "no run",
             fix="name a file that isn't there" if folders else "name the folder of a run",
         )
-    contents: dict[str, bytes] = {}
+    claimed, contents = _runs(folders)
+    names = {folder: each["name"] for folder, each in zip(folders, claimed, strict=True)}
+    judged, more = [], [*files]
+    for folder, name in zip(evaluations, _names(evaluations), strict=True):
+        document, its_runs = found[folder]
+        rows = [[*key, names[folder / run]] for key, run in its_runs.items()]
+        judged.append({"name": name, "runs": rows})
+        for part in (RESULT, EPISODES):
+            contents[f"{EVALUATIONS}/{name}/{part}"] = (folder / part).read_bytes()
+        more += policy_files(document)
+    contents |= _files(map(Path, more))
+    packages = installed_packages()
+    contents[LOCK] = "".join(f"{name}=={v}\n" for name, v in packages.items()).encode()
+    claim = {"runs": claimed, "evaluations": judged, "packages": packages}
+    return _written(target, claim, contents)
+
+
+def _runs(folders: list[Path]) -> tuple[list[dict[str, Any]], dict[str, bytes]]:
+    """Claims over runs, and their files and sources."""
     claimed = []
+    contents: dict[str, bytes] = {}
     for folder, name in zip(folders, _names(folders), strict=True):
         claimed.append(_claim_of(folder, name))
         contents |= {
@@ -95,29 +125,47 @@ def pack(
             for file in _below(folder)
         }
         contents |= {f"{SOURCE}/{key}": data for key, data in _source_of(load(folder)).items()}
-    for each in map(Path, files):
-        base = each.parent
-        for file in _below(each) if each.is_dir() else [each]:
-            contents[f"{FILES}/{file.relative_to(base).as_posix()}"] = file.read_bytes()
-    packages = installed_packages()
-    contents[LOCK] = "".join(f"{name}=={v}\n" for name, v in packages.items()).encode()
-    claim = {
+    return claimed, contents
+
+
+def _files(named: Iterable[Path]) -> dict[str, bytes]:
+    """Files that were named, and those in folders that were, by their place in the claim."""
+    return {
+        f"{FILES}/{file.relative_to(each.parent).as_posix()}": file.read_bytes()
+        for each in named
+        for file in (_below(each) if each.is_dir() else [each])
+    }
+
+
+def _written(target: Path, claim: Mapping[str, Any], contents: Mapping[str, bytes]) -> Packed:
+    """Writes the file."""
+    whole = {
         "format": FORMAT,
-        "runs": claimed,
         "python": platform.python_version(),
-        "packages": packages,
+        **claim,
         "files": {name: digest_of_bytes(data) for name, data in sorted(contents.items())},
     }
-    text = json.dumps(claim, indent=1, sort_keys=True).encode()
+    text = json.dumps(whole, indent=1, sort_keys=True).encode()
     _write(target, {CLAIM: text, **dict(sorted(contents.items()))})
     return Packed(
         str(target),
         digest_of_bytes(text),
-        tuple(each["name"] for each in claimed),
+        tuple(each["name"] for each in claim["runs"]),
         tuple(name for name in sorted(contents) if name.startswith(f"{SOURCE}/")),
         len(contents),
         target.stat().st_size,
     )
+
+
+def _evaluation(folder: Path) -> tuple[dict[str, Any], dict[tuple[str, str], str]]:
+    """Document of an evaluation, and its runs' folders by environment and pairing.
+
+    Raises:
+        RunError: it recorded no runs.
+        EvidenceError: the document there is another.
+    """
+    document = document_in(Storage.at(folder))
+    return document, runs_of(document, str(folder))
 
 
 def figures_of(evidence: Evidence) -> dict[str, Any]:

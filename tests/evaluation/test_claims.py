@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 
 from gamekeeper.errors import RunError
-from gamekeeper.runs.claim_check import CheckedClaim, reproduce
-from gamekeeper.runs.claim_pack import CLAIM, digest_of_bytes, pack
+from gamekeeper.evaluation.claim_check import CheckedClaim, reproduce
+from gamekeeper.evaluation.claim_pack import CLAIM, digest_of_bytes, pack
+from gamekeeper.evaluation.evaluator import evaluate
 from tests.runs.plays import played, write_env
 
 
@@ -103,6 +104,54 @@ def test_changed_reward_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert (where.episode, where.turn, where.field) == (0, 0, "reward")
     assert where.recorded != where.replayed
     assert "source of run" in [each.name for each in found.differs]
+
+
+@pytest.fixture(scope="module")
+def judged(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The claim of an evaluation: two policies, ten episodes, recorded."""
+    folder = tmp_path_factory.mktemp("judged")
+    policies = {"random": "random", "first": "first-legal"}
+    evaluate(
+        f"{write_env(folder)}:Walk",
+        policies=policies,
+        episodes=10,
+        record="digest",
+        out=folder / "ev",
+    )
+    pack([folder / "ev"], folder / "claim.zip")
+    return folder / "claim.zip"
+
+
+def test_every_figure_of_an_evaluation_is_ticked(
+    judged: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Means, quantiles, intervals and differences, from runs that replay; one changed is named."""
+    elsewhere(monkeypatch, tmp_path)
+    (tmp_path / "claim.zip").write_bytes(judged.read_bytes())
+    found = checked(tmp_path, allow_import=True)
+    assert found.ok is True, found.to_json()
+    names = [each.name for each in found.figures if each.run == "ev"]
+    assert "results, walks, random, 0, team, return: mean.value" in names
+    assert "comparisons, walks, random, first, team, return: difference.value" in names
+
+    def better(text: bytes) -> bytes:
+        document = json.loads(text)
+        document["results"][0]["mean"]["value"] += 0.25
+        return json.dumps(document).encode()
+
+    altered(tmp_path / "claim.zip", "evaluations/ev/evaluation.json", better, hides=True)
+    again = reproduce(tmp_path / "claim.zip", tmp_path / "again", allow_import=True)
+    wrong = [each for each in again.figures if each.ticked is not True]
+    assert [f"{each.name}" for each in wrong] == [names[3]]
+    assert (again.ok, wrong[0].claimed - wrong[0].recorded) == (False, 0.25)
+
+
+def test_evaluation_without_runs_is_refused(tmp_path: Path) -> None:
+    """Figures that nothing replays are no claim."""
+    out = tmp_path / "ev"
+    evaluate(f"{write_env(tmp_path)}:Walk", policies={"r": "random"}, episodes=2, out=out)
+    with pytest.raises(RunError, match=r"--record"):
+        pack([out], tmp_path / "claim.zip")
 
 
 def test_changed_source_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

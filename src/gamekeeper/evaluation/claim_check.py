@@ -19,9 +19,10 @@ from pathlib import Path, PurePosixPath
 from typing import Any, Final
 
 from gamekeeper.errors import GamekeeperError, RunError, TrustError
-from gamekeeper.import_guard import guarded, unguarded
-from gamekeeper.runs.claim_pack import (
+from gamekeeper.evaluation.claim_figures import figures_in, is_same, worked_out
+from gamekeeper.evaluation.claim_pack import (
     CLAIM,
+    EVALUATIONS,
     FORMAT,
     RUNS,
     SOURCE,
@@ -30,6 +31,9 @@ from gamekeeper.runs.claim_pack import (
     installed_packages,
     source_module,
 )
+from gamekeeper.evaluation.continuation import document_in
+from gamekeeper.import_guard import guarded, unguarded
+from gamekeeper.rollouts.executors.storage import Storage
 from gamekeeper.runs.comparison import SILENCE_S, Replay, replay
 from gamekeeper.runs.load_run import load
 from gamekeeper.runs.run_check import verify
@@ -71,7 +75,7 @@ class CheckedClaim:
         digest: of what it claims.
         damage: files that aren't those that were packed.
         differs: packages and sources that are others here.
-        figures: every figure, ticked or not.
+        figures: every figure of runs and evaluations, ticked or not.
         replays: by run, the replay; without one, the reason.
         reasons: by run, why it wasn't played again.
     """
@@ -148,6 +152,8 @@ def reproduce(
         except GamekeeperError as error:
             reasons[name] = str(error)
         figures += _figures(path, run, replays.get(name))
+    for evaluation in document.get("evaluations", ()):
+        figures += _evaluated(place, evaluation, replays)
     differs = (*_other_packages(document), *_other_source(place, document, replays))
     return CheckedClaim(
         str(claim), digest_of_bytes(text), tuple(damage), differs, tuple(figures), replays, reasons
@@ -167,6 +173,9 @@ def _read(claim: Path) -> tuple[dict[str, Any], bytes]:
         is_whole = document["format"] == FORMAT and isinstance(document["packages"], dict)
         names = [str(each["name"]) for each in document["runs"]]
         is_whole &= all(each["figures"].keys() for each in document["runs"])
+        evaluations = document.get("evaluations", [])
+        names += [str(each["name"]) for each in evaluations]
+        names += [run for each in evaluations for _, _, run in each["runs"]]
         is_whole &= all(map(_is_plain, [*names, *document["files"]]))
     except (OSError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile) as error:
         raise _no_claim(claim, f"{type(error).__name__}: {error}") from error
@@ -284,6 +293,35 @@ def _figures(path: Path, run: Mapping[str, Any], played: Replay | None) -> list[
         ticked = verified if seen == claimed else False
         found.append(ClaimFigure(str(run["name"]), str(name), claimed, seen, ticked))
     return found
+
+
+def _evaluated(
+    place: Path, evaluation: Mapping[str, Any], replays: Mapping[str, Replay]
+) -> list[ClaimFigure]:
+    """Each figure of an evaluation beside what its recorded runs come to.
+
+    Ticked where they agree and all its runs are verified.
+    """
+    name = str(evaluation["name"])
+    folders = {(env, pairing): str(run) for env, pairing, run in evaluation["runs"]}
+    told = [replays.get(run) for run in folders.values()]
+    is_told = all(each is not None and each.reason is None for each in told)
+    verified = all(each is not None and each.verified for each in told) if is_told else None
+    try:
+        with guarded(place):
+            document = document_in(Storage.at(place / EVALUATIONS / name))
+            runs = {key: load(place / RUNS / run) for key, run in folders.items()}
+            claimed, seen = figures_in(document), worked_out(document, runs)
+    except (GamekeeperError, LookupError, TypeError, ValueError, AttributeError) as error:
+        return [ClaimFigure(name, "all", "figures", f"unreadable: {error!r}"[:300], False)]
+    figures = []
+    for key in dict.fromkeys([*claimed, *seen]):
+        one, other = claimed.get(key), seen.get(key)
+        # intervals that allow for stopping aren't worked out again
+        is_open = bool(document.get("stopping")) and key.endswith((".low", ".high"))
+        ticked = verified if is_same(one, other) else None if is_open else False
+        figures.append(ClaimFigure(name, key, one, other, ticked))
+    return figures
 
 
 def _other_packages(document: Mapping[str, Any]) -> Iterator[ClaimDifference]:

@@ -1,0 +1,60 @@
+"""Notes of what was played, line by line: an experiment that was stopped goes on from them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from gamekeeper.errors import RunError
+
+
+def note(path: Path, data: Any) -> None:
+    """Adds a line."""
+    with path.open("a", encoding="utf-8") as file:
+        file.write(json.dumps(data) + "\n")
+
+
+def damaged(path: Path, number: int, error: Exception) -> RunError:
+    """The error of a line that can't be read."""
+    return RunError(
+        "a noted outcome is damaged",
+        where=f"{path}, line {number}",
+        actual=str(error)[:200],
+        fix="take the file away: the experiment is played anew",
+    )
+
+
+def noted(path: Path, head: Mapping[str, Any]) -> Iterator[tuple[int, Any]]:
+    """Yields numbers and data of lines of an earlier call; a last one that was torn is dropped.
+
+    Args:
+        path: the file; written with its head where there is none.
+        head: what the file has to begin with, so that no other experiment's outcomes are taken.
+    Raises:
+        RunError: the file is another experiment's, or damaged.
+    """
+    begin = json.dumps(dict(head), sort_keys=True)
+    lines = path.read_bytes().split(b"\n") if path.exists() else []
+    if not lines:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(begin + "\n", encoding="utf-8")
+        return
+    if lines[0].decode("utf-8", "replace") != begin:
+        raise RunError(
+            "outcomes of another experiment lie here",
+            where=str(path),
+            expected="the same run, seed and set-up",
+            actual=lines[0].decode("utf-8", "replace")[:200],
+            fix="name another folder with --out, or take this one away",
+        )
+    whole = lines[:-1]
+    for number, line in enumerate(whole[1:], start=2):
+        try:
+            data = json.loads(line)
+        except ValueError as error:
+            raise damaged(path, number, error) from error
+        yield number, data
+    if lines[-1]:
+        path.write_bytes(b"\n".join(whole) + b"\n")

@@ -1,0 +1,86 @@
+"""Section of pivots, under the player: the curve of each failed episode, and the turns it fell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from gamekeeper.reporting.page.page_data import (
+    Cell,
+    Chart,
+    PageBlock,
+    PageSection,
+    PageTable,
+    name,
+    percent,
+)
+from gamekeeper.reporting.pivots_text import kept_by, loss_sentence
+
+Document = Mapping[str, Any]
+
+MOST: Final = 12
+"""Most episodes that are drawn; their pivots stand in the table."""
+NOTE: Final = (
+    "From a turn the policies go on, on fresh draws: the share that succeeds, with its interval, "
+    "corrected for the number of turns. A mark is a turn at which it falls beyond chance."
+)
+
+
+def pivots_section(document: Document | None, *, key: str) -> PageSection | None:
+    """Turns that lost failed episodes; None where they weren't looked for, or none failed.
+
+    Args:
+        document: of `gamekeeper pivots`.
+        key: the letter of the run.
+    """
+    episodes = (document or {}).get("episodes") or ()
+    if not episodes:
+        return None
+    curves = tuple(_curve(each) for each in episodes if each["curve"])
+    missed = [
+        f"Episode {each['episode']}, not tried: {text}."
+        for each in episodes
+        for text in each["not_tried"]
+    ]
+    drawn = f"The first {MOST} of {len(curves)} curves are drawn." if len(curves) > MOST else ""
+    block = PageBlock(
+        notes=tuple(filter(None, [NOTE if curves else "", drawn, *missed])),
+        charts=curves[:MOST],
+        tables=(_table(document or {}, key),),
+    )
+    return PageSection("pivots", "Turns that lost it", (block,))
+
+
+def _curve(each: Document) -> Chart:
+    points = each["curve"]
+    line = {"name": "success", "values": [point["share"] for point in points]}
+    line |= {bound: [point[bound] for point in points] for bound in ("low", "high")}
+    marks = [{"x": pivot["turn"], "text": f"turn {pivot['turn']}"} for pivot in each["pivots"]]
+    return {
+        "id": f"pivots-{each['episode']}",
+        "kind": "line",
+        "title": f"Success from each turn of episode {each['episode']}",
+        "x": {"label": "turn", "values": [point["turn"] for point in points]},
+        "y": {"label": "share that succeeds"},
+        "series": [line],
+        "marks": marks,
+        "note": "",
+    }
+
+
+def _table(document: Document, key: str) -> PageTable:
+    rows = tuple(
+        (
+            Cell(f"episode {each['episode']}"),
+            Cell(f"turn {pivot['turn']}", link=f"{key}/{each['episode']}/{pivot['turn']}"),
+            percent(None if is_last else pivot["before"]["share"]),
+            percent(None if is_last else pivot["after"]["share"]),
+            name(", ".join(pivot["agents"]) or "-"),
+            Cell("; ".join(filter(None, [loss_sentence(pivot), *kept_by(pivot)])) or "-"),
+        )
+        for each in document["episodes"]
+        for is_last in [each["question"] == "last action"]
+        for pivot in each["pivots"]
+    )
+    columns = ("episode", "turn", "success before", "after", "agents", "what would have kept it")
+    return PageTable("Turns that lost it", columns, rows)
