@@ -1,5 +1,5 @@
 #!/bin/sh
-# Runs requirements/first_steps.py, a minute's part of the tests, under every other Python of the lock files that is on this machine:
+# Runs benchmarks/first_steps.py, a minute's part of the tests, under every other Python of the lock files that is on this machine:
 # on PATH, or in a folder of pyenv's or uv's. Each has an environment of its own, from the base lock; which ran is said in the last line.
 #
 #   pythons.sh VENV        VENV-3.12 and so on are made, and removed
@@ -29,7 +29,7 @@ for version in 3.11 3.12 3.13 3.14; do
     fi
     venv=$1-$version
     if PYTHON=$found requirements/setup.sh make "$venv" && requirements/setup.sh install "$venv" requirements/base.txt &&
-        "$venv/bin/python" requirements/first_steps.py; then
+        "$venv/bin/python" benchmarks/first_steps.py; then
         ran="$ran, $version"
     else
         failed="$failed $version"

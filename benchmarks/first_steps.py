@@ -1,6 +1,6 @@
 """First steps without a test runner: import, audit, rollout, replay, report, under any Python.
 
-    python requirements/first_steps.py
+    python benchmarks/first_steps.py
 
 Needs the base packages alone. Prints one line, or fails.
 """
