@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.evidence import Evidence
@@ -86,13 +87,13 @@ def sparks_of(figures: Figures) -> list[str]:
     The sum of all agents' rewards so far, on one scale for the run; empty where one isn't finite.
     """
     course = figures.course
-    is_known = np.asarray(np.isfinite(course).all(axis=1))
+    is_known: NDArray[np.bool_] = np.atleast_1d(np.isfinite(course).all(axis=1))
     known = course[is_known]
     low, high = float(known.min(initial=0.0)), float(known.max(initial=0.0))
     parts = np.rint((known - low) / ((high - low) or 1.0) * (len(SCALE) - 1)).astype(np.int64)
     rows: list[list[int]] = parts.tolist()
     letters = iter(["".join(SCALE[k] for k in row) for row in rows])
-    return [next(letters) if each else "" for each in is_known.tolist()]
+    return [next(letters) if each else "" for each in is_known]
 
 
 def listed(entries: Sequence[dict[str, Any]], *, most_bytes: int) -> list[dict[str, Any]]:
