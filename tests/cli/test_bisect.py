@@ -32,6 +32,10 @@ def test_commit_that_changed_a_reward_is_named(
     assert " → " in seen
     code, out, _ = said(capfd, "bisect", "run", "--repo", ".", "--to", "HEAD~2")
     assert (code, out.splitlines()[0]) == (0, "no change up to HEAD~2; 1 of 2 commits tried")
+    git(tmp_path, "checkout", "-q", "--orphan", "alone")
+    git(tmp_path, "commit", "-q", "-m", "all there is")
+    code, out, _ = said(capfd, "bisect", "run", "--repo", ".")
+    assert (code, out.splitlines()[-1][:15]) == (1, "or earlier: non")
 
 
 def wheel(folder: Path, version: str, paid: float) -> Path:

@@ -127,7 +127,7 @@ def command(
         names = _versions(str(package), versions, since, until)
         found = first_that_differs(names, _noted(screen, attempt))
     document = {"run": str(run), "check": check, "package": package, **found.to_json()}
-    return CommandResult(document, _show(screen, found, package, until))
+    return CommandResult(document, _show(screen, found, package, since, until))
 
 
 def _versions(package: str, listed: str | None, since: str | None, until: str | None) -> list[str]:
@@ -181,7 +181,9 @@ def _noted(
     return noted
 
 
-def _show(screen: Screen, found: Bisection, package: str | None, until: str | None) -> int:
+def _show(
+    screen: Screen, found: Bisection, package: str | None, since: str | None, until: str | None
+) -> int:
     """Shows what was found, and returns the exit code."""
     kind = "commits" if package is None else "versions"
     steps = f"{len(found.tested)} of {found.candidates} {kind} tried"
@@ -198,6 +200,8 @@ def _show(screen: Screen, found: Bisection, package: str | None, until: str | No
     is_place = seen.startswith("episode")
     screen.verdict(f"behavior changed{' at ' if is_place else ': '}{seen}", "bad")
     screen.show(f"since {place}\n{steps}")
+    if not since and all(each.outcome != "same" for each in found.tested):
+        screen.show(f"or earlier: none of the {kind} that were tried comes out the same")
     if found.skipped:
         listed = ", ".join(each[:12] for each in found.skipped)
         screen.show(f"or at one of these, which couldn't be tried: {listed}")
