@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Mapping
-from itertools import chain, repeat
+from itertools import repeat
 from operator import call, is_
 from typing import Any, Final
 
@@ -22,7 +22,6 @@ from gamekeeper.interface.packing import BOOLS, EXACT, FLOATS, MISSING, REALS, f
 from gamekeeper.interface.parallel_capture import NO_PARTS, Move, ParallelCapture, _five
 
 DICTS: Final = (dict, defaultdict)  # a defaultdict is what PettingZoo's converter pays in
-_NO_FLAGS: Final = repeat(False)
 _UNTIMED: Final = 0  # in place of the wall time of a step, which this level doesn't keep
 
 
@@ -79,46 +78,7 @@ class ParallelActionsCapture(_Witnessed, ParallelCapture):
             self.fail(traceback_text(error), in_step=True)
             raise
         self._failure = None
-        if not self._take_usual(payloads, out):
-            self._take(payloads, _five(out) or NO_PARTS)
-        return out
-
-    def _take_usual(self, payloads: list[Any], out: Any) -> bool:
-        """Books a usual step that usual rows follow, all in one place; False at any other.
-
-        Two calls fewer a step, and each look made once: a step of a trivial task is hardly longer.
-        """
-        who, turn = self._who, self.turn
-        coming = turn + 1
-        if out.__class__ is not tuple or len(out) != 5 or self._frames:
-            return False
-        self._half = turn, payloads, out, _UNTIMED
-        observations, rewards, terms, truncs, infos = out
-        if (
-            not (coming % EVERY and coming % 256)
-            or not (observations.__class__ is terms.__class__ is truncs.__class__ is dict)
-            or rewards.__class__ not in DICTS
-            or getattr(self.env, "agents", None) != who
-            or not list(rewards) == list(observations) == list(terms) == list(truncs) == who
-            or not all(map(is_, chain(terms.values(), truncs.values()), _NO_FLAGS))
-        ):
-            return False
-        paid = list(rewards.values())
-        if not (FLOATS.issuperset(map(type, paid)) or _are_usual(paid)):
-            return False
-        buffer = self._buffer
-        usual = buffer.usual
-        usual.agents.extend(self._indexes)
-        usual.actions.extend(payloads)
-        usual.rewards.extend(paid)
-        self.turn = coming
-        buffer.turns.extend((self.episode, turn, -len(paid), _UNTIMED, *self._state_entry))
-        self._observations, self._infos, self._state_entry = observations, infos, NO_STATE
-        self._half = None
-        return True
-
-    def _take(self, payloads: list[Any], parts: Any) -> None:
-        """Books a usual step that other rows may follow."""
+        parts = _five(out) or NO_PARTS
         self._half = self.turn, payloads, parts, _UNTIMED
         self._observations, self._infos = parts[0], parts[4]
         if not self._commit_usual(payloads, parts[1]):
@@ -130,6 +90,7 @@ class ParallelActionsCapture(_Witnessed, ParallelCapture):
             self._state_entry = NO_STATE
         self._give(*parts)
         self._half = None
+        return out
 
     def _commit_usual(self, payloads: list[Any], rewards: Any) -> bool:
         """Puts a usual turn on the buffer; False where a reward isn't as usual."""
