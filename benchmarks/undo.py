@@ -7,6 +7,7 @@ for 10 episodes and diagnosed without a contract, a reference or a knob. Prints 
 
 - *named*: of undoable faults, those for which a cause is named;
 - *agent right*: of failing set-ups with a cause, those in which the faulty agent alone is named;
+- *agent right, isolated*: the same of answers that say which one it is (isolated, joint);
 - *agent among them*: the same, where it may be one of several agents;
 - *label right*: of answers with one label (isolated, joint), those that have the planted one;
 - *healthy accused*: of healthy set-ups, those in which a cause is named.
@@ -14,7 +15,8 @@ for 10 episodes and diagnosed without a contract, a reference or a knob. Prints 
 The set-ups come in an order that is drawn once, so that a run of fewer is a sample of them.
 
     python benchmarks/undo.py [--episodes 1000] [--seed 0] [--most 200] [--keep undo.jsonl]
-        [--also other.jsonl] [--envs berth spread "spread, Box" "speaker, AEC" hoist safe ants]
+        [--also other.jsonl] [--kinds undoable inside healthy]
+        [--envs berth spread "spread, Box" "speaker, AEC" hoist safe ants]
 """
 
 from __future__ import annotations
@@ -98,10 +100,12 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     sound = [row for row in rows if row["kind"] == "healthy"]
     named = [row for row in [*undone, *lost] if row["answer"] in CAUSES]
     labelled = [row for row in named if row["said"] and row["answer"] != "ambiguous"]
+    sure = [row for row in named if row["answer"] != "ambiguous"]
     counts = {
         "named, of undoable": (sum(row["answer"] in CAUSES for row in undone), len(undone)),
         "named, of those inside": (sum(row["answer"] in CAUSES for row in lost), len(lost)),
         "agent right": (sum(row["whom"] == row["agents"] for row in named), len(named)),
+        "agent right, isolated": (sum(row["whom"] == row["agents"] for row in sure), len(sure)),
         "agent among them": (
             sum(set(row["agents"]) <= set(row["whom"]) for row in named),
             len(named),
@@ -123,6 +127,7 @@ def main() -> None:
     parser.add_argument("--episodes", type=int, default=1_000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--most", type=int, default=200, help="set-ups that are looked at")
+    parser.add_argument("--kinds", nargs="+", default=["undoable", "inside", "healthy"])
     parser.add_argument("--envs", nargs="+", choices=STACKS, default=list(STACKS))
     parser.add_argument("--keep", type=Path, default=Path("undo.jsonl"))
     parser.add_argument("--also", type=Path, nargs="*", default=[], help="other parts' files")
@@ -130,6 +135,7 @@ def main() -> None:
     warnings.simplefilter("ignore")  # of mpe2's Box spaces
     every = chain(undoable(), inside(), healthy())
     cases = [each for each in every if each.name.partition(":")[0] in options.envs]
+    cases = [each for each in cases if each.kind in options.kinds]
     random.Random(ORDER).shuffle(cases)
     play(cases[: options.most], options.keep, episodes=options.episodes, seed=options.seed)
     rows = [row for path in (options.keep, *options.also) for row in read(path)]

@@ -57,6 +57,7 @@ def theirs() -> dict[str, tuple[str, Wrap]]:
         "pad_actions": ("Discrete", lambda env: ss.pad_action_space_v0(env)),
         "clip_rewards": ("Box", lambda env: ss.clip_reward_v0(env, -1, 1)),
         "clip_actions": ("Box", lambda env: ss.clip_actions_v0(env)),
+        "clip_actions of two roles": ("Box", lambda env: ss.clip_actions_v0(env)),
         "clip_actions (PettingZoo)": ("Box", pz.ClipOutOfBoundsWrapper),
         "sticky_actions": ("Discrete", lambda env: ss.sticky_actions_v0(env, 0.25)),
         "normalize": ("Box", lambda env: ss.normalize_obs_v0(env)),
@@ -72,6 +73,7 @@ def own() -> dict[str, tuple[str, Wrap]]:
         "pad_actions": ("Discrete", partial(ours.pad_actions, instead=0)),
         "clip_rewards": ("Box", ours.clip_rewards),
         "clip_actions": ("Box", ours.clip_actions),
+        "clip_actions of two roles": ("Box", ours.clip_actions),
         "sticky_actions": ("Discrete", ours.sticky_actions),
         "normalize": ("Box", lambda env: ours.normalize(env, learnt())),
         "mask_to_observation": ("Discrete", ours.mask_to_observation),
@@ -104,7 +106,9 @@ def audits(whose: str) -> None:
     for (what, (form, wrap)), kind, ends in product(
         table.items(), (LedgerTicks, LedgerTurns), ("one by one", "late")
     ):
-        roles = 2 if what.startswith("pad") else 1  # two roles differ in their spaces
+        roles = (
+            2 if what.startswith("pad") or "two roles" in what else 1
+        )  # two roles differ in their spaces
         make = partial(kind, seen=form, mask=form != "Box", ends=ends, roles=roles)
         key = kind, form, ends, roles
         line = {"wrapper": what, "whose": whose, "api": kind.__name__, "ends": ends}
@@ -225,7 +229,7 @@ def times() -> None:
     mine, other = own(), theirs()
     for what, (form, wrap) in other.items():
         name = what.partition(" ")[0]
-        if name not in mine or name == "normalize":  # theirs holds; another thing
+        if what not in (name, f"{name} (PettingZoo)") or name not in mine or name == "normalize":
             continue
         for kind in (Ticks, Turns):
             is_aec = kind is Turns

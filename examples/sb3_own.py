@@ -30,7 +30,11 @@ from gamekeeper.statistics.one_sample import one_sample
 
 PLACES: Final = 7
 TICKS: Final = 12
-PIXELS: Final = 6  # a side of a place in the picture, which is 36 high and 42 wide
+PIXELS: Final = 6  # a side of a place in the picture
+HEIGHT: Final = 36
+WIDTH: Final = (
+    44  # with a border: Stable-Baselines3's network reads 36, 44, 52, ... columns, no more
+)
 STEPS: Final = 30_000
 """Of all agents; half of them before the model is saved and loaded."""
 QUICK: Final = 1_200
@@ -50,7 +54,7 @@ class Lanes(gk.TickEnv):
         super().__init__(horizon=TICKS)
         self.way = way
         self.possible_agents = ["gatherer_0", "gatherer_1"]
-        picture = spaces.Box(0, 255, (6 * PIXELS, PLACES * PIXELS, 1), np.uint8)
+        picture = spaces.Box(0, 255, (HEIGHT, WIDTH, 1), np.uint8)
         numbers = spaces.Box(0, 1, (2,), np.float32)
         seen = spaces.Dict({"picture": picture, "numbers": numbers}) if way == "dict" else picture
         self.observation_spaces = dict.fromkeys(self.possible_agents, seen)
@@ -74,9 +78,9 @@ class Lanes(gk.TickEnv):
 
     def observe(self, agent: str) -> Any:
         """The lane as a picture: the light above, the agent below; and its place in numbers."""
-        picture = np.zeros((6 * PIXELS, PLACES * PIXELS, 1), np.uint8)
+        picture = np.zeros((HEIGHT, WIDTH, 1), np.uint8)
         for rows, place in ((slice(0, 18), self.light[agent]), (slice(18, 36), self.at[agent])):
-            picture[rows, place * PIXELS : (place + 1) * PIXELS] = 255
+            picture[rows, 1 + place * PIXELS : 1 + (place + 1) * PIXELS] = 255
         if self.way != "dict":
             return picture
         return {"picture": picture, "numbers": np.array([self.at[agent] / 6, 1], np.float32)}

@@ -31,15 +31,9 @@ def report(folder: Path) -> Path:
 
     run = folder / "lazy-picker"
     gk.rollout(
-        "warehouse",
-        policies={"picker_1": "lazy", "*": "reference"},
-        episodes=1,
-        seed=0,
-        frames=True,
-        env_kwargs={"render_mode": "rgb_array"},
-        out=run,
+        "warehouse", policies={"picker_1": "lazy", "*": "reference"}, episodes=1, seed=0, out=run
     )
-    return gk.report(run, folder / "report.html", frames_bytes=20_000_000)
+    return gk.report(run, folder / "report.html")
 
 
 def photograph(page: Any, address: str, turn: int) -> bytes:

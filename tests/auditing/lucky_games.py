@@ -61,7 +61,7 @@ class Unseeded(Sound):
 
 
 class Written(Unseeded):
-    """Hands out the array that it goes on adding to, beside the luck of the process."""
+    """Hands out the array from which it goes on, beside the luck of the process."""
 
     def reset(self, seed: int | None = None, options: Any = None) -> Any:
         """Begins at zero."""
@@ -70,7 +70,7 @@ class Written(Unseeded):
 
     def seen(self) -> Any:
         """Goes on from where it stands."""
-        self.at += 0.02 * np.random.rand(2)
+        self.at = self.at + 0.02 * np.random.rand(2)
         return self.at
 
 
@@ -99,6 +99,15 @@ class Tires(Sound):
         return np.array([1.0 / self.energy, 0.0])
 
 
+class AddsUp(Sound):
+    """Steps are counted over resets; after fifty, in a third episode, what is seen is another."""
+
+    def seen(self) -> Any:
+        """Half of what was drawn once the count is up."""
+        self.energy += 1
+        return self.rng.random(2) / (1 + (self.energy > 50))
+
+
 class OnlyInTests(Sound):
     """Observations leave their space where pytest is loaded, and in no reproducer's process."""
 
@@ -114,3 +123,24 @@ class Slow(Sound):
         """Waits first."""
         time.sleep(0.02)
         return super().step(actions)
+
+
+class Lingers(Sound):
+    """An agent that ends early stays in `agents`, and is paid as long as it does."""
+
+    def step(self, actions: Any) -> Any:
+        """Ends one after five ticks."""
+        out = super().step(actions)
+        if "a" in out[2]:
+            out[2]["a"], out[3]["a"] = self.tick >= 5, False
+        return out
+
+
+class PaidWhenGone(Lingers):
+    """The same, paid by possible_agents: also where it is out of `agents`."""
+
+    def step(self, actions: Any) -> Any:
+        """Pays both."""
+        out = super().step(actions)
+        out[1].update(dict.fromkeys(self.possible_agents, 0.5))
+        return out

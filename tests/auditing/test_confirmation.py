@@ -58,12 +58,30 @@ def test_comparison_is_confirmed_beside_an_unchanged_play() -> None:
     assert found.of("GK604").reproduced == Reproduced(TRIES, TRIES, True)
 
 
+def test_state_that_adds_up_over_episodes_is_found() -> None:
+    """One episode before the play isn't enough to see it."""
+    found = audited("AddsUp", "GK604")
+    assert [each.id for each in found.failed] == ["GK604"]
+    assert "for _ in range(4):" in found.of("GK604").findings[0].reproducer
+
+
 def test_consequence_names_the_cause_that_was_held_still() -> None:
     """A seed that settles nothing follows from draws of a global generator."""
     found = audited("Unseeded", "GK60")
     assert found.of("GK602").follows_from is None
     assert found.of("GK601").follows_from == FollowsFrom("GK602", GLOBALS_SEEDED)
     assert not found.ok
+
+
+@pytest.mark.parametrize(("name", "cause"), [("Lingers", "GK503"), ("PaidWhenGone", None)])
+def test_pay_after_the_end_follows_where_it_stops_once_the_ended_are_out(
+    name: str, cause: str | None
+) -> None:
+    """Who is paid by a roster that isn't `agents` is paid on: another cause."""
+    found = audited(name, "GK402", "GK503")
+    follows = found.of("GK402").follows_from
+    assert {each.id for each in found.failed} == {"GK402", "GK503"}
+    assert cause == (None if follows is None else follows.id)
 
 
 @pytest.mark.parametrize("select", [("GK6",), ("GK620",)], ids=str)

@@ -33,7 +33,10 @@ def test_range_has_its_totals(open_page: Open) -> None:
     expect_turn(page, "20")
     expect(page.locator(".range-table caption")).to_have_text("Totals of turns 10 to 20")
     cells = page.locator(".range-table tbody tr").first.locator("td").all_inner_texts()
-    assert (cells[0], float(cells[3])) == ("11", paid(packed, 0, range(10, 21)))
+    assert (cells[0], float(cells[3].replace("\u2212", "-"))) == (
+        "11",
+        paid(packed, 0, range(10, 21)),
+    )
     page.wait_for_url("**#play:a/0/20~10")
     expect(page.locator(".lanes-range")).to_be_visible()
     page.get_by_role("button", name="Range").click()
@@ -58,6 +61,21 @@ def test_range_is_brushed_along_the_turns(open_page: Open) -> None:
     expect(page.locator(".range-table caption")).to_have_text("Totals of turns 10 to 30")
     shade = page.locator(".lanes-range").bounding_box()
     assert shade["width"] == pytest.approx(21 * per, abs=2)
+
+
+def test_gallery_sorts_sparklines_and_opens_an_episode(open_page: Open) -> None:
+    """A line for each episode, the one with the lowest return first, one press from the player."""
+    episodes = [parallel_episode(episode=k, seed=k) for k in range(5)]
+    page = opened(open_page, *episodes)
+    page.locator(".episode-list > summary").click()
+    page.locator(".gallery > summary").click()
+    expect(page.locator(".tile")).to_have_count(5)
+    page.get_by_label("Sort by").select_option("worst")
+    team = [sum(x or 0 for x in each["rows"]["reward"]) for each in episodes]
+    worst = team.index(min(team))
+    expect(page.locator(".tile").first).to_contain_text(f"{worst}:")
+    page.locator(".tile").first.click()
+    page.wait_for_url(f"**#play:a/{worst}/*")
 
 
 def test_pivots_stand_on_the_timeline(open_page: Open) -> None:

@@ -23,22 +23,29 @@ class SelectsRemoved(Traders):
             self.agent_selection = gone
 
 
-# Its flag is never seen up.
-@faulty("GK302", also=("GK501",))
+@faulty("GK302")
 class RemovedByOthers(Traders):
-    """A bankrupt trader is taken out of the game by the step that ruins it.
+    """A bankrupt trader is taken out of the game by the next step of another.
 
-    Nobody hears of being bankrupt.
+    It has no None step of its own.
     """
 
+    def live(self) -> list[str]:
+        """Traders that go on."""
+        return [a for a in self.agents if not (self.terminations[a] or self.truncations[a])]
+
     def _deads_step_first(self) -> Any:
-        """Takes bankrupt traders out, unasked."""
-        for agent in [a for a in self.agents if self.terminations[a]]:
+        """Leaves the bankrupt where they are, while others go on."""
+        return self.agent_selection if self.live() else super()._deads_step_first()
+
+    def step(self, action: Any) -> None:
+        """Takes the bankrupt out, unasked."""
+        for agent in set(self.agents) - set(self.live()) if self.live() else ():
             for book in (self.terminations, self.truncations, self.rewards, self.infos):
                 del book[agent]
             del self._cumulative_rewards[agent]
             self.agents.remove(agent)
-        return super()._deads_step_first()
+        super().step(action)
 
 
 @faulty("GK303")

@@ -32,11 +32,21 @@ def test_every_check_fails_on_a_faulty_environment_and_passes_on_a_clean_one() -
     assert set(checks()) == faulty == passed
 
 
-def test_copies_that_go_wrong_together_are_one_cause() -> None:
-    """What a deep copy loses, a pickle loses: it follows, and passes with copies held still."""
-    follows = seen("CopyLosesAView").of("GK703").follows_from
+@pytest.mark.parametrize(
+    ("name", "consequence", "cause"),
+    [
+        ("CopyLosesAView", "GK703", "GK701"),
+        ("LevelsAreSeen", "GK620", "GK610"),
+        ("NotRestored", "GK103", "GK604"),
+        ("PaidAfterEnd", "GK402", "GK106"),
+        ("StateDraws", "GK814", "GK636"),
+    ],
+)
+def test_one_fault_is_one_cause(name: str, consequence: str, cause: str) -> None:
+    """What passes once the cause is held still follows from it."""
+    follows = seen(name).of(consequence).follows_from
     assert follows is not None
-    assert follows.id == "GK701"
+    assert follows.id == cause
 
 
 def _passed(verdict: Verdict) -> bool | None:

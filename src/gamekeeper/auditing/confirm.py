@@ -147,7 +147,8 @@ def confirmed(
     """The verdicts, those that failed confirmed, suspected, or traced to a cause.
 
     Causes are established first. What compares two plays, and passes once an established cause is
-    held still, is a consequence; it stays failed. What one play shows is always a cause.
+    held still, is a consequence; it stays failed. What one play shows is a consequence of the
+    causes alone that name its check.
 
     Args:
         drafts: verdicts in the order of their ids, with the programs of their findings.
@@ -170,7 +171,7 @@ def _confirmed(
             continue
         others = tuple(_others(causes, verdict.id))
         try:
-            follows = _cause_of(programs, others, work)
+            follows = _cause_of(verdict.id, programs, others, work)
             if follows is not None:
                 found[verdict.id] = replace(verdict, follows_from=follows)
                 continue
@@ -184,8 +185,8 @@ def _confirmed(
 
 
 def _order(draft: tuple[Verdict, Sequence[Programs]]) -> tuple[int, int]:
-    """Causes that explain any other in their order, then the others by severity."""
-    ids = [id for id, hold in HOLDS.items() if not hold.consequences]
+    """Causes that can be held still in their order, then the others by severity."""
+    ids = list(HOLDS)
     place = ids.index(draft[0].id) if draft[0].id in ids else len(ids)
     return place, SEVERITIES.index(draft[0].severity)
 
@@ -195,21 +196,27 @@ def _others(causes: Iterable[str], id: str) -> Iterator[tuple[str, Hold]]:
     held: set[str] = set()
     for cause in causes:
         hold = HOLDS[cause]
-        explains = not hold.consequences or id in hold.consequences
+        explains = hold.is_general or id in hold.consequences
         if cause != id and explains and hold.words not in held:
             held.add(hold.words)
             yield cause, hold
 
 
 def _cause_of(
-    programs: Sequence[Programs], causes: Iterable[tuple[str, Hold]], work: Confirmation
+    id: str, programs: Sequence[Programs], causes: Iterable[tuple[str, Hold]], work: Confirmation
 ) -> FollowsFrom | None:
     """The cause that, held still, lets every reproducer pass."""
-    if not all(each.compares for each in programs):
-        return None
-    for cause, hold in causes:
-        if all(work.passes(held_still(each.whole, hold)) for each in programs):
-            return FollowsFrom(cause, hold.words)
+    known, compares = list(causes), all(each.compares for each in programs)
+    general = [hold for _, hold in known if hold.is_general]
+    for cause, hold in known:
+        if not compares and id not in hold.consequences:
+            continue
+        for below in (None, *(general if id in hold.consequences else ())):
+            wholes = [each.whole for each in programs]
+            if below is not None and below is not hold:  # what else differs by itself
+                wholes = [held_still(whole, below) for whole in wholes]
+            if all(work.passes(held_still(whole, hold)) for whole in wholes):
+                return FollowsFrom(cause, hold.words)
     return None
 
 

@@ -98,25 +98,27 @@ def entropy_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return make
 
 
+def own_generators(root: Any) -> Iterator[Any]:
+    """Random generators that an environment holds, itself or in what it holds."""
+    seen: dict[int, Any] = {}
+    waiting = [root]
+    while waiting and len(seen) < 100_000:
+        each = waiting.pop()
+        if id(each) in seen or inspect.isroutine(each) or inspect.ismodule(each):
+            continue
+        seen[id(each)] = each
+        if isinstance(each, np.random.Generator | np.random.RandomState | random.Random):
+            yield each
+        elif not isinstance(each, type):
+            waiting += gc.get_referents(each)
+
+
 def generators_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Restarts the environment's own generators at each reset, and holds the system's entropy."""
     hold_entropy()
 
-    def generators(root: Any) -> Iterator[Any]:
-        seen: dict[int, Any] = {}
-        waiting = [root]
-        while waiting and len(seen) < 100_000:
-            each = waiting.pop()
-            if id(each) in seen or inspect.isroutine(each) or inspect.ismodule(each):
-                continue
-            seen[id(each)] = each
-            if isinstance(each, np.random.Generator | np.random.RandomState | random.Random):
-                yield each
-            elif not isinstance(each, type):
-                waiting += gc.get_referents(each)
-
     def restart(env: Any) -> None:
-        for each in generators(env):
+        for each in own_generators(env):
             if isinstance(each, np.random.RandomState | random.Random):
                 each.seed(0)
             else:
@@ -188,6 +190,166 @@ def copies_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return built
 
 
+def _with_outputs(make: Callable[[], Any], changed: Callable[..., Any]) -> Callable[[], Any]:
+    """Hands what reset and step give to a function, with the agents that lived before.
+
+    The function returns it, and may change the environment's books.
+    """
+
+    def built() -> Any:
+        env = make()
+        cls = type(env)
+
+        def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
+            return changed(self, cls.reset(self, *args, **kwargs), [])
+
+        def step(self: Any, action: Any) -> Any:
+            before = list(self.agents)
+            return changed(self, cls.step(self, action), before)
+
+        return with_class(env, reset=reset, step=step)
+
+    return built
+
+
+def observations_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Copies each observation before it is handed out."""
+
+    def changed(env: Any, out: Any, before: Any) -> Any:
+        return out if out is None else (copy.deepcopy(out[0]), *out[1:])
+
+    inner = _with_outputs(make, changed)
+
+    def built() -> Any:
+        env = inner()
+        cls = type(env)
+        if not hasattr(cls, "observe"):
+            return env
+        return with_class(env, observe=lambda self, agent: copy.deepcopy(cls.observe(self, agent)))
+
+    return built
+
+
+def infos_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Copies each info before it is handed out."""
+
+    def changed(env: Any, out: Any, before: Any) -> Any:
+        if out is None:
+            env.infos = {agent: copy.deepcopy(info) for agent, info in env.infos.items()}
+            return None
+        return (*out[:-1], {agent: copy.deepcopy(info) for agent, info in out[-1].items()})
+
+    return _with_outputs(make, changed)
+
+
+def state_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Copies what `state()` gives before it is handed out."""
+
+    def built() -> Any:
+        env = make()
+        cls = type(env)
+        return with_class(env, state=lambda self: copy.deepcopy(cls.state(self)))
+
+    return built
+
+
+def readings_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Puts the generators back where they stood before `state()` or `render()`."""
+
+    def kept(call: Callable[..., Any]) -> Callable[..., Any]:
+        def reading(self: Any) -> Any:
+            # where they stand is in copies of them, and a copy's draw leaves them alone
+            before = [(each, copy.deepcopy(each)) for each in own_generators(self)]
+            value = call(self)
+            for each, stood in before:
+                if isinstance(each, random.Random):
+                    each.setstate(stood.getstate())
+                elif isinstance(each, np.random.RandomState):
+                    each.set_state(stood.get_state())
+                else:
+                    each.bit_generator.state = stood.bit_generator.state
+            return value
+
+        return reading
+
+    def built() -> Any:
+        env = make()
+        cls = type(env)
+        return with_class(env, state=kept(cls.state), render=kept(cls.render))
+
+    return built
+
+
+def ended_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Takes agents that have ended out of `agents`; without agents nothing is played on."""
+
+    def built() -> Any:
+        env = make()
+        cls = type(env)
+
+        def step(self: Any, actions: Any) -> Any:
+            if not self.agents:
+                return {}, {}, {}, {}, {}
+            out = cls.step(self, {a: x for a, x in actions.items() if a in self.agents})
+            ended = {a for flags in out[2:4] for a, flag in flags.items() if flag}
+            self.agents = [a for a in self.agents if a not in ended]
+            return out
+
+        return with_class(env, step=step)
+
+    return built
+
+
+def entries_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Deletes entries of agents that aren't in the game from rewards and flags."""
+
+    def changed(env: Any, out: Any, before: Any) -> Any:
+        if out is None:
+            books = env.rewards, env._cumulative_rewards, env.terminations, env.truncations
+            for book in books:
+                for agent in set(book) - set(env.agents):
+                    del book[agent]
+        elif len(out) == 5:
+            for book in out[1:4]:
+                for agent in set(book) - set(env.agents) - set(before):
+                    del book[agent]
+        return out
+
+    return _with_outputs(make, changed)
+
+
+def orders_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Hands actions over in the order of possible_agents."""
+
+    def built() -> Any:
+        env = make()
+        cls = type(env)
+
+        def step(self: Any, actions: Any) -> Any:
+            names = [agent for agent in self.possible_agents if agent in actions]
+            return cls.step(self, {agent: actions[agent] for agent in names})
+
+        return with_class(env, step=step)
+
+    return built
+
+
+def classes_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Gives each instance a copy of its own of what its class keeps."""
+    generators = np.random.Generator, np.random.RandomState, random.Random
+    kinds = dict, list, set, np.ndarray, *generators
+
+    def built() -> Any:
+        env = make()
+        for cls in type(env).__mro__:
+            for name, value in vars(cls).items():
+                if isinstance(value, kinds) and not name.startswith("__") and name not in vars(env):
+                    setattr(env, name, copy.deepcopy(value))
+        return env
+
+    return built
+
+
 @contextmanager
 def still_entropy() -> Iterator[None]:
     """Within it a generator that asks the system for entropy gets the same bits each time."""
@@ -205,19 +367,45 @@ class Hold:
     Attributes:
         words: what is done, for `follows_from`.
         function: takes `make`, returns another.
-        consequences: checks whose failure may follow from the cause; empty: of any.
+        consequences: checks whose failure may follow from the cause, also one that a single play
+            shows.
+        is_general: so may that of any check that compares two plays.
     """
 
     words: str
     function: Callable[[Callable[[], Any]], Callable[[], Any]]
     consequences: tuple[str, ...] = ()
+    is_general: bool = False
 
 
-GLOBALS: Final = Hold("global generators seeded before each call", globals_held)
-ENTROPY: Final = Hold("the system's entropy replaced by a constant", entropy_held)
-GENERATORS: Final = Hold("own generators restarted at each reset", generators_held)
-INSTANCES: Final = Hold("a fresh instance for each reset", instances_held)
+GLOBALS: Final = Hold("global generators seeded before each call", globals_held, is_general=True)
+ENTROPY: Final = Hold("the system's entropy replaced by a constant", entropy_held, is_general=True)
+GENERATORS: Final = Hold("own generators restarted at each reset", generators_held, is_general=True)
+INSTANCES: Final = Hold(
+    "a fresh instance for each reset",
+    instances_held,
+    ("GK103", "GK406", "GK506", "GK523", "GK815"),
+    is_general=True,
+)
 COPIES: Final = Hold("copies made by playing the same calls again", copies_held, ("GK702", "GK703"))
+CLASSES: Final = Hold(
+    "a copy of what the class keeps for each instance", classes_held, ("GK701", "GK702", "GK703")
+)
+OBSERVATIONS: Final = Hold(
+    "observations copied before they are handed out", observations_held, ("GK620", "GK624")
+)
+INFOS: Final = Hold("infos copied before they are handed out", infos_held, ("GK621", "GK624"))
+STATE: Final = Hold("what state() gives copied", state_held, ("GK622",))
+READINGS: Final = Hold(
+    "generators put back after state() and render()", readings_held, ("GK805", "GK814")
+)
+ENDED: Final = Hold("agents that have ended taken out of `agents`", ended_held, ("GK402",))
+ENTRIES: Final = Hold(
+    "entries of agents that aren't in the game deleted",
+    entries_held,
+    ("GK221", "GK402", "GK403", "GK407", "GK527"),
+)
+ORDERS: Final = Hold("actions in the order of possible_agents", orders_held, ("GK312",))
 
 OF_DRAWS: Final = (GLOBALS, ENTROPY)
 """Held where the same play differs by itself, so that another fault in it can be shown."""
@@ -227,7 +415,16 @@ HOLDS: Final = {
     "GK605": ENTROPY,
     "GK606": INSTANCES,
     "GK604": INSTANCES,
+    "GK607": CLASSES,
     "GK701": COPIES,
+    "GK610": OBSERVATIONS,
+    "GK611": INFOS,
+    "GK612": STATE,
+    "GK636": READINGS,
+    "GK637": READINGS,
+    "GK503": ENDED,
+    "GK106": ENTRIES,
+    "GK311": ORDERS,
 }
 """By the check whose failure is a cause, in the order in which causes are established."""
 

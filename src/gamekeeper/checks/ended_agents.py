@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from gamekeeper.checks.facts.play_facts import TurnRosters
 from gamekeeper.checks.probe_evidence import ProbeEvidence
+from gamekeeper.contract import Contract
 from gamekeeper.episodes.episode import Episode, Turn
 
 FLAGS: Final = ("terminated", "truncated")
@@ -58,3 +59,9 @@ def ticks_before(trace: Episode, api: str) -> Iterator[tuple[Turn, int]]:
             if agent not in ended:
                 acted[agent] += 1
                 most = max(most, acted[agent])
+
+
+def may_leave(contract: Contract, agent: str) -> bool:
+    """Tells whether the contract lets agents of its role leave before they end."""
+    name = contract.role_of(agent)
+    return bool(name is not None and contract.roles[name].may_leave)

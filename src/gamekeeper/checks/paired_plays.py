@@ -231,9 +231,11 @@ def used_beside_fresh(
 
     Args:
         before: seed and actions of the episode that goes before; None: of the play itself.
-        times: how often it goes before; more than once only where it has no actions.
+        times: how often it goes before; more than once only the play itself, or one without
+            actions.
     """
-    used = ["used = make()", "play(used)"]
+    often = ["play(used)"] if times == 1 else [f"for _ in range({times}):", "    play(used)"]
+    used = ["used = make()", *often]
     if before is not None and times > 1:
         reset = f"    used.reset(seed={before[0]!r})"
         used = ["used = make()", f"for _ in range({times}):", reset]

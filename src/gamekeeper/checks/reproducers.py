@@ -273,17 +273,19 @@ def flags_stay_up(make: Callable[[], Any], seed: int, actions: Sequence[Any]) ->
 
 
 def rewards_add_up(make: Callable[[], Any], seed: int, actions: Sequence[Any]) -> None:
-    """Adds rewards up in an AEC environment, and compares the sum with last()."""
+    """Adds rewards up in an AEC environment, and compares the sum with last() at every turn."""
     env = begin(make, seed)
     owed = dict.fromkeys(env.agents, 0.0)
-    for action in actions:
-        env.last()
-        owed[env.agent_selection] = 0.0  # whoever acts has been told
-        env.step(action)
-        for agent, reward in env.rewards.items():
-            owed[agent] = owed.get(agent, 0.0) + reward
-    agent, told = env.agent_selection, env.last()[1]
-    assert np.isclose(told, owed[agent], rtol=1e-5, atol=0), (agent, told, owed[agent])
+    for turn in range(len(actions) + 1):
+        if not env.agents:
+            break
+        agent, told = env.agent_selection, env.last()[1]
+        assert np.isclose(told, owed[agent], rtol=1e-5, atol=0), (agent, told, owed[agent])
+        if turn < len(actions):
+            owed[agent] = 0.0  # whoever acts has been told
+            env.step(actions[turn])
+            for name, reward in env.rewards.items():
+                owed[name] = owed.get(name, 0.0) + reward
 
 
 def dead_steps_pay_nobody(make: Callable[[], Any], seed: int, actions: Sequence[Any]) -> None:

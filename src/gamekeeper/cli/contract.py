@@ -36,7 +36,10 @@ FormatOption = Annotated[
 ]
 MeasureOption = Annotated[
     bool,
-    typer.Option("--measure", help="Play the environment, and propose answers from what it does."),
+    typer.Option(
+        "--measure",
+        help="Play the environment (some 20,000 env steps), and propose answers from what it does.",
+    ),
 ]
 
 
@@ -45,7 +48,7 @@ DraftOption = Annotated[
     typer.Option(
         "--draft",
         help="Write a contract to begin with: few questions, usual values declared, others "
-        "measured by playing.",
+        "measured by playing (some 20,000 env steps).",
     ),
 ]
 

@@ -20,6 +20,8 @@ MOST_SHOWN: Final = 20
 """Differences that are shown; the document has all of them."""
 MOST_ROWS: Final = 60
 """Figures that are shown; of more, those that aren't ticked."""
+MOST_NAMED: Final = 8
+"""Packages that are named where they aren't installed."""
 MARKS: Final = {True: "✓", False: "✗", None: "?"}
 CODES: Final = {True: 0, False: 1, None: 2}
 
@@ -66,16 +68,21 @@ def command(
 
 
 def _show(screen: Screen, found: CheckedClaim) -> None:
+    from gamekeeper.evaluation.claim_check import ABSENT
     from gamekeeper.reporting.results_text import divergence_text
     from gamekeeper.reporting.text_columns import column_lines
 
     screen.show(f"digest {found.digest}")
     for each in found.damage:
         screen.verdict(f"damaged: {each}", "bad")
-    for other in found.differs[:MOST_SHOWN]:
+    others = [each for each in found.differs if each.here != ABSENT]
+    for other in others[:MOST_SHOWN]:
         screen.show(f"differs here: {other.name}, claimed {other.claimed}, here {other.here}")
-    if len(found.differs) > MOST_SHOWN:
-        screen.show(f"differs here: {len(found.differs) - MOST_SHOWN} more packages")
+    if len(others) > MOST_SHOWN:
+        screen.show(f"differs here: {len(others) - MOST_SHOWN} more")
+    if absent := [each.name for each in found.differs if each.here == ABSENT]:
+        more = f" and {len(absent) - MOST_NAMED} more" if len(absent) > MOST_NAMED else ""
+        screen.show(f"not installed here: {', '.join(absent[:MOST_NAMED])}{more}")
     for run, played in found.replays.items():
         if played.divergence is not None:
             where = divergence_text(played.divergence, width=screen.width)
@@ -93,7 +100,7 @@ def _show(screen: Screen, found: CheckedClaim) -> None:
     if rows:
         screen.show("\n".join(column_lines([head, *rows], width=screen.width)))
     if len(rows) < len(found.figures):
-        screen.note("figures that are ticked, and more than the first 60 others: --json has all")
+        screen.note(f"{len(found.figures) - len(rows)} more figures are in the document of --json")
     ticked = sum(each.ticked is True for each in found.figures)
     manner = {True: "good", False: "bad", None: "unsure"}[found.ok]
     screen.verdict(f"{ticked} of {len(found.figures)} figures ticked", manner)

@@ -133,7 +133,7 @@ def _rows(
 def _look(
     document: Mapping[str, Any], name: str, runs: Mapping[tuple[str, str], Evidence]
 ) -> Inspection:
-    """What an environment was, as the evaluation and one of its runs have it."""
+    """Inspection of an environment, as the evaluation and one of its runs have it."""
     its = document["environments"][name]
     declared: Contract | None = next(run.contract for (env, _), run in runs.items() if env == name)
     policies = {

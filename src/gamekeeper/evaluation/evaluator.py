@@ -242,7 +242,7 @@ def _evaluated(
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class JudgedEpisodes:
     """Figures of an evaluation, worked out from its raw episodes.
 
     Attributes:
@@ -261,7 +261,7 @@ class Judged:
 
 def judged_of(
     spec: Spec, looks: Mapping[str, Inspection], matches: Sequence[Match], table: pa.Table
-) -> Judged:
+) -> JudgedEpisodes:
     """Figures, intervals and comparisons over raw episodes; nothing is played or opened."""
     judge = Judge(spec.level, spec.seed)
     sheets = _sheets(spec, table)
@@ -271,7 +271,7 @@ def judged_of(
     comparisons = comparisons_of(spec, grounds, tables, judge)
     crossed = {name: _crossed(table, comparisons) for name, table in tables.items()}
     overall = overall_of(spec, grounds, judge)
-    return Judged(grounds, results, comparisons, crossed, overall, judge)
+    return JudgedEpisodes(grounds, results, comparisons, crossed, overall, judge)
 
 
 def _sheets(spec: Spec, table: pa.Table) -> dict[tuple[str, str], Sheet]:

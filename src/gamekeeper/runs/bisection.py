@@ -1,7 +1,7 @@
-"""The first commit at which something comes out otherwise, by halving; each is laid out by itself.
+"""First commit or version at which something comes out otherwise, by halving.
 
-The repository is only read: a commit's files are written into a folder of their own, so neither
-the work tree nor the index changes.
+A repository is only read: a commit's files are written into a folder of their own, so neither the
+work tree nor the index changes.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import tarfile
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -28,10 +28,10 @@ ROOTS: Final = ("", "src")
 
 
 @dataclass(frozen=True, slots=True)
-class TriedCommit:
-    """One commit that was tried: its outcome, and what was seen."""
+class BisectionStep:
+    """One commit or version that was tried: its outcome, and what was seen."""
 
-    commit: str
+    name: str
     outcome: Outcome
     seen: str
 
@@ -41,17 +41,17 @@ class Bisection:
     """Outcome of a search.
 
     Attributes:
-        first: the first commit that differs; None: none does, or it can't be told.
-        subject: first line of its message.
-        skipped: commits before it that couldn't be tried, so that one of them may be the first.
-        tested: commits in the order they were tried.
-        candidates: commits that were searched.
+        first: the first commit or version that differs; None: none does, or it can't be told.
+        subject: first line of a commit's message.
+        skipped: those before it that couldn't be tried, so that one of them may be the first.
+        tested: those that were tried, in that order.
+        candidates: how many were searched.
     """
 
     first: str | None
     subject: str
     skipped: tuple[str, ...]
-    tested: tuple[TriedCommit, ...]
+    tested: tuple[BisectionStep, ...]
     candidates: int
 
     def to_json(self) -> dict[str, Any]:
@@ -63,7 +63,7 @@ class Bisection:
             "steps": len(self.tested),
             "candidates": self.candidates,
             "tested": [
-                {"commit": each.commit, "outcome": each.outcome, "seen": each.seen}
+                {"name": each.name, "outcome": each.outcome, "seen": each.seen}
                 for each in self.tested
             ],
         }
@@ -86,29 +86,35 @@ def bisect(
     Raises:
         RunError: there is no such repository or commit, or no commit between them.
     """
-    commits = _commits(repo, since, until)
-    tested: dict[int, TriedCommit] = {}
+
+    def laid_out(commit: str) -> tuple[Outcome, str]:
+        with _laid_out(repo, commit) as folder:
+            return attempt(folder)
+
+    found = first_that_differs(_commits(repo, since, until), laid_out)
+    if found.first is None:
+        return found
+    return replace(found, subject=_git(repo, "log", "-1", "--format=%s", found.first).strip())
+
+
+def first_that_differs(
+    names: Sequence[str], attempt: Callable[[str], tuple[Outcome, str]]
+) -> Bisection:
+    """First of several names for which `attempt` differs: the last is tried, then halves."""
+    tested: dict[int, BisectionStep] = {}
 
     def tried(place: int) -> Outcome:
         if place not in tested:
-            with _laid_out(repo, commits[place]) as folder:
-                outcome, seen = attempt(folder)
-            tested[place] = TriedCommit(commits[place], outcome, seen)
+            tested[place] = BisectionStep(names[place], *attempt(names[place]))
         return tested[place].outcome
 
-    last = len(commits) - 1
-    first: int | None = None
+    last = len(names) - 1
+    first: str | None = None
     skipped: tuple[str, ...] = ()
     if tried(last) == "differs":
-        first, unknown = halved(last, tried)
-        skipped = tuple(commits[place] for place in unknown)
-    return Bisection(
-        None if first is None else commits[first],
-        "" if first is None else _git(repo, "log", "-1", "--format=%s", commits[first]).strip(),
-        skipped,
-        tuple(tested.values()),
-        len(commits),
-    )
+        place, unknown = halved(last, tried)
+        first, skipped = names[place], tuple(names[each] for each in unknown)
+    return Bisection(first, "", skipped, tuple(tested.values()), len(names))
 
 
 def halved(last: int, tried: Callable[[int], Outcome]) -> tuple[int, tuple[int, ...]]:

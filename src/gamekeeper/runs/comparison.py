@@ -205,8 +205,13 @@ def _from_json(value: Mapping[str, Any]) -> Replay:
     where = value["divergence"]
     if where is None:
         return Replay(**value)
+    return Replay(**{**value, "divergence": divergence_from_json(where)})
+
+
+def divergence_from_json(where: Mapping[str, Any]) -> Divergence:
+    """The divergence that another process returned as JSON, its values as they were."""
     values = {side: from_json(compact(where[side])) for side in ("recorded", "replayed")}
-    return Replay(**{**value, "divergence": Divergence(**{**where, **values})})
+    return Divergence(**{**where, **values})
 
 
 def _identity(evidence: Evidence) -> Mapping[str, Any]:

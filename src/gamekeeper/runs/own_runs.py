@@ -94,9 +94,9 @@ def changed(modules: Modules) -> list[str]:
 
 def imported_modules() -> dict[str, tuple[str, str]]:
     """Modules of this process from outside the standard library and installed packages."""
-    installed = tuple(
-        {f"{each}{os.sep}" for f in site_folders() for each in (f, os.path.realpath(f))}
-    )
+    ours = Path(__file__).parents[1]  # a worker's own script, where it isn't installed
+    folders = (*site_folders(), str(ours))
+    installed = tuple({f"{each}{os.sep}" for f in folders for each in (f, os.path.realpath(f))})
     found = {}
     for name, module in list(sys.modules.items()):
         path = _path_of(module)

@@ -152,7 +152,7 @@ MOST_COUNTERFACTUALS: Final = 3
 """Most counterfactuals of each intervention."""
 LIST_BYTES: Final = 300_000
 """Size of the list of all episodes."""
-ENTRY_BYTES: Final = 220
+ENTRY_BYTES: Final = 260
 RETURN_BYTES: Final = 24
 """Approximate size of an episode in that list, and of an agent's return in it."""
 SEED: Final = 0

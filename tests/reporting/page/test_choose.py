@@ -16,7 +16,7 @@ def figures(returns: list[float], *, torn: int | None = None) -> Figures:
         {"episode": number, "end": "torn" if number == torn else "ended"}
         for number in range(len(returns))
     )
-    return Figures(headers, ("a",), ~flags, column, column, {}, flags, flags)
+    return Figures(headers, ("a",), ~flags, column, column, {}, flags, flags, column)
 
 
 def test_named_labelled_failing_median_best_come_first() -> None:

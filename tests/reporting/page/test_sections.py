@@ -54,7 +54,7 @@ def played(returns: dict[str, list[float]], versions: list[dict[str, str]]) -> F
         }
         for number, version in enumerate(versions)
     )
-    return Figures(headers, tuple(returns), ~flags, columns, columns, {}, flags, flags)
+    return Figures(headers, tuple(returns), ~flags, columns, columns, {}, flags, flags, columns)
 
 
 def tables(section: PageSection) -> dict[str, PageTable]:

@@ -314,11 +314,13 @@ APART: Final = 1000
 """Distance of the last episode's seed from that of the present one."""
 RESETS: Final = 6
 """Resets that go before a play; what counts them shows after a few."""
+BEFORE: Final = (1, 4)
+"""Plays of an episode, one after the other, that go before it, by look: the most."""
 
 
 def _second_episode_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
     """Long ones, so that whole episodes go before."""
-    return lab.plays(2, runs=6)
+    return lab.plays(2, runs=7)
 
 
 @probe("second_episode", share=1.5, plays=_second_episode_plays)
@@ -327,9 +329,9 @@ def second_episode(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
 
     Counterfactuals: what went before the play differs.
 
-    The same episode, one of another seed that is cut in its middle, `RESETS` resets with the same
-    seed and no step. Each comes only where those before it told nothing. Facts, beside a
-    counterfactual that parts:
+    The same episode, up to `BEFORE` times, one of another seed that is cut in its middle,
+    `RESETS` resets with the same seed and no step. Each comes only where those before it told
+    nothing. Facts, beside a counterfactual that parts:
         `EpisodeBefore`, `LaterSeeds`.
     """
     volatile = tuple(lab.contract.volatile_infos())
@@ -337,8 +339,12 @@ def second_episode(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         base = lab.play(play, lab.env())
     change = {"change": "an episode before"}
     resets = replace(base.play, actions=(), most_turns=0)
-    for before, times in ((base.play, 1), (_cut(lab, base), 1), (resets, RESETS)):
-        after = _after(lab, before, base.play, times)
+    for before in (base.play, _cut(lab, base), resets):
+        times = RESETS if before is resets else 1
+        if before is base.play:
+            after, times = _once_more(lab, base, BEFORE[lab.number % len(BEFORE)])
+        else:
+            after = _after(lab, before, base.play, times)
         if compare(base.trace, after.trace, volatile=volatile).divergence is None:
             yield ProbeCounterfactual(base.trace, base.trace, after.trace, change, volatile)
             continue
@@ -357,6 +363,20 @@ def _cut(lab: ProbeSession, base: EpisodeResult) -> EpisodePlan:
     turns = len(base.play.actions or ()) // 4 * 2 + 1 + lab.number % 2
     seed = (base.play.seed or 0) + APART
     return EpisodePlan(seed=seed, stream=base.play.stream + APART, most_turns=turns)
+
+
+def _once_more(lab: ProbeSession, base: EpisodeResult, most: int) -> tuple[EpisodeResult, int]:
+    """The play after itself, until it is another, and how often it went before."""
+    with held():
+        env = lab.env()
+        lab.play(base.play, env)
+    times = 0
+    while True:
+        times += 1
+        with held():
+            after = lab.play(base.play, env)
+        if times == most or _differ(lab, base.trace, after.trace):
+            return after, times
 
 
 def _after(lab: ProbeSession, before: EpisodePlan, play: EpisodePlan, times: int) -> EpisodeResult:

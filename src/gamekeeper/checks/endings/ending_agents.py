@@ -7,12 +7,12 @@ from typing import Final
 
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import HIGH, Case, check
-from gamekeeper.checks.ended_agents import ended_in, is_twofold, plays_with_rosters
+from gamekeeper.checks.ended_agents import ended_in, is_twofold, may_leave, plays_with_rosters
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.reproducer_source import reproducer_of
 from gamekeeper.checks.reproducers import agents_leave_by_ending as agents_left
 from gamekeeper.checks.reproducers import endings_take_all
-from gamekeeper.checks.timing.agent_turns import aec_steps
+from gamekeeper.checks.timing.agent_turns import departures
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.episode import Episode, Turn
 
@@ -109,7 +109,7 @@ def agents_leave_by_ending(contract: Contract, evidence: ProbeEvidence) -> Itera
     """
     left = _left_a_turn if evidence.api == "aec" else _left_a_tick
     for trace, turn, agent, has_ended in left(evidence):
-        if not _may_leave(contract, agent):
+        if not may_leave(contract, agent):
             yield Case(
                 trace.at(turn, agent, "agents"),
                 has_ended,
@@ -137,18 +137,8 @@ def _left_a_tick(evidence: ProbeEvidence) -> Iterator[tuple[Episode, int, str, b
 
 def _left_a_turn(evidence: ProbeEvidence) -> Iterator[tuple[Episode, int, str, bool]]:
     """Yields each agent that left an AEC episode, its turn, and if its flags were or are up."""
-    for play in aec_steps(evidence):
-        leaving = {each.turn + 1: each for each in play if set(each.before) - set(each.after)}
-        for turn in play[0].trace.turns if leaving else ():
-            if turn.index in leaving:
-                each = leaving[turn.index]
-                for agent in sorted(set(each.before) - set(each.after)):
-                    yield each.trace, turn.index, agent, agent in each.ended | ended_in(turn)
-
-
-def _may_leave(contract: Contract, agent: str) -> bool:
-    name = contract.role_of(agent)
-    return bool(name is not None and contract.roles[name].may_leave)
+    for each, agent, has_ended in departures(evidence):
+        yield each.trace, each.turn + 1, agent, has_ended
 
 
 ALL_OVER_PROOF = """\

@@ -326,9 +326,10 @@ def dead_steps_pay_nobody(contract: Contract, evidence: ProbeEvidence) -> Iterat
 
 
 def _left(turn: Turn, stood: Mapping[str, float], ended: set[str]) -> dict[str, float]:
-    """Rewards after a dead step that were there before it, or that pay who has ended."""
+    """Rewards of agents of the game that stood before a dead step, or that pay who has ended."""
+    live = turn.live - {turn.order[0]}  # of entries of those that were removed GK106 tells
     return {
         agent: reward
         for agent, reward in turn.rewards.items()
-        if reward and (agent in ended or stood.get(agent) == reward)
+        if reward and agent in live and (agent in ended or stood.get(agent) == reward)
     }

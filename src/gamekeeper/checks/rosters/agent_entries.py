@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from gamekeeper.checks.check import HIGH, LOW, MEDIUM, Case, check
+from gamekeeper.checks.ended_agents import may_leave
 from gamekeeper.checks.facts.surface_facts import BookEntries, ReturnedForms
 from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.reproducer_source import reproducer_of
 from gamekeeper.checks.reproducers import gives_dictionaries
+from gamekeeper.checks.timing.agent_turns import departures
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.episode import Episode, Turn
 from gamekeeper.episodes.where import Where
@@ -109,7 +111,7 @@ def accounts_are_kept_of_the_living_only(
     Good: `rewards = {a: 0.0 for a in self.agents}`, taken before anybody is removed.
     """
     if evidence.api == "aec":
-        yield from _gone_in_books(evidence)
+        yield from _gone_in_books(evidence, _removed_early(contract, evidence))
         return
     for trace in evidence["rollout"]:
         ever: set[str] = set()
@@ -131,10 +133,22 @@ def accounts_are_kept_of_the_living_only(
                 yield Case(trace.at(each.turn, None, "agents"), True)
 
 
-def _gone_in_books(evidence: ProbeEvidence) -> Iterator[Case]:
+def _removed_early(contract: Contract, evidence: ProbeEvidence) -> set[str]:
+    """Agents that were removed without their None step; GK302 and GK501 tell of these."""
+    return {
+        agent
+        for each, agent, _ in departures(evidence)
+        if not (agent == each.actor and each.is_dead) and not may_leave(contract, agent)
+    }
+
+
+def _gone_in_books(evidence: ProbeEvidence, told: set[str]) -> Iterator[Case]:
     for fact in evidence.facts(BookEntries):
         for turn, books in enumerate(fact.value.turns):
-            found = {name: books.strangers.get(name) for name in BOOKS}
+            found = {
+                name: [each for each in books.strangers.get(name, ()) if each not in told]
+                for name in BOOKS
+            }
             for name, agents in found.items():
                 if agents:
                     yield Case(

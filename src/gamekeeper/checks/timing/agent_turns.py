@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from gamekeeper.checks.check import HIGH, MEDIUM, Case, check
-from gamekeeper.checks.ended_agents import ended_in
+from gamekeeper.checks.ended_agents import ended_in, may_leave
 from gamekeeper.checks.facts.lifecycle_facts import IteratedAgents
 from gamekeeper.checks.facts.play_facts import SelectedAgents, TurnRosters
 from gamekeeper.checks.probe_evidence import ProbeEvidence
@@ -59,6 +59,17 @@ def _env_steps(trace: Episode, agents: Sequence[Sequence[str]]) -> Iterator[AecS
         flagged = ended_in(turn)
         ended = (ended | flagged) & frozenset(before)
         yield AecStep(trace, turn.index, actor, actor in flagged, before, after, ended)
+
+
+def departures(evidence: ProbeEvidence) -> Iterator[tuple[AecStep, str, bool]]:
+    """Yields each agent that left in an AEC step, and if its flags were up before or after it."""
+    for play in aec_steps(evidence):
+        leaving = {each.turn + 1: each for each in play if set(each.before) - set(each.after)}
+        for turn in play[0].trace.turns if leaving else ():
+            if turn.index in leaving:
+                each = leaving[turn.index]
+                for agent in sorted(set(each.before) - set(each.after)):
+                    yield each, agent, agent in each.ended | ended_in(turn)
 
 
 @check(
@@ -119,6 +130,7 @@ def dead_agents_get_their_turn(contract: Contract, evidence: ProbeEvidence) -> I
     Bad:
     ```python
     if money[agent] <= 0:
+        self.terminations[agent] = True
         self.agents.remove(agent)
     ```
     Good:
@@ -129,25 +141,15 @@ def dead_agents_get_their_turn(contract: Contract, evidence: ProbeEvidence) -> I
     self._deads_step_first()
     ```
     """
-    for play in aec_steps(evidence):
-        for each in play:
-            if each.before == each.after:
-                continue
-            for agent in sorted(set(each.before) - set(each.after)):
-                if not _may_leave(contract, agent):
-                    is_own = agent == each.actor and each.is_dead
-                    yield Case(
-                        each.trace.at(each.turn + 1, agent, "agents"),
-                        is_own,
-                        "removed by its own None step",
-                        f"removed by the step of {each.actor!r}, so its end can't be read",
-                        proof=reproducer_of(dead_turns_are_taken),
-                    )
-
-
-def _may_leave(contract: Contract, agent: str) -> bool:
-    name = contract.role_of(agent)
-    return bool(name is not None and contract.roles[name].may_leave)
+    for each, agent, has_ended in departures(evidence):
+        if has_ended and not may_leave(contract, agent):  # of one without flags GK501 tells
+            yield Case(
+                each.trace.at(each.turn + 1, agent, "agents"),
+                agent == each.actor and each.is_dead,
+                "removed by its own None step",
+                f"removed by the step of {each.actor!r}, so its end can't be read",
+                proof=reproducer_of(dead_turns_are_taken),
+            )
 
 
 @check(

@@ -70,6 +70,9 @@ class InsideSpaces:
         """Action spaces of all possible agents."""
         return {agent: self.env.action_space(agent) for agent in self.env.possible_agents}
 
+    def __str__(self) -> str:
+        return f"TimeLimit<{self.env}>"
+
 
 class ParallelTimeLimit(InsideSpaces, BaseParallelWrapper[Any, Any, Any]):
     """Use `time_limit`."""

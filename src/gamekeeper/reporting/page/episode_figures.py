@@ -27,6 +27,9 @@ from gamekeeper.statistics.paired import FEWEST, paired_effect
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
+SPARK: Final = 24
+"""Parts of an episode in its sparkline."""
+
 
 @dataclass(frozen=True, slots=True)
 class Figures:
@@ -41,6 +44,7 @@ class Figures:
         terms: by reward term of the environment, [episodes, agents].
         terminated: [episodes, agents] True if it was terminated.
         truncated: [episodes, agents] True if it was truncated.
+        course: [episodes, SPARK] sum of all agents' rewards up to the end of each part of it.
     """
 
     headers: tuple[Mapping[str, Any], ...]
@@ -51,6 +55,7 @@ class Figures:
     terms: Mapping[str, FloatArray]
     terminated: BoolArray
     truncated: BoolArray
+    course: FloatArray
     _places: Mapping[int, int] = field(default_factory=dict)
 
     @property
@@ -68,9 +73,15 @@ def figures_of(evidence: Evidence) -> Figures:
     """The figures of a whole run, from one reading of its rows."""
     headers = tuple(evidence.episode_table.to_pylist())
     sums = _Sums([header["episode"] for header in headers])
+    turns = np.array([header.get("turns") or 0 for header in headers], np.int64)
+    course = np.zeros((len(headers), SPARK))
     for steps in evidence.tables.all_parts("agent_steps", without=APART) or ():
         if steps.num_rows:
-            sums.add(steps)
+            row = sums.add(steps)
+            part = np.minimum(
+                steps["turn"].to_numpy() * SPARK // np.maximum(turns[row], 1), SPARK - 1
+            )
+            np.add.at(course, (row, part), pc.fill_null(steps["reward"], 0.0).to_numpy())
     listed = map(str, evidence.manifest.get("agents") or ())
     agents = [name for name in listed if name in sums.names]
     agents += sorted(set(sums.names) - set(agents))
@@ -83,6 +94,7 @@ def figures_of(evidence: Evidence) -> Figures:
         terms={name[len(TERM) :]: sums.of(name, agents) for name in sums.terms},
         terminated=sums.of("terminated", agents) > 0,
         truncated=sums.of("truncated", agents) > 0,
+        course=np.cumsum(course, axis=1),
         _places={header["episode"]: place for place, header in enumerate(headers)},
     )
 
@@ -103,8 +115,8 @@ class _Sums:
         sums = self._sums.get(what, np.zeros((len(self._numbers), 0)))
         return np.ascontiguousarray(sums[:, places])
 
-    def add(self, steps: pa.Table) -> None:
-        """Adds the next rows, at least one."""
+    def add(self, steps: pa.Table) -> Any:
+        """Adds the next rows, at least one, and returns the place of each row's episode."""
         # Episodes may stand in any order: rows find theirs among the sorted numbers.
         row = np.searchsorted(self._numbers, steps["episode"].to_numpy())
         if len(self._order):
@@ -132,6 +144,7 @@ class _Sums:
             self._into(column, cells, weights)
         for column in ("reward", *self.terms):
             self._into(column, cells, pc.fill_null(steps[column], 0.0).to_numpy())
+        return row
 
     def _into(self, what: str, cells: tuple[Any, Any], weights: Any) -> None:
         sums = self._sums.get(what, np.zeros((len(self._numbers), 0)))

@@ -53,7 +53,7 @@ def entries_of(
     given: dict[Any, list[str]] = {}
     for each in labels:
         given.setdefault(each["episode"], []).append(str(each["label"]))
-    team = figures.team
+    team, sparks = figures.team, sparks_of(figures)
     return [
         {
             "run": run,
@@ -66,6 +66,7 @@ def entries_of(
             "why": [],
             "failing": failed[place],
             "team": _finite(team[place]),
+            "spark": sparks[place],
             "returns": {
                 agent: _finite(figures.returns[place, column])
                 for column, agent in enumerate(figures.agents)
@@ -77,6 +78,21 @@ def entries_of(
         }
         for place, header in enumerate(figures.headers)
     ]
+
+
+def sparks_of(figures: Figures) -> list[str]:
+    """Sparkline of each episode: a letter for each part, from A (the least of the run) to z.
+
+    The sum of all agents' rewards so far, on one scale for the run; empty where one isn't finite.
+    """
+    course = figures.course
+    is_known = np.isfinite(course).all(axis=1)
+    known = course[is_known]
+    low, high = min(0.0, known.min(initial=0.0)), known.max(initial=0.0)
+    steps = np.rint((known - low) / ((high - low) or 1.0) * (len(SCALE) - 1))
+    rows: list[list[float]] = np.asarray(steps).tolist()
+    letters = iter(["".join(SCALE[int(k)] for k in row) for row in rows])
+    return [next(letters) if each else "" for each in is_known.tolist()]
 
 
 def listed(entries: Sequence[dict[str, Any]], *, most_bytes: int) -> list[dict[str, Any]]:
@@ -182,6 +198,8 @@ def _failure_marks(evidence: Evidence, trace: Episode, has_failed: bool | None) 
 
 BUDGET_BYTES: Final = 2_500_000
 """Size of packed episodes on a page, in base64."""
+SCALE: Final = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz"
+"""Letters of a sparkline, from the least to the largest; `gallery.js` has them too."""
 MISSES: Final = 3
 """Number of episodes that didn't fit after which no other is tried."""
 

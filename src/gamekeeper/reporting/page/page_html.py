@@ -41,6 +41,7 @@ PARTS: Final = (
     "table.js",
     "timeline.js",
     "deck.js",
+    "gallery.js",
     "list.js",
     "charts.js",
     "icons.js",

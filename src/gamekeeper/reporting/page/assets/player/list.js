@@ -32,9 +32,10 @@ gk.EpisodeList = class {
     this.later = this.#pageButton("Later", AT_ONCE);
     const pager = gk.node("p", { class: "pager" }, this.earlier, this.range, this.later);
     const choice = gk.node("p", { class: "list-choice" }, gk.node("label", {}, "Show ", this.filter), gk.node("label", {}, "that have ", this.words));
+    this.gallery = new gk.Gallery(open);
     const summary = gk.node("summary");
     this.summary = summary;
-    this.root = gk.node("details", { class: "episode-list", open: gk.served }, summary, choice, region, pager);
+    this.root = gk.node("details", { class: "episode-list", open: gk.served }, summary, choice, this.gallery.root, region, pager);
   }
 
   #pageButton(text, by) {
@@ -119,6 +120,7 @@ gk.EpisodeList = class {
   draw() {
     const columns = this.#columns();
     const found = this.#sorted(this.found(), columns);
+    this.gallery.fill(found);
     if (this.from >= found.length) this.from = 0;
     const some = found.slice(this.from, this.from + AT_ONCE);
     this.head.replaceChildren(...columns.map((column) => this.#heading(column)));
