@@ -317,7 +317,7 @@ class BookkeptActionsCapture(_TurnsByActions, BookkeptCapture):
     """The same for an environment whose books are ours."""
 
     def _take_usual(self, agent: AgentId, index: int, payload: Any) -> bool:
-        """Where the books say that the step touched nobody but the agent that acted."""
+        """Books a step that, as the books say, touched only the agent that acted."""
         books, turn = self._books, self.turn
         touched, coming = books.touched, turn + 1
         reward = books.rewards.get(agent)
