@@ -81,7 +81,8 @@ def test_commands_give_the_same_answers_on_ray(
     answers = []
     for players in (["--executor", "ray"], []):
         answers.append(document(capfd, *line[:1], run, *line[1:], "--workers", 2, *players))
-        shutil.rmtree(f"{run}-diagnosis", ignore_errors=True)  # else the second goes on from there
+        for played in ("diagnosis", "attribution"):  # else the second goes on from there
+            shutil.rmtree(f"{run}-{played}", ignore_errors=True)
     assert answers[0] == answers[1]
     assert answers[0][0] == 0
 
