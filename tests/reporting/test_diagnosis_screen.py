@@ -23,7 +23,7 @@ def test_screen_says_who_since_when_what_undoes_it_and_what_to_paste() -> None:
     assert any(line.startswith("Who        giver_0 (isolated;") for line in lines)
     assert any(line.startswith("Undone by  latency[giver_0] = 0") for line in lines)
     assert any("gamekeeper pivots memory --episode 0" in line for line in lines)
-    assert "Not        receiver_0" in lines
+    assert "Not named  receiver_0" in lines
 
 
 def test_screen_of_a_healthy_run_accuses_no_agent() -> None:

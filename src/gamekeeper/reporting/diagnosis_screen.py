@@ -108,7 +108,7 @@ def _others(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     named = _named(document)
     others = [name for name in document["agents"] if name not in named]
     if named and others:
-        yield "Not", few(others)
+        yield "Not named", few(others)
 
 
 def _noted(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
