@@ -14,6 +14,7 @@ from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.checks.rounds import kind_of_order
 from gamekeeper.contract import Contract
 from tests.auditing.small_games import Grab
+from tests.faults.lifecycle import ResetIgnored
 from tests.faults.ticks import Hands, HiddenHands
 from tests.faults.tokens import Tokens
 
@@ -63,6 +64,13 @@ def test_measured_of_nothing_has_every_field() -> None:
 def test_measured_names_its_probes() -> None:
     """The audit gathers what the measurement reads."""
     assert set(PROBES) == {"rollout", "order", "form", "same_seed"}
+
+
+def test_used_instance_that_differs_says_nothing_of_seeds() -> None:
+    """Fresh instances give the same play again, so that no contract is to declare otherwise."""
+    found = audit_here(ResetIgnored, budget=500)
+    assert found.of("GK606").outcome == "failed"
+    assert found.measured["deterministic"] is None
 
 
 def test_measured_parallel_game(monkeypatch: pytest.MonkeyPatch) -> None:

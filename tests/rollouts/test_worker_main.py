@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -19,7 +21,7 @@ class Heard(worker_main.Channel):
     """A channel that tells when something was sent."""
 
     def __init__(self) -> None:
-        super().__init__(-1)
+        super().__init__(0)
         self.sign = threading.Event()
 
     def write(self, message: bytes) -> None:
@@ -71,3 +73,18 @@ def test_worker_main_takes_a_bound_that_no_machine_reaches_for_none(size_bytes: 
     worker_main.limit_memory(size_bytes)()
     after = [resource.getrlimit(which) for which in (resource.RLIMIT_DATA, resource.RLIMIT_AS)]
     assert before == after
+
+
+def test_message_never_goes_into_another_file(tmp_path: Path) -> None:
+    """A task that closes all descriptors makes room for a file under the channel's number."""
+    read, write = os.pipe()
+    channel = worker_main.Channel(write)
+    channel.send("alive", None)
+    assert os.read(read, 100) == worker_main.encoded("alive", None)
+    with (tmp_path / "rows").open("wb") as file:
+        os.dup2(file.fileno(), write)
+        with pytest.raises(OSError, match="another file"):
+            channel.send("alive", None)
+    os.close(write)
+    os.close(read)
+    assert (tmp_path / "rows").read_bytes() == b""

@@ -67,7 +67,7 @@ def measured(contract: Contract, evidence: ProbeEvidence) -> dict[str, Any]:
         "legality": trials.legality(moves),
         "messages": trials.messages(moves),
         "order_sensitive": order.get("result"),
-        "deterministic": settled,
+        "deterministic": None if settled is False and _depends_on_use(evidence) else settled,
         "horizon": comings.horizon(shapes),
         "symmetric": roles.symmetric(
             [] if settled is False else shapes,
@@ -206,6 +206,21 @@ def _deterministic(evidence: ProbeEvidence) -> bool | None:
     ]
     reruns = [*unchanged_reruns.values(), *orders, *again]
     return all(reruns) if reruns else None
+
+
+def _depends_on_use(evidence: ProbeEvidence) -> bool:
+    """Tells whether fresh instances give the same play again, and a used one doesn't.
+
+    Then reruns in one instance differ by that fault, and say nothing of seeds.
+    """
+    again = [
+        each.divergence is None
+        for each in evidence.counterfactuals("same_seed")
+        if each.change["change"] == "nothing"
+    ]
+    used = evidence.counterfactuals("second_episode")
+    is_used = any(each.divergence is not None and each.noise is None for each in used)
+    return bool(again) and all(again) and is_used
 
 
 def roles_of(contract: Contract, evidence: ProbeEvidence) -> Mapping[str, Sequence[str]]:

@@ -91,12 +91,11 @@ class PivotSearch:
         return sorted({round(k * self.play.turns / SPANS) for k in range(SPANS + 1)})
 
     def _is_certain(self) -> bool:
-        """Tells whether continuations from all over the episode end as the recording did."""
-        for turn in self._grid()[:-1]:
-            outcomes = self.play.play(turn, self._numbers(CHECKED, turn, range(CERTAIN)))
-            if any(outcome != self.play.recorded for outcome in outcomes):
-                return False
-        return True
+        """Tells whether continuations from all over the episode do and end as the recording."""
+        return all(
+            self.play.is_settled(turn, self._numbers(CHECKED, turn, range(CERTAIN)))
+            for turn in self._grid()[:-1]
+        )
 
     def _candidates(self) -> list[int]:
         """Turns at which the curve seems to fall, by bisecting the largest falls first."""

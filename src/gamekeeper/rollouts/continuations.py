@@ -175,17 +175,36 @@ class Continuations:
         Raises:
             EvidenceError: there is no such turn, or what is played to it isn't the same each time.
         """
-        found = []
-        with kept_global_generators():
-            for number in numbers:
-                if self.is_spent:
-                    break
+        return [episode.outcome() for episode in self._played(turn, numbers, held or {})]
+
+    def is_settled(self, turn: int, numbers: Iterable[int]) -> bool:
+        """Tells whether continuations from a turn end as the recording did, by the same actions.
+
+        Where they do, no draw of theirs was seen to matter. With a spent budget it is false.
+
+        Args:
+            turn, numbers: as in `play`.
+        """
+        first = None
+        for episode in self._played(turn, numbers, {}):
+            first = snapshot(episode.taken) if first is None else first
+            if episode.outcome() != self.recorded or not is_same(episode.taken, first):
+                return False
+        return first is not None
+
+    def _played(
+        self, turn: int, numbers: Iterable[int], held: Mapping[AgentId, Any]
+    ) -> Iterator[TalliedEpisode]:
+        """Yields continuations that were played to their ends."""
+        for number in numbers:
+            if self.is_spent:
+                return
+            with kept_global_generators():
                 standing = self._at(turn)
                 standing.draw_anew(number)
-                standing.hooks.held = held or {}
+                standing.hooks.held = held
                 standing.episode.run()
-                found.append(standing.episode.outcome())
-        return found
+            yield standing.episode
 
     def inputs(self, turn: int) -> dict[AgentId, tuple[Any, Any]]:
         """Observation and info of each agent that acts at a turn."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,13 @@ from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.outcome import Outcome, plain_numbers
 from gamekeeper.interface.parallel_capture import ParallelCapture
 from gamekeeper.interface.recorded_env import game_of
-from gamekeeper.rollouts.episode_loop import ActionChooser, EpisodeLoop, EpisodePlan, FailedCall
+from gamekeeper.rollouts.episode_loop import (
+    ActionChooser,
+    Actions,
+    EpisodeLoop,
+    EpisodePlan,
+    FailedCall,
+)
 from gamekeeper.rollouts.intervention import Hooks, Intervention
 
 
@@ -81,6 +87,11 @@ class TalliedEpisode:
     def turns(self) -> int:
         """Env steps so far."""
         return len(self._loop.taken) if self.failed is None else self.failed.turn
+
+    @property
+    def taken(self) -> Sequence[Actions]:
+        """Actions of each env step so far."""
+        return self._loop.taken
 
     def run(self, until: int | None = None) -> None:
         """Plays on, to the end or until so many turns of the episode were played."""

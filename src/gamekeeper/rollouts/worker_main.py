@@ -10,6 +10,7 @@ memory_bytes); then go out `["alive", null]`, any number of `["report", fields]`
 
 from __future__ import annotations
 
+import errno
 import faulthandler
 import importlib
 import json
@@ -43,10 +44,11 @@ LEFTOVERS_S: Final = 0.5
 class Channel:
     """Carries messages to the process that started this one; called, it is a task's `report`."""
 
-    __slots__ = ("_fd", "_last_s", "_lock")
+    __slots__ = ("_fd", "_identity", "_last_s", "_lock")
 
     def __init__(self, fd: int) -> None:
         self._fd = fd
+        self._identity = _identity_of(fd)
         self._last_s = -BEAT_S
         self._lock = threading.RLock()  # a signal handler of the task's may report in mid-report
 
@@ -67,9 +69,15 @@ class Channel:
         self.write(encoded(kind, content))
 
     def write(self, message: bytes) -> None:
-        """Writes a message that is encoded already; where nobody reads it, the process ends."""
+        """Writes a message that is encoded already; where nobody reads it, the process ends.
+
+        Raises:
+            OSError: as `send`.
+        """
         unsent = memoryview(message)
         with self._lock:
+            if _identity_of(self._fd) != self._identity:  # perhaps a file of the run by now
+                raise OSError(errno.EBADF, "the descriptor belongs to another file")
             while unsent:
                 try:
                     unsent = unsent[os.write(self._fd, unsent) :]
@@ -89,6 +97,12 @@ class Channel:
                 os._exit(1)
             read += chunk
         return json.loads(read)
+
+
+def _identity_of(fd: int) -> tuple[int, int]:
+    """Device and number of what a descriptor stands for."""
+    found = os.fstat(fd)
+    return found.st_dev, found.st_ino
 
 
 def encoded(kind: str, content: object) -> bytes:
