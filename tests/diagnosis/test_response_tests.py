@@ -12,6 +12,7 @@ from gymnasium.spaces import Box, Discrete
 
 import gamekeeper as gk
 from gamekeeper.diagnosis.response_tests import ResponseTest, response_test
+from gamekeeper.errors import ActionError
 from gamekeeper.rollouts.interventions.fields import acted_fields
 
 SEEN = Box(-1.0, 1.0, (3,), np.float32)
@@ -19,6 +20,8 @@ FEEDS = [
     [(np.random.default_rng([k, t]).uniform(-1, 1, 3).astype(np.float32), {}) for t in range(30)]
     for k in range(3)
 ]
+
+GIVEN = [observation.tolist() for feed in FEEDS for observation, _ in feed]
 
 
 def measured(
@@ -47,6 +50,20 @@ def test_a_policy_without_memory_reacts_at_once_and_is_deaf_to_what_it_does_not_
     assert found.deaf == ("field 2",)
     assert 0.2 < found.sensitivity["field 0"] < 0.8
     assert str(found) == "reacts at once; deaf to field 2"
+
+
+def test_a_policy_that_fails_on_a_changed_observation_is_tested_on_the_others() -> None:
+    """No environment gave that observation, so that its failure is no fault."""
+
+    def act(observation: Any) -> int:
+        if observation[0] > 0.9 and observation.tolist() not in GIVEN:
+            raise ActionError("an action of no legal number")
+        return at_once(observation)
+
+    found = measured(lambda rng: act)
+    assert found.failures > 0
+    assert (found.lag, found.deaf) == (0, ("field 2",))
+    assert f"after {found.failures} of {found.changes + found.failures} changes" in str(found)
 
 
 @pytest.mark.parametrize("lag", [1, 3, 6])

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from gamekeeper.episodes import canonical
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.row_tables import html_text
+from gamekeeper.errors import ActionError, PolicyError
 from gamekeeper.rollouts.interventions.fields import NumberField
 from gamekeeper.rollouts.interventions.value_parts import WIDEST, numbers_of, parts_of
 
@@ -44,7 +45,8 @@ class ResponseTest:
     """Reactions of one agent's policy to recorded observations with one field changed.
 
     Attributes:
-        changes: feeds with one field changed at one decision.
+        changes: feeds with one field changed at one decision, through which the policy came.
+        failures: others, at which it raised or chose no legal action; they count for nothing else.
         reactions: those of them after which some action differed.
         is_repeatable: the same feed with the same random stream gives the same actions; where it
             doesn't, nothing but `randomness` is measured.
@@ -66,6 +68,7 @@ class ResponseTest:
     deaf: tuple[str, ...]
     sensitivity: Mapping[str, float]
     saturation: float | None
+    failures: int = 0
 
     @property
     def lag(self) -> int | None:
@@ -93,6 +96,8 @@ class ResponseTest:
     def __str__(self) -> str:
         if not self.is_repeatable:
             return "can't be tested: the same observations and draws give other actions"
+        if self.failures and not self.changes:
+            return "chooses no legal action after any change of its observations"
         if not self.reactions:
             return "reacts to no change of its observations"
         lag = "at once" if self.lag == 0 else f"{self.lag} decisions late"
@@ -106,6 +111,9 @@ class ResponseTest:
         if self.deaf:
             names = ", ".join(name.removeprefix("field ") for name in self.deaf)
             said.append(f"deaf to field{'s' * (len(self.deaf) > 1)} {names}")
+        if self.failures:
+            count = self.changes + self.failures
+            said.append(f"chooses no legal action after {self.failures} of {count} changes")
         if self.saturation:
             said.append(f"{self.saturation:.0%} of its action's numbers stand at a bound")
         return "; ".join(said)
@@ -146,10 +154,14 @@ def response_test(
     lags: Counter[int] = Counter()
     tried: Counter[str] = Counter()
     reacted: Counter[str] = Counter()
-    memory, is_repeatable = 0, _keys(bases) == _keys(again)
+    memory, failures, is_repeatable = 0, 0, _keys(bases) == _keys(again)
     for field, number, at, changed in _changes(feeds, fields, rng) if is_repeatable else ():
         base = bases[number]
-        differing = _differing(base, _fed(fresh, changed, 0))
+        try:
+            differing = _differing(base, _fed(fresh, changed, 0))
+        except (ActionError, PolicyError):  # no observation of the environment's, so no fault
+            failures += 1
+            continue
         tried[str(field)] += 1
         if differing:
             lags[differing[0] - at] += 1
@@ -167,6 +179,7 @@ def response_test(
         deaf=tuple(name for name in tried if not reacted[name]),
         sensitivity={name: reacted[name] / count for name, count in tried.items()},
         saturation=_saturation([action for base in bases for action in base], space),
+        failures=failures,
     )
 
 
