@@ -24,6 +24,7 @@ def test_screen_says_who_since_when_what_undoes_it_and_what_to_paste() -> None:
     assert any(line.startswith("Undone by  latency[giver_0] = 0") for line in lines)
     assert any("gamekeeper pivots memory --episode 0" in line for line in lines)
     assert "Not named  receiver_0" in lines
+    assert any(line.startswith("How sure   success rate from 0% to ") for line in lines)
 
 
 def test_screen_of_a_healthy_run_accuses_no_agent() -> None:

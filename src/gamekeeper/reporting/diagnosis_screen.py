@@ -96,12 +96,23 @@ def _undone(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
         yield "" if number else "Undone by", each["intervention"]
     if tests:
         best = max(tests, key=lambda each: float(each["effect"]))
-        what = "success rate" if best.get("measure") == "success" else "mean return"
         yield (
             "How sure",
-            f"{what} {best['effect']:+.2f} (95 % interval {best['low']:+.2f} to "
+            f"{_change(document, best)} (95 % interval {best['low']:+.2f} to "
             f"{best['high']:+.2f}), {p_text(best['p'])}, on {best['n']} fresh episodes",
         )
+
+
+def _change(document: Mapping[str, Any], best: Mapping[str, Any]) -> str:
+    """The change that a test made, and from what to what where the share as it is is known."""
+    effect = float(best["effect"])
+    if best.get("measure") != "success":
+        return f"mean return {effect:+.2f}"
+    answers = [*_named(document).values(), *([document["team"]] if document["team"] else [])]
+    known = [each.get("success") for each in answers if best in each["tested"]]
+    share = known[0]["share"] if known and known[0] else None
+    span = "" if share is None else f"from {share:.0%} to {share + effect:.0%}, "
+    return f"success rate {span}{effect:+.2f}"
 
 
 def _others(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
