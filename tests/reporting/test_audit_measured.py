@@ -61,6 +61,9 @@ def test_measured_values_are_sentences() -> None:
     assert words(said) == "its action is a message to rover, 40 comparisons"
     ended = {"episodes": 9, "ended": 8, "ticks": {"least": 3, "median": 4, "most": 25}}
     assert words(ended) == "8 of 9 episodes ended, after 3 to 25 (median 4) ticks"
+    kinds = [{"kind": "truncation", "owner": "all", "seen": 7}]
+    of_both = {**ended, "kinds": kinds, "by_agent": {"a": {"terminated": 1, "truncated": 7}}}
+    assert words(of_both).startswith("truncation of all, termination (owner not measured): 8 of 9")
 
 
 def test_legends_explain_ticks_and_p_values() -> None:

@@ -214,7 +214,8 @@ def _searched(
             "the episode doesn't come out the same when it is played again by itself",
             where=f"episode {number}",
             actual="it was reset without a seed" if again is None else "another fingerprint",
-            fix="gamekeeper replay RUN looks for the cause",
+            fix="gamekeeper replay RUN: where it verifies, the episode depends on those before it "
+            "(gamekeeper audit ENV --select GK604); else it looks for the cause",
         )
     course = RecordedCourse(
         play_of(trace, stage.env, evidence.manifest.get("action_types")),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final
 
 from gamekeeper.contract.validation import one_line
@@ -232,7 +232,12 @@ def _payments(value: Document) -> str:
 def _lengths(value: Document) -> str:
     """Number of episodes that ended by themselves, and their length in ticks."""
     text = f"{value.get('ended', 0)} of {value['episodes']} episodes ended"
-    kinds = [f"{end['kind']} of {_owner(end['owner'])}" for end in value.get("kinds") or ()]
+    told = value.get("kinds") or ()
+    kinds = [f"{end['kind']} of {_owner(end['owner'])}" for end in told]
+    for kind, key in (("termination", "terminated"), ("truncation", "truncated")):
+        is_known = any(end["kind"] == kind for end in told)
+        if told and not is_known and any(each.get(key) for each in _by_agent(value)):
+            kinds.append(f"{kind} (owner not measured)")
     text = ": ".join(filter(None, [", ".join(kinds), text]))
     ticks = value.get("ticks")
     if not isinstance(ticks, Mapping):
@@ -240,6 +245,11 @@ def _lengths(value: Document) -> str:
     least, median, most = (words(ticks.get(key)) for key in ("least", "median", "most"))
     span = f"{least}" if least == most else f"{least} to {most} (median {median})"
     return f"{text}, after {span} ticks"
+
+
+def _by_agent(value: Document) -> Iterable[Document]:
+    table = value.get(BY_AGENT)
+    return table.values() if isinstance(table, Mapping) else ()
 
 
 def _owner(owner: str) -> str:
