@@ -57,8 +57,8 @@ FailedOption = Annotated[
     typer.Option(
         "--failed",
         metavar="CONDITION",
-        help="""Condition of a failed episode, such as "return < 0.5" (default: [failure] of """
-        "the contract).",
+        help="""Condition of a failed episode, such as "return < 0.5" (return: the sum of all """
+        """agents') or "picker_0.return < 0" (default: [failure] of the contract).""",
     ),
 ]
 ContractOption = Annotated[

@@ -121,7 +121,8 @@ class _ConditionReader:
             where=self.text[:80],
             expected=expected,
             actual=actual,
-            fix="write a comparison, as 'deliveries < 3'",
+            fix="write a comparison, as 'deliveries < 3' or 'picker_0.return < 0'; figures are "
+            "return, length, ending, is_over, reward terms and numbers of the last infos",
         )
 
     def next(self) -> str:
