@@ -303,3 +303,13 @@ def test_recorder_writes_what_others_read(tmp_path: Path) -> None:
     assert (
         pl.read_parquet(path).height == len(pd.read_parquet(path)) == evidence.agent_steps.num_rows
     )
+
+
+def test_interpreter_is_shared_as_before_after_a_flush() -> None:
+    """Writers get it sooner while any of them flushes, and no longer."""
+    before = sys.getswitchinterval()
+    with recorders._PROMPT:
+        with recorders._PROMPT:
+            pass
+        assert sys.getswitchinterval() == pytest.approx(recorders.SWITCH_S)
+    assert sys.getswitchinterval() == pytest.approx(before)

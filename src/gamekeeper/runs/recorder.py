@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import io
 import os
+import sys
 import threading
 import time
 import weakref
@@ -85,6 +86,34 @@ FLUSH_TURNS: Final = 4096
 MOST_TURNS: Final = 4 * FLUSH_TURNS  # on the buffer; beyond, the step waits for the writer
 MOST_FRAMES: Final = 32  # waiting to be encoded; beyond, the step waits too
 PATIENCE_S: Final = 0.001
+SWITCH_S: Final = 0.0005
+"""Longest time that the writer waits for the interpreter, each time that an array was copied.
+
+Python's own 5 ms make half a second of a flush, as arrays are copied without the interpreter.
+"""
+
+
+class _Prompt:
+    """Lets writers have the interpreter soon while any of them flushes; as before afterwards."""
+
+    def __init__(self) -> None:
+        self._lock, self._count, self._before_s = threading.Lock(), 0, 0.0
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if not self._count:
+                self._before_s = sys.getswitchinterval()
+                sys.setswitchinterval(min(self._before_s, SWITCH_S))
+            self._count += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._count -= 1
+            if not self._count:
+                sys.setswitchinterval(self._before_s)
+
+
+_PROMPT: Final = _Prompt()
 
 
 class RunRecorder:
@@ -224,6 +253,12 @@ class RunRecorder:
             self._let_go()
 
     def _drain(self) -> None:
+        if not self.buffer.turns and not self._frames:
+            return
+        with _PROMPT:
+            self._flush()
+
+    def _flush(self) -> None:
         columns = [*self.layout.columns("obs"), *self.layout.columns("action")]
         rows = most_rows(columns)
         while (buffered := take(self.buffer, most=FLUSH_TURNS, most_rows=rows)) is not None:
