@@ -253,8 +253,6 @@ class RunRecorder:
             self._let_go()
 
     def _drain(self) -> None:
-        if not self.buffer.turns and not self._frames:
-            return
         with _PROMPT:
             self._flush()
 
