@@ -19,7 +19,7 @@ MOVES = ((0, 0), (0, 1), (0, -1), (1, 0), (-1, 0))
 NEAR = 0.12
 
 
-class Hoist(ParallelEnv):  # type: ignore[type-arg]
+class Hoist(ParallelEnv):  # type: ignore[type-arg]  # as users write it
     """Winches lift a beam level to a height while a trolley rolls it over a mark."""
 
     metadata: ClassVar[dict[str, Any]] = {"name": "hoist_v0"}
@@ -93,7 +93,7 @@ def hoist(observation: Any, agent: str) -> Any:
     return np.clip(4 * missing, -1, 1).astype(np.float32)
 
 
-class Safe(AECEnv):  # type: ignore[type-arg]
+class Safe(AECEnv):  # type: ignore[type-arg]  # as users write it
     """Each scout sees a digit of the code and says one; the opener dials two and pulls."""
 
     metadata: ClassVar[dict[str, Any]] = {"name": "safe_v0", "is_parallelizable": True}
@@ -176,7 +176,7 @@ def safe(observation: Any, agent: str) -> Any:
     return np.array([first, 1], np.int64)
 
 
-class Ants(ParallelEnv):  # type: ignore[type-arg]
+class Ants(ParallelEnv):  # type: ignore[type-arg]  # as users write it
     """Each ant fetches its crumb and brings it to the nest, where it is done."""
 
     metadata: ClassVar[dict[str, Any]] = {"name": "ants_v0"}

@@ -170,7 +170,7 @@ class Turns(AECEnv):
 
     def __init__(self, form: str) -> None:
         """Spaces of the form that a wrapper takes."""
-        Ticks.__init__(self, form)  # type: ignore[arg-type]
+        Ticks.__init__(self, form)  # type: ignore[arg-type]  # no subclass, but the same attributes
 
     def reset(self, seed: int | None = None, options: Any = None) -> None:
         """Everybody is there."""

@@ -61,7 +61,7 @@ def by_rule(env: Any, cell: Cell) -> Any:
 def row(seen: Any, at: tuple[int, ...], cell: Cell) -> Any:
     """One agent's observation, in the form of its space."""
     if hasattr(seen, "keys"):
-        parts = {key: row(seen[key], at, cell) for key in seen.keys()}  # noqa: SIM118
+        parts = {key: row(seen[key], at, cell) for key in seen.keys()}  # noqa: SIM118  # a TensorDict iterates over rows
         return tuple(parts.values()) if cell.seen == "Tuple" else parts
     array = seen[at].numpy()
     return array if array.ndim else array[()]

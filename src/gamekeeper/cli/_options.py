@@ -145,6 +145,16 @@ TurnsOption: TypeAlias = Annotated[
         "(default: 100,000).",
     ),
 ]
+StepsOption = Annotated[
+    int | None,
+    typer.Option(
+        "--budget",
+        metavar="STEPS",
+        min=1,
+        max=MOST,
+        help="Most env steps that are taken (default: as many as the episodes take).",
+    ),
+]
 TimeoutOption: TypeAlias = Annotated[
     float,
     typer.Option(

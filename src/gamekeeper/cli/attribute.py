@@ -46,16 +46,6 @@ ActionEpisodesOption = Annotated[
         "repeat theirs: recorded ones first, then new ones.",
     ),
 ]
-BudgetOption = Annotated[
-    int | None,
-    typer.Option(
-        "--budget",
-        metavar="STEPS",
-        min=1,
-        max=_options.MOST,
-        help="Most env steps that are taken (default: as many as the episodes take).",
-    ),
-]
 OutOption = Annotated[
     Path | None,
     typer.Option(
@@ -72,7 +62,7 @@ def command(
     baseline: BaselineOption = "noop",
     episodes: FreshOption = None,
     action_episodes: ActionEpisodesOption = ACTION_EPISODES,
-    budget: BudgetOption = None,
+    budget: _options.StepsOption = None,
     contract: _options.RunContractOption = None,
     policy: _options.PolicyOption = None,
     env: _options.ReopenOption = None,

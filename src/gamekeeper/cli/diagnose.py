@@ -19,6 +19,7 @@ from gamekeeper.cli._options import (
     ReopenOption,
     RunArgument,
     SeedOption,
+    StepsOption,
     TimeoutOption,
 )
 from gamekeeper.cli._screen import CommandResult, Screen
@@ -96,16 +97,6 @@ EpisodesOption = Annotated[
         "--episodes", metavar="N", min=100, max=MOST, help="Most episodes that are played."
     ),
 ]
-BudgetOption = Annotated[
-    int | None,
-    typer.Option(
-        "--budget",
-        metavar="STEPS",
-        min=1,
-        max=MOST,
-        help="Most env steps that are taken (default: as many as the episodes take).",
-    ),
-]
 PerturbationsOption = Annotated[
     bool | None,
     typer.Option(
@@ -176,7 +167,7 @@ def command(
     part: PartOption = PART,
     seed: SeedOption = 0,
     episodes: EpisodesOption = EPISODES,
-    budget: BudgetOption = None,
+    budget: StepsOption = None,
     perturbations: PerturbationsOption = None,
     workers: WorkersOption = None,
     executor: ExecutorOption = None,

@@ -73,14 +73,14 @@ class Shoving(gk.TickEnv):
         return np.array([self.clock, self.shoved[agent]])
 
 
-class PlainShoving(ParallelEnv):  # type: ignore[type-arg]
+class PlainShoving(ParallelEnv):  # type: ignore[type-arg]  # as its users write it
     """The same as an ordinary environment, with the terms in infos, somewhere or nowhere.
 
     `told`: `plain` (fields of the info), `nested` (one level deeper), `total` (running totals, so
     that they aren't what was paid) or `never`.
     """
 
-    metadata = {"name": "shoving_v0"}  # noqa: RUF012
+    metadata = {"name": "shoving_v0"}  # noqa: RUF012  # as PettingZoo has it
 
     def __init__(self, told: str = "plain", fair: bool = False) -> None:
         self.told, self.inner = told, Shoving(fair)
