@@ -31,7 +31,8 @@ gk.Player = class {
     this.pairing = gk.node("p", { class: "pairing", hidden: true }, gk.node("label", {}, "Compare: ", this.pair));
     this.follow = gk.node("input", { type: "checkbox" });
     this.following = gk.node("label", { class: "following", hidden: true }, this.follow, " follow the recording");
-    const parts = [this.pairing, this.trouble, this.parted, this.#controls(), this.jumps, this.stage, this.#keys()];
+    this.playOn = gk.page.play_on ? new gk.PlayOn(this) : null;
+    const parts = [this.pairing, this.trouble, this.parted, this.#controls(), this.jumps, this.playOn?.root ?? "", this.stage, this.#keys()];
     // A report begins with its episode; in `gamekeeper view` the list is the way to all of them.
     this.host.append(...(gk.served ? [this.list.root, ...parts] : [...parts, this.list.root]), this.status);
   }
@@ -355,6 +356,7 @@ gk.Player = class {
     this.slider.setAttribute("aria-valuetext", `turn ${this.turn} of ${this.last}`);
     gk.say(this.where, `${this.turn} / ${this.last}`);
     this.host.dataset.turn = String(this.turn);
+    this.playOn?.show(a.episode, this.turn);
     if (!this.playing) this.#settle();
   }
 
