@@ -14,6 +14,7 @@ from gamekeeper.diagnosis.play_on_tasks import futures_task, record_task
 from gamekeeper.runs.worker_errors import error_of
 from gamekeeper.viewing import interactive
 from gamekeeper.viewing.viewer import Viewer
+from tests.browser.test_surroundings import faults_anywhere
 from tests.browser.waits import expect, turn_of
 from tests.diagnosis.test_play_on import ordered, silent
 
@@ -57,7 +58,7 @@ def page(chromium: Any, tmp_path: Path, monkeypatch: Any) -> Iterator[Any]:
     gk.rollout("two_robot_line", policies="random", episodes=2, seed=1, out=tmp_path / "run")
     complaints: list[str] = []
     with Viewer([tmp_path / "run"], interactive=PlayOnOptions()) as view:
-        context = chromium.new_context(viewport={"width": 1200, "height": 900})
+        context = chromium.new_context(viewport={"width": 1200, "height": 900}, bypass_csp=True)
         context.set_default_timeout(20_000)
         shown = context.new_page()
         shown.on("console", lambda message: complaints.append(f"{message.type}: {message.text}"))
@@ -86,6 +87,7 @@ def test_futures_fan_out_and_one_is_kept(page: Any, tmp_path: Path) -> None:
     expect(panel.get_by_role("img")).to_have_attribute(
         "aria-label", re.compile("^6 futures from turn 1")
     )
+    assert faults_anywhere(page) == []
     panel.get_by_label("Which future").select_option("most")
     panel.get_by_role("button", name="Show it beside").click()
     expect(page.locator(".deck")).to_have_count(2)
