@@ -111,7 +111,7 @@ class FutureArm:
 
 @dataclass(frozen=True, slots=True)
 class Futures:
-    """What futures came to, as it was and as changed.
+    """Outcomes of futures, as it was and as changed.
 
     Attributes:
         branch: the turn and the change.
@@ -184,7 +184,7 @@ def _interval(
 
 @dataclass(frozen=True, slots=True)
 class Offered:
-    """What may be changed of one agent.
+    """Possible changes of one agent.
 
     Attributes:
         policies: names of those that may play it.

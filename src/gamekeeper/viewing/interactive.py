@@ -139,7 +139,7 @@ class Interactive:
             self._busy.release()
 
     def progress(self) -> Response:
-        """What has been played of the order in progress: `{"played", "of"}`, or nothing."""
+        """Answers how far the order in progress is: `{"played", "of"}`, or nothing."""
         return json_answer(dict(self._progress))
 
     def _carried_out(self, path: str, order: Order) -> dict[str, Any]:
