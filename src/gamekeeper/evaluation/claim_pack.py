@@ -49,7 +49,7 @@ BLOCK_BYTES: Final = 1 << 20
 """Bytes of a file that are in memory at once."""
 
 Content = bytes | Path
-"""What an entry holds: bytes, or a file that is copied when the claim is written."""
+"""Content of an entry: bytes, or a file that is copied when the claim is written."""
 
 
 @dataclass(frozen=True, slots=True)
