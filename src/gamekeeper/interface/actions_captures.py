@@ -113,15 +113,15 @@ class ParallelActionsCapture(_Witnessed, ParallelCapture):
         if (
             coming >= self._quiet_below
             or getattr(self.env, "agents", None) != who
-            or not observations.__class__ is rewards.__class__ is terms.__class__ is dict
-            or truncs.__class__ is not dict
+            or not observations.__class__ is terms.__class__ is truncs.__class__ is dict
+            or rewards.__class__ not in DICTS
             or not len(observations) == len(rewards) == len(terms) == len(truncs) == count
         ):
             return False
-        paid = []
+        paid, reward_of = [], rewards.get  # to look into a defaultdict would add to it
         try:
             for agent in who:
-                reward = rewards[agent]
+                reward = reward_of(agent)
                 if (
                     terms[agent] is not False
                     or truncs[agent] is not False
