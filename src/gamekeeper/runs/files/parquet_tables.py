@@ -183,7 +183,8 @@ def _rows_per_value(table: pa.Table, name: str) -> float:
     if name not in table.schema.names:
         return 0.0
     sample = table[name].slice(0, SAMPLE_ROWS).drop_null()
-    return len(sample) / max(1, pc.count_distinct(sample).as_py())
+    distinct: int = pc.count_distinct(sample).as_py()
+    return len(sample) / max(1, distinct)
 
 
 # -- Reads a run's Parquet files with suspicion: sizes first, no foreign code, every page checked
