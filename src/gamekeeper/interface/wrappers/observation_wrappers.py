@@ -60,17 +60,22 @@ def flatten_observations(env: Any) -> Any:
 
 
 class AgentNumber(Transform):
-    """Use `agent_id`."""
+    """Use `agent_id`.
+
+    Attributes:
+        rows: each agent's number, one-hot.
+        planes: what is put behind a Box, by agent.
+    """
 
     def bind(self, env: Any) -> None:
         """Numbers the agents."""
         agents = possible(env, "agent_id")
-        self._rows = dict(zip(agents, np.eye(len(agents), dtype=np.float32), strict=True))
-        self._planes: dict[AgentId, Any] = {}
+        self.rows = dict(zip(agents, np.eye(len(agents), dtype=np.float32), strict=True))
+        self.planes: dict[AgentId, Any] = {}
 
     def observation_space(self, agent: AgentId, space: Space[Any]) -> Space[Any]:
         """The space with a place for the number."""
-        count = len(self._rows)
+        count = len(self.rows)
         number = spaces.Box(0, 1, (count,), np.float32)
         if isinstance(space, spaces.Dict):
             if NUMBER in space.spaces:
@@ -84,18 +89,18 @@ class AgentNumber(Transform):
         tops = np.where(np.isfinite(space.high), space.high, 1)
         top = tops.max() if len(space.shape) == 3 else 1
         plane = np.zeros(shape, space.dtype)
-        plane[..., int(np.argmax(self._rows[agent]))] = top
-        self._planes[agent] = plane
+        plane[..., int(np.argmax(self.rows[agent]))] = top
+        self.planes[agent] = plane
         low = np.concatenate([space.low, np.zeros(shape, space.dtype)], -1)
         high = np.concatenate([space.high, np.full(shape, top, space.dtype)], -1)
         return spaces.Box(low, high, dtype=space.dtype)
 
     def observation(self, agent: AgentId, seen: Any, info: Any) -> Any:
         """The observation with the agent's number."""
-        plane = self._planes.get(agent)
+        plane = self.planes.get(agent)
         if plane is not None:
             return np.concatenate([seen, plane], -1)
-        number = self._rows[agent].copy()
+        number = self.rows[agent].copy()
         return (
             {**seen, NUMBER: number} if isinstance(seen, Mapping) else {VIEW: seen, NUMBER: number}
         )

@@ -172,7 +172,7 @@ def is_parallel(env: Any, wrapper: str) -> bool:
         where=wrapper,
         expected="an AECEnv or a ParallelEnv",
         actual=f"{type(env).__module__}.{type(env).__qualname__}",
-        fix="open it first: gamekeeper.make(spec)",
+        fix="open it first: gamekeeper.make(spec); batches have gamekeeper.vector.wrappers",
     )
 
 
