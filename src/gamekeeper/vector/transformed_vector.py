@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import TracebackType
 from typing import Any, Self, TypeAlias
@@ -28,10 +28,14 @@ class BatchTransform:
     environment [env, ...], of the agents in `columns`. Arrays that come in aren't written into.
 
     Attributes:
-        remembers: it is handed what agents decided by, in `decided`.
+        remembers: it is told of decisions, in `decided`.
+        reads: there it is also handed the observations; else None.
+        reuses: what it shows may be overwritten by the next step.
+        lead: by group, axes of observations before their own.
     """
 
-    remembers = False
+    remembers = reads = reuses = False
+    lead: Sequence[tuple[int, ...]] = ()
 
     def bind(self, venv: Any) -> None:
         """Takes the vector environment that is wrapped."""
@@ -50,24 +54,28 @@ class BatchTransform:
     def decided(self, g: int, seen: Any, deciding: Flags, columns: Columns) -> None:
         """Remembers decisions, once they are taken; `deciding`: rows of `seen` that are any."""
 
-    def rewards(self, g: int, rewards: Any, acted: Flags) -> Any:
-        """Rewards [env, agent]; `acted` [env, agent], agents that made this step."""
+    def rewards(self, g: int, rewards: Any, acted: Flags | None) -> Any:
+        """Rewards [env, agent]; `acted` [env, agent], if it remembers: who made the step."""
         return rewards
 
-    def observations(self, g: int, seen: Any, columns: Columns, lead: int) -> Any:
-        """Observations as agents are shown them, in new arrays; `lead`: axes before their own."""
+    def observations(self, g: int, seen: Any, columns: Columns, lead: tuple[int, ...]) -> Any:
+        """Observations [*lead, ...] as agents are shown them."""
         return seen
 
-    def final(self, g: int, seen: Any, env: int) -> Any:
-        """Last observations [agent, ...] in one sub-environment, whose episode isn't forgotten."""
-        return self.observations(g, seen, EVERYBODY, 1)
+    def final(self, g: int, seen: Any, envs: NDArray[np.intp], agents: int) -> Any:
+        """Last observations [env, agent, ...] of these, whose episodes aren't forgotten yet."""
+        return self.observations(g, seen, EVERYBODY, (len(envs), agents))
 
     def forget(self, envs: Flags) -> None:
         """Begins new episodes in these sub-environments."""
 
-    def shown(self, g: int, seen: Any, there: Flags, columns: Columns) -> Any:
-        """Observations likewise; rows that aren't `there` are blanked afterwards."""
-        return self.observations(g, seen, columns, there.ndim)
+    def shown(self, g: int, seen: Any, there: Flags | None, columns: Columns) -> Any:
+        """Observations likewise; rows that aren't `there` are blanked afterwards, None: all are."""
+        return self.observations(g, seen, columns, self.lead[g])
+
+    def overrides(self, *names: str) -> bool:
+        """Tells whether one of these methods does anything."""
+        return any(getattr(type(self), name) is not getattr(BatchTransform, name) for name in names)
 
 
 class TransformedVector:
@@ -84,7 +92,15 @@ class TransformedVector:
             )
         self.venv: Any = venv
         self.transform = transform
+        transform.reuses = not venv.copies
+        own = (() if venv.api == "aec" else (len(group.agents),) for group in venv.groups)
+        transform.lead = [(venv.num_envs, *agents) for agents in own]
         transform.bind(venv)
+        self._shows = transform.overrides("observations", "shown")
+        self._acts, self._pays = transform.overrides("actions"), transform.overrides("rewards")
+        self._remembers = transform.remembers
+        self._columns: Any = EVERYBODY
+        self._acting: Any = None
         groups: list[VectorGroup] = []
         for group in venv.groups:
             space = transform.observation_space(group)
@@ -106,34 +122,43 @@ class TransformedVector:
         """Begins a run; see `VectorEnv.reset`."""
         obs, infos = self.venv.reset(seed=seed, options=options)
         self.transform.begin()
+        self._began = None
         self._note(infos)
-        live = self._whole(infos["live"])
-        return self._shown(obs, live), infos
+        return self._shown(obs, self._live), infos
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, dict[str, Any]]:
         """One step of every sub-environment; see `VectorEnv.step`."""
-        transform, acting, columns = self.transform, self._acting, self._columns
-        inside = self._by_group(transform.actions, actions)
-        seen = copied(self._seen) if transform.remembers and not self.copies else self._seen
-        obs, rewards, terminated, truncated, infos = self.venv.step(inside)
-        if transform.remembers:
-            for g, group in enumerate(self.groups):
-                rows = self._rows(acting, columns, group)
-                part = seen if group.name == ALL else seen[group.name]
-                transform.decided(g, part, rows, self._places(columns, group))
-        own = [acting[:, group.columns] for group in self.groups]
-        paid = self._by_group(lambda g, part: transform.rewards(g, part, own[g]), rewards)
-        self._show_finals(infos)
-        before = self._episode
+        transform = self.transform
+        if self._acts:
+            actions = self._by_group(transform.actions, actions)
+        acting, seen, columns = self._acting, None, self._columns
+        if transform.reads:
+            seen = self._seen if self.copies else copied(self._seen)
+        obs, rewards, terminated, truncated, infos = self.venv.step(actions)
+        if self._remembers:
+            self._decided(seen, acting, columns)
+        if self._pays:
+            rewards = self._paid(rewards, acting)
+        if self._shows or self._remembers:
+            obs = self._after(obs, terminated, truncated, infos)
+        return obs, rewards, terminated, truncated, infos
+
+    def _after(self, obs: Any, terminated: Any, truncated: Any, infos: dict[str, Any]) -> Any:
+        """Shows what followed a step, last observations before episodes are forgotten."""
+        over = infos["over"]
+        over = over.copy() if over.any() else None
+        is_same = self.autoreset == "same_step"
+        began, self._began = (over, None) if is_same else (self._began, over)
+        if self._shows:
+            self._show_finals(infos)
+        if began is not None:
+            self.transform.forget(began)
         self._note(infos)
-        began = self._episode != before
-        if began.any():
-            transform.forget(began)
-        there = self._whole(infos["live"])
-        if not self._is_aec:  # where last observations are shown too
+        there = self._live
+        if not self._is_aec and there is not None:  # where last observations are shown too
             ended = self._whole(terminated) | self._whole(truncated)
-            there = there | (ended & ~began[:, None])
-        return self._shown(obs, there), paid, terminated, truncated, infos
+            there = there | (ended if began is None else ended & ~began[:, None])
+        return self._shown(obs, there) if self._shows else obs
 
     def as_gymnasium(self, *, absent: str = "refuse") -> Any:
         """See `VectorEnv.as_gymnasium`."""
@@ -153,15 +178,23 @@ class TransformedVector:
     # -- who is where
 
     def _note(self, infos: dict[str, Any]) -> None:
-        """Notes what the next step is judged by: episodes, and agents that act in it."""
-        self._episode = infos["episode"].copy()
+        """Notes live agents, None where all are, and those that act in the next step."""
         live = self._whole(infos["live"])
-        self._columns: Any = EVERYBODY
-        self._acting = live.copy()
+        self._live = None if live.all() else live
         if self._is_aec:
             self._columns = infos["turn"].astype(np.intp)
-            in_turn = np.arange(live.shape[1]) == self._columns[:, None]
-            self._acting = live & in_turn
+            self._live = self._acting = live & self._in_turn(live)
+        elif self._remembers:
+            self._acting = live if self._live is None else live.copy()
+
+    def _in_turn(self, live: Flags) -> Any:
+        return np.arange(live.shape[1]) == self._columns[:, None]
+
+    def _decided(self, seen: Any, acting: Any, columns: Any) -> None:
+        for g, group in enumerate(self.groups):
+            part = seen if group.name == ALL or seen is None else seen[group.name]
+            rows = self._rows(acting, group)
+            self.transform.decided(g, part, rows, self._places(columns, group))
 
     def _whole(self, tree: Any) -> Any:
         """[env, agent] of all groups."""
@@ -169,10 +202,17 @@ class TransformedVector:
             return tree
         return np.concatenate([tree[group.name] for group in self.groups], 1)
 
-    def _rows(self, flags: Any, columns: Any, group: VectorGroup) -> Any:
+    def _rows(self, flags: Any, group: VectorGroup) -> Any:
         """Flags [env, agent] as observations of the group have their rows."""
         own = flags[:, group.columns]
         return own.any(1) if self._is_aec else own
+
+    def _paid(self, rewards: Any, acting: Any) -> Any:
+        def change(g: int, part: Any) -> Any:
+            own = acting[:, self.groups[g].columns] if self._remembers else None
+            return self.transform.rewards(g, part, own)
+
+        return self._by_group(change, rewards)
 
     def _places(self, columns: Any, group: VectorGroup) -> Any:
         """Columns within the group; any where the agent in turn isn't of it."""
@@ -187,33 +227,57 @@ class TransformedVector:
 
     # -- what is shown
 
-    def _shown(self, obs: Any, there: Flags) -> Any:
+    def _shown(self, obs: Any, there: Flags | None) -> Any:
+        """Observations as they are shown; `there`: None where all agents are."""
         self._seen = obs
-        if self._is_aec:  # what the agent in turn is given
-            there = there & (np.arange(there.shape[1]) == self._columns[:, None])
+        if not self._shows:
+            return obs
 
         def change(g: int, part: Any) -> Any:
             group = self.groups[g]
-            rows = self._rows(there, self._columns, group)
+            rows = None if there is None else self._rows(there, group)
             found = self.transform.shown(g, part, rows, self._places(self._columns, group))
-            if found is not part and not rows.all():
+            if rows is not None and not rows.all():
                 _blank(found, ~rows)
             return found
 
         return self._by_group(change, obs)
 
     def _show_finals(self, infos: dict[str, Any]) -> None:
-        finals: Any = infos.get("final_obs")
-        for e in np.flatnonzero(infos.get("_final_obs", ())).tolist():
+        """Changes last observations, of all sub-environments that have any at once."""
+        if "final_obs" not in infos:
+            return
+        envs = np.flatnonzero(infos["_final_obs"])
+        finals, told = infos["final_obs"], [infos["final_info"][e] for e in envs.tolist()]
 
-            def change(g: int, part: Any, e: int = e) -> Any:
-                found = self.transform.final(g, part, e)
-                absent = [agent not in infos["final_info"][e] for agent in self.groups[g].agents]
-                if found is not part and any(absent):
-                    _blank(found, np.array(absent))
-                return found
+        def change(g: int, part: Any) -> Any:
+            agents = self.groups[g].agents
+            found = self.transform.final(g, part, envs, len(agents))
+            if any(len(one) < len(agents) or g for one in told):
+                _blank(found, np.array([[agent not in one for agent in agents] for one in told]))
+            return found
 
-            finals[e] = self._by_group(change, finals[e])
+        whole = self._by_group(change, _together([finals[e] for e in envs.tolist()]))
+        for place, e in enumerate(envs.tolist()):
+            finals[e] = _row(whole, place)
+
+
+def _together(trees: Sequence[Any]) -> Any:
+    """Trees of arrays in one."""
+    first = trees[0]
+    if isinstance(first, dict):
+        return {key: _together([tree[key] for tree in trees]) for key in first}
+    if isinstance(first, tuple):
+        return tuple(_together(parts) for parts in zip(*trees, strict=True))
+    return np.stack(trees)
+
+
+def _row(tree: Any, place: int) -> Any:
+    if isinstance(tree, dict):
+        return {key: _row(part, place) for key, part in tree.items()}
+    if isinstance(tree, tuple):
+        return tuple(_row(part, place) for part in tree)
+    return tree[place]
 
 
 def _blank(tree: Any, absent: Flags) -> None:

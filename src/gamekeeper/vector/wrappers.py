@@ -91,7 +91,6 @@ class NumbersInBatch(BatchTransform):
 
     def bind(self, venv: Any) -> None:
         """Numbers the agents, and works out what is added to each group's observations."""
-        self._envs = venv.num_envs
         agents = [place.agent for place in venv.seen.layout.order]
         single = AgentNumber()
         single.bind(SimpleNamespace(possible_agents=agents))
@@ -105,25 +104,36 @@ class NumbersInBatch(BatchTransform):
                 single.planes.get(agent, single.rows[agent]) for agent in group.agents
             ]
             self._added.append(np.stack(added))
+        self._whole: dict[int, Any] = {}
+        self._is_blanked = True
         self._is_joined = [group.agents[0] in single.planes for group in venv.groups]
 
     def observation_space(self, group: VectorGroup) -> Space:
         """The space with a place for the number."""
         return self._spaces[group.name]
 
-    def observations(self, g: int, seen: Any, columns: Columns, lead: int) -> Any:
+    def shown(self, g: int, seen: Any, there: Flags | None, columns: Columns) -> Any:
+        """Observations with numbers; where arrays are overwritten, numbers are written once."""
+        if not (self.reuses and self._is_joined[g] and isinstance(columns, slice)):
+            return super().shown(g, seen, there, columns)
+        found = self._whole.get(g)
+        if found is None or self._is_blanked:
+            found = self._whole[g] = self.observations(g, seen, columns, self.lead[g])
+        found[..., : seen.shape[-1]] = seen
+        self._is_blanked = there is not None  # which takes numbers away too
+        return found
+
+    def observations(self, g: int, seen: Any, columns: Columns, lead: tuple[int, ...]) -> Any:
         """Observations with numbers behind, or beside them."""
         added = self._added[g][columns]
         if self._is_joined[g]:
-            last = added.shape[-1]
-            found = np.empty((*seen.shape[:-1], seen.shape[-1] + last), seen.dtype)
+            found = np.empty((*seen.shape[:-1], seen.shape[-1] + added.shape[-1]), seen.dtype)
             found[..., : seen.shape[-1]] = seen
             found[..., seen.shape[-1] :] = added
             return found
         parts = dict(seen) if isinstance(seen, dict) else {VIEW: seen}
         parts = {key: copied(part) for key, part in parts.items()}
-        envs = () if lead == 1 else (self._envs,)
-        return {**parts, NUMBER: np.broadcast_to(added, (*envs, *added.shape)).copy()}
+        return {**parts, NUMBER: np.broadcast_to(added, (*lead, added.shape[-1])).copy()}
 
 
 class FramesInBatch(BatchTransform):
@@ -158,71 +168,78 @@ class FramesInBatch(BatchTransform):
             known[envs] = False
 
     def decided(self, g: int, seen: Any, deciding: Flags, columns: Columns) -> None:
-        """Adds the frames that were decided by."""
-        envs = np.flatnonzero(deciding)
-        at = None if isinstance(columns, slice) else (envs, columns[envs])
+        """Makes place for the next frame, behind those that were decided by."""
+        envs = np.flatnonzero(deciding) if self._is_aec else None
+        at = EVERYBODY if isinstance(columns, slice) else (envs, columns[envs])
         for part in self._parts[g]:
-            part.add(seen, at)
+            part.move(at)
 
-    def final(self, g: int, seen: Any, env: int) -> Any:
+    def final(self, g: int, seen: Any, envs: Any, agents: int) -> Any:
         """Last observations behind the frames of the decisions."""
-        found = [part.stacked(seen, env, 1) for part in self._parts[g]]
+        found = [part.behind(seen, envs) for part in self._parts[g]]
         return built(self._groups[g].observation_space, iter(found))
 
-    def shown(self, g: int, seen: Any, there: Flags, columns: Columns) -> Any:
+    def shown(self, g: int, seen: Any, there: Flags | None, columns: Columns) -> Any:
         """The last decisions' frames and the present one."""
-        at: Any = (np.arange(self._envs), columns) if self._is_aec else EVERYBODY
         known = self._known[g]
-        new = there & ~known[at]
+        at: Any = EVERYBODY if isinstance(columns, slice) else (np.arange(self._envs), columns)
+        new = ~known[at] if there is None else there & ~known[at]
         if new.any():
             rows = np.flatnonzero(new)
             first: Any = new if isinstance(columns, slice) else (rows, columns[rows])
             known[first] = True
             for part in self._parts[g]:
-                part.pad(seen, new, first, zeros=self._is_zeros)
-        found = [part.stacked(seen, at, there.ndim) for part in self._parts[g]]
+                part.begin(seen, new, first, zeros=self._is_zeros)
+        found = [part.shown(seen, at, reuses=self.reuses) for part in self._parts[g]]
         return built(self._groups[g].observation_space, iter(found))
 
 
 class FramesOfPart:
-    """Frames of one array of observations that were decided by, [env, agent, ..., frames]."""
+    """Frames of one array of observations, [env, agent, ..., frames], the present one last."""
 
     def __init__(self, leaf: ArrayLeaf, frames: int, lead: tuple[int, ...]) -> None:
         """Begins without any."""
         self._get, self._is_mask = getter(leaf.path), leaf.path[-1:] == (MASK,)
-        self._count = 0 if self._is_mask else frames - 1
-        self._gets_axis = len(leaf.shape) in (0, 2)  # frames of numbers, of rows of pixels
+        self._count = 1 if self._is_mask else frames
+        self._gets_axis = len(leaf.shape) in (0, 2) and not self._is_mask
         own = (*leaf.shape, 1) if self._gets_axis else leaf.shape
         self._size = own[-1]
-        self._before: Any = np.zeros((*lead, *own[:-1], own[-1] * self._count), leaf.dtype)
+        self._rows: Any = np.zeros((*lead, *own[:-1], own[-1] * self._count), leaf.dtype)
 
     def _frame(self, seen: Any) -> Any:
         part = self._get(seen)
         return part[..., None] if self._gets_axis else part
 
-    def add(self, seen: Any, at: Any) -> None:
-        """Adds what was decided by: everywhere, or by those agents in turn."""
-        if not self._count:
+    def move(self, at: Any) -> None:
+        """Moves the frames of some agents by one."""
+        size, rows = self._size, self._rows
+        if self._count == 1:
             return
-        frame, size, before = self._frame(seen), self._size, self._before
-        if at is not None:
-            before[at] = np.concatenate([before[at][..., size:], frame[at[0]]], -1)
-            return
-        before[..., :-size] = before[..., size:]
-        before[..., -size:] = frame
+        if isinstance(at, slice):
+            rows[..., :-size] = rows[..., size:]
+        else:
+            own = rows[at]
+            rows[at] = np.concatenate([own[..., size:], own[..., -size:]], -1)
 
-    def pad(self, seen: Any, new: Flags, at: Any, *, zeros: bool) -> None:
+    def begin(self, seen: Any, new: Flags, at: Any, *, zeros: bool) -> None:
         """Fills the places before the first frame of some agents."""
-        if self._count:
+        if self._count > 1:
             frame = self._frame(seen)[new]
             tiled = np.tile(frame, (*[1] * (frame.ndim - 1), self._count))
-            self._before[at] = 0 if zeros else tiled
+            self._rows[at] = 0 if zeros else tiled
 
-    def stacked(self, seen: Any, at: Any, lead: int) -> Any:
-        """Frames in a new array; of a mask the newest."""
-        if self._is_mask:
-            return self._get(seen).copy()
-        return np.concatenate([self._before[at], self._frame(seen)], -1)
+    def shown(self, seen: Any, at: Any, *, reuses: bool) -> Any:
+        """The frames, with the present one."""
+        if isinstance(at, slice):
+            self._rows[..., -self._size :] = self._frame(seen)
+            return self._rows if reuses else self._rows.copy()
+        self._rows[(*at, ..., slice(-self._size, None))] = self._frame(seen)
+        return self._rows[at]
+
+    def behind(self, seen: Any, envs: Any) -> Any:
+        """Frames of some sub-environments, others behind them as present ones."""
+        before = self._rows[envs][..., : -self._size]
+        return np.concatenate([before, self._frame(seen)], -1)
 
 
 class FlatBatch(BatchTransform):
@@ -238,13 +255,13 @@ class FlatBatch(BatchTransform):
         single.bind(None)
         return single.observation_space(group.agents[0], group.observation_space)
 
-    def observations(self, g: int, seen: Any, columns: Columns, lead: int) -> Any:
+    def observations(self, g: int, seen: Any, columns: Columns, lead: tuple[int, ...]) -> Any:
         """The parts in one vector."""
         space = self._spaces[g]
         if not (isinstance(space, spaces.Dict) and MASK in space.spaces):
-            return _flat(space, seen, lead)
+            return _flat(space, seen, len(lead))
         rest = spaces.Dict({key: part for key, part in space.spaces.items() if key != MASK})
-        return {VIEW: _flat(rest, seen, lead), MASK: seen[MASK].copy()}
+        return {VIEW: _flat(rest, seen, len(lead)), MASK: seen[MASK].copy()}
 
 
 def _flat(space: Space, seen: Any, lead: int) -> Any:
@@ -259,7 +276,7 @@ def _flat(space: Space, seen: Any, lead: int) -> Any:
     if isinstance(space, spaces.MultiDiscrete):
         sizes, numbers = space.nvec.ravel(), (seen - space.start).reshape(*shape, -1)
         return np.concatenate([_one_hot(numbers[..., i], n) for i, n in enumerate(sizes)], -1)
-    return seen.reshape(*shape, -1).astype(np.float32)
+    return seen.reshape(*shape, -1).astype(np.float32, copy=False)
 
 
 def _one_hot(numbers: Any, size: int) -> Any:
@@ -274,12 +291,14 @@ class NormalizedBatch(BatchTransform):
         self, statistics: Statistics, *, learning: bool, rewards: bool, gamma: float
     ) -> None:
         self._statistics, self._gamma, self._pays = statistics, gamma, rewards
-        self.remembers = self._is_learning = learning
+        self.remembers = self.reads = self._is_learning = learning
 
     def bind(self, venv: Any) -> None:
         """Takes the agents."""
         self._envs, self._groups = venv.num_envs, venv.groups
-        self._known: dict[tuple[int, str], Any] = {}
+        self._roles = [_by_role(group.agents) for group in venv.groups]
+        self._known: dict[tuple[int, str, bool], Any] = {}
+        self._whole: dict[Any, Any] = {}
         self.begin()
 
     def observation_space(self, group: VectorGroup) -> Space:
@@ -299,51 +318,75 @@ class NormalizedBatch(BatchTransform):
 
     def decided(self, g: int, seen: Any, deciding: Flags, columns: Columns) -> None:
         """Adds decisions to the statistics."""
-        agents = self._groups[g].agents
-        for name, agent, members in _by_role(agents):
+        for name, agent, members in self._roles[g]:
             rows = deciding & (members if deciding.ndim == 2 else members[columns])
             parts = self._statistics.seen[name]
             self._statistics.add_rows(agent, {k: (seen[k] if k else seen)[rows] for k in parts})
 
-    def rewards(self, g: int, rewards: Any, acted: Flags) -> Any:
+    def rewards(self, g: int, rewards: Any, acted: Flags | None) -> Any:
         """Rewards in units of the spread of returns."""
         if not self._pays:
             return rewards
-        statistics, agents = self._statistics, self._groups[g].agents
-        if self._is_learning:
+        statistics = self._statistics
+        if acted is not None:
             returns = self._returns[g]
             returns[acted] *= self._gamma
             returns += rewards
-            for _, agent, members in _by_role(agents):
+            for _, agent, members in self._roles[g]:
                 statistics.add_returns(agent, returns[acted & members])
-        variances = np.array([statistics.of(agent).paid[0] for agent in agents])
-        scaled = rewards / np.sqrt(variances + statistics.epsilon)
-        return np.clip(scaled, -statistics.clip, statistics.clip)
+        scaled = rewards / self._stacked(g, "", np.dtype(float), paid=True)[0]
+        return np.minimum(np.maximum(scaled, -statistics.clip), statistics.clip)
 
-    def observations(self, g: int, seen: Any, columns: Columns, lead: int) -> Any:
+    def observations(self, g: int, seen: Any, columns: Columns, lead: tuple[int, ...]) -> Any:
         """Observations in units of their spread."""
+        return self._scaled(g, seen, columns, reuses=False)
+
+    def shown(self, g: int, seen: Any, there: Flags | None, columns: Columns) -> Any:
+        """The same, in the array of the step before where it may be."""
+        return self._scaled(g, seen, columns, reuses=self.reuses)
+
+    def _scaled(self, g: int, seen: Any, columns: Columns, *, reuses: bool) -> Any:
         found = {}
         parts = seen if isinstance(seen, dict) else {"": seen}
-        learnt = [self._statistics.of(agent) for agent in self._groups[g].agents]
+        learnt, clip = self._statistics.of(self._groups[g].agents[0]).parts, self._statistics.clip
         for key, part in parts.items():
-            if key not in learnt[0].parts:
+            if key not in learnt:
                 found[key] = copied(part)
                 continue
-            mean, deviation = self._stacked(g, key, learnt)
-            scaled = np.subtract(part, mean[columns], dtype=np.float64)
-            scaled /= deviation[columns]
-            clip = learnt[0].clip
-            found[key] = np.clip(scaled, -clip, clip, out=scaled).astype(np.float32)
+            mean, scale = self._stacked(g, key, part.dtype)
+            scaled = self._new(g, key, part.shape, reuses=reuses)
+            np.subtract(part, mean[columns], out=scaled, casting="same_kind")
+            scaled *= scale[columns]
+            np.minimum(scaled, clip, out=scaled)
+            found[key] = np.maximum(scaled, -clip, out=scaled)
         return found if isinstance(seen, dict) else found[""]
 
-    def _stacked(self, g: int, key: str, learnt: list[Any]) -> Any:
-        """Means and deviations [agent, ...] of statistics, worked out once for each state."""
-        known = self._known.get((g, key))
-        if known is None or any(a is not b for a, b in zip(known[0], learnt, strict=True)):
-            mean = np.stack([one.parts[key][0] for one in learnt])
-            deviation = np.sqrt(np.stack([one.parts[key][1] + one.epsilon for one in learnt]))
-            known = self._known[g, key] = (learnt, mean, deviation)
-        return known[1:]
+    def _new(self, g: int, key: str, shape: tuple[int, ...], *, reuses: bool) -> Any:
+        if not reuses:
+            return np.empty(shape, np.float32)
+        found = self._whole.get((g, key, shape))
+        if found is None:
+            found = self._whole[g, key, shape] = np.empty(shape, np.float32)
+        return found
+
+    def _stacked(self, g: int, key: str, dtype: Any, *, paid: bool = False) -> Any:
+        """Means [agent, ...] and one over deviations, worked out once for each state.
+
+        With `paid` deviations of returns alone.
+        """
+        learnt = [self._statistics.of(agent) for _, agent, _ in self._roles[g]]
+        known = self._known.get((g, key, paid))
+        if known is not None and all(a is b for a, b in zip(known[0], learnt, strict=True)):
+            return known[1]
+        of = np.sum([number * members for number, (*_, members) in enumerate(self._roles[g])], 0)
+        if paid:
+            found: Any = (np.sqrt([one.paid[0] + one.epsilon for one in learnt])[of],)
+        else:
+            mean = np.stack([one.parts[key][0] for one in learnt])[of]
+            spread = np.sqrt(np.stack([one.parts[key][1] + one.epsilon for one in learnt]))[of]
+            found = mean.astype(dtype), (1 / spread).astype(dtype)
+        self._known[g, key, paid] = learnt, found
+        return found
 
 
 def _by_role(agents: Sequence[Any]) -> list[tuple[str, Any, Flags]]:
@@ -363,9 +406,9 @@ class ClippedRewardBatch(BatchTransform):
         ClippedRewards(low, high)  # refuses bounds without 0
         self._low, self._high = low, high
 
-    def rewards(self, g: int, rewards: Any, acted: Flags) -> Any:
+    def rewards(self, g: int, rewards: Any, acted: Flags | None) -> Any:
         """Rewards within the bounds."""
-        return np.clip(rewards, self._low, self._high)
+        return np.minimum(np.maximum(rewards, self._low), self._high)
 
 
 class ClippedActionBatch(BatchTransform):
