@@ -108,6 +108,14 @@ class AddsUp(Sound):
         return self.rng.random(2) / (1 + (self.energy > 50))
 
 
+class Leaps(Sound):
+    """Observations leave their space now and then, by numpy's global generator."""
+
+    def seen(self) -> Any:
+        """Outside the space, once in some turns."""
+        return np.array([2.0 if np.random.rand() < 0.2 else 0.5, 0.5])
+
+
 class OnlyInTests(Sound):
     """Observations leave their space where pytest is loaded, and in no reproducer's process."""
 
