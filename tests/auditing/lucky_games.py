@@ -108,6 +108,19 @@ class AddsUp(Sound):
         return self.rng.random(2) / (1 + (self.energy > 50))
 
 
+class Drifts(Sound):
+    """Goes on, over resets, from draws of the process and of a generator that nobody seeded."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Never begins anew."""
+        self.own = getattr(self, "own", None) or np.random.default_rng()
+        return super().reset(seed, options)
+
+    def seen(self) -> Any:
+        """One number of each."""
+        return np.array([self.own.random(), np.random.rand()])
+
+
 class Leaps(Sound):
     """Observations leave their space now and then, by numpy's global generator."""
 

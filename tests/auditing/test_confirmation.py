@@ -73,6 +73,15 @@ def test_consequence_names_the_cause_that_was_held_still() -> None:
     assert not found.ok
 
 
+def test_consequence_of_several_causes_passes_once_all_are_held_still() -> None:
+    """Neither generator alone makes a used instance play like a fresh one."""
+    found = audited("Drifts", "GK601", "GK602", "GK604")
+    assert {each.id for each in found.failed if each.follows_from is None} == {"GK601", "GK602"}
+    follows = found.of("GK604").follows_from
+    assert follows is not None
+    assert follows.held_still.startswith(f"{GLOBALS_SEEDED}, and ")
+
+
 @pytest.mark.parametrize(("name", "cause"), [("Lingers", "GK503"), ("PaidWhenGone", None)])
 def test_pay_after_the_end_follows_where_it_stops_once_the_ended_are_out(
     name: str, cause: str | None

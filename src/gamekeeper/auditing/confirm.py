@@ -246,6 +246,19 @@ def _cause_of(
                 wholes = [held_still(whole, below) for whole in wholes]
             if all(work.passes(held_still(whole, hold)) for whole in wholes):
                 return FollowsFrom(cause, hold.words)
+    return _of_several(programs, known, work) if compares else None
+
+
+def _of_several(
+    programs: Sequence[Programs], known: Iterable[tuple[str, Hold]], work: Confirmation
+) -> FollowsFrom | None:
+    """The last of several causes, where every reproducer passes once all are held still."""
+    wholes, words = [each.whole for each in programs], ""
+    for cause, hold in (each for each in known if each[1].is_general):
+        wholes = [held_still(whole, hold) for whole in wholes]
+        if words and all(map(work.passes, wholes)):
+            return FollowsFrom(cause, f"{words}, and {hold.words}")
+        words = f"{words}, {hold.words}" if words else hold.words
     return None
 
 
