@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from os import PathLike
 from typing import Any, Final
 
@@ -75,13 +76,7 @@ def audit_here(
     """
     begun_s = time.monotonic() if begun_s is None else begun_s
     if budget < 1:
-        raise EvidenceError(
-            "nothing can be seen",
-            where="budget",
-            expected="1 step at least",
-            actual=str(budget),
-            fix="raise --budget (budget=)",
-        )
+        raise _no_budget(budget)
     wanted = selected(tuple(select), tuple(ignore))
     kwargs, loaded = dict(env_kwargs or {}), set(sys.modules)
     opened = open_env(spec, **kwargs)
@@ -109,18 +104,30 @@ def audit_here(
         until_s = None if seconds is None else begun_s + seconds
         until_s = 0.0 if gathering.stopped == INTERRUPTED else until_s
         asked: dict[str, Any] = {"begun_s": begun_s, "seed": seed, "is_all": not select}
-        asked["modules"] = installed_modules(opened.env, loaded)
+        judged = partial(
+            _judged, wanted, opened, bench, modules=installed_modules(opened.env, loaded), **asked
+        )
         try:
-            return _judged(wanted, opened, bench, **asked, until_s=until_s)
+            return judged(until_s=until_s)
         except KeyboardInterrupt:
             if not attempt.keeps_partial:
                 raise
         gathering.stopped, bench.steps_left = INTERRUPTED, 0
-        return _judged(wanted, opened, bench, **asked, until_s=0.0)
+        return judged(until_s=0.0)
     finally:
         if opened.make is not None:
             with suppress(Exception, SystemExit):  # one that raises is a finding of a check's
                 opened.env.close()
+
+
+def _no_budget(budget: int) -> EvidenceError:
+    return EvidenceError(
+        "nothing can be seen",
+        where="budget",
+        expected="1 step at least",
+        actual=str(budget),
+        fix="raise --budget (budget=)",
+    )
 
 
 def needed(wanted: Mapping[str, Check], *, is_all: bool) -> set[str]:
