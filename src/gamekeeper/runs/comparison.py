@@ -322,7 +322,7 @@ def replay_evidence(
             again = runner.play(header, chooser=chooser, look=both.look)
             both.ends()
             prints.append(again["fingerprint"])
-            report(episode=header["episode"] + 1, episodes=total)
+            report(episode=len(prints), episodes=total)
             exact, divergence = exact and both.is_exact, both.divergence
             if divergence is not None:
                 break
@@ -367,11 +367,12 @@ def _other_fingerprint(evidence: Evidence, prints: list[str | None]) -> Divergen
         return None
     recorded = evidence.episode_table["fingerprint"].to_pylist()
     ends = evidence.episode_table["end"].to_pylist()
-    for episode, (one, two) in enumerate(zip(recorded, prints, strict=True)):
-        if ends[episode] in ENDS_OPEN:  # its rows are compared; what came after them is unknown
-            prints[episode] = one
+    numbers = evidence.episode_table["episode"].to_pylist()
+    for place, (one, two) in enumerate(zip(recorded, prints, strict=True)):
+        if ends[place] in ENDS_OPEN:  # its rows are compared; what came after them is unknown
+            prints[place] = one
         elif one != two:
-            return Divergence(episode, None, None, "fingerprint", one, two)
+            return Divergence(numbers[place], None, None, "fingerprint", one, two)
     run = fingerprints(evidence.manifest, pa.table(dict.fromkeys(PRINTS, prints)))["fingerprint"]
     if run != evidence.fingerprint:
         return Divergence(0, None, None, "fingerprint", evidence.fingerprint, run)

@@ -28,6 +28,8 @@ from gamekeeper.rollouts.rollout_plan import MOST_TURNS, RolloutPlan
 from gamekeeper.runs.first_check import FirstCheck, unchecked
 from gamekeeper.runs.load_run import load
 from gamekeeper.runs.recorder import RunRecorder, record_many, require_pillow
+from gamekeeper.runs.ring.keep_rule import keep_rule
+from gamekeeper.runs.ring.ring_ledger import RingLedger, ring_ledger
 
 # -- Environments whose frames are recorded: opened with a render mode, or refused in time
 
@@ -126,6 +128,8 @@ def record(
     path: str | PathLike[str],
     *,
     level: str = "full",
+    keep: str | None = None,
+    failed: str | None = None,
     contract: Contract | str | PathLike[str] | None = None,
     frames: bool = False,
     state: bool = True,
@@ -141,15 +145,25 @@ def record(
         path: a folder that doesn't exist yet, or is empty.
         level: "full"; "digest": digests of rows in place of observations; "actions": seeds,
             actions, rewards and flags, which `expand` plays again into full evidence.
+        keep: episodes that stay, for a run that is always on: "failed", "last 1000", the size of
+            its folder as "64 MB" (256 MiB where none is named), or some of them between commas. The
+            longest, best and worst stay in any case, and failed ones as far as there is room. None:
+            all.
+        failed: condition under which an episode failed, as "return < 0.5"; None: the contract's.
         contract: declares reward terms, noops and volatile infos; a path is read.
         frames: also render() once a turn, into `frames/`.
         state: also state() once a turn, where the environment has it and it draws no randomness.
     Raises:
         RunError: the folder can't be written, or something is in it.
+        EvidenceError: `keep` is no rule, or frames are asked for with it.
+        ContractError: `keep` asks for failed episodes, and nothing says when one failed; later: the
+            first episode that ended doesn't measure what the condition asks for.
     """
+    _check_keep(keep, failed, frames=frames)
     if hasattr(env, "num_envs") and hasattr(env, "seen"):
         given = Contract.load(contract) if isinstance(contract, str | PathLike) else contract
-        record_many(env, path, level=level, contract=given)
+        ring = _ring(keep, env.seen.contract if given is None else given, failed)
+        record_many(env, path, level=level, contract=given, ring=ring)
         return env
     opened = open_env(env)
     declared = declared_contract(contract, opened)
@@ -159,11 +173,34 @@ def record(
         contract=declared,
         level=level,
         extra=_first_entry(level, "gk.record can't make the environment a second time"),
+        ring=_ring(keep, declared, failed),
         **_declared(declared),
     )
     game = game_of(opened.env, sink=recorder, frames=frames, state=state)
     recorder.at_end = game.end_episode
     return face_of(game, on_close=recorder.close)
+
+
+def _check_keep(keep: str | None, condition: str | None, *, frames: bool) -> None:
+    """Raises where options don't go together."""
+    fault = None
+    if keep is None and condition is not None:
+        fault = "a condition of failure, and no rule that retains episodes by it", "keep='failed'"
+    elif keep is not None and frames:
+        fault = "frames, which a run that drops episodes doesn't have", "frames=False"
+    if fault is not None:
+        raise EvidenceError(
+            "these options don't go together",
+            where="gk.record",
+            expected=fault[1],
+            actual=fault[0],
+            fix="give `failed` together with `keep`, and `frames` without it",
+        )
+
+
+def _ring(keep: str | None, contract: Contract | None, condition: str | None) -> RingLedger | None:
+    """Ledger of a run that retains some episodes."""
+    return None if keep is None else ring_ledger(keep_rule(keep), contract, condition)
 
 
 def rollout(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
+from itertools import count, islice
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -135,8 +136,12 @@ class StreamFiles:
     `schema` and `cuts` are known once `batches` has run to its end.
     """
 
-    def __init__(self, folder: Path, stream: str, *, salvage: bool) -> None:
+    def __init__(
+        self, folder: Path, stream: str, *, salvage: bool, segments: object = None
+    ) -> None:
+        """Looks at nothing yet; `segments`: the entry of that name in the run's manifest."""
         self.folder, self.stream, self.salvage = folder, stream, salvage
+        self._first, self._skipped = numbered(segments, stream)
         self.schema: pa.Schema | None = None
         self.cuts: list[Cut] = []
 
@@ -175,14 +180,18 @@ class StreamFiles:
         with reading(self.folder):
             for path in self.folder.iterdir():
                 match = SEGMENT.fullmatch(path.name)
-                if match and match[1] == self.stream:
-                    found[int(match[2])] = inside(self.folder, path.name)
+                if not match or match[1] != self.stream:
+                    continue
+                number = int(match[2])
+                if number >= self._first and number != self._skipped:
+                    found[number] = inside(self.folder, path.name)
         return found
 
     def _segments(self) -> list[Path]:
         """The segments in order, from the first up to a gap."""
         found, paths = self._found(), []
-        for number in range(len(found)):
+        numbers = (number for number in count(self._first) if number != self._skipped)
+        for number in islice(numbers, len(found)):
             if number not in found:
                 name = segment_name(self.stream, number)
                 if not self.salvage:
@@ -218,6 +227,25 @@ class StreamFiles:
             self.schema = schema
         elif not schema.equals(self.schema, check_metadata=True):
             self.schema = unify(self.schema, schema, where=str(self.folder / self.stream))
+
+
+def numbered(segments: object, stream: str) -> tuple[int, int | None]:
+    """Number of a stream's first segment, and of one that isn't part of the run yet.
+
+    Args:
+        segments: the manifest's entry; only a flight recorder writes one.
+    Raises:
+        ValueError: it is damaged.
+    """
+    if segments is None:
+        return 0, None
+    place = segments.get(stream, {}) if isinstance(segments, dict) else None
+    first, skipped = (
+        (place.get("first", 0), place.get("skipped")) if isinstance(place, dict) else (-1, None)
+    )
+    if type(first) is not int or first < 0 or not (skipped is None or type(skipped) is int):
+        raise ValueError(f"segments.{stream} of the manifest: {place!r}"[:200])
+    return first, skipped
 
 
 def whole_of(streams: dict[str, Iterable[pa.RecordBatch]]) -> Whole:
@@ -268,15 +296,21 @@ def _keys(stream: str, batches: Iterable[pa.RecordBatch]) -> tuple[Keys, Keys, K
     return episode, turn, acted
 
 
-def open_tables(folder: Path, *, salvage: bool) -> tuple[dict[str, pa.Table], tuple[Cut, ...]]:
+def open_tables(
+    folder: Path, *, salvage: bool, segments: object = None
+) -> tuple[dict[str, pa.Table], tuple[Cut, ...]]:
     """The whole turns of an open run by stream, and the places where files ended early.
 
     Args:
         salvage: damage ends a stream as a cut does, in place of raising.
+        segments: the entry of that name in the run's manifest.
     Raises:
         RunError: a file is damaged or missing.
     """
-    streams = {name: StreamFiles(folder, name, salvage=salvage) for name in STREAMS}
+    with reading(folder):
+        streams = {
+            name: StreamFiles(folder, name, salvage=salvage, segments=segments) for name in STREAMS
+        }
     found = {name: stream.table() for name, stream in streams.items()}
     tables = {name: table for name, table in found.items() if table is not None}
     exists = [name for name, stream in streams.items() if stream.exists()]
@@ -321,13 +355,15 @@ def finalize_recovered(
 
 
 def _finalize(folder: Path, manifest: dict[str, Any], episodes: pa.Table | None) -> None:
-    if load_manifest(folder)["status"] != "open":
+    before = load_manifest(folder)
+    if before["status"] != "open":
         raise RunError(
             "the run is finalized already",
             where=str(folder),
             fix="read it as it is; `gamekeeper verify` says whether it is undamaged",
         )
-    streams = {name: StreamFiles(folder, name, salvage=True) for name in STREAMS}
+    segments = before.get("segments")
+    streams = {name: StreamFiles(folder, name, salvage=True, segments=segments) for name in STREAMS}
     # A first pass reads only keys; a stream without a file has no batches and no schema after it.
     whole = whole_of(
         {name: stream.batches() for name, stream in streams.items() if stream.exists()}
@@ -346,7 +382,7 @@ def _finalize(folder: Path, manifest: dict[str, Any], episodes: pa.Table | None)
                 schema = plain_schema(stream.schema)
                 rows = _kept(stream, schema, whole)
                 files[name] = write_table(folder, name, schema, rows)
-        fields = {key: value for key, value in manifest.items() if key != "cuts"}
+        fields = {key: value for key, value in manifest.items() if key not in ("cuts", "segments")}
         if cuts:
             fields["cuts"] = [asdict(cut) for cut in cuts]
         commit(folder, {**fields, "format_version": FORMAT_VERSION}, files)
