@@ -15,7 +15,7 @@ hold goes to stderr, and the exit code is 1 then. Kinds: `query` (SQL that write
 beside evidence), `forged` (evidence changed, its hashes made to fit), `notes` (annotations
 changed), `hostile` (environments that attack whoever records them), `viewer`.
 
-    python -m benchmarks.attacks [--kind query ...] [--only WORD]
+    python benchmarks/attacks.py [--kind query ...] [--only WORD]
 """
 
 from __future__ import annotations
@@ -31,6 +31,8 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.attacking import evidence, hostile, viewer
 from benchmarks.attacking.attack import MARK, Attack, Found
