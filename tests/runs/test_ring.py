@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ import pytest
 import gamekeeper as gk
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.outcome import outcome_of
-from gamekeeper.errors import ContractError, EvidenceError
+from gamekeeper.errors import ContractError, EvidenceError, OrderError
 from gamekeeper.runs.load_run import load
 from gamekeeper.runs.recording import record
 from gamekeeper.runs.ring import keep_rule as rules
@@ -259,3 +260,16 @@ def test_ring_records_vector_environments(tmp_path: Path) -> None:
     assert keep["retained"] == evidence.episode_table.num_rows < 21
     assert all(returns[number] < 6 for number in keep["failed"])
     assert gk.replay(tmp_path / "run", allow_import=True).verified
+
+
+def test_vector_environment_that_is_recorded_is_reset_once(tmp_path: Path) -> None:
+    """A second reset is refused, and closing finalizes what was recorded until then."""
+    path = write_env(tmp_path)
+    venv = gk.vector.make(f"{path}:Walk", num_envs=2, seed=5)
+    adapter = SimpleNamespace(slots=SimpleNamespace(venv=venv))  # as those to trainers hold it
+    assert gk.record(adapter, tmp_path / "run", level="actions") is adapter
+    venv.reset()
+    with pytest.raises(OrderError, match="reset a second time"):
+        venv.reset()
+    venv.close()
+    assert load(tmp_path / "run").episode_table["end"].to_pylist() == ["cut", "cut"]

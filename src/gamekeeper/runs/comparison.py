@@ -32,6 +32,7 @@ from gamekeeper.runs.replay_runner import (
     compact,
     opened_again,
 )
+from gamekeeper.runs.reset_chain import chain_of
 from gamekeeper.runs.standing import choices_in
 
 # -- Replay: recorded actions from recorded seeds in a fresh process, compared row by row
@@ -228,11 +229,12 @@ def untellable(evidence: Evidence, *, env: str | None, policies: bool) -> str | 
         return f"the environment was {thing} in memory: {add}"
     if not evidence.episode_table.num_rows:
         return "the run has no episodes"
+    known = frozenset(evidence.episode_table["episode"].to_pylist())
     for header in evidence.headers:
-        if header["since"] is None or header["since"] < 0:
-            return (
-                f"episode {header['episode']} was reset without a seed, and none was given before"
-            )
+        try:
+            chain_of(header, known)
+        except EvidenceError as error:
+            return error.what
     if policies and (evidence.manifest.get("seed") is None or not all(_all_policies(evidence))):
         return "the run doesn't name its policies and their seed, so they can't choose again"
     return None

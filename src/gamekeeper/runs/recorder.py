@@ -186,6 +186,8 @@ class RunRecorder:
         self._process = os.getpid()
         self._described: object = None
         self._buffered: BufferedTurns | None = None
+        self.after_flush: Callable[[BufferedTurns], None] = no_watch
+        """Called in the thread once buffered turns are written."""
         self.at_end: Callable[[], None] | None = None
         """Called before an unclosed recorder is finalized: ends the episode in progress."""
         self.manifest: dict[str, Any] = {}
@@ -273,6 +275,7 @@ class RunRecorder:
                 self._store.append(stream, batch)
                 if stream == "episodes" and self._ring is None:
                     self._episodes.append(batch)
+            self.after_flush(buffered)
         while self._frames:
             episode, turn, frame = self._frames.popleft()
             suffix, data = encode_frame(frame)
@@ -328,6 +331,10 @@ class RunRecorder:
         self.manifest = _finalized(self._store, self._episodes, self._facts)
         self._store.finalize(self.manifest)
         own_runs.remember(self.path)
+
+
+def no_watch(buffered: BufferedTurns) -> None:
+    """Does nothing with turns that are written."""
 
 
 def _created(

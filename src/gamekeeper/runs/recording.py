@@ -19,6 +19,7 @@ from gamekeeper.errors import EnvError, EvidenceError, GamekeeperError, SpecErro
 from gamekeeper.interface.declared_contract import declared_contract
 from gamekeeper.interface.joint_policy import Choices, JointPolicy, assign
 from gamekeeper.interface.opening import Opened, open_env
+from gamekeeper.interface.openings import Openings, seed_each_reset
 from gamekeeper.interface.parallel_capture import ParallelCapture
 from gamekeeper.interface.policy import EVERYONE, check_words, resolve
 from gamekeeper.interface.recorded_env import face_of, game_of
@@ -27,13 +28,16 @@ from gamekeeper.rollouts.memory import MemorySink
 from gamekeeper.rollouts.rollout_plan import MOST_TURNS, RolloutPlan
 from gamekeeper.runs.first_check import FirstCheck, unchecked
 from gamekeeper.runs.load_run import load
-from gamekeeper.runs.recorder import RunRecorder, record_many, require_pillow
+from gamekeeper.runs.recorder import RunRecorder, no_watch, record_many, require_pillow
 from gamekeeper.runs.ring.keep_rule import keep_rule
+from gamekeeper.runs.ring.ring_check import RingCheck
 from gamekeeper.runs.ring.ring_ledger import RingLedger, ring_ledger
 
 # -- Environments whose frames are recorded: opened with a render mode, or refused in time
 
 SMALL: Final = "actions"
+UNCHECKED: Final = "gk.record does so with keep alone"
+UNCLOSED: Final = "it was not closed"
 PICTURES: Final = "rgb_array"
 MODES: Final = (PICTURES, "ansi")
 """Render modes that give something to keep, the better first."""
@@ -130,6 +134,8 @@ def record(
     level: str = "full",
     keep: str | None = None,
     failed: str | None = None,
+    seed_resets: bool = False,
+    check: bool = True,
     contract: Contract | str | PathLike[str] | None = None,
     frames: bool = False,
     state: bool = True,
@@ -140,8 +146,10 @@ def record(
     `close` finalizes the run, and so does the end of the process.
 
     Args:
-        env: a ParallelEnv or AECEnv; or a vector environment of ours that wasn't reset yet, which
-            is recorded copy by copy into one run, its episodes in their order.
+        env: a ParallelEnv or AECEnv; or a vector environment of ours that wasn't reset yet, or an
+            adapter to a trainer that steps one (`sb3.vec_env`, `tianshou.vector_env`,
+            `torchrl.env`), which is recorded copy by copy into one run, its episodes in their
+            order.
         path: a folder that doesn't exist yet, or is empty.
         level: "full"; "digest": digests of rows in place of observations; "actions": seeds,
             actions, rewards and flags, which `expand` plays again into full evidence.
@@ -150,6 +158,11 @@ def record(
             longest, best and worst stay in any case, and failed ones as far as there is room. None:
             all.
         failed: condition under which an episode failed, as "return < 0.5"; None: the contract's.
+        seed_resets: give each reset without a seed one that is derived from the last seed given
+            (from a random one where none was), so that each episode can be played by itself. Else
+            `keep` takes down the states of the generators that the environment holds.
+        check: with `keep` at level "actions", replay two episodes by themselves in a worker
+            meanwhile; where one comes out otherwise, that is said at once.
         contract: declares reward terms, noops and volatile infos; a path is read.
         frames: also render() once a turn, into `frames/`.
         state: also state() once a turn, where the environment has it and it draws no randomness.
@@ -160,10 +173,11 @@ def record(
             first episode that ended doesn't measure what the condition asks for.
     """
     _check_keep(keep, failed, frames=frames)
-    if hasattr(env, "num_envs") and hasattr(env, "seen"):
+    venv = _vector_of(env)
+    if venv is not None:
         given = Contract.load(contract) if isinstance(contract, str | PathLike) else contract
-        ring = _ring(keep, env.seen.contract if given is None else given, failed)
-        record_many(env, path, level=level, contract=given, ring=ring)
+        ring = _ring(keep, venv.seen.contract if given is None else given, failed)
+        record_many(venv, path, level=level, contract=given, ring=ring)
         return env
     opened = open_env(env)
     declared = declared_contract(contract, opened)
@@ -172,13 +186,45 @@ def record(
         environment=opened.identity,
         contract=declared,
         level=level,
-        extra=_first_entry(level, "gk.record can't make the environment a second time"),
+        extra=_first_entry(level, UNCHECKED if keep is None or not check else UNCLOSED),
         ring=_ring(keep, declared, failed),
         **_declared(declared),
     )
     game = game_of(opened.env, sink=recorder, frames=frames, state=state)
     recorder.at_end = game.end_episode
-    return face_of(game, on_close=recorder.close)
+    if seed_resets:
+        seed_each_reset(game)
+    if keep is None:
+        return face_of(game, on_close=recorder.close)
+    game.openings = Openings(game.env)
+    return face_of(game, on_close=_closing(recorder, game.openings, check=check))
+
+
+def _vector_of(env: Any) -> Any:
+    """The vector environment that `env` is, or that it steps as an adapter to a trainer; or None.
+
+    Source: `slots` of the adapters to Stable-Baselines3 and Tianshou, `venv` of that to TorchRL.
+    """
+    slots = getattr(env, "slots", None)
+    for found in (env, getattr(slots, "venv", None), getattr(env, "venv", None)):
+        if hasattr(found, "num_envs") and hasattr(found, "seen"):
+            return found
+    return None
+
+
+def _closing(recorder: RunRecorder, openings: Openings, *, check: bool) -> Callable[[], None]:
+    """Function that finalizes a flight recorder's run, once its checks are done."""
+    if not check or recorder.level != SMALL:
+        return recorder.close
+    checks = RingCheck(str(recorder.path), openings)
+    recorder.after_flush = lambda buffered: checks.take(buffered.starts, buffered.ends)
+
+    def close() -> None:
+        recorder.after_flush = no_watch
+        recorder.say_in_manifest(checked=checks.result())
+        recorder.close()
+
+    return close
 
 
 def _check_keep(keep: str | None, condition: str | None, *, frames: bool) -> None:
