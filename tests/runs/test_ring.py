@@ -183,7 +183,7 @@ def test_ring_is_whole_wherever_it_is_killed(
     done = [0]
 
     def snapshot() -> None:
-        if len(copies) == 20:
+        if len(copies) == 16:
             return
         copies.append((tmp_path / f"copy-{len(copies)}", done[0]))
         shutil.copytree(tmp_path / "run", copies[-1][0])
@@ -210,7 +210,7 @@ def test_ring_is_whole_wherever_it_is_killed(
     poured(small_run, ring, rounds=1, after=after)
     ring.abandon()
 
-    assert len(copies) == 20
+    assert len(copies) == 16
     for copy, episodes in copies:
         seen = load(copy).episode_table.num_rows
         evidence = recover(copy)

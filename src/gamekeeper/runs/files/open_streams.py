@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
-from itertools import count, islice
+from itertools import chain, count, islice
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -141,7 +141,7 @@ class StreamFiles:
     ) -> None:
         """Looks at nothing yet; `segments`: the entry of that name in the run's manifest."""
         self.folder, self.stream, self.salvage = folder, stream, salvage
-        self._first, self._skipped = numbered(segments, stream)
+        self._first, self._step = numbered(segments, stream)
         self.schema: pa.Schema | None = None
         self.cuts: list[Cut] = []
 
@@ -183,15 +183,16 @@ class StreamFiles:
                 if not match or match[1] != self.stream:
                     continue
                 number = int(match[2])
-                if number >= self._first and number != self._skipped:
+                is_behind = number > self._first and not number % self._step
+                if number == self._first or is_behind:
                     found[number] = inside(self.folder, path.name)
         return found
 
     def _segments(self) -> list[Path]:
         """The segments in order, from the first up to a gap."""
         found, paths = self._found(), []
-        numbers = (number for number in count(self._first) if number != self._skipped)
-        for number in islice(numbers, len(found)):
+        behind = count(self._first + self._step - self._first % self._step, self._step)
+        for number in islice(chain([self._first], behind), len(found)):
             if number not in found:
                 name = segment_name(self.stream, number)
                 if not self.salvage:
@@ -229,23 +230,25 @@ class StreamFiles:
             self.schema = unify(self.schema, schema, where=str(self.folder / self.stream))
 
 
-def numbered(segments: object, stream: str) -> tuple[int, int | None]:
-    """Number of a stream's first segment, and of one that isn't part of the run yet.
+def numbered(segments: object, stream: str) -> tuple[int, int]:
+    """Number of a stream's first segment, and the step from one number to the next.
+
+    The first segment of a run that drops episodes has an odd number, once anything was dropped;
+    those behind it have the even ones that follow, and other odd ones aren't part of the run.
 
     Args:
-        segments: the manifest's entry; only a flight recorder writes one.
+        segments: the manifest's entry; other runs have none.
     Raises:
         ValueError: it is damaged.
     """
     if segments is None:
-        return 0, None
+        return 0, 1
     place = segments.get(stream, {}) if isinstance(segments, dict) else None
-    first, skipped = (
-        (place.get("first", 0), place.get("skipped")) if isinstance(place, dict) else (-1, None)
-    )
-    if type(first) is not int or first < 0 or not (skipped is None or type(skipped) is int):
+    found = place if isinstance(place, dict) else {"first": None}
+    first = found.get("first", 0)
+    if type(first) is not int or first < 0 or found.get("step", 2) != 2:
         raise ValueError(f"segments.{stream} of the manifest: {place!r}"[:200])
-    return first, skipped
+    return first, 2
 
 
 def whole_of(streams: dict[str, Iterable[pa.RecordBatch]]) -> Whole:

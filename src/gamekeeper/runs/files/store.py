@@ -7,7 +7,7 @@ import queue
 import threading
 from os import PathLike
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import Any, ClassVar, Final, Self
 
 import pyarrow as pa
 
@@ -181,6 +181,9 @@ class RunStore:
 
     For one thread: it keeps a second one for rolling, which only ever reads finished segments.
     """
+
+    STEP: ClassVar[int] = 1
+    """From a segment's number to the next one's."""
 
     def __init__(
         self, folder: Path, lock: int, segment_bytes: int, *, durable: bool = True
@@ -379,7 +382,7 @@ class RunStore:
             self._roll(stream)
         self._schemas[stream] = known
         writer = SegmentWriter(self.path / segment_name(stream, self._counts[stream]), known)
-        self._counts[stream] += 1
+        self._counts[stream] += self.STEP
         self._writers[stream] = writer
         return writer
 

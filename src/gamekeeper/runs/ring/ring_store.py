@@ -1,10 +1,10 @@
 """Writer of a run that stays within a size: old segments are written anew without what is dropped.
 
-Rows reach the operating system as in every run. Once the segments take more than a part of the
-size, those so far are finished, and a number is reserved for what of them stays; the rows after go
-into segments behind it. A thread writes what stays into drafts, names them by the reserved numbers,
-and replaces the manifest, which says where each stream begins. Only then the old ones are removed.
-So the run can be read and recovered whenever its process is killed, and no row waits meanwhile.
+Rows reach the operating system as in every run, in segments of even numbers. Once these take more
+than a part of the size, they are finished; the rows after go into others behind them. A thread
+writes what stays into segments of the odd number that follows each stream's last one, and replaces
+the manifest, which says where each stream begins. Only then the old ones are removed. So the run
+can be read and recovered whenever its process is killed, and no row waits meanwhile.
 """
 
 from __future__ import annotations
@@ -40,19 +40,21 @@ class RingStore(RunStore):
     For one thread, as `RunStore`; a second one writes segments anew.
     """
 
+    STEP = 2
+
     def __init__(self, *arguments: Any, **options: Any) -> None:
         """Takes over a folder; use `create`."""
         super().__init__(*arguments, **options)
         self.ring: RingLedger
         self._manifest: dict[str, Any] = {}
-        self._numbers: dict[str, dict[str, int]] = {}  # first and skipped segment of each stream
+        self._firsts: dict[str, int] = {}  # number of each stream's first segment
         self._entry: dict[str, Any] = {}  # `keep` as of the last time that rows were dropped
         self._sizes: dict[str, dict[int, int]] = {stream: {} for stream in STREAMS}
         self._rows = EPISODES.empty_table()
         self._last_dropped: Any = np.zeros(0, np.int64)
         self._worker: threading.Thread | None = None
         self._failure: BaseException | None = None
-        self._describing = threading.Lock()
+        self._describing, self._sizing = threading.Lock(), threading.Lock()
         self._trigger = 0.0
 
     def describe(self, manifest: dict[str, Any]) -> None:
@@ -64,7 +66,9 @@ class RingStore(RunStore):
     def _write_manifest(self) -> None:
         if not self._entry:
             self._entry = self.ring.to_json()
-        segments = {stream: dict(numbers) for stream, numbers in self._numbers.items()}
+        segments = {
+            stream: {"first": self._firsts.get(stream, 0), "step": self.STEP} for stream in STREAMS
+        }
         super().describe({**self._manifest, "keep": self._entry, "segments": segments})
 
     def append(self, stream: str, batch: pa.RecordBatch) -> None:
@@ -89,8 +93,8 @@ class RingStore(RunStore):
         """Finishes the open segment."""
         writer = self._writers.pop(stream)
         writer.finish()
-        with self._describing:
-            self._sizes[stream][self._counts[stream] - 1] = writer.size
+        with self._sizing:
+            self._sizes[stream][self._counts[stream] - self.STEP] = writer.size
 
     def _check_worker(self) -> None:
         if self._failure is not None:
@@ -108,21 +112,17 @@ class RingStore(RunStore):
         for stream in list(self._writers):
             self._roll(stream)
         dropped, entry = self.ring.drop(), self.ring.to_json()
-        with self._describing:
-            for stream, sizes in self._sizes.items():
-                if sizes:
-                    first = self._numbers.get(stream, {}).get("first", 0)
-                    self._numbers[stream] = {"first": first, "skipped": self._counts[stream]}
-                    self._counts[stream] += 1
-            self._write_manifest()
+        current = {stream: self._current(stream) for stream in STREAMS if self._sizes[stream]}
+        # one that was written anew, and to which nothing was added since, stays as it is
+        old = {stream: numbers for stream, numbers in current.items() if not numbers[-1] % 2}
         self._worker = threading.Thread(
-            target=self._run, args=(dropped, entry), name="gamekeeper-ring", daemon=True
+            target=self._run, args=(old, dropped, entry), name="gamekeeper-ring", daemon=True
         )
         self._worker.start()
 
-    def _run(self, dropped: list[int], entry: dict[str, Any]) -> None:
+    def _run(self, old: dict[str, list[int]], dropped: list[int], entry: dict[str, Any]) -> None:
         try:
-            self._rewrite(np.array(dropped, np.int64), entry)
+            self._rewrite(old, np.array(dropped, np.int64), entry)
         except GamekeeperError as error:
             self._failure = error
         except BaseException as error:  # told by the thread that appends next
@@ -134,36 +134,35 @@ class RingStore(RunStore):
             )
             self._failure.__cause__ = error
 
-    def _rewrite(self, dropped: Any, entry: dict[str, Any]) -> None:
-        begun = {s: each for s, each in self._numbers.items() if "skipped" in each}
-        drafts = {}
-        for stream, numbers in begun.items():
-            draft = self.path / f"{segment_name(stream, numbers['skipped'])}.tmp"
-            draft.unlink(missing_ok=True)
-            drafts[stream] = draft, self._anew(stream, draft, numbers, dropped)
-        for draft, _ in drafts.values():
-            draft.replace(draft.with_suffix(""))
+    def _rewrite(self, old: dict[str, list[int]], dropped: Any, entry: dict[str, Any]) -> None:
+        """Writes what stays of the segments `old`, numbers by stream, and removes them."""
+        anew = {stream: self._anew(stream, numbers, dropped) for stream, numbers in old.items()}
         with self._describing:
-            for stream, numbers in begun.items():
-                self._numbers[stream] = {"first": numbers["skipped"]}
-                end = numbers["skipped"]
-                newer = {n: size for n, size in self._sizes[stream].items() if n > end}
-                self._sizes[stream] = {end: drafts[stream][1], **newer}
+            self._firsts |= {stream: numbers[-1] + 1 for stream, numbers in old.items()}
             self._entry = entry
             self._write_manifest()
-        for stream, numbers in begun.items():
-            for number in range(numbers["first"], numbers["skipped"]):
+        for stream, numbers in old.items():
+            for number in numbers:
                 (self.path / segment_name(stream, number)).unlink(missing_ok=True)
-        size = sum(size for _, size in drafts.values())
+        with self._sizing:
+            for stream, size in anew.items():
+                first = self._firsts[stream]
+                newer = {n: each for n, each in self._sizes[stream].items() if n > first}
+                self._sizes[stream] = {first: size, **newer}
+        size = sum(anew.values())
         self.ring.resize(size)
         self._trigger = 4 / 3 * size
 
-    def _anew(self, stream: str, draft: Path, numbers: dict[str, int], dropped: Any) -> int:
-        """Writes the rows that stay of a stream's old segments; bytes of the draft."""
-        writer = SegmentWriter(draft, self._schemas[stream])
+    def _anew(self, stream: str, numbers: list[int], dropped: Any) -> int:
+        """Writes the rows that stay of a stream's old segments; bytes of the new one.
+
+        It has a number that no reader looks at before the manifest names it.
+        """
+        path = self.path / segment_name(stream, numbers[-1] + 1)
+        writer = SegmentWriter(path, self._schemas[stream])
         try:
             waiting: list[pa.RecordBatch] = []
-            for batch in self._batches(stream, range(numbers["first"], numbers["skipped"])):
+            for batch in self._batches(stream, numbers):
                 left = _without(plain_batch(batch, writer.schema), dropped)
                 waiting += [left] if left.num_rows else []
                 if sum(each.num_rows for each in waiting) >= BATCH_ROWS:
@@ -175,8 +174,8 @@ class RingStore(RunStore):
             writer.finish()
         return writer.size
 
-    def _batches(self, stream: str, numbers: range) -> Iterator[pa.RecordBatch]:
-        """The batches of a stream's segments of these numbers, but for one that is skipped."""
+    def _batches(self, stream: str, numbers: list[int]) -> Iterator[pa.RecordBatch]:
+        """The batches of a stream's segments of these numbers."""
         for number in numbers:
             path = self.path / segment_name(stream, number)
             reader = SegmentReader(path, stream)
@@ -209,8 +208,11 @@ class RingStore(RunStore):
         self._rows = merged_episodes(batches)
         return self._rows, self.ring.to_json()
 
-    def _current(self, stream: str) -> range:
-        return range(self._numbers.get(stream, {}).get("first", 0), self._counts[stream])
+    def _current(self, stream: str) -> list[int]:
+        """Numbers of a stream's segments, in their order."""
+        first = self._firsts.get(stream, 0)
+        behind = range(first + first % 2, self._counts[stream], self.STEP)
+        return [*([first] if first % 2 else []), *behind]
 
     def _finalize(self, manifest: dict[str, Any]) -> None:
         files: dict[str, tuple[Path, int, str]] = {}
