@@ -120,8 +120,15 @@ class VectorEnv:
             options: handed to every reset.
         Returns:
             Observations and infos.
+        Raises:
+            OrderError: it is closed, or recorded and was reset before.
         """
         self._check(begun=False)
+        if self._is_begun and self._in_order is not None:
+            raise OrderError(
+                "copies that are recorded were reset a second time",
+                fix="close the vector environment, and make another one for another run",
+            )
         said = self._engine.reset(self._seed if seed is None else int(seed), options)
         self._is_begun = True
         return self._obs("obs"), self._infos(said)
