@@ -55,7 +55,7 @@ TryOption = Annotated[
         metavar="POLICY",
         show_default=False,
         help="With --interactive, a policy that the page offers beside the run's, the "
-        "environment's and the built-in ones. Repeatable.",
+        "environment's and the built-in ones. Repeatable (default: none).",
     ),
 ]
 BudgetOption = Annotated[
