@@ -91,7 +91,7 @@ def failed_blocks(audit: Document, *, width: int, least: str = "low") -> Iterato
 def _worst(cause: Document, failed: Sequence[Document]) -> str:
     """The worst severity among a cause and what follows from it."""
     group = [each for each in failed if (each["follows_from"] or {}).get("id") == cause["id"]]
-    return min((each["severity"] for each in (cause, *group)), key=SEVERITIES.index)
+    return SEVERITIES[min(SEVERITIES.index(each["severity"]) for each in (cause, *group))]
 
 
 def _row_lines(rows: Sequence[Row], width: int) -> list[str]:
