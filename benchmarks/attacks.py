@@ -131,7 +131,7 @@ def contents(folder: Path) -> dict[str, str]:
 def strays(before: Mapping[str, str], after: Mapping[str, str], out: Sequence[str]) -> list[str]:
     """What came, went or changed outside of the named outputs."""
     changed = [name for name in before.keys() | after.keys() if before.get(name) != after.get(name)]
-    return sorted(name for name in changed if name.split("/")[0] not in out)
+    return sorted(name for name in changed if not any(f"{name}/".startswith(f"{o}/") for o in out))
 
 
 def _digest(path: Path) -> str:
