@@ -36,7 +36,8 @@ class EpisodeStart:
     """Start of an episode, with the arguments of its reset.
 
     `since` is the episode of the last seeded reset, itself where this one was seeded, -1 where none
-    ever was: an unseeded episode replays only by running on from there.
+    ever was: an unseeded episode without an `opening` (states of generators, attributes that were
+    set) replays only by running on from there.
     """
 
     episode: int
@@ -45,6 +46,7 @@ class EpisodeStart:
     options: str | None
     policies: str | None
     task: str | None = None
+    opening: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +59,7 @@ class EpisodeEnd:
     error: str | None = None
     endings: str | None = None
     action_types: str | None = None
+    opening: str | None = None
 
 
 class Observed:
