@@ -165,6 +165,8 @@ def _declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     fix="truncate where time is up: `truncations = dict.fromkeys(agents, time >= max_time)`; if "
     "the last tick is a rule of the game, declare it in the contract's endings as a termination",
     applies=_declared,
+    looks_at="an episode that ends after as many ticks as an attribute, constant or parameter that "
+    "is named like a limit (max_steps, horizon) says",
 )
 def time_limits_truncate(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """A time limit truncates an episode, it doesn't terminate it.

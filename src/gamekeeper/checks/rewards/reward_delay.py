@@ -52,6 +52,8 @@ class _Trial:
     fix="compute the rewards after the moves of the tick, from the state that the observations "
     "of the same step show",
     confidence=0.9,
+    looks_at="replaced actions that change a reward; where few steps pay, a larger --budget "
+    "finds some",
 )
 def rewards_come_with_the_tick_that_earns_them(
     contract: Contract, evidence: ProbeEvidence
