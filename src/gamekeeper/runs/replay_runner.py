@@ -248,7 +248,7 @@ class ReplayRunner:
         _check_actions(self._evidence, header)
         trace = self._evidence.episode_of(header)
         self._replay(trace, chooser, takewhile(lambda turn: turn.index < steps, trace.turns))
-        return next(self._kept().episodes)
+        return self._kept().episodes[0]
 
     def _replay(self, trace: Episode, chooser: ActionChooser | None, turns: Iterable[Turn]) -> None:
         """Plays turns of an episode again."""

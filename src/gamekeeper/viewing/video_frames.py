@@ -182,5 +182,5 @@ def _played(
             again = sink.evidence(opened.identity, contract=evidence.contract)
     finally:
         game.close()
-    found = compare(trace, next(again.episodes), volatile=evidence.contract.volatile_infos())
+    found = compare(trace, again.episodes[0], volatile=evidence.contract.volatile_infos())
     return None if found.divergence is None else str(found.divergence)
