@@ -294,6 +294,17 @@ class Evidence:
         return NOT_WHOLE.get(str(self.manifest.get("status")), "")
 
     @property
+    def retained_text(self) -> str:
+        """Sentence about the episodes that a flight recorder dropped; empty for another run."""
+        keep = self.manifest.get("keep")
+        if not isinstance(keep, dict):
+            return ""
+        return (
+            f"It retains {keep.get('retained')} of the {keep.get('seen')} episodes that were "
+            f"recorded ({keep.get('rule')}); manifest.json has the sums of the others under keep."
+        )
+
+    @property
     def kept_text(self) -> str:
         """Level `actions` and the line that expands the run; empty for another level."""
         if self.manifest.get("level") != "actions":
@@ -313,6 +324,7 @@ class Evidence:
         name = self.manifest.get("environment", {}).get("name")
         alert = f"{self.not_whole}\n" if self.not_whole else ""
         alert += f"Level {self.kept_text}\n" if self.kept_text else ""
+        alert += f"{self.retained_text}\n" if self.retained_text else ""
         return f"{self.episode_table.num_rows} episodes of {name} ({where})\n{alert}{self.summary}"
 
     def __repr__(self) -> str:

@@ -61,7 +61,7 @@ def _recorded(document: Mapping[str, Any], width: int) -> str:
     agents = document["agents"]
     rows = [["agent", "own return", "share", "idle"]]
     rows += [
-        [name, _number(part["own"]), _percent(part["share"]), _percent(part["idle"])]
+        [name, _number(part["return"]), _percent(part["share"]), _percent(part["idle"])]
         for name, part in agents.items()
     ]
     legend = [*RECORDED]
