@@ -1,5 +1,6 @@
 import pytest
 
+from gamekeeper.checks.verdict import NO_CASE
 from gamekeeper.reporting.audit_text import (
     brief_rows,
     chances_text,
@@ -133,6 +134,17 @@ def test_not_exercised_checks_are_gathered_by_reason() -> None:
         "Checks not exercised (2): no play ended\n"
         "  GK1  The promise of GK1.\n"
         "  GK2  The promise of GK2."
+    )
+
+
+def test_not_exercised_checks_say_what_they_look_at() -> None:
+    """Those with such a noun stand under one reason with those without."""
+    reasons = [NO_CASE, f"{NO_CASE}: an agent with an action mask"]
+    found = [verdict(f"GK{k}", "not_exercised", reason=text) for k, text in enumerate(reasons)]
+    assert not_exercised_text(audit(*found), width=80) == (
+        "Checks not exercised (2): no episode had what it looks at\n"
+        "  GK0  The promise of GK0.\n"
+        "  GK1  The promise of GK1. Looks at: an agent with an action mask."
     )
 
 

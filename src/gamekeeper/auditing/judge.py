@@ -10,7 +10,7 @@ from typing import Final
 from gamekeeper.checks.case import Case
 from gamekeeper.checks.check import Check
 from gamekeeper.checks.probe_evidence import ProbeEvidence
-from gamekeeper.checks.verdict import SEVERITIES, Finding, Outcome, Severity, Verdict
+from gamekeeper.checks.verdict import NO_CASE, SEVERITIES, Finding, Outcome, Severity, Verdict
 from gamekeeper.contract import Contract
 
 MOST_SHOWN: Final = 3
@@ -96,7 +96,7 @@ def _not_exercised(check: Check, evidence: ProbeEvidence) -> str:
     is_noisy = any(each.noise is not None for each in pairs)
     if is_noisy:
         return NOISE
-    return NO_CASE + (f"; it takes {check.takes}" if check.takes else "")
+    return f"{NO_CASE}: {check.looks_at}" if check.looks_at else NO_CASE
 
 
 def _badness(check: Check) -> Callable[[Case], int]:

@@ -41,8 +41,8 @@ class Check:
         fix: what the author can do about it.
         api: `aec` or `parallel` where it is about one of them only.
         applies: says why there is nothing to judge.
+        looks_at: what an episode must have for a case, as a noun; empty: not said.
         run: yields a case for every look.
-        takes: what an episode must show so that there is a case; empty where that is plain.
     """
 
     id: str
@@ -56,7 +56,7 @@ class Check:
     api: str | None
     applies: Applies | None
     run: Run
-    takes: str = ""
+    looks_at: str = ""
 
     def reason_against(self, contract: Contract, evidence: ProbeEvidence) -> str | None:
         """Reason why it isn't applicable; None where it is."""
@@ -74,7 +74,7 @@ def check(
     confidence: float = 1.0,
     api: str | None = None,
     applies: Applies | None = None,
-    takes: str = "",
+    looks_at: str = "",
 ) -> Callable[[Run], Check]:
     """Makes a check of a pure function; its docstring's first line is the promise.
 
@@ -86,7 +86,7 @@ def check(
         confidence: how sure a broken promise is, in (0, 1].
         api: where it is about one API only.
         applies: why there is nothing to judge, or None.
-        takes: what an episode must show so that there is a case, where that isn't plain.
+        looks_at: what an episode must have for a case, as a noun; said where no episode had it.
     """
 
     def made(run: Run) -> Check:
@@ -110,7 +110,7 @@ def check(
             api=api,
             applies=applies,
             run=run,
-            takes=takes,
+            looks_at=looks_at,
         )
 
     return made

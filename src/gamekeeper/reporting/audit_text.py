@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from gamekeeper.checks.verdict import LOW, MINOR, SEVERITIES
+from gamekeeper.checks.verdict import LOW, MINOR, NO_CASE, SEVERITIES
 from gamekeeper.contract.validation import one_line
 from gamekeeper.reporting.results_text import table_lines
 from gamekeeper.reporting.text_columns import wrapped
@@ -222,8 +222,10 @@ def not_exercised_text(audit: Document, *, width: int) -> str:
     """Checks that were not exercised with what they claim, under the reason."""
     by_reason: dict[str, list[Row]] = {}
     for each in verdicts_of(audit, "not_exercised"):
-        row = (each["id"], _short(each["claim"]))
-        by_reason.setdefault(_short(each["reason"]), []).append(row)
+        reason, text = each["reason"], each["claim"]
+        if reason.startswith(f"{NO_CASE}: "):
+            reason, text = NO_CASE, f"{text} Looks at: {reason.removeprefix(f'{NO_CASE}: ')}."
+        by_reason.setdefault(_short(reason), []).append((each["id"], _short(text)))
     parts = [
         _section(f"Checks not exercised ({len(rows)}): {reason}", rows, width)
         for reason, rows in by_reason.items()
