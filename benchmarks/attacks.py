@@ -15,7 +15,7 @@ hold goes to stderr, and the exit code is 1 then. Kinds: `query` (SQL that write
 beside evidence), `forged` (evidence changed, its hashes made to fit), `notes` (annotations
 changed), `hostile` (environments that attack whoever records them), `viewer`.
 
-    python -m benchmarks.attacks [--kind query ...] [--only WORD]
+    python benchmarks/attacks.py [--kind query ...] [--only WORD]
 """
 
 from __future__ import annotations
@@ -31,6 +31,8 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.attacking import evidence, hostile, viewer
 from benchmarks.attacking.attack import MARK, Attack, Found
@@ -129,7 +131,7 @@ def contents(folder: Path) -> dict[str, str]:
 def strays(before: Mapping[str, str], after: Mapping[str, str], out: Sequence[str]) -> list[str]:
     """What came, went or changed outside of the named outputs."""
     changed = [name for name in before.keys() | after.keys() if before.get(name) != after.get(name)]
-    return sorted(name for name in changed if name.split("/")[0] not in out)
+    return sorted(name for name in changed if not any(f"{name}/".startswith(f"{o}/") for o in out))
 
 
 def _digest(path: Path) -> str:

@@ -1,6 +1,6 @@
 """The same audit again and again, on a machine that is idle and on one that is busy.
 
-    python -m benchmarks.audit_repeats [--repeats 10] [--load 0 8] [--budget 3000] [--only WORD ...]
+    python benchmarks/audit_repeats.py [--repeats 10] [--load 0 8] [--budget 3000] [--only WORD ...]
 
 Of a sound environment all verdicts must be the same each time, of one that gives another episode
 each time all causes. One JSON line for each environment: {"figure", "environment", "kind",
@@ -17,7 +17,10 @@ import sys
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, Final
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
 

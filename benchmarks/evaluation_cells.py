@@ -9,8 +9,8 @@ those of one seed, by the functions that make the intervals which `gamekeeper ev
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -255,7 +255,9 @@ def held(found: Mapping[str, Any] | None) -> Bounds:
 
 def main() -> None:
     """Prints the cells."""
-    cells = [cell for seed in sys.argv[1:] for cell in by_lot(int(seed))]
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("seeds", nargs="+", type=int, metavar="SEED")
+    cells = [cell for seed in parser.parse_args().seeds for cell in by_lot(seed)]
     print("[\n" + ",\n".join(json.dumps(cell) for cell in cells) + "\n]")
 
 

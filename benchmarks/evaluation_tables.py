@@ -8,8 +8,8 @@
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -111,7 +111,9 @@ def of_families(lines: list[Line]) -> Iterator[str]:
 
 def main() -> None:
     """Prints the tables."""
-    texts = [Path(name).read_text() for name in sys.argv[1:]]
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("truths", nargs="+", type=Path, metavar="TRUTHS.jsonl")
+    texts = [path.read_text() for path in parser.parse_args().truths]
     lines = [json.loads(line) for text in texts for line in text.splitlines()]
     cells = [line for line in lines if line["part"] == "cells"]
     others = [line for line in lines if line["part"] != "cells"]

@@ -1,6 +1,6 @@
 """Measured game forms beside known ones: right, wrong and silent, by field.
 
-    python -m benchmarks.form_table [--budget 20000] [--seed 0] [--only NAME ...] [--held]
+    python benchmarks/form_table.py [--budget 20000] [--seed 0] [--only NAME ...] [--held]
 
 Measures every environment of `benchmarks/forms` with the probes that the measured form reads, each
 with the steps that it has in a whole audit of that budget, and compares each field with the form
@@ -24,7 +24,10 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.forms.form import Form
 from gamekeeper.auditing.gather import gather, lab_of

@@ -1,6 +1,6 @@
 """Damaged input: whatever is read, documented errors alone come out of it.
 
-    python -m benchmarks.fuzz [--inputs 1000000] [--seed 0] [--only contract ...] [--corpus FOLDER]
+    python benchmarks/fuzz.py [--inputs 1000000] [--seed 0] [--only contract ...] [--corpus FOLDER]
 
 Inputs are real ones, damaged: bits flipped, pieces cut out, doubled, moved from one file to
 another, numbers and words put in that parsers trip over; where the input is JSON, Parquet or Arrow,
@@ -30,6 +30,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.fuzzing.damage import altered, damaged
 from benchmarks.fuzzing.places import Places

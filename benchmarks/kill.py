@@ -5,6 +5,9 @@ finished to a log of its own, with fsync and the time of the wall clock; a turn 
 process is killed at a random instant, its run is read, recovered and replayed, and what the log
 has beyond the evidence is what was lost: how long before the kill its oldest turn was finished.
 
+With `--keep` it retains the last two episodes, and its folder is bounded so that old segments are
+written anew several times a second; turns of episodes that were dropped aren't lost.
+
 `--who parent`, `worker`, `merger`: one of the processes of `gamekeeper rollout --workers 2`; see
 `benchmarks/kill_apart.py`.
 
@@ -12,8 +15,8 @@ Prints a JSON line; of a writer {"figure": "kill", "who", "kills", "opened", "re
 "replayed", "lost_ms_median", "lost_ms_max", "late": kills that lost anything older than 100 ms}.
 Exits 1 where anything wasn't as it should be.
 
-    python benchmarks/kill.py [--who writer] [--level full] [--kills 200] [--seed 0] [--cold]
-        [--minutes M]
+    python benchmarks/kill.py [--who writer] [--level full] [--keep] [--kills 200]
+        [--seed 0] [--cold] [--minutes M]
 """
 
 from __future__ import annotations
@@ -51,6 +54,7 @@ except ImportError:  # run as a script
     import kill_apart  # type: ignore[no-redef]
 
 BOUND_MS: Final = 100.0
+KEEP: Final = "last 2, 20 kB"
 EARLIEST_S: Final = 0.05  # after the first turn
 LATEST_S: Final = 0.8
 BEGIN_S: Final = 120.0  # for the first turn; then the recorder has died, or hangs
@@ -105,10 +109,13 @@ RECORDERS: Final = """
 import os, sys
 from logged import Logged
 from gamekeeper.runs.recording import record
+from gamekeeper.runs.ring import keep_rule
+
+keep_rule.LEAST_BYTES = 1
 
 
 def play(log, run):
-    env = record(Logged(log), run, level=sys.argv[1])
+    env = record(Logged(log), run, level=sys.argv[1], keep=sys.argv[2] or None, check=False)
     for seed in range(10_000):
         env.reset(seed=seed)
         while env.agents:
@@ -142,6 +149,7 @@ def main() -> int:
     parser.add_argument("--who", choices=["writer", *kill_apart.WHO], default="writer")
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--level", choices=LEVELS, default="full", help="of a writer's run")
+    parser.add_argument("--keep", action="store_true", help="of a writer: drop episodes")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--minutes", type=float, default=math.inf, help="not of a writer")
     parser.add_argument("--cold", action="store_true", help="workers begin as always")
@@ -159,25 +167,25 @@ def main() -> int:
             )
             print(json.dumps(figures))
             return 0 if is_whole else 1
-        with recorders(Path(folder), given.level) as start:
+        with recorders(Path(folder), given.level, KEEP if given.keep else "") as start:
             found = [
                 killed(start, Path(folder), number, after_s=rng.uniform(EARLIEST_S, LATEST_S))
                 for number in range(given.kills)
             ]
-    print(json.dumps({**figure(found), "level": given.level}))
+    print(json.dumps({**figure(found), "level": given.level, "keep": given.keep}))
     whole = all(each.is_opened and each.is_recovered and each.is_replayed for each in found)
     return 0 if whole and all(each.lost_ms <= BOUND_MS for each in found) else 1
 
 
 @contextmanager
-def recorders(folder: Path, level: str) -> Iterator[subprocess.Popen[str]]:
+def recorders(folder: Path, level: str, keep: str) -> Iterator[subprocess.Popen[str]]:
     """A process that forks a recorder for every line (log, run) that it is given."""
     # pyarrow imports pandas where there is one, which takes longer than all the rest
     (folder / "pandas.py").write_text("raise ImportError", encoding="utf-8")
     (folder / "logged.py").write_text(textwrap.dedent(ENVIRONMENT), encoding="utf-8")
     path = os.pathsep.join([str(folder), *filter(None, sys.path)])
     with subprocess.Popen(
-        [sys.executable, "-c", RECORDERS, level],
+        [sys.executable, "-c", RECORDERS, level, keep],
         env={**os.environ, "PYTHONPATH": path},
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
@@ -217,14 +225,22 @@ def looked_at(run: Path, log: Path, killed_ns: int, *, environment: Path) -> Kil
         for turn in range(_env_steps(evidence, header["episode"]))
     }
     finished = [tuple(map(int, line.split())) for line in log.read_text().splitlines()]
-    lost = [ns for episode, turn, ns in finished if (episode, turn) not in kept]
+    episodes = evidence.episode_table["episode"].to_pylist()
+    was_dropped = set(range(max(episodes, default=0))) - set(episodes)
+    lost = [
+        ns
+        for episode, turn, ns in finished
+        if (episode, turn) not in kept and episode not in was_dropped
+    ]
     lost_ms = max(((killed_ns - ns) / 1e6 for ns in lost), default=0.0)
     finalized = recover(run)
     opened = open_env(f"{environment}:Logged", api="parallel")
     return Killed(
         turns=len(kept),
         is_opened=evidence.manifest["status"] == "open",
-        is_recovered=finalized.manifest["status"] == "recovered" and len(kept) == _total(finalized),
+        is_recovered=finalized.manifest["status"] == "recovered"
+        and len(kept) == _total(finalized)
+        and _is_counted(finalized),
         is_replayed=replay_evidence(finalized, opened).verified,
         lost_ms=max(lost_ms, 0.0),
     )
@@ -252,6 +268,15 @@ def _env_steps(evidence: Evidence, episode: int) -> int:
     if timings is None:  # killed before the first of them came: whole turns may be there already
         return env_steps(evidence.episode(episode))
     return timings.num_rows
+
+
+def _is_counted(evidence: Evidence) -> bool:
+    """True unless the counts of dropped and retained episodes don't come to those that began."""
+    keep, episodes = evidence.manifest.get("keep"), evidence.episode_table["episode"]
+    if keep is None or not len(episodes):
+        return True
+    began = episodes[-1].as_py() + 1
+    return bool(keep["seen"] == keep["dropped"]["episodes"] + len(episodes) == began)
 
 
 def _total(evidence: Evidence) -> int:

@@ -1,6 +1,6 @@
 """Order races within a tick: how many an audit finds, beside random play of the same budget.
 
-    python benchmarks/order_races.py [budget] [seeds]
+    python benchmarks/order_races.py [--budget 2000] [--seeds 3]
 
 Eight environments in which the first of the action dictionary wins one thing that is rarely
 competed for, and eight sound ones in which nothing hangs on the order. The probe of the order looks
@@ -10,7 +10,7 @@ each race was seen, the mean steps of a look, and sound environments that were a
 
 from __future__ import annotations
 
-import sys
+import argparse
 from functools import partial
 from typing import Any
 
@@ -208,8 +208,13 @@ def looked(kind: type[Field], *, sound: bool, budget: int, seed: int) -> tuple[b
     return bool({"outcome", "draws", "undecided"} & set(results)), lab.meter.steps
 
 
-def main(budget: int = 2_000, seeds: int = 3) -> None:
+def main() -> None:
     """Prints the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--budget", type=int, default=2_000, help="steps of the probe")
+    parser.add_argument("--seeds", type=int, default=3)
+    options = parser.parse_args()
+    budget, seeds = options.budget, options.seeds
     meetings = dictionary_order.MEETINGS
     print(f"budget {budget} steps of the probe, {seeds} seeds")
     print(f"{'race':<12}{'meeting':>9}{'random':>8}{'steps':>7}{'sound accused':>15}", flush=True)
@@ -230,4 +235,4 @@ def main(budget: int = 2_000, seeds: int = 3) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    main()

@@ -1,7 +1,7 @@
 """Measured game forms of the environments of PettingZoo, mpe2 and Gamekeeper, each read in source.
 
-    python -m benchmarks.published_forms --out FILE [--budget 6000] [--seed 0] [--only WORD ...]
-    python -m benchmarks.published_forms --table FILE ... > docs/reference/measured-forms.md
+    python benchmarks/published_forms.py --out FILE [--budget 6000] [--seed 0] [--only WORD ...]
+    python benchmarks/published_forms.py --table FILE ... > docs/reference/measured-forms.md
 
 The first measures each environment as `benchmarks.form_table` does, and adds a JSON line to FILE;
 what has a line there isn't measured again. The second prints the page with the measured forms
@@ -19,6 +19,8 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.form_table import measurement
 from benchmarks.replay_zoo import zoo
@@ -91,7 +93,7 @@ form was measured. Then its source was read: what it says, and where, stands in
 **bold**, with the source's in brackets; "-" says that nothing was claimed, with
 too few cases. Gamekeeper's own stand beside their contracts. Environments with
 pictures, and those whose steps are slow, were played for a quarter of the steps.
-Made by `python -m benchmarks.published_forms`.
+Made by `python benchmarks/published_forms.py`.
 """
 
 

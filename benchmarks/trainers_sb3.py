@@ -16,7 +16,12 @@ ours lower, as `TimeLimit.truncated` is told and what was cut off is bootstrappe
 over steps. Wanted: at most 0.15 for environments in Python. Of kernels, whose steps take as little
 as a few calls of NumPy, it is measured and told.
 
-    python benchmarks/trainers_sb3.py [--parts spread value overhead] [--seeds 5] [--quick]
+`flight`: PPO on simple_spread with the flight recorder on (`gk.record(venv, ..., level="actions",
+keep="failed")`) beside the same without; `learn` and closing together. Then 200 of the episodes
+that it retains are replayed each by itself in a fresh environment, every reward, flag and witness
+compared. Wanted: at least 0.98 of the frames a second, and all 200 come out.
+
+    python benchmarks/trainers_sb3.py [--parts spread value overhead flight] [--seeds 5] [--quick]
 
 In the environment of `make trainer-test TRAINER=sb3` (.venv-sb3), which has SuperSuit and mpe2.
 One JSON line a run, then one a figure: {"figure", "part", ..., "wanted", "reached"}.
@@ -26,9 +31,11 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import statistics
 import subprocess
 import sys
+import tempfile
 import time
 import warnings
 from collections.abc import Mapping
@@ -42,11 +49,19 @@ from pettingzoo import ParallelEnv
 FIGURE: Final = "trainers_sb3"
 SPREAD: Final = "mpe2.simple_spread_v3:parallel_env"
 DRIFT: Final = f"{Path(__file__)}:Drift"
-ARMS: Final = ("gamekeeper", "supersuit")
+ARMS: Final[Mapping[str, tuple[str, str]]] = {
+    "spread": ("gamekeeper", "supersuit"),
+    "value": ("gamekeeper", "supersuit"),
+    "flight": ("recorded", "bare"),
+}
 COPIES: Final = 8
-FRAMES: Final = {"spread": 240_000, "value": 40_000}
+FRAMES: Final = {"spread": 240_000, "value": 40_000, "flight": 60_000}
 """Agent-steps of a run."""
-QUICK: Final = {"spread": 9_600, "value": 9_600}
+QUICK: Final = {"spread": 9_600, "value": 9_600, "flight": 9_600}
+FAILED: Final = "return < -60"
+"""Condition on the return of all three agents together; of random play about two in three fail."""
+REPLAYED: Final = 200
+FLIGHT: Final = 0.98
 EPISODES: Final = 100
 UNSEEN: Final = 1_000_000
 """Seed of the run that policies are judged by."""
@@ -150,10 +165,10 @@ def truth(gamma: float) -> Any:
 
 def made(arm: str, part: str, seed: int) -> Any:
     """The environment of an arm as a VecEnv, and what its PPO is made with beside it."""
-    if arm == "gamekeeper":
+    if arm != "supersuit":
         from gamekeeper.adapters import sb3
 
-        venv = sb3.vec_env(SPREAD if part == "spread" else DRIFT, COPIES, check=None, seed=seed)
+        venv = sb3.vec_env(DRIFT if part == "value" else SPREAD, COPIES, check=None, seed=seed)
         return venv, sb3.buffer(venv)
     import supersuit
     from mpe2 import simple_spread_v3
@@ -173,9 +188,17 @@ def run(arm: str, part: str, seed: int, frames: int) -> dict[str, Any]:
 
     torch.set_num_threads(1)
     venv, more = made(arm, part, seed)
-    model = PPO("MlpPolicy", venv, device="cpu", seed=seed, **SETTINGS[part], **more)
+    folder = tempfile.mkdtemp(prefix="flight-") if arm == "recorded" else None
+    if folder is not None:
+        import gamekeeper as gk
+
+        gk.record(venv, f"{folder}/run", level="actions", keep="failed", failed=FAILED)
+    settings = SETTINGS["spread" if part == "flight" else part]
+    model = PPO("MlpPolicy", venv, device="cpu", seed=seed, **settings, **more)
     began_s, busy_s = time.perf_counter(), time.process_time()
     model.learn(frames)
+    if part == "flight":
+        venv.close()
     seconds, busy_s = time.perf_counter() - began_s, time.process_time() - busy_s
     done = model.num_timesteps
     found = {
@@ -189,7 +212,34 @@ def run(arm: str, part: str, seed: int, frames: int) -> dict[str, Any]:
             values = model.policy.predict_values(cells).numpy().ravel()
         error = float(np.sqrt(np.mean((values - truth(model.gamma)) ** 2)))
         return {**found, "error": round(error, 4)}
+    if part == "flight":
+        return found if folder is None else {**found, **replayed(Path(folder))}
     return {**found, "return": round(judged(model), 3)}
+
+
+def replayed(folder: Path) -> dict[str, Any]:
+    """Failed episodes of a run, how many of the newest come out by themselves, its size."""
+    import gamekeeper as gk
+    from gamekeeper.runs.expanding import check_task
+
+    evidence = gk.load(folder / "run")
+    keep = evidence.manifest["keep"]
+    tried = keep["failed"][-REPLAYED:]
+    outcomes = [
+        check_task(lambda **_: None, path=str(folder / "run"), episode=number)["outcome"]
+        for number in tried
+    ]
+    size = sum(path.stat().st_size for path in (folder / "run").iterdir())
+    steps = evidence.agent_steps["action"].drop_null()
+    shutil.rmtree(folder)
+    return {
+        "seen": keep["seen"],
+        "retained": keep["retained"],
+        "failed": len(keep["failed"]),
+        "replayed": len(tried),
+        "came_out": outcomes.count("passed"),
+        "bytes_an_agent_step": round(size / max(len(steps), 1), 2),
+    }
 
 
 def judged(model: Any) -> float:
@@ -254,9 +304,10 @@ def overhead(seconds: float) -> None:
 
 def compared(part: str, seeds: int, *, quick: bool) -> None:
     """Both arms with every seed, in turns; then the figure."""
-    found: dict[str, list[dict[str, Any]]] = {arm: [] for arm in ARMS}
+    arms = ARMS[part]
+    found: dict[str, list[dict[str, Any]]] = {arm: [] for arm in arms}
     for seed in range(seeds):
-        for arm in ARMS if seed % 2 == 0 else ARMS[::-1]:
+        for arm in arms if seed % 2 == 0 else arms[::-1]:
             command = [sys.executable, __file__, "--arm", arm, "--parts", part, "--seed", str(seed)]
             if quick:
                 command.append("--quick")
@@ -265,29 +316,29 @@ def compared(part: str, seeds: int, *, quick: bool) -> None:
                 raise SystemExit(f"{' '.join(command)}\n{done.stderr[-3_000:]}")
             found[arm].append(json.loads(done.stdout.splitlines()[-1]))
             tell(part=part, arm=arm, seed=seed, **found[arm][-1])
-    ours, theirs = (found[arm] for arm in ARMS)
+    ours, theirs = (found[arm] for arm in arms)
+    if part == "flight":
+        tell(
+            part=part,
+            measure="came_out",
+            **{key: sum(each[key] for each in ours) for key in ("replayed", "came_out")},
+            wanted=REPLAYED,
+            reached=all(each["came_out"] == each["replayed"] == REPLAYED for each in ours),
+        )
+        speed(part, arms, ours, theirs, wanted=FLIGHT)
+        return
     name = "return" if part == "spread" else "error"
     means = [statistics.mean(each[name] for each in arm) for arm in (ours, theirs)]
     deviations = [statistics.pstdev(each[name] for each in arm) for arm in (ours, theirs)]
     about = {
         "seeds": seeds,
-        **dict(zip(ARMS, (round(m, 3) for m in means), strict=True)),
+        **dict(zip(arms, (round(m, 3) for m in means), strict=True)),
         "deviations": [round(d, 3) for d in deviations],
     }
     if part == "value":
         tell(part=part, measure=name, **about, wanted="lower", reached=bool(means[0] < means[1]))
         return
-    for measure in ("frames_s", "frames_cpu_s"):
-        speeds = [statistics.median(each[measure] for each in arm) for arm in (ours, theirs)]
-        ratio = round(speeds[0] / speeds[1], 3)
-        tell(
-            part=part,
-            measure=measure,
-            **dict(zip(ARMS, speeds, strict=True)),
-            ratio=ratio,
-            wanted=1.0,
-            reached=bool(ratio >= 1.0),
-        )
+    speed(part, arms, ours, theirs, wanted=1.0)
     tell(
         part=part,
         measure=name,
@@ -296,6 +347,28 @@ def compared(part: str, seeds: int, *, quick: bool) -> None:
         wanted=f"{-MARGIN} at worst",
         reached=bool(means[0] >= means[1] - MARGIN),
     )
+
+
+def speed(
+    part: str,
+    arms: tuple[str, str],
+    ours: list[dict[str, Any]],
+    theirs: list[dict[str, Any]],
+    *,
+    wanted: float,
+) -> None:
+    """Figures of the frames a second of both arms, by the wall and by the processor."""
+    for measure in ("frames_s", "frames_cpu_s"):
+        speeds = [statistics.median(each[measure] for each in arm) for arm in (ours, theirs)]
+        ratio = round(speeds[0] / speeds[1], 3)
+        tell(
+            part=part,
+            measure=measure,
+            **dict(zip(arms, speeds, strict=True)),
+            ratio=ratio,
+            wanted=wanted,
+            reached=bool(ratio >= wanted),
+        )
 
 
 def tell(**fields: Any) -> None:
@@ -310,13 +383,15 @@ def main() -> None:
         "--parts",
         nargs="+",
         default=["overhead", "value", "spread"],
-        choices=["overhead", "value", "spread"],
+        choices=["overhead", "value", "spread", "flight"],
     )
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument(
         "--quick", action="store_true", help="short runs that show nothing but that it runs"
     )
-    parser.add_argument("--arm", choices=ARMS, help="one run in this process")
+    parser.add_argument(
+        "--arm", choices=sorted({*sum(ARMS.values(), ())}), help="one run in this process"
+    )
     parser.add_argument("--seed", type=int, default=0, help="of that run")
     given = parser.parse_args()
     frames = QUICK if given.quick else FRAMES

@@ -1,6 +1,6 @@
 """Two faults at once: each faulty environment, with actions that slip by a generator nobody seeded.
 
-    python -m benchmarks.two_faults [--every 3] [--json FILE]
+    python benchmarks/two_faults.py [--every 3] [--json FILE]
 
 An audit is right where it gives the planted fault and the slip (GK601) as two causes. Environments
 whose own fault is one of seeds are left out, as the slip is another of the same kind.
@@ -10,9 +10,12 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 import numpy as np
 

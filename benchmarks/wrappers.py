@@ -7,6 +7,7 @@ without it. Then microseconds of processor time a step, of segments that take tu
     python benchmarks/wrappers.py audits --whose ours
     python benchmarks/wrappers.py audits --whose theirs     # where SuperSuit is installed
     python benchmarks/wrappers.py times                     # likewise
+    python benchmarks/wrappers.py batches                   # over compiled batches
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from pettingzoo import AECEnv, ParallelEnv
 
 import gamekeeper as gk
 from gamekeeper.interface import wrappers as ours
+from gamekeeper.vector import wrappers as batched
 from tests.adapters.ledger import LedgerTicks, LedgerTurns
 
 BUDGET: Final = 1_500  # steps of an audit
@@ -253,16 +255,52 @@ def times() -> None:
             print(json.dumps(line), flush=True)
 
 
+def batches() -> None:
+    """Prints microseconds of a step of a compiled batch, bare and wrapped, and the ratio."""
+    statistics = ours.Statistics()
+    with batched.normalize(
+        gk.vector.make("spread", 8, engine="kernel"), statistics, learning=True
+    ) as env:
+        env.reset()
+        for _ in range(25):
+            env.step(np.ones((8, 3), np.int64))
+    wraps: dict[str, Wrap] = {
+        "agent_id": batched.agent_id,
+        "frame_stack of 4": partial(batched.frame_stack, frames=4),
+        "flatten_observations": batched.flatten_observations,
+        "normalize": lambda env: batched.normalize(env, statistics),
+        "clip_rewards": batched.clip_rewards,
+    }
+    for envs, (what, wrap) in product((64, 1024), wraps.items()):
+        actions = np.ones((envs, 3), np.int64)
+        steps = []
+        for around in (lambda env: env, wrap):
+            env = around(gk.vector.make("spread", envs, engine="kernel", copy=False))
+            env.reset()
+            steps.append(lambda env=env, actions=actions: env.step(actions))
+        pairs = [(timed(steps[0]), timed(steps[1])) for _ in range(ROUNDS)]
+        line = {
+            "wrapper": what,
+            "sub_environments": envs,
+            "bare_us": round(median(one for one, _ in pairs), 1),
+            "wrapped_us": round(median(two for _, two in pairs), 1),
+            "ratio": round(median(two / one for one, two in pairs), 3),
+        }
+        print(json.dumps(line), flush=True)
+
+
 def main() -> int:
     """Runs what is asked for."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("what", choices=("audits", "times"))
+    parser.add_argument("what", choices=("audits", "times", "batches"))
     parser.add_argument("--whose", choices=("ours", "theirs"), default="theirs")
     given = parser.parse_args()
     if given.what == "audits":
         audits(given.whose)
-    else:
+    elif given.what == "times":
         times()
+    else:
+        batches()
     return 0
 
 

@@ -12,7 +12,11 @@ What it shows of many copies, whose arrays are [copy, agent, ...]:
     - After a termination nothing follows; after a truncation the critic says what would have, from
       an agent's last observation: in `obs`, or in `infos["final_obs"]` where a copy began anew.
     - What is masked out has probability 0. Returns are of whole episodes, by agent and by role.
-    - What was learnt is judged in recorded episodes; with `--out` they lie on disk, and replay.
+    - With `--checkpoint` networks, optimizers and torch's draws are saved after every part of the
+      steps, and read if the file is there: a run that was stopped goes on, and ends with the
+      weights that it would have had, because all copies begin anew with each part.
+    - What was learnt is judged in fresh episodes, with an interval; they are recorded, and replayed
+      (`--out` keeps them). `--evaluate` judges a checkpoint without learning.
 
 Source: Schulman et al. 2017 (PPO); Pardo et al. 2018 (time limits); Huang et al. 2022 (CleanRL).
 """
@@ -24,6 +28,7 @@ import atexit
 import hashlib
 import json
 import sys
+import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Callable, Mapping
@@ -40,11 +45,14 @@ from torch.distributions import Categorical
 
 import gamekeeper as gk
 from gamekeeper.episodes.layout import role
+from gamekeeper.randomness.seeds import episode_seed
+from gamekeeper.statistics.one_sample import one_sample
 
 MASK: Final = "action_mask"
 SPREAD: Final = "mpe2.simple_spread_v3:parallel_env"
 WANTED: Final = {SPREAD: -21.0, "spread": -21.0}
-"""Mean return of an agent in an episode that is to be beaten; elsewhere it is random's."""
+"""Return of an agent that the lower end of the 95 % interval of the mean of episodes is to beat;
+elsewhere the mean is to beat random's."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,6 +61,7 @@ class Args:
 
     Attributes:
         steps: of all agents together. hidden: units in each of the two layers.
+        part: steps after which all copies begin anew, and a checkpoint is written.
         copies, length: played at once, and so many steps between two updates.
         epochs, minibatch: how often an update sees each step, and how many at once.
         rate: of learning; it falls to zero. discount, trace: gamma and lambda.
@@ -63,6 +72,7 @@ class Args:
     env_kwargs: Mapping[str, Any] = field(default_factory=dict)
     engine: str = "serial"
     steps: int = 300_000
+    part: int = 100_000
     copies: int = 32
     length: int = 25
     epochs: int = 4
@@ -111,6 +121,15 @@ class Learner:
         self.live, self.goes_on = torch.zeros(shape).bool(), torch.zeros(shape).bool()
         self.did, self.likely = torch.zeros(shape).long(), torch.zeros(shape)
         self.values, self.rewards = torch.zeros(shape), torch.zeros(shape)
+
+    def kept(self) -> dict[str, Any]:
+        """Weights, and what the optimizer remembers."""
+        return {"network": self.network.state_dict(), "optimizer": self.optimizer.state_dict()}
+
+    def go_on(self, kept: Mapping[str, Any]) -> None:
+        """Takes over what `kept` gave."""
+        self.network.load_state_dict(kept["network"])
+        self.optimizer.load_state_dict(kept["optimizer"])
 
     def of(self, tree: Any) -> Any:
         """Its part of what the vector environment gives; all of it where there is one group."""
@@ -208,19 +227,69 @@ class Learnt:
         return learner.first + int(rng.choice(learner.actions, p=chance / chance.sum()))
 
 
-def train(args: Args, seed: int, log: Callable[[str, float, int], object]) -> list[Learner]:
-    """Learns, and logs what updates show, and returns of agents and of roles."""
-    torch.manual_seed(seed)
-    # copy=False: arrays are the engine's own, which the next step overwrites
+def save(file: Path, learners: list[Learner], played: int) -> None:
+    """Writes a checkpoint; a file that is there is replaced once the new one is whole."""
+    parts = {learner.group.name: learner.kept() for learner in learners}
+    whole = {"played": played, "draws": torch.get_rng_state(), "learners": parts}
+    torch.save(whole, file.with_suffix(".new"))
+    file.with_suffix(".new").replace(file)
+
+
+def load(file: Path, learners: list[Learner]) -> int:
+    """Reads a checkpoint into learners and torch's draws; returns the steps played so far."""
+    whole = torch.load(file, weights_only=True)
+    for learner in learners:
+        learner.go_on(whole["learners"][learner.group.name])
+    torch.set_rng_state(whole["draws"])
+    return int(whole["played"])
+
+
+def opened(args: Args, seed: int) -> Any:
+    """Copies of the environment, whose arrays are the engine's own: the next step overwrites."""
     options = {"engine": args.engine, "env_kwargs": args.env_kwargs, "copy": False}
     venv = gk.vector.make(args.env, args.copies, seed=seed, **options)
     if venv.api != "parallel":
         raise ValueError(f"{args.env}: agents take turns; see selfplay_connect_four.py")
-    (obs, infos), played = venv.reset(), 0
-    learners = [Learner(group, args, obs) for group in venv.groups]
+    return venv
+
+
+def loaded(args: Args, file: Path) -> list[Learner]:
+    """Learners as they stood in a checkpoint."""
+    with opened(replace(args, copies=1), 0) as venv:
+        obs, _ = venv.reset()
+        learners = [Learner(group, args, obs) for group in venv.groups]
+    load(file, learners)
+    return learners
+
+
+Log = Callable[[str, float, int], object]
+
+
+def train(args: Args, seed: int, log: Log, file: Path | None = None) -> list[Learner]:
+    """Learns, or goes on from the file; logs what updates show, and returns of whole episodes."""
+    torch.manual_seed(seed)
+    with opened(args, seed) as venv:
+        obs, _ = venv.reset()
+        learners, played = [Learner(group, args, obs) for group in venv.groups], 0
+        if file is not None and file.exists():
+            played = load(file, learners)
+        while played < args.steps:
+            until = min(args.steps, (played // args.part + 1) * args.part)
+            obs, infos = venv.reset(seed=episode_seed(seed, played))
+            played = learn_part(args, venv, learners, (obs, infos), (played, until), log)
+            if file is not None:
+                save(file, learners, played)
+    return learners
+
+
+def learn_part(
+    args: Args, venv: Any, learners: list[Learner], given: Any, span: tuple[int, int], log: Log
+) -> int:
+    """Plays and learns from the first number of steps to the second; returns those played."""
+    (obs, infos), (played, until) = given, span
     agents = [agent for group in venv.groups for agent in group.agents]
     sums, returns = np.zeros((args.copies, len(agents))), defaultdict(list)
-    while played < args.steps:
+    while played < until:
         for t in range(args.length):
             actions = {learner.group.name: learner.act(t, obs, infos) for learner in learners}
             obs, *paid, infos = venv.step(actions.get("", actions))
@@ -238,11 +307,10 @@ def train(args: Args, seed: int, log: Callable[[str, float, int], object]) -> li
             played += int(learner.live.sum())
         for name in [name for name in returns if returns[name]]:
             log(f"return/{name}", float(np.mean(returns.pop(name))), played)
-    venv.close()
-    return learners
+    return played
 
 
-def logger(folder: Path | None) -> Callable[[str, float, int], object]:
+def logger(folder: Path | None) -> Log:
     """Shows everything on stderr; with a folder, in TensorBoard."""
     if folder is not None:
         from torch.utils.tensorboard import SummaryWriter
@@ -253,8 +321,8 @@ def logger(folder: Path | None) -> Callable[[str, float, int], object]:
     return lambda name, value, played: print(played, name, round(value, 3), file=sys.stderr)
 
 
-def judged(args: Args, policy: Any, episodes: int, out: Path | None = None) -> tuple[Any, float]:
-    """Evidence of episodes that nobody learnt from, and the mean return of an agent in them."""
+def judged(args: Args, policy: Any, episodes: int, out: Path | None = None) -> tuple[Any, Any]:
+    """Evidence of episodes that nobody learnt from, and in each the mean return of an agent."""
     evidence = gk.rollout(
         args.env,
         policies=policy,
@@ -264,11 +332,12 @@ def judged(args: Args, policy: Any, episodes: int, out: Path | None = None) -> t
         env_kwargs=args.env_kwargs,
     )
     returns = evidence.agent_steps.group_by(["episode", "agent"]).aggregate([("reward", "sum")])
-    return evidence, float(np.mean(returns["reward_sum"]))
+    means = returns.group_by("episode").aggregate([("reward_sum", "mean")])
+    return evidence, means["reward_sum_mean"].to_numpy()
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Learns with one seed, judges, and prints one line of JSON; 1 where too little was learnt."""
+def options() -> argparse.ArgumentParser:
+    """What the command line takes."""
     usual, parser = Args(), argparse.ArgumentParser()
     option = parser.add_argument
     option("--seed", type=int, default=0)
@@ -276,37 +345,58 @@ def main(arguments: list[str] | None = None) -> int:
     option("--kwargs", type=json.loads, default={}, help="of env, as JSON")
     option("--engine", default=usual.engine, help="serial, process or kernel")
     option("--steps", type=int, default=usual.steps)
+    option("--checkpoint", type=Path, help="a file that is gone on from, and written")
+    option("--evaluate", action="store_true", help="the checkpoint, without learning")
     option("--tensorboard", type=Path, help="a folder; needs tensorboard")
     option("--out", type=Path, help="a folder for the evidence")
     option("--quick", action="store_true", help="a few steps, whatever comes of them")
-    given = parser.parse_args(arguments)
+    return parser
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Learns with one seed, judges, and prints one line of JSON; 1 where too little was learnt."""
+    given = options().parse_args(arguments)
     args = Args(env=given.env, env_kwargs=given.kwargs, engine=given.engine, steps=given.steps)
-    args = replace(args, steps=1_000, copies=4) if given.quick else args
+    args = replace(args, steps=1_000, part=500, copies=4) if given.quick else args
     torch.set_num_threads(1)
-    episodes, begun, busy = 2 if given.quick else 200, time.perf_counter(), time.process_time()
-    learners = train(args, given.seed, logger(given.tensorboard))
-    seconds, cpu_s = time.perf_counter() - begun, time.process_time() - busy
-    _, by_chance = judged(args, "random", episodes)
-    evidence, result = judged(args, Learnt(learners), episodes, given.out)
-    wanted = WANTED.get(args.env, by_chance)
-    line = {
-        "example": "ppo_parallel",
-        "trainer": f"torch {torch.__version__}",
-        "task": args.env,
-        "seed": given.seed,
-        "steps": args.steps,
-        "seconds": round(seconds, 1),
-        "measure": f"return of an agent, mean of {episodes} episodes",
-        "result": round(result, 2),
-        "wanted": round(wanted, 2),
-        "reached": result > wanted,
-        "random": round(by_chance, 2),
-        "engine": args.engine,
-        "cpu_s": round(cpu_s, 1),
-        "fingerprint": evidence.fingerprint,
-    }
+    begun, busy = time.perf_counter(), time.process_time()
+    with tempfile.TemporaryDirectory() as scratch:
+        file = given.checkpoint or Path(scratch) / "checkpoint.pt"
+        if not given.evaluate:
+            train(args, given.seed, logger(given.tensorboard), file)
+        line = {
+            "example": "ppo_parallel",
+            "trainer": f"torch {torch.__version__}",
+            "task": args.env,
+            "engine": args.engine,
+            "seed": given.seed,
+            "steps": 0 if given.evaluate else args.steps,
+            "seconds": round(time.perf_counter() - begun, 1),
+            "cpu_s": round(time.process_time() - busy, 1),
+        }
+        learnt, out = Learnt(loaded(args, file)), given.out or Path(scratch) / "run"
+        line |= verdict(args, learnt, 2 if given.quick else 200, out)
     print(json.dumps(line))
-    return 0 if line["reached"] or given.quick else 1
+    return 0 if line["replayed"] and (line["reached"] or given.quick) else 1
+
+
+def verdict(args: Args, policy: Any, episodes: int, out: Path) -> dict[str, Any]:
+    """Judges a policy in recorded episodes, beside random play, and replays them."""
+    _, by_chance = judged(args, "random", episodes)
+    evidence, found = judged(args, policy, episodes, out)
+    shown = one_sample(found, rng=np.random.default_rng(0)) if episodes > 2 else None
+    wanted = WANTED.get(args.env, float(np.mean(by_chance)))
+    beats = shown.low if shown and args.env in WANTED else float(np.mean(found))
+    return {
+        "measure": f"return of an agent, mean of {episodes} episodes",
+        "result": round(float(np.mean(found)), 2),
+        "interval": shown and [round(shown.low, 2), round(shown.high, 2)],
+        "wanted": round(wanted, 2),
+        "reached": beats > wanted,
+        "random": round(float(np.mean(by_chance)), 2),
+        "fingerprint": evidence.fingerprint,
+        "replayed": gk.replay(out).verified,
+    }
 
 
 if __name__ == "__main__":

@@ -92,6 +92,8 @@ COMMANDS: Final = {
     "verify": ("verify", "."),
     "report": ("report", ".", "--out", "../report.html"),
 }
+OUTPUTS: Final = ("report.html", "line-diagnosis", "line/annotations.jsonl")
+"""What they write."""
 
 
 def consent() -> list[Attack]:
@@ -101,7 +103,7 @@ def consent() -> list[Attack]:
             f"consent: {name} in the run's folder",
             words,
             cwd="line",
-            out=("report.html",),
+            out=OUTPUTS,
             prepare=partial(_plant, "line", MODULES),
         )
         for name, words in COMMANDS.items()
@@ -113,7 +115,7 @@ def consent() -> list[Attack]:
             flags=(),
             prepare=partial(_plant, "line", OPTIONAL),
             cwd="line",
-            out=("report.html",),
+            out=OUTPUTS,
         )
         for name, words in COMMANDS.items()
     ]
@@ -214,8 +216,15 @@ def forged() -> list[Attack]:
     return [*attacks, stray]
 
 
+LAST: Final = ("the last line is removed", "all are removed")
+"""Changes of annotations that leave a run as it once was."""
+
+
 def notes() -> list[Attack]:
-    """Annotations that were changed or removed aren't what the root digest says."""
+    """Annotations that were changed or whose beginning is gone are found; added last, removed last.
+
+    They aren't evidence: the root digest leaves them out, so that a label doesn't change it.
+    """
     ways: dict[str, Callable[[list[str]], list[str]]] = {
         "the last line is changed": lambda lines: [*lines[:-1], lines[-1].replace("sec", "thi")],
         "the last line is removed": lambda lines: lines[:-1],
@@ -228,7 +237,7 @@ def notes() -> list[Attack]:
             Attack(
                 f"notes: {name}",
                 act=partial(_forge, partial(_rewrite, way)),
-                codes=frozenset({1, 2}),
+                codes=frozenset({0}) if name in LAST else frozenset({1, 2}),
             )
         )
         for name, way in ways.items()

@@ -129,7 +129,7 @@ def test_seeds_are_the_experiments() -> None:
     seen = env.reset()["picker", "observation"]
     traces = list(gk.rollout("warehouse", policies="noop", episodes=2, seed=7).episodes)
     for copy, trace in enumerate(traces):
-        first = next(iter(trace.turns))
+        first = trace.turns[0]
         np.testing.assert_array_equal(
             np.asarray(first.observations["picker_0"], np.float32).ravel(), seen[copy, 0].numpy()
         )

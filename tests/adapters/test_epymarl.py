@@ -62,7 +62,7 @@ def test_trace_is_the_same_seen_through_it(spec: str, kwargs: Any, limit: int | 
     env = made(spec, env_kwargs=kwargs, time_limit=limit, seed=5, common_reward=None)
     told = played(env)
     evidence = gk.rollout(spec, policies="first-legal", episodes=1, seed=5, env_kwargs=kwargs)
-    trace = next(iter(evidence.episodes))
+    trace = evidence.episodes[0]
     turns = [t for t in trace.turns if any(a is not None for a in t.actions.values())]
     assert len(turns) == len(told)
     for turn, row in zip(turns, told, strict=True):

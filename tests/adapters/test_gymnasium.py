@@ -75,7 +75,7 @@ def test_single_agent_shows_what_is_recorded(spec: str, agent: str, others: Any)
     mine = ByWhatIsSeen(env.action_space)
     named = others if isinstance(others, dict) else {EVERYONE: others}
     played = gk.rollout(spec, policies={**named, agent: mine}, episodes=1, seed=3)
-    recorded = of_trace(next(iter(played.episodes)), agent)
+    recorded = of_trace(played.episodes[0], agent)
     assert recorded is not None
     recorded.before = 0.0  # lost, as its table says
 
@@ -161,7 +161,7 @@ def test_joint_shows_what_is_recorded(spec: str) -> None:
     env = joint(spec)
     policies = {a: ByWhatIsSeen(env.action_space[str(a)]) for a in env.agents}
     played = gk.rollout(spec, policies=policies, episodes=1, seed=4)
-    turns = list(next(iter(played.episodes)).turns)
+    turns = list(played.episodes[0].turns)
     observation, info = env.reset(seed=int(played.episode_table.to_pylist()[0]["seed"]))
     for now, then in itertools.pairwise(turns):
         for agent, seen in now.observations.items():

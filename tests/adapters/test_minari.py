@@ -117,7 +117,7 @@ def test_pictures_are_kept_to_the_bit(tmp_path: Path) -> None:
     """Minari's own default is JPEG, which would change them; texts and counts stay too."""
     evidence = gk.rollout(Shift, episodes=1)
     sets, _ = exported(evidence, tmp_path)
-    turns = list(next(evidence.episodes).turns)
+    turns = list(evidence.episodes[0].turns)
     pictures = np.stack([turn.observations[NIGHT]["picture"] for turn in turns])
     np.testing.assert_array_equal(pictures, sets[NIGHT][0].observations["picture"])
 
@@ -225,7 +225,7 @@ def test_data_set_of_others_is_one_agent(tmp_path: Path, monkeypatch: pytest.Mon
     )
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     evidence = load(name, agent="cart")
-    trace = next(evidence.episodes)
+    trace = evidence.episodes[0]
     turns = list(trace.turns)
     assert [turn.actions.get("cart") for turn in turns] == [2, 3, None]
     np.testing.assert_array_equal(seen, [turn.observations["cart"] for turn in turns])
@@ -251,7 +251,7 @@ def test_value_of_another_dtype_is_nonconforming(tmp_path: Path) -> None:
         observations=np.zeros((3, 2), np.float64),
         actions=np.array([2, 3]),
     )
-    turn = next(iter(next(load(tmp_path / name).episodes).turns))
+    turn = load(tmp_path / name).episodes[0].turns[0]
     assert turn.nonconforming["agent"]["obs"]["type"] == "numpy.ndarray"
     assert turn.observations["agent"].dtype == np.float64
 
@@ -275,7 +275,7 @@ def test_dict_spaces_of_others_can_be_agents(tmp_path: Path) -> None:
     assert {(row["order"], row["reward"], row["cumulative_reward"]) for row in rows} == {
         (None, None, None)
     }
-    turn = next(iter(next(evidence.episodes).turns))
+    turn = evidence.episodes[0].turns[0]
     assert (turn.actions["b"], turn.infos["b"]) == (4, {"joint_reward": 1.0})
     assert "the order of actions" in evidence.manifest["environment"]["imported"]["lacks"]
     with pytest.raises(EvidenceError, match="an entry for each agent"):

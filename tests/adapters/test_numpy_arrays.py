@@ -66,7 +66,7 @@ def test_arrays_hold_pictures_texts_and_states(tmp_path: Path) -> None:
     """Each leaf of a Dict space is an array of its own dtype and shape; `texts` reads texts."""
     evidence = gk.rollout(Shift, episodes=1)
     arrays, _ = exported(evidence, tmp_path / "run")
-    turns = list(next(evidence.episodes).turns)
+    turns = list(evidence.episodes[0].turns)
     seen = [turn.observations[NIGHT] for turn in turns]
     assert arrays[f"{NIGHT}/obs.picture"].dtype == np.uint8
     for row, value in enumerate(seen):

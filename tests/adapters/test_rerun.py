@@ -101,7 +101,7 @@ def test_recording_shows_pictures_ends_infos_and_states(tmp_path: Path) -> None:
     """Observations that are pictures are images; ends, infos and texts are logs."""
     evidence = gk.rollout(Shift, episodes=1)
     found, _ = exported(evidence, tmp_path / "run")
-    turns = list(next(evidence.episodes).turns)
+    turns = list(evidence.episodes[0].turns)
     images = found[f"/agents/{NIGHT}/obs/picture"]
     assert len(images) == len(turns)
     for row, turn in zip(images, turns, strict=True):
@@ -124,7 +124,7 @@ def test_recording_shows_terms_reasons_frames_and_tensors(tmp_path: Path) -> Non
     pytest.importorskip("PIL", reason="frames are kept with Pillow")
     evidence = gk.rollout("warehouse", episodes=1, frames=True, out=tmp_path / "run")
     found, written = exported(tmp_path / "run", tmp_path / "run")
-    turns = list(next(evidence.episodes).turns)
+    turns = list(evidence.episodes[0].turns)
     paid = {(0, t.index): t.terms["picker_0"]["energy"] for t in turns if "picker_0" in t.terms}
     assert series(found, "/agents/picker_0/terms/energy") == paid
     assert "battery" in " ".join(logged(found, "/agents/picker_0/end").values())

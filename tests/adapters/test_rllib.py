@@ -88,7 +88,7 @@ def ended(row: dict[str, Any]) -> bool:
 def test_each_turn_is_paid_to_who_earned_it() -> None:
     """AEC: one agent is observed at a time, and its pay stands beside its own last action."""
     env = made("handover", seed=2)
-    trace = next(gk.rollout("handover", policies=FirstLegal(), episodes=1, seed=2).episodes)
+    trace = gk.rollout("handover", policies=FirstLegal(), episodes=1, seed=2).episodes[0]
     observations, _ = env.reset()
     given: dict[str, list[float]] = {}
     is_over = False
@@ -187,7 +187,7 @@ def test_roles_have_modules_of_their_own(spec: str) -> None:
 def test_others_play_inside() -> None:
     """One role learns; the others follow their policies, the episode is the one of a rollout."""
     policies = {"carrier": "reference", "picker": FirstLegal()}
-    trace = next(gk.rollout("warehouse", policies=policies, episodes=1, seed=4).episodes)
+    trace = gk.rollout("warehouse", policies=policies, episodes=1, seed=4).episodes[0]
     env = made("warehouse", role="picker", others={"carrier": "reference"}, seed=4)
     book = played(env)
     assert {agent.split("_")[0] for agent in book.agent_ids} == {"picker"}
@@ -215,7 +215,7 @@ def test_seeds_are_those_of_a_rollout() -> None:
     traces = list(gk.rollout("warehouse", policies="noop", episodes=3, seed=7).episodes)
     for trace, one, two in zip(traces, seen, again, strict=True):
         assert episode_seed(7, trace.episode) == trace.seed
-        first = next(iter(trace.turns)).observations
+        first = trace.turns[0].observations
         for agent in one:
             np.testing.assert_array_equal(first[agent], one[agent]["observations"])
             np.testing.assert_array_equal(first[agent], two[agent]["observations"])

@@ -60,7 +60,7 @@ def test_trace_is_the_same_seen_through_it(spec: str, kwargs: Any) -> None:
     env = made(spec, 1, env_kwargs=kwargs, seed=5, **options)
     stats, buffer = collected(env, 1)
     evidence = gk.rollout(spec, policies="first-legal", episodes=1, seed=5, env_kwargs=kwargs)
-    trace = next(iter(evidence.episodes))
+    trace = evidence.episodes[0]
     ends = trace.steps.to_pylist()
     for slot, agent in enumerate(env.slots.learners):
         mine = [t for t in trace.turns if t.actions.get(agent) is not None]

@@ -391,7 +391,7 @@ def test_policy_acts_as_in_the_env() -> None:
     actor = Learner(env).actor
     with set_exploration_type(ExplorationType.DETERMINISTIC):
         batch = env.rollout(25, actor, break_when_any_done=False)
-    trace = next(gk.rollout(TAG, policies=torchrl.policy(actor, env), episodes=1, seed=4).episodes)
+    trace = gk.rollout(TAG, policies=torchrl.policy(actor, env), episodes=1, seed=4).episodes[0]
     for group, agents in env.group_map.items():
         for place, agent in enumerate(agents):
             played = [t.actions[agent] for t in trace.turns if t.actions.get(agent) is not None]

@@ -108,6 +108,27 @@ class AddsUp(Sound):
         return self.rng.random(2) / (1 + (self.energy > 50))
 
 
+class Drifts(Sound):
+    """Goes on, over resets, from draws of the process and of a generator that nobody seeded."""
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        """Never begins anew."""
+        self.own = getattr(self, "own", None) or np.random.default_rng()
+        return super().reset(seed, options)
+
+    def seen(self) -> Any:
+        """One number of each."""
+        return np.array([self.own.random(), np.random.rand()])
+
+
+class Leaps(Sound):
+    """Observations leave their space now and then, by numpy's global generator."""
+
+    def seen(self) -> Any:
+        """Outside the space, once in some turns."""
+        return np.array([2.0 if np.random.rand() < 0.2 else 0.5, 0.5])
+
+
 class OnlyInTests(Sound):
     """Observations leave their space where pytest is loaded, and in no reproducer's process."""
 

@@ -33,7 +33,9 @@ def outcomes(spec: object, *ids: str) -> dict[str, str]:
 def test_snippet_passes_once_the_fault_is_fixed(each: Faulty) -> None:
     """The program of a finding raises nothing on the clean environment under the faulty one."""
     clean = each.env.__mro__[1]
-    verdict = seen(each.spec, *each.checks, budget=300).failed[0]
+    result = seen(each.spec, *each.checks, budget=300)
+    verdict = result.failed[0]
+    assert result.findings[: len(verdict.findings)] == verdict.findings
     program = verdict.findings[0].reproducer
     fixed = program.replace(
         f"from {each.env.__module__} import {each.env.__name__} as build",

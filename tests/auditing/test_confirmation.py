@@ -10,7 +10,7 @@ import pytest
 
 from gamekeeper.auditing.audit import AuditAttempt, audit_here
 from gamekeeper.auditing.audit_process import AuditInterruptedError, audit
-from gamekeeper.auditing.confirm import TRIES, Confirmation
+from gamekeeper.auditing.confirm import TRIES, Confirmation, _share_until
 from gamekeeper.auditing.probe_session import ProbeSession, TimeUpError
 from gamekeeper.auditing.probes import isolation
 from gamekeeper.auditing.result import AuditResult
@@ -73,6 +73,15 @@ def test_consequence_names_the_cause_that_was_held_still() -> None:
     assert not found.ok
 
 
+def test_consequence_of_several_causes_passes_once_all_are_held_still() -> None:
+    """Neither generator alone makes a used instance play like a fresh one."""
+    found = audited("Drifts", "GK601", "GK602", "GK604")
+    assert {each.id for each in found.failed if each.follows_from is None} == {"GK601", "GK602"}
+    follows = found.of("GK604").follows_from
+    assert follows is not None
+    assert follows.held_still.startswith(f"{GLOBALS_SEEDED}, and ")
+
+
 @pytest.mark.parametrize(("name", "cause"), [("Lingers", "GK503"), ("PaidWhenGone", None)])
 def test_pay_after_the_end_follows_where_it_stops_once_the_ended_are_out(
     name: str, cause: str | None
@@ -97,6 +106,13 @@ def test_game_that_a_seed_does_not_settle_is_not_measured_as_deterministic() -> 
     """The generators of the process are another's elsewhere."""
     assert audited("Unseeded").measured["deterministic"] is False
     assert audited("Sound").measured["deterministic"] is True
+
+
+def test_fault_of_a_lucky_draw_is_shown_by_drawing_the_same_again() -> None:
+    """An observation leaves its space by a draw of the process: each reset begins as it did."""
+    verdict = audited("Leaps", "GK214").of("GK214")
+    assert (verdict.outcome, verdict.follows_from) == ("failed", None)
+    assert "make = resets_held(make)" in verdict.findings[0].reproducer
 
 
 def test_finding_that_no_fresh_process_shows_is_suspected() -> None:
@@ -126,6 +142,16 @@ def test_audit_ends_when_its_time_is_over() -> None:
     reasons = {each.reason for each in found.verdicts if each.outcome == "not_exercised"}
     assert "the audit's time was over" in reasons
     assert found.counts["passed"] > 0
+
+
+def test_first_of_several_takes_no_more_than_twice_its_share(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What a slow reproducer leaves is for those after it."""
+    monkeypatch.setattr(time, "monotonic", lambda: 100.0)
+    assert _share_until(None, 3) is None
+    assert _share_until(110.0, 4) == 104.0
+    assert _share_until(110.0, 1) == 110.0
 
 
 @pytest.mark.parametrize("left_s", [-1.0, 0.5])

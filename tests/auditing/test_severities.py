@@ -7,6 +7,7 @@ import pickle
 import random
 from collections import defaultdict
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from gymnasium import spaces
 
 from gamekeeper.auditing.audit import audit_here
 from gamekeeper.auditing.holds import copies_held, generators_held, still_entropy
+from gamekeeper.checks.spaces.action_masks import stands_elsewhere
 from gamekeeper.checks.verdict import Verdict
 from tests.faults.copies import CopyLosesAView, RotatesAllTheSame
 from tests.faults.rovers import Rovers
@@ -84,9 +86,10 @@ def test_a_defaultdict_is_an_info_for_every_agent() -> None:
     assert verdict(plain, "GK109").outcome == "failed"
 
 
-def test_texts_may_be_shared() -> None:
-    """Nobody writes into a text; into numbers they do."""
-    text = np.array("go home")
+@pytest.mark.parametrize("shared", [np.array("go home"), np.array(3.0, np.float32)], ids=str)
+def test_texts_and_single_values_may_be_shared(shared: Any) -> None:
+    """Nobody writes into a text, nor scales a single value in place; arrays of numbers they do."""
+    text = shared
     alike = spaces.Box(0, 9, (), np.float32)
     assert verdict(paired(alike, text), "GK614").outcome != "failed"
     numbers = np.ones(2, np.float32)
@@ -114,6 +117,14 @@ def test_a_mask_under_another_name_is_no_promise_to_take_everything() -> None:
     assert verdict(Forbidding, "GK221").outcome != "failed"
     nameless = type("Nameless", (Forbidding,), {"key": "moves"})
     assert verdict(nameless, "GK221").outcome == "failed"
+
+
+@pytest.mark.parametrize(("count", "is_mask"), [(10, True), (9, False)])
+def test_a_mask_of_a_tuple_has_a_flag_for_each_joint_choice(count: int, is_mask: bool) -> None:
+    """Of five moves and two tools, ten; of another size it is no mask."""
+    space = spaces.Tuple([spaces.Discrete(5), spaces.Discrete(2)])
+    turn = SimpleNamespace(observations={}, infos={"a": {"mask": [True] * count}})
+    assert stands_elsewhere(space, turn, "a") == is_mask
 
 
 def test_a_mask_of_joint_actions_fits() -> None:

@@ -110,6 +110,19 @@ def test_dtype_that_is_wrong_at_every_turn_is_told_once() -> None:
     assert broken(audited(Doubles)) == ["GK212"]
 
 
+class Arrays(Sampler):
+    """Observes an array of whole numbers, then of others, where one number is declared."""
+
+    def give(self, agent: Any) -> Any:
+        return np.zeros(3, np.float64 if self.time else np.int64)
+
+
+def test_array_in_place_of_a_number_is_told_once() -> None:
+    """Its kind is wrong at some turns, its shape at others: one cause."""
+    result = audit_here(lambda: Arrays(spaces.Discrete(3), spaces.Discrete(2), "ab"), budget=200)
+    assert [each.id for each in result.failed if each.id.startswith("GK21")] == ["GK211"]
+
+
 def test_spaces_of_an_object_are_looked_at() -> None:
     """Of an object alone all is judged but what was before its first reset."""
     verdict = audited(Rovers()).of("GK201")

@@ -36,7 +36,7 @@ def test_attribute_document_has_the_fields_of_the_interface(
     assert code == 0
     assert found["run"] == str(line)
     part = found["agents"]["picker"]
-    assert part.keys() >= {"own", "share", "idle", "difference", "shapley", "lazy"}
+    assert part.keys() >= {"return", "share", "idle", "difference", "shapley", "lazy"}
     assert part["difference"]["baseline"] == "random"
 
 

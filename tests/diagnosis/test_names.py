@@ -66,7 +66,7 @@ def test_names_are_the_same_from_the_recording_to_the_diagnosis(
     assert gk.replay(run, allow_import=True, policies=True).verified
     attribution = gk.attribute(run, allow_import=True, episodes=5).to_json()
     assert names == set(attribution["agents"])
-    assert attribution["agents"][agent_name(agents[0])]["own"] == 0.0
+    assert attribution["agents"][agent_name(agents[0])]["return"] == 0.0
     diagnosis = gk.diagnose(
         run, allow_import=True, failed="return < 100", perturbations=True, episodes=4_000
     ).to_json()

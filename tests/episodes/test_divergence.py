@@ -17,7 +17,7 @@ numbers = st.floats(allow_nan=False, allow_infinity=False, width=32)
 
 def trace(env: Any = None, *, seed: int = 0, **options: Any) -> Episode:
     """One episode of an environment, in memory."""
-    return next(rollout(env or Walk(), episodes=1, seed=seed, **options).episodes)
+    return rollout(env or Walk(), episodes=1, seed=seed, **options).episodes[0]
 
 
 @pytest.mark.parametrize("kind", [Walk, Turns])

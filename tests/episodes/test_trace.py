@@ -57,7 +57,7 @@ def test_agents_of_different_spaces_read_back_exactly(spaces: list[Space[Any]], 
     agents = {f"agent_{place}": space for place, space in enumerate(spaces)}
     values = {agent: [sample(space, seed)] for agent, space in agents.items()}
     evidence = record(Given(values, agents), 1)
-    turn = next(iter(evidence.episode(0).turns))
+    turn = evidence.episode(0).turns[0]
     for agent, (value,) in values.items():
         assert same(turn.observations[agent], granted(agents[agent], value))
 

@@ -12,7 +12,7 @@ import pytest
 
 from gamekeeper.errors import RunError
 from gamekeeper.evaluation.claim_check import CheckedClaim, reproduce
-from gamekeeper.evaluation.claim_pack import CLAIM, digest_of_bytes, pack
+from gamekeeper.evaluation.claim_pack import CLAIM, digest_of, pack
 from gamekeeper.evaluation.evaluator import evaluate
 from tests.runs.plays import played, write_env
 
@@ -38,7 +38,7 @@ def altered(claim: Path, name: str, change: Callable[[bytes], bytes], *, hides: 
     contents[name] = change(contents[name])
     if hides:
         document = json.loads(contents[CLAIM])
-        document["files"][name] = digest_of_bytes(contents[name])
+        document["files"][name] = digest_of(contents[name])
         contents[CLAIM] = json.dumps(document).encode()
     with zipfile.ZipFile(claim, "w") as archive:
         for each, data in contents.items():
@@ -201,6 +201,64 @@ def test_changed_figure_is_not_ticked(tmp_path: Path, monkeypatch: pytest.Monkey
     assert [each.name for each in found.figures if not each.ticked] == ["episodes"]
 
 
+def test_files_of_one_name_are_told_apart(tmp_path: Path) -> None:
+    """Checkpoints of two seeds have one name, and both are packed."""
+    played(tmp_path)
+    named = [tmp_path / seed / "ppo" / "model.zip" for seed in ("0", "1")]
+    for number, path in enumerate(named):
+        path.parent.mkdir(parents=True)
+        path.write_bytes(bytes([number]))
+    single = tmp_path / "here" / ".." / "notes.txt"
+    single.write_text("read me")
+    pack([tmp_path / "run"], tmp_path / "claim.zip", files=[*named, single])
+    with zipfile.ZipFile(tmp_path / "claim.zip") as archive:
+        kept = {name: archive.read(name) for name in archive.namelist() if "files/" in name}
+    assert kept == {
+        "files/0/ppo/model.zip": b"\x00",
+        "files/1/ppo/model.zip": b"\x01",
+        "files/notes.txt": b"read me",
+    }
+
+
+def test_sources_of_one_name_are_refused(tmp_path: Path) -> None:
+    """Two environments in files of one name can't both lie in the source."""
+    edits = {"one": (), "two": (("TURNS = 5", "TURNS = 4"),)}
+    for folder, each in edits.items():
+        (tmp_path / folder).mkdir()
+        played(tmp_path / folder, *each)
+    with pytest.raises(RunError, match="sources of two runs have one name"):
+        pack([tmp_path / "one/run", tmp_path / "two/run"], tmp_path / "claim.zip")
+    pack([tmp_path / "one/run"], tmp_path / "claim.zip")
+
+
+def test_only_contracts_are_packed_of_what_lies_beside(tmp_path: Path) -> None:
+    """Other TOML files, such as a project's, may hold what isn't meant for others."""
+    played(tmp_path)
+    (tmp_path / "walks.toml").write_text('name = "walks_v0"\napi = "parallel"\n')
+    (tmp_path / "pyproject.toml").write_text('[tool.secrets]\ntoken = "1234"\n')
+    packed = pack([tmp_path / "run"], tmp_path / "claim.zip")
+    assert [each for each in packed.source if each.endswith(".toml")] == ["source/walks.toml"]
+
+
+def test_broken_entries_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Packed data that can't be unpacked any more, in every file of a run at once."""
+    played(tmp_path)
+    pack([tmp_path / "run"], tmp_path / "claim.zip")
+    data = bytearray((tmp_path / "claim.zip").read_bytes())
+    with zipfile.ZipFile(tmp_path / "claim.zip") as archive:
+        entries = [each for each in archive.infolist() if each.filename.startswith("runs/")]
+    for each in entries:
+        first = each.header_offset + 30 + len(each.filename)
+        for place in range(first, first + min(each.compress_size, 40)):
+            data[place] ^= 0xFF
+    (tmp_path / "claim.zip").write_bytes(data)
+    elsewhere(monkeypatch, tmp_path)
+    found = checked(tmp_path)
+    assert found.ok is False
+    named = {each.partition(":")[0] for each in found.damage}
+    assert {each.filename for each in entries} <= named
+
+
 def test_source_that_changed_since_is_not_packed(tmp_path: Path) -> None:
     """Evidence and source of a claim belong together."""
     played(tmp_path)
@@ -214,7 +272,7 @@ def test_source_that_changed_since_is_not_packed(tmp_path: Path) -> None:
 def test_names_that_lead_out_are_refused(tmp_path: Path, name: str) -> None:
     """Nothing is written outside the folder."""
     claim = tmp_path / "claim.zip"
-    document = {"format": 1, "runs": [], "packages": {}, "files": {name: digest_of_bytes(b"x")}}
+    document = {"format": 1, "runs": [], "packages": {}, "files": {name: digest_of(b"x")}}
     with zipfile.ZipFile(claim, "w") as archive:
         archive.writestr(CLAIM, json.dumps(document))
         archive.writestr(name, b"x")

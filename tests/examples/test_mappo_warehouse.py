@@ -54,7 +54,7 @@ def test_deliveries_are_those_that_evidence_tells() -> None:
         "warehouse", policies="reference", episodes=1, seed=0, env_kwargs=example.KWARGS
     )
     rows = [row for row in evidence.agent_steps.to_pylist() if row["agent"] == "carrier_0"]
-    turns = [t.actions for t in next(iter(evidence.episodes)).turns if any(t.actions.values())]
+    turns = [t.actions for t in evidence.episodes[0].turns if any(t.actions.values())]
 
     class Recorded:
         """Does what was done."""

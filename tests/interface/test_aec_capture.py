@@ -154,7 +154,7 @@ def test_look_without_a_step_is_a_closing_row() -> None:
     face.last()
     face.step(np.int64(0))
     face.last()
-    closing = list(evidence_of(face, sink).episode(0).turns)[-1]
+    closing = evidence_of(face, sink).episode(0).turns[-1]
     assert closing.agents == (B,)
     assert closing.order == ()
     assert closing.observations[B].tolist() == [1.0, 1.0]
@@ -226,7 +226,7 @@ def test_value_that_does_not_conform_is_kept_as_it_was(
     face.reset(seed=1)
     face.step(np.int64(0))
     face.step(np.int64(0))
-    turn = list(evidence_of(face, sink).episode(0).turns)[1]
+    turn = evidence_of(face, sink).episode(0).turns[1]
     assert turn.nonconforming[B][field]["type"] == type_name
     assert np.array_equal(turn.nonconforming[B][field]["value"], value)
 
@@ -241,7 +241,7 @@ def test_payment_that_is_no_number_is_kept_as_it_was(value: Any) -> None:
     face, sink = recorded(Bare(pay))
     face.reset(seed=1)
     face.step(np.int64(0))
-    turn = next(iter(evidence_of(face, sink).episode(0).turns))
+    turn = evidence_of(face, sink).episode(0).turns[0]
     for agent in (A, C):
         assert turn.nonconforming[agent]["reward"]["type"] in (
             type(value).__name__,
@@ -261,7 +261,7 @@ def test_book_that_lacks_the_agent_is_nonconforming_and_stops_nothing(book: str)
         face.last()
     with contextlib.suppress(KeyError):  # of the environment too, but for its infos
         face.step(np.int64(0))
-    turn = list(evidence_of(face, sink).episode(0).turns)[1]
+    turn = evidence_of(face, sink).episode(0).turns[1]
     assert list(turn.nonconforming[B].values()) == [{"type": "missing"}]
 
 
@@ -346,7 +346,7 @@ def test_interrupt_in_the_environments_step_leaves_what_was_given() -> None:
         evidence = evidence_of(face, sink)
         prints.append(evidence.fingerprint)
     assert prints[0] == prints[1]
-    assert list(evidence.episode(0).turns)[-1].cumulative_reward == {B: 2.0}
+    assert evidence.episode(0).turns[-1].cumulative_reward == {B: 2.0}
 
 
 @few

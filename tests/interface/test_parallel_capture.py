@@ -152,7 +152,7 @@ def test_missing_keys_are_told_from_values() -> None:
 
     face, sink = recorded(Partial([Turn()]))
     play_parallel(face, 1)
-    closing = list(evidence_of(face, sink).episode(0).turns)[-1]
+    closing = evidence_of(face, sink).episode(0).turns[-1]
     fields = {"obs", "cumulative_reward", "terminated", "truncated", "info"}
     assert {name: {"type": "missing"} for name in fields} == closing.nonconforming[B]
     assert B in closing.live
@@ -266,7 +266,7 @@ def test_step_that_returns_something_else_passes_it_on(out: Any) -> None:
     face, sink = recorded(Other([Turn()]))
     face.reset(seed=1)
     assert face.step(dict.fromkeys(face.agents, np.int64(0))) is out
-    closing = list(evidence_of(face, sink).episode(0).turns)[-1]
+    closing = evidence_of(face, sink).episode(0).turns[-1]
     assert closing.nonconforming[A]["obs"]["type"] in ("missing", "int", "str")
 
 

@@ -121,7 +121,7 @@ def test_run_through_rings_equals_the_run_in_memory(cls: Any) -> None:
         prints.append(evidence.fingerprint)
         for ring in sink.rings._rings if sink.rings is not None else ():
             assert len(ring._slots) == len(ring._free)  # every slot comes back
-        turn = list(evidence.episode(0).turns)[2]
+        turn = evidence.episode(0).turns[2]
         assert all(value.shape == IMAGE.shape for value in turn.observations.values())
     assert prints[0] == prints[1]
 
@@ -158,7 +158,7 @@ def test_big_endian_images_are_no_oddity() -> None:
     sink = RingSink()
     face = face_of(game_of(Swapped([Turn()]), sink=sink))
     face.reset(seed=1)
-    turn = next(iter(evidence_of(face, sink).episode(0).turns))
+    turn = evidence_of(face, sink).episode(0).turns[0]
     assert turn.nonconforming == {}
     assert turn.observations["agent_0"].dtype == np.dtype(">f4")
 

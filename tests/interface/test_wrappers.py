@@ -100,18 +100,25 @@ def test_a_seed_gives_the_same_episode(name, kind) -> None:
     np.testing.assert_equal(third, first)
 
 
-def test_frames_are_those_that_were_decided_by() -> None:
-    """The stack is the hand-made one, in both interfaces; observing adds no frame."""
-    env, bare = wrappers.frame_stack(LedgerTicks(), 3), LedgerTicks()
-    (shown, _), (plain, _) = env.reset(seed=1), bare.reset(seed=1)
-    frames = {agent: [plain[agent]] * 3 for agent in plain}
-    while env.agents:
-        for agent in shown:
-            np.testing.assert_array_equal(shown[agent], np.concatenate(frames[agent]))
-        actions = dict.fromkeys(env.agents, RIGHT)
-        shown, plain = env.step(actions)[0], bare.step(actions)[0]
-        frames = {agent: [*frames[agent][1:], plain[agent]] for agent in plain}
+@pytest.mark.parametrize("ends", ["together", "one by one", "late"])
+def test_frames_are_those_that_were_decided_by(ends) -> None:
+    """The stack is the hand-made one, whoever is there, and whatever is written into it."""
+    env, bare = wrappers.frame_stack(LedgerTicks(ends=ends), 3), LedgerTicks(ends=ends)
+    for seed in (1, 2):
+        (shown, _), (plain, _) = env.reset(seed=seed), bare.reset(seed=seed)
+        frames = {agent: [plain[agent]] * 3 for agent in plain}
+        while env.agents:
+            assert shown.keys() == plain.keys()
+            for agent in shown:
+                np.testing.assert_array_equal(shown[agent], np.concatenate(frames[agent]))
+                shown[agent][:] = 0
+            actions = dict.fromkeys(env.agents, RIGHT)
+            shown, plain = env.step(actions)[0], bare.step(actions)[0]
+            frames = {a: [*frames.get(a, [plain[a]] * 3)[1:], plain[a]] for a in plain}
 
+
+def test_frames_of_turns_are_those_that_were_decided_by() -> None:
+    """Observing adds no frame."""
     turns = wrappers.frame_stack(LedgerTurns(), 2, padding="zeros")
     turns.reset(seed=1)
     agent = turns.agent_selection

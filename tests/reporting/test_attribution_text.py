@@ -10,7 +10,7 @@ def _measured(value, half=1.0):
 
 def _agent(**given):
     part = {
-        "own": 2.0,
+        "return": 2.0,
         "terms": {},
         "share": 0.5,
         "idle": None,

@@ -27,7 +27,7 @@ def rerun(trace: Episode, env: Any, **options: Any) -> Episode:
     game.episode = trace.episode - 1
     agents = {str(agent): agent for agent in env.possible_agents}
     replay_trace(trace, game, agents=agents, **options)
-    return next(sink.evidence({"name": "x", "api": game.api, "kwargs": {}}).episodes)
+    return sink.evidence({"name": "x", "api": game.api, "kwargs": {}}).episodes[0]
 
 
 @pytest.mark.parametrize("kind", [Walk, Turns])
@@ -50,7 +50,7 @@ def test_rerun_closes_the_loop(kind: type) -> None:
 
 def test_rerun_reports_every_turn() -> None:
     """Each step is a sign of life."""
-    trace = next(rollout(Walk(), episodes=1).episodes)
+    trace = rollout(Walk(), episodes=1).episodes[0]
     turns: list[int] = []
 
     rerun(trace, Walk(), after_turn=lambda: turns.append(1))
@@ -67,14 +67,14 @@ def test_rerun_stops_where_the_environment_raises() -> None:
                 raise ZeroDivisionError
             return super().step(actions)
 
-    again = rerun(next(rollout(Walk(), episodes=1).episodes), Breaks())
+    again = rerun(rollout(Walk(), episodes=1).episodes[0], Breaks())
 
     assert (again.header["end"], again.header["turns"]) == ("failed", 3)
 
 
 def test_rerun_stops_where_everybody_has_left() -> None:
     """Actions that were recorded beyond the end of the episode aren't handed over."""
-    again = rerun(next(rollout(Walk(), episodes=1).episodes), Walk(turns=2))
+    again = rerun(rollout(Walk(), episodes=1).episodes[0], Walk(turns=2))
 
     assert (again.header["end"], again.header["turns"]) == ("ended", 2)
 
@@ -94,7 +94,7 @@ def test_rerun_knows_agents_whatever_they_are(names: list[Any]) -> None:
             assert set(actions) <= set(names)
             return super().step(actions)
 
-    trace = next(rollout(Named(), episodes=1).episodes)
+    trace = rollout(Named(), episodes=1).episodes[0]
 
     assert compare(trace, rerun(trace, Named())).is_exact
 
@@ -104,7 +104,7 @@ def test_rerun_of_nothing_resets_once() -> None:
     env, sink = Walk(), MemorySink()
     game = game_of(env, sink=sink)
     play(game, cast_of("random", env, None), range(1), seed=0, most_turns=0)
-    trace = next(sink.evidence({"name": "x", "api": "parallel", "kwargs": {}}).episodes)
+    trace = sink.evidence({"name": "x", "api": "parallel", "kwargs": {}}).episodes[0]
 
     assert compare(trace, rerun(trace, Walk())).is_exact
 
@@ -124,7 +124,7 @@ def test_rerun_without_a_change_is_the_unchanged_rerun(spec: str) -> None:
 
 def test_rerun_names_its_change() -> None:
     """The counterfactual says what was done differently."""
-    trace = next(rollout("two_robot_line", episodes=1).episodes)
+    trace = rollout("two_robot_line", episodes=1).episodes[0]
 
     counterfactual = run_again(trace, gk.make("two_robot_line"), change=ActionOrder("reversed"))
 
@@ -134,6 +134,6 @@ def test_rerun_names_its_change() -> None:
 
 def test_rerun_closed_needs_a_cast() -> None:
     """Somebody has to choose."""
-    trace = next(rollout("two_robot_line", episodes=1).episodes)
+    trace = rollout("two_robot_line", episodes=1).episodes[0]
     with pytest.raises(EvidenceError, match="nobody chooses"):
         run_again(trace, gk.make("two_robot_line"), loop="closed")

@@ -285,7 +285,7 @@ def test_numbers_that_are_not_finite_are_kept_bit_for_bit(
     """NaN, infinities and -0.0 come back, replay, and leave every document strict JSON."""
     run = tmp_path / "run"
     evidence = gk.rollout(Nonconforming(), episodes=1, out=run)
-    seen = [turn.observations["a"][0] for turn in next(evidence.episodes).turns]
+    seen = [turn.observations["a"][0] for turn in evidence.episodes[0].turns]
     assert np.array(seen[:6]).tobytes() == np.array(Nonconforming.VALUES).tobytes()
     assert replayed(run, Nonconforming()).verified
     code, found = document(capfd, "show", run)  # refuses NaN, which is no JSON

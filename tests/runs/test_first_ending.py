@@ -61,7 +61,7 @@ def test_a_declared_term_is_no_zero_where_no_terms_are_told() -> None:
     evidence = gk.rollout(Walk, contract=gk.Contract.parse(TERM), episodes=2)
     contract = gk.Contract.parse(CAUGHT)
     with pytest.raises(ContractError, match=REFUSED):
-        failed(outcome_of(next(iter(evidence.episodes))), contract.failure, contract)
+        failed(outcome_of(evidence.episodes[0]), contract.failure, contract)
 
 
 def test_a_report_says_what_it_cannot_tell() -> None:

@@ -152,7 +152,7 @@ def test_rollout_in_memory_equals_the_recorded_one(tmp_path: Path, kind: type) -
 def test_rollout_plays_each_episode_from_its_own_seed() -> None:
     """Episode k is the same however many are played, and other seeds play others."""
     few, many = (list(rollout(Walk(), episodes=n, seed=4).episodes) for n in (2, 4))
-    other = next(rollout(Walk(), episodes=1, seed=5).episodes)
+    other = rollout(Walk(), episodes=1, seed=5).episodes[0]
 
     assert [trace.header["fingerprint"] for trace in few] == [
         trace.header["fingerprint"] for trace in many[:2]
@@ -180,7 +180,7 @@ def test_rollout_knows_terms_and_volatile_infos(tmp_path: Path) -> None:
     )
 
     assert one.manifest["info_fingerprint"] == two.manifest["info_fingerprint"]
-    assert "turn" in next(iter(list(next(one.episodes).turns)[1].infos.values()))
+    assert "turn" in next(iter(one.episodes[0].turns[1].infos.values()))
 
 
 def test_rollout_says_what_it_cannot_open(tmp_path: Path) -> None:

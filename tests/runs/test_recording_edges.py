@@ -45,8 +45,8 @@ def test_rollout_of_no_episode_is_refused() -> None:
 def test_evidence_traces_and_turns_are_shown_in_one_line() -> None:
     """At a prompt nobody wants to see all columns."""
     evidence = gk.rollout(LINE, episodes=1)
-    trace = next(iter(evidence.episodes))
-    turn = next(iter(trace.turns))
+    trace = evidence.episodes[0]
+    turn = trace.turns[0]
     for thing in (evidence, trace, turn):
         assert len(repr(thing).splitlines()) == 1
         assert len(repr(thing)) < 100

@@ -272,7 +272,7 @@ def test_replay_hands_over_options_and_arguments(tmp_path: Path) -> None:
     played(tmp_path, options={"start": 40}, env_kwargs={"turns": 3})
 
     assert load(tmp_path / "run").episode_table["turns"][0].as_py() == 3
-    assert next(load(tmp_path / "run").episodes).state(0)[1] == 40
+    assert load(tmp_path / "run").episodes[0].state(0)[1] == 40
     assert replay(tmp_path / "run", allow_import=True).verified
 
 

@@ -71,7 +71,6 @@ def test_tables_are_encoded_for_what_they_hold(run_files: Path) -> None:
     columns = {group.column(i).path_in_schema: group.column(i) for i in range(group.num_columns)}
     for name, encoding in {
         "obs.list.element": "BYTE_STREAM_SPLIT",
-        "reward": "BYTE_STREAM_SPLIT",
         "turn": "DELTA_BINARY_PACKED",
         "agent": "RLE_DICTIONARY",
     }.items():
@@ -149,3 +148,25 @@ def test_values_come_back_bit_for_bit(
 def _bits(batch: pa.RecordBatch) -> list[str]:
     """Rows as text that tells -0.0 from 0.0 and NaN from null."""
     return [repr(row) for row in batch.to_pylist()]
+
+
+@pytest.mark.parametrize(
+    ("rewards", "encoding"),
+    [
+        ([k / 7 for k in range(96)], "BYTE_STREAM_SPLIT"),
+        ([k // 3 / 7 for k in range(96)], "PLAIN"),
+        ([float(k % 3) for k in range(96)], "RLE_DICTIONARY"),
+    ],
+    ids=["each its own", "agents alike", "a few values"],
+)
+def test_rewards_are_encoded_by_how_often_they_come(
+    tmp_path: Path, rewards: list[float], encoding: str
+) -> None:
+    """A column of floats is split by byte, left plain or given a dictionary, and reads back."""
+    keys = pa.array(range(96), pa.int32())
+    table = pa.table({"episode": keys, "turn": keys, "reward": rewards})
+    path, _, _ = write_table(tmp_path, "agent_steps", table.schema, table.to_batches())
+    column = pq.read_metadata(path).row_group(0).column(2)
+    assert encoding in column.encodings
+    assert ("RLE_DICTIONARY" in column.encodings) is (encoding == "RLE_DICTIONARY")
+    assert pq.read_table(path)["reward"].to_pylist() == rewards

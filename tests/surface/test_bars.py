@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import shlex
 from typing import Any
 
@@ -196,3 +197,21 @@ def test_keep_leaves_a_figure_that_was_not_found_again(
         bars.keep(run, entry, whole=False)
     row = bars_page.row(run, bar, bars.results())
     assert row == "| to a peer |  | 7 s | no bar | r | 2026-01-01 | 1.0 |"
+
+
+def test_scripts_start_by_their_file() -> None:
+    """A script that imports from the repository's root puts the root on the path first.
+
+    `python benchmarks/NAME.py`, as every page writes it, puts only benchmarks/ there.
+    """
+    scripts = sorted((ROOT / "benchmarks").glob("*.py"))
+    rooted = re.compile(r"^from (benchmarks|tests)[. ]", re.MULTILINE)
+    asking = {path.name for path in scripts if rooted.search(path.read_text("utf-8"))}
+    lacking = {
+        name
+        for name in asking
+        if "sys.path.insert(0, str(Path(__file__).parent"
+        not in rooted.split((ROOT / "benchmarks" / name).read_text("utf-8"))[0]
+    }
+    assert len(asking) > 3
+    assert lacking == set()

@@ -473,12 +473,13 @@ def gymma(
     seed: int = 0,
     common_reward: bool = True,
     reward_scalarisation: str = "sum",
+    check: str | None = "quick",
     **env_kwargs: Any,
 ) -> MultiAgentEnv:
     """`multi_agent_env` with the arguments that EPyMARL hands to an entry of its REGISTRY.
 
-    `envs.REGISTRY["gamekeeper"] = gymma`, then `env_args.key=warehouse`; what else stands in
-    `env_args` goes to the environment.
+    `envs.REGISTRY["gamekeeper"] = gymma`, then `env_args.key=warehouse`; `env_args.check` is that
+    of `multi_agent_env`, what else stands in `env_args` goes to the environment.
 
     Raises:
         SpecError: a `pretrained_wrapper` is asked for: `multi_agent_env` has `others`.
@@ -495,6 +496,7 @@ def gymma(
         key,
         time_limit=time_limit,
         seed=seed,
+        check=check,
         env_kwargs=env_kwargs,
         common_reward=reward_scalarisation if common_reward else None,
     )

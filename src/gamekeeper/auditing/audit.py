@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import partial
 from os import PathLike
 from typing import Any, Final
 
-from gamekeeper.auditing.confirm import confirmed
-from gamekeeper.auditing.gather import INTERRUPTED, Gathering, gather, lab_of
-from gamekeeper.auditing.judge import judge
+from gamekeeper.auditing.confirm import confirmed, confirming_workers
+from gamekeeper.auditing.gather import INTERRUPTED, TIME_UP, Gathering, gather, lab_of
+from gamekeeper.auditing.judge import Judged, judge
 from gamekeeper.auditing.measured import PROBES, measured
 from gamekeeper.auditing.reproduce import Reproduction, draft_of
 from gamekeeper.auditing.result import AuditResult, spaces_text
 from gamekeeper.auditing.snippet import home
-from gamekeeper.auditing.source import place_of, source_of
+from gamekeeper.auditing.source import installed_modules, place_of, source_of
 from gamekeeper.checks.check import Check, selected
+from gamekeeper.checks.probe_evidence import ProbeEvidence
 from gamekeeper.contract import Contract
 from gamekeeper.errors import EvidenceError
 from gamekeeper.interface.declared_contract import declared_contract
@@ -63,20 +66,19 @@ def audit_here(
     ignore: Sequence[str] = (),
     env_kwargs: Mapping[str, Any] | None = None,
     seconds: float | None = None,
+    begun_s: float | None = None,
     attempt: AuditAttempt = AuditAttempt(),
 ) -> AuditResult:
-    """Audits in this process; see `gamekeeper.auditing.audit_process.audit`."""
-    begun_s = time.monotonic()
+    """Audits in this process; see `gamekeeper.auditing.audit_process.audit`.
+
+    `begun_s` is the time of the monotonic clock at which the audit began, where that was before
+    this process did.
+    """
+    begun_s = time.monotonic() if begun_s is None else begun_s
     if budget < 1:
-        raise EvidenceError(
-            "nothing can be seen",
-            where="budget",
-            expected="1 step at least",
-            actual=str(budget),
-            fix="raise --budget (budget=)",
-        )
+        raise _no_budget(budget)
     wanted = selected(tuple(select), tuple(ignore))
-    kwargs = dict(env_kwargs or {})
+    kwargs, loaded = dict(env_kwargs or {}), set(sys.modules)
     opened = open_env(spec, **kwargs)
     try:
         declared = declared_contract(contract, opened)
@@ -102,17 +104,30 @@ def audit_here(
         until_s = None if seconds is None else begun_s + seconds
         until_s = 0.0 if gathering.stopped == INTERRUPTED else until_s
         asked: dict[str, Any] = {"begun_s": begun_s, "seed": seed, "is_all": not select}
+        judged = partial(
+            _judged, wanted, opened, bench, modules=installed_modules(opened.env, loaded), **asked
+        )
         try:
-            return _judged(wanted, opened, bench, **asked, until_s=until_s)
+            return judged(until_s=until_s)
         except KeyboardInterrupt:
             if not attempt.keeps_partial:
                 raise
         gathering.stopped, bench.steps_left = INTERRUPTED, 0
-        return _judged(wanted, opened, bench, **asked, until_s=0.0)
+        return judged(until_s=0.0)
     finally:
         if opened.make is not None:
             with suppress(Exception, SystemExit):  # one that raises is a finding of a check's
                 opened.env.close()
+
+
+def _no_budget(budget: int) -> EvidenceError:
+    return EvidenceError(
+        "nothing can be seen",
+        where="budget",
+        expected="1 step at least",
+        actual=str(budget),
+        fix="raise --budget (budget=)",
+    )
 
 
 def needed(wanted: Mapping[str, Check], *, is_all: bool) -> set[str]:
@@ -129,16 +144,20 @@ def _judged(
     seed: int,
     is_all: bool,
     until_s: float | None,
+    modules: Sequence[str],
 ) -> AuditResult:
     gathering: Gathering = bench.gathering
     evidence = gathering.gathered()
     judging_s = time.perf_counter()
-    judged = [judge(each, bench.contract, evidence, gathering.broken) for each in wanted.values()]
+    judged = [_in_time(each, bench, evidence, until_s) for each in wanted.values()]
     form = measured(bench.contract, evidence) if is_all else {}
     shrinking_s = time.perf_counter()
-    drafts = [draft_of(each, bench) for each in judged]
-    confirming_s = time.perf_counter()
-    verdicts = confirmed(drafts, beat=gathering.lab.meter.beat or _nothing, until_s=until_s)
+    beat = gathering.lab.meter.beat or _nothing
+    is_failed = any(each.outcome == "failed" for each in judged)
+    with confirming_workers(modules, is_wanted=is_failed and bool(bench.home.make)) as workers:
+        drafts = [draft_of(each, bench) for each in judged]
+        confirming_s = time.perf_counter()
+        verdicts = confirmed(drafts, beat=beat, until_s=until_s, workers=workers)
     timings = {
         **gathering.seconds,
         "judging": shrinking_s - judging_s,
@@ -159,6 +178,17 @@ def _judged(
         source=source_of(opened.env),
         stopped=gathering.stopped,
     )
+
+
+def _in_time(
+    check: Check, bench: Reproduction, evidence: ProbeEvidence, until_s: float | None
+) -> Judged:
+    """The check's outcome; once the time is over, that of a check that wasn't run."""
+    is_interrupted = bench.gathering.stopped == INTERRUPTED
+    if until_s is not None and not is_interrupted and time.monotonic() > until_s:
+        bench.gathering.stopped = TIME_UP
+        return Judged(check, "not_exercised", reason=TIME_UP)
+    return judge(check, bench.contract, evidence, bench.gathering.broken)
 
 
 def _nothing(*args: Any) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike, fspath
 from typing import Any, Final
@@ -95,6 +96,7 @@ def audit(
         "ignore": list(ignore),
         "env_kwargs": dict(env_kwargs or {}),
         "seconds": seconds,
+        "begun_s": time.monotonic(),
     }
     if not isinstance(spec, str):
         return audit_here(spec, contract=contract, attempt=AuditAttempt(on_probe=on_probe), **asked)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Final, Literal, TypeAlias
 
-from gamekeeper.auditing.holds import HOLDS, OF_DRAWS, Hold, held_still
+from gamekeeper.auditing.holds import AS_DRAWN, HOLDS, OF_DRAWS, Hold, held_still
 from gamekeeper.auditing.probe_session import TimeUpError
 from gamekeeper.checks.verdict import SEVERITIES, Finding, FollowsFrom, Reproduced, Verdict
 from gamekeeper.rollouts.warm_worker import WarmWorker
@@ -143,6 +143,7 @@ def confirmed(
     *,
     beat: Callable[[], None],
     until_s: float | None,
+    workers: Sequence[WarmWorker],
 ) -> tuple[Verdict, ...]:
     """The verdicts, those that failed confirmed, suspected, or traced to a cause.
 
@@ -155,10 +156,25 @@ def confirmed(
         beat: called now and then, as a sign of life.
         until_s: time of the monotonic clock after which no other finding is confirmed; None: all
             are.
+        workers: of `confirming_workers`.
+    """
+    return _confirmed(drafts, Confirmation(workers, beat, until_s))
+
+
+@contextmanager
+def confirming_workers(modules: Sequence[str], *, is_wanted: bool) -> Iterator[list[WarmWorker]]:
+    """Processes that run programs, as many as a program must fail in.
+
+    Args:
+        modules: what they import once, beside `MODULES`.
+        is_wanted: a program is to be run, so that they start at once.
     """
     with ExitStack() as stack:
-        workers = [stack.enter_context(WarmWorker(MODULES)) for _ in range(TRIES)]
-        return _confirmed(drafts, Confirmation(workers, beat, until_s))
+        imported = (*MODULES, *modules)
+        workers = [stack.enter_context(WarmWorker(imported)) for _ in range(TRIES)]
+        for each in workers if is_wanted else ():
+            each.start()
+        yield workers
 
 
 def _confirmed(
@@ -166,11 +182,15 @@ def _confirmed(
 ) -> tuple[Verdict, ...]:
     found = {verdict.id: verdict for verdict, _ in drafts}
     causes: list[str] = []
-    for verdict, programs in sorted(drafts, key=_order):
-        if verdict.outcome != "failed" or not programs:
-            continue
+    end_s, is_open = work.until_s, False
+    waiting = [each for each in sorted(drafts, key=_order) if each[0].outcome == "failed"]
+    waiting = [each for each in waiting if each[1]]
+    for place, (verdict, programs) in enumerate(waiting):
         others = tuple(_others(causes, verdict.id))
+        work.until_s = _share_until(end_s, len(waiting) - place)
         try:
+            if is_open and all(each.compares for each in programs):
+                raise TimeUpError  # it may follow from what the time was too short to establish
             follows = _cause_of(verdict.id, programs, others, work)
             if follows is not None:
                 found[verdict.id] = replace(verdict, follows_from=follows)
@@ -178,10 +198,19 @@ def _confirmed(
             found[verdict.id] = _judged(verdict, programs, [hold for _, hold in others], work)
         except TimeUpError:
             found[verdict.id] = replace(verdict, outcome="suspected", reason=NOT_RUN)
+            is_open = is_open or (verdict.id in HOLDS and HOLDS[verdict.id].is_general)
             continue
         if verdict.id in HOLDS and found[verdict.id].outcome == "failed":
             causes.append(verdict.id)
     return tuple(found.values())
+
+
+def _share_until(end_s: float | None, count: int) -> float | None:
+    """Time at which the first of so many must be done: twice its share of what is left."""
+    if end_s is None:
+        return None
+    now_s = time.monotonic()
+    return now_s + (end_s - now_s) * 2 / (count + 1)
 
 
 def _order(draft: tuple[Verdict, Sequence[Programs]]) -> tuple[int, int]:
@@ -217,6 +246,19 @@ def _cause_of(
                 wholes = [held_still(whole, below) for whole in wholes]
             if all(work.passes(held_still(whole, hold)) for whole in wholes):
                 return FollowsFrom(cause, hold.words)
+    return _of_several(programs, known, work) if compares else None
+
+
+def _of_several(
+    programs: Sequence[Programs], known: Iterable[tuple[str, Hold]], work: Confirmation
+) -> FollowsFrom | None:
+    """The last of several causes, where every reproducer passes once all are held still."""
+    wholes, words = [each.whole for each in programs], ""
+    for cause, hold in (each for each in known if each[1].is_general):
+        wholes = [held_still(whole, hold) for whole in wholes]
+        if words and all(map(work.passes, wholes)):
+            return FollowsFrom(cause, f"{words}, and {hold.words}")
+        words = f"{words}, {hold.words}" if words else hold.words
     return None
 
 
@@ -225,18 +267,26 @@ def _finding(
 ) -> tuple[Finding, Reproduced, bool]:
     """The finding as it is; where plays differ by themselves, with draws or a cause held still."""
     result = work.finding(each)
-    is_unstable = each.compares and not result[2]
-    for hold in dict.fromkeys((*holds, *OF_DRAWS)) if is_unstable else ():
-        held = Programs(
-            replace(each.finding, reproducer=held_still(each.finding.reproducer, hold)),
-            held_still(each.whole, hold),
-            compares=True,
-            unchanged=held_still(each.unchanged, hold),
-        )
-        again = work.finding(held)
+    if result[2]:
+        return result
+    ways = [(hold,) for hold in dict.fromkeys((*holds, *OF_DRAWS))] if each.compares else AS_DRAWN
+    for held in ways:
+        again = work.finding(_with_held(each, held))
         if again[2]:
             return again
     return result
+
+
+def _with_held(each: Programs, holds: Iterable[Hold]) -> Programs:
+    """The same programs with causes held still in them."""
+    for hold in holds:
+        each = Programs(
+            replace(each.finding, reproducer=held_still(each.finding.reproducer, hold)),
+            held_still(each.whole, hold),
+            compares=each.compares,
+            unchanged=held_still(each.unchanged, hold),
+        )
+    return each
 
 
 def _judged(

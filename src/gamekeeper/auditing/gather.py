@@ -50,7 +50,7 @@ class Gathering:
         broken: probes that failed through a fault of their own, with the traceback.
         seconds: by probe.
         stopped: what ended the gathering before all probes had looked; empty where nothing did.
-        is_cut: a probe ended before it had seen all that its ration allows.
+        cut: probes that ended before they had seen all that their ration allows.
     """
 
     lab: ProbeSession
@@ -61,7 +61,7 @@ class Gathering:
     broken: dict[str, str] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
     stopped: str = ""
-    is_cut: bool = False
+    cut: list[str] = field(default_factory=list)
 
     def gathered(self) -> ProbeEvidence:
         """For the checks to read."""
@@ -117,7 +117,8 @@ def gather(
             they don't look again.
         on_probe: called with a probe's name, its place and their number, before it looks.
         until_s: time of the monotonic clock at which all must be over; each probe has its share of
-            what is left when it begins.
+            what is left when it begins, and looks once more where that was too little and time is
+            left at the end.
         keeps_partial: Ctrl-C ends the gathering, and isn't raised.
     """
     found = probes(names)
@@ -127,47 +128,61 @@ def gather(
     left = sum(parts.values())
     if until_s is not None:
         lab.ration = min(lab.ration, _steps_until(lab, until_s))
-    order = sorted(found.items(), key=lambda pair: pair[0] != FIRST)
-    for place, (name, probe) in enumerate(order):
-        lab.meter.until_s = None
-        if gathering.stopped:
-            gathering.not_exercised[name] = gathering.stopped
-            continue
-        on_probe(name, place, len(found))
-        if name in died:
-            where = lab.for_probe(name, 0).at()
-            gathering.looks[name] = [ProbeRun(facts=(Fact(where, ProbeDeath(died[name])),))]
-            gathering.not_exercised[name] = f"the environment's process {died[name]}"
-            continue
-        reason = probe.reason_against(lab)
-        if reason is not None:
-            gathering.not_exercised[name] = reason
-            continue
-        begun_s = time.perf_counter()
-        part = parts[name]
-        if until_s is not None:
-            now_s = time.monotonic()
-            lab.meter.until_s = now_s + max(until_s - now_s, 0.0) * part / left
-        try:
-            _probe(gathering, name, probe, int(lab.ration * part), int(EVIDENCE_BYTES * part))
-        except TimeUpError:
-            gathering.not_exercised[name] = TIME_UP
-            gathering.is_cut = True
-        except KeyboardInterrupt:
-            if not keeps_partial:
-                raise
-            gathering.stopped = INTERRUPTED
-            gathering.not_exercised[name] = gathering.stopped
-        left -= parts[name]
-        gathering.seconds[name] = time.perf_counter() - begun_s
-        if name == ROLLOUT:
-            _check_measured(gathering)
-        if name == FIRST:
-            lab.holds_entropy = differs_by_itself(gathering.gathered())
-    lab.meter.until_s = None
-    if gathering.is_cut and not gathering.stopped:
+    order = sorted(found, key=lambda name: name != FIRST)
+    for names in (order, gathering.cut):  # those that are cut look once more in what is left
+        left = left if names is order else sum(parts[name] for name in names)
+        for name in list(names):
+            if gathering.stopped:
+                gathering.not_exercised.setdefault(name, gathering.stopped)
+                continue
+            on_probe(name, order.index(name), len(found))
+            if until_s is not None:
+                now_s = time.monotonic()
+                lab.meter.until_s = now_s + max(until_s - now_s, 0.0) * parts[name] / left
+            try:
+                _turn_of(gathering, name, parts[name], died)
+            except KeyboardInterrupt:
+                if not keeps_partial:
+                    raise
+                gathering.stopped = INTERRUPTED
+                gathering.not_exercised[name] = gathering.stopped
+            lab.meter.until_s = None
+            left -= parts[name]
+    if gathering.cut and not gathering.stopped:
         gathering.stopped = TIME_UP
     return gathering
+
+
+def _turn_of(gathering: Gathering, name: str, part: float, died: Mapping[str, str]) -> None:
+    """Lets a probe look, if it can; what its time cuts off stands in `cut`."""
+    lab, probe = gathering.lab, gathering.probes[name]
+    if name in died:
+        where = lab.for_probe(name, 0).at()
+        gathering.looks[name] = [ProbeRun(facts=(Fact(where, ProbeDeath(died[name])),))]
+        gathering.not_exercised[name] = f"the environment's process {died[name]}"
+        return
+    reason = probe.reason_against(lab)
+    if reason is not None:
+        gathering.not_exercised[name] = reason
+        return
+    begun_s = time.perf_counter()
+    if name in gathering.cut:
+        gathering.cut.remove(name)
+    gathering.looks.setdefault(name, [])
+    try:
+        lab.meter.count(0)  # what it saw before stays where no time is left
+        gathering.looks[name] = []
+        _probe(gathering, name, probe, int(lab.ration * part), int(EVIDENCE_BYTES * part))
+        gathering.not_exercised.pop(name, None)
+    except TimeUpError:
+        gathering.not_exercised[name] = TIME_UP
+        gathering.cut.append(name)
+    spent_s = time.perf_counter() - begun_s
+    gathering.seconds[name] = gathering.seconds.get(name, 0.0) + spent_s
+    if name == ROLLOUT:
+        _check_measured(gathering)
+    if name == FIRST:
+        lab.holds_entropy = differs_by_itself(gathering.gathered())
 
 
 def _steps_until(lab: ProbeSession, until_s: float) -> int:
@@ -217,7 +232,7 @@ def look_once(lab: ProbeSession, probe: Probe, play: EpisodePlan) -> ProbeRun:
 def _probe(gathering: Gathering, name: str, probe: Probe, ration: int, size_bytes: int) -> None:
     lab = gathering.lab.for_probe(name, ration)
     longest, held = most_turns(lab, size_bytes), 0
-    looks = gathering.looks.setdefault(name, [])
+    looks = gathering.looks[name]
     begun = lab.meter.steps
     try:
         for number, play in enumerate(probe.plays(lab)):

@@ -64,6 +64,29 @@ def globals_held(make: Callable[[], Any]) -> Callable[[], Any]:
     return built
 
 
+def resets_held(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Seeds the global generators before an environment is built, and before each reset."""
+
+    def seed_all() -> None:
+        np.random.seed(764_309)
+        random.seed(764_309)
+        if "torch" in sys.modules:
+            sys.modules["torch"].manual_seed(764_309)
+
+    def built() -> Any:
+        seed_all()
+        env = make()
+        cls = type(env)
+
+        def reset(self: Any, *args: Any, **kwargs: Any) -> Any:
+            seed_all()
+            return cls.reset(self, *args, **kwargs)
+
+        return with_class(env, reset=reset)
+
+    return built
+
+
 def hold_entropy() -> Callable[[], None]:
     """Gives the same bits whenever a generator asks the system for entropy.
 
@@ -409,6 +432,9 @@ ORDERS: Final = Hold("actions in the order of possible_agents", orders_held, ("G
 
 OF_DRAWS: Final = (GLOBALS, ENTROPY)
 """Held where the same play differs by itself, so that another fault in it can be shown."""
+RESETS: Final = Hold("global generators seeded before each reset, as in the audit", resets_held)
+AS_DRAWN: Final = ((RESETS,), (RESETS, ENTROPY))
+"""Held where a play shows a fault by what it drew: it draws the same again, as in the audit."""
 HOLDS: Final = {
     "GK602": GLOBALS,
     "GK601": GENERATORS,

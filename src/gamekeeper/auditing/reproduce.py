@@ -11,6 +11,7 @@ from gamekeeper.auditing.confirm import Programs
 from gamekeeper.auditing.gather import OF_ENTROPY, Gathering, look_once
 from gamekeeper.auditing.holds import ENTROPY, held_still
 from gamekeeper.auditing.judge import Judged, verdict_of
+from gamekeeper.auditing.probe_session import TimeUpError
 from gamekeeper.auditing.snippet import Home, snippet
 from gamekeeper.checks.case import Case, Reproducer
 from gamekeeper.checks.check import Check
@@ -119,10 +120,13 @@ def _shortest(
         tries += 1
         if tries > most_tries or bench.is_spent:
             return False
-        begun = lab.meter.steps
+        begun, lab.meter.until_s = lab.meter.steps, bench.until_s
         try:
             look = look_once(lab, probe, shorter)
+        except TimeUpError:
+            return False
         finally:
+            lab.meter.until_s = None
             bench.steps_left -= lab.meter.steps - begun
         bad = _broken_alike(check, case, bench.contract, _gathered(bench, name, look))
         if bad is not None:

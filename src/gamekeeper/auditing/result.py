@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from html import escape
 from typing import Any
 
-from gamekeeper.checks.verdict import SEVERITIES, Verdict
+from gamekeeper.checks.verdict import SEVERITIES, Finding, Verdict
 from gamekeeper.episodes.agent_spec import AgentSpec
 
 
@@ -48,6 +48,11 @@ class AuditResult:
         """Verdicts of the checks that failed, the worst first."""
         bad = [each for each in self.verdicts if each.outcome == "failed"]
         return tuple(sorted(bad, key=lambda each: (SEVERITIES.index(each.severity), each.id)))
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """Failing cases of the checks that failed, the worst check first."""
+        return tuple(finding for verdict in self.failed for finding in verdict.findings)
 
     @property
     def ok(self) -> bool:

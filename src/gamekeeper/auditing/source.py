@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping
-from typing import Any
+import sys
+import sysconfig
+from collections.abc import Collection, Mapping
+from typing import Any, Final
+
+THREADED: Final = frozenset({"jax", "jaxlib", "ray", "tensorflow"})
+"""Packages that start threads once they are imported: a fork has none of them, and may wait."""
 
 
 def source_of(env: Any) -> dict[str, Any]:
@@ -26,6 +31,25 @@ def place_of(source: Mapping[str, Any]) -> str:
     """File and line of `source_of`, as compilers write them; empty where they aren't known."""
     file, line = source.get("file"), source.get("line")
     return f"{file}:{line}" if file and line else str(file or "")
+
+
+def installed_modules(env: Any, before: Collection[str]) -> tuple[str, ...]:
+    """Modules of installed packages that came with an environment, but for its own package's.
+
+    Args:
+        before: names of the modules that were loaded before it.
+    """
+    classes = (*type(env).__mro__, *_class_of(env).__mro__)
+    own = {cls.__module__.partition(".")[0] for cls in classes}
+    folders = tuple(sysconfig.get_paths()[name] for name in ("purelib", "platlib"))
+    found = []
+    for name, module in list(sys.modules.items()):
+        spec = getattr(module, "__spec__", None)
+        if spec is None or spec.name != name or name in before:
+            continue
+        if str(spec.origin).startswith(folders):
+            found.append(name)
+    return tuple(n for n in found if n.partition(".")[0] not in own | THREADED)
 
 
 def _class_of(env: Any) -> type:

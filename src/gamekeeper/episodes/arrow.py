@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -66,7 +67,7 @@ def steps_batch(block: Block, *, digests: Any | None = None) -> pa.RecordBatch:
     put("nonconforming", _texts(block.nonconforming, len(block)))
     if block.witness is not None:
         put("observed", pa.array(block.observed))
-        put("digest", binary_array(block.witness.values, block.witness.valid))
+        put("digest", _present_bytes(block.witness))
     elif digests is not None:
         put("digest", binary_array(np.ascontiguousarray(digests)))
     return pa.RecordBatch.from_arrays(list(fields.values()), schema=pa.schema(list(fields)))
@@ -94,11 +95,16 @@ def states_batch(states: States, *, digests: Any | None = None) -> pa.RecordBatc
 
 def cells_field(column: Column, cells: Cells) -> tuple[pa.Field, pa.Array]:
     """One value column as an Arrow field, its leaf in the metadata, and array."""
-    array, leaf = _cells(column, cells), column.leaf
-    shape = list(leaf.shape)
+    array = _cells(column, cells)
+    return _field(column, array.type), array
+
+
+@lru_cache(maxsize=1024)
+def _field(column: Column, kind: pa.DataType) -> pa.Field:
+    leaf, shape = column.leaf, list(column.leaf.shape)
     described = {"path": leaf.path, "kind": leaf.kind, "dtype": leaf.dtype, "shape": shape}
     metadata = {"tag": column.tag, "leaf": json.dumps(described), "shape": json.dumps(shape)}
-    return pa.field(column.name, array.type, metadata=metadata), array
+    return pa.field(column.name, kind, metadata=metadata)
 
 
 def blocks_of(table: pa.Table, *, rows: int | None = None) -> Iterator[Block]:
@@ -216,6 +222,15 @@ def binary_array(values: Any, valid: Any | None = None) -> pa.Array:
     return pa.Array.from_buffers(pa.binary(), count, [bits, offsets, pa.py_buffer(values)])
 
 
+def _present_bytes(raw: Raw) -> pa.Array:
+    """The same of a column that mostly is null: null elements take no bytes."""
+    ends = np.cumsum(raw.valid, dtype=np.int32) * np.int32(raw.values.shape[1])
+    offsets = np.concatenate((np.zeros(1, np.int32), ends))
+    bits = np.packbits(raw.valid, bitorder="little")
+    parts = (bits, offsets, np.ascontiguousarray(raw.values[raw.valid]))
+    return pa.Array.from_buffers(pa.binary(), len(raw.valid), [pa.py_buffer(p) for p in parts])
+
+
 def names_array(names: list[str] | Coded) -> pa.Array:
     """Names of agents as an Arrow array."""
     if isinstance(names, Coded):
@@ -231,6 +246,8 @@ def _texts(texts: Any, count: int) -> pa.Array:
 
 def _masks(masks: list[bytes | None] | dict[int, Raw], count: int) -> pa.Array:
     if not isinstance(masks, dict):
+        if masks.count(None) == count:
+            return pa.nulls(count, pa.binary())
         return pa.array(masks, pa.binary())
     arrays = [binary_array(raw.values, raw.valid) for raw in masks.values()]
     if len(arrays) < 2:
@@ -240,6 +257,8 @@ def _masks(masks: list[bytes | None] | dict[int, Raw], count: int) -> pa.Array:
 
 def _number(raw: Raw, name: str) -> pa.Array:
     dtype, kind = NUMBERS[name]
+    if not raw.valid.any():
+        return pa.nulls(len(raw.valid), kind)
     return pa.array(
         raw.values.view(dtype)[:, 0], kind, mask=None if raw.valid.all() else ~raw.valid
     )

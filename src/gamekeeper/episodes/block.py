@@ -31,6 +31,7 @@ Bytes2: TypeAlias = NDArray[np.uint8]
 Texts: TypeAlias = list[str | None]
 # copies an observation that was put aside (by its place) into one row of bytes
 Opener: TypeAlias = Callable[[int, "NDArray[np.uint8]"], None]
+Marks: TypeAlias = tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int64]]
 BLOCK_BYTES: Final = 64 << 20  # of the values of one block; Arrow's offsets end at 2 GiB
 LAST: Final = np.iinfo(np.int16).max  # sorts agents that did not act behind those that did
 
@@ -129,19 +130,22 @@ def columns_of(buffered: BufferedTurns, layout: Layout, *, open_large: Opener) -
     return Columns(buffered.starts, rows, states_of(buffered, layout, open_large), buffered.ends)
 
 
-def block_of(buffered: BufferedTurns, layout: Layout, *, open_large: Opener) -> Block:
-    """The rows of `buffered` as columns.
+def block_of(
+    buffered: BufferedTurns, layout: Layout, *, open_large: Opener, marks: Marks | None = None
+) -> Block:
+    """The rows of `buffered` as columns, but for usual ones.
 
     Args:
+        marks: as `marks_of` gives them, where they are known.
         open_large: writes the C bytes of an observation that was put aside into a row.
     """
-    given, done, turns = buffered.given, buffered.done, buffered.turns
+    given, done = buffered.given, buffered.done
     agents: list[Any] = given[0::GIVEN]
-    counts = np.maximum(np.array(turns[2::TURN], np.int64), 0)  # of rows that aren't usual
-    episode = np.repeat(np.array(turns[0::TURN], np.int32), counts)
-    turn = np.repeat(np.array(turns[1::TURN], np.int32), counts)
+    episodes, turns, counts = marks or marks_of(buffered.turns)
+    counts = np.maximum(counts, 0)  # of rows that aren't usual
+    episode, turn = np.repeat(episodes, counts), np.repeat(turns, counts)
     order = _numbers(done[0::DONE], np.int16)
-    index = np.array(agents, np.intp)
+    index = np.fromiter(agents, np.intp, len(agents))
     known = [each.name for each in layout.order]
     rows = _sorting(turn, episode, order, _ranks(index, known))
     pick = _picker(rows)
@@ -176,13 +180,24 @@ def block_of(buffered: BufferedTurns, layout: Layout, *, open_large: Opener) -> 
     )
 
 
+def marks_of(turns: list[object]) -> Marks:
+    """Episode, number and count of rows of each turn; usual rows count below 0."""
+    count = len(turns) // TURN
+    return (
+        np.fromiter(turns[0::TURN], np.int32, count),
+        np.fromiter(turns[1::TURN], np.int32, count),
+        np.fromiter(turns[2::TURN], np.int64, count),
+    )
+
+
 def states_of(buffered: BufferedTurns, layout: Layout, open_large: Opener) -> States | None:
     """The states of `buffered` as columns; None where no turn has one."""
+    count = len(buffered.turns) // TURN
+    if all(buffered.turns[place::TURN].count(None) == count for place in (4, 5)):
+        return None
     # a turn without a state leaves no row, or a digest would depend on the turns buffered with it
     every = zip(*(buffered.turns[place::TURN] for place in (0, 1, 4, 5)), strict=True)
     with_state = [marks for marks in every if marks[2:] != (None, None)]
-    if not with_state:
-        return None
     episodes, turns, payloads, nonconforming = (
         list[Any](column) for column in zip(*with_state, strict=True)
     )
@@ -233,11 +248,21 @@ def _take(cells: Raw, rows: NDArray[np.intp] | slice) -> Raw:
 
 def _numbers(items: Sequence[Any], dtype: type[Any]) -> Raw:
     """Numbers with None for null as raw elements of `dtype`."""
-    valid = _present(items)
-    if not valid.all():
-        items = [0 if item is None else item for item in items]
-    array = np.array(items, dtype)
+    array, valid = _whole(items, dtype), np.ones(len(items), np.bool_)
+    if array is None:
+        valid = _present(items)
+        array = np.array([0 if item is None else item for item in items], dtype)
     return Raw(array.view(np.uint8).reshape(len(items), array.itemsize), valid)
+
+
+def _whole(items: Sequence[Any], dtype: type[Any]) -> NDArray[Any] | None:
+    """The numbers as they are; None where one of them is, or may be, None."""
+    try:
+        array = np.fromiter(items, dtype, len(items))
+    except TypeError:  # to look for None first would cost as much again
+        return None
+    # a None that becomes a float becomes NaN
+    return None if array.dtype.kind == "f" and np.isnan(array).any() else array
 
 
 def _present(items: Sequence[Any]) -> NDArray[np.bool_]:

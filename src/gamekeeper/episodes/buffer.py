@@ -36,7 +36,8 @@ class EpisodeStart:
     """Start of an episode, with the arguments of its reset.
 
     `since` is the episode of the last seeded reset, itself where this one was seeded, -1 where none
-    ever was: an unseeded episode replays only by running on from there.
+    ever was: an unseeded episode without an `opening` (states of generators, attributes that were
+    set) replays only by running on from there.
     """
 
     episode: int
@@ -45,6 +46,7 @@ class EpisodeStart:
     options: str | None
     policies: str | None
     task: str | None = None
+    opening: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +59,7 @@ class EpisodeEnd:
     error: str | None = None
     endings: str | None = None
     action_types: str | None = None
+    opening: str | None = None
 
 
 class Observed:
@@ -127,17 +130,18 @@ def take(buffer: Buffer, *, most: int, most_rows: int = 65_536) -> BufferedTurns
         ends = len(buffer.ends)
         waiting = len(buffer.turns) // TURN
         counts: list[int] = buffer.turns[2 : min(waiting, most) * TURN : TURN]  # type: ignore[assignment]  # numbers of rows
-        reached = list(accumulate(map(abs, counts)))
-        # the turn that reaches `most_rows` is the last one taken
-        turns = min(bisect_left(reached, most_rows) + 1, len(reached))
+        if sum(map(abs, counts)) > most_rows:
+            # the turn that reaches `most_rows` is the last one taken
+            reached = list(accumulate(map(abs, counts)))
+            del counts[bisect_left(reached, most_rows) + 1 :]
+        turns = len(counts)
         starts = len(buffer.starts)
         if not (starts or ends or turns):
             return None
         if turns < waiting:  # an end waits until the turns of its episode are taken
             following = buffer.turns[turns * TURN]
             ends = sum(end.episode < following for end in buffer.ends[:ends])  # type: ignore[operator]
-        usual = -sum(count for count in counts[:turns] if count < 0)
-        rows = reached[turns - 1] - usual if turns else 0
+        rows, usual = _rows_of(counts)
         return BufferedTurns(
             _cut(buffer.given, rows * GIVEN),
             _cut(buffer.done, rows * DONE),
@@ -152,10 +156,15 @@ def cut_back(buffer: Buffer) -> None:
     """Takes off rows without a commit mark: an interrupt came while their turn was appended."""
     with buffer.lock:
         counts: list[int] = buffer.turns[2::TURN]  # type: ignore[assignment]  # as in take
-        usual = -sum(count for count in counts if count < 0)
-        rows = sum(counts) + usual
+        rows, usual = _rows_of(counts)
         del buffer.given[rows * GIVEN :], buffer.done[rows * DONE :]
         buffer.usual.trim(usual)
+
+
+def _rows_of(counts: list[int]) -> tuple[int, int]:
+    """Numbers of rows and of usual rows, by what turns say: the second count below 0."""
+    every, difference = sum(map(abs, counts)), sum(counts)
+    return (every + difference) // 2, (every - difference) // 2
 
 
 def _cut(items: list[T], count: int) -> list[T]:

@@ -261,7 +261,7 @@ def turn_checksums(trace: Episode, *, volatile: Collection[str]) -> list[int]:
 
 def _turns_at(trace: Episode, numbers: list[int]) -> Iterator[Turn | None]:
     """Yields the turn of each of the rising `numbers`; None where no row has it."""
-    turns = trace.turns
+    turns = iter(trace.turns)
     turn = next(turns, None)
     for number in numbers:
         while turn is not None and turn.index < number:

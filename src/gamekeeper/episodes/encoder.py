@@ -49,6 +49,7 @@ EPISODES: Final = pa.schema(
         ("action_types", pa.string()),
         ("fingerprint", pa.string()),
         ("info_fingerprint", pa.string()),
+        ("opening", pa.string()),
     ]
 )
 
@@ -136,14 +137,15 @@ class Encoder:
         ended = [self._open.pop(end.episode) for end in columns.ends]
         return Encoded(
             starts=_episodes(
-                columns.starts, ("episode", "task", "seed", "since", "options", "policies")
+                columns.starts,
+                ("episode", "task", "seed", "since", "options", "policies", "opening"),
             ),
             steps=steps,
             states=encoded_states,
             timings=None,
             ends=_episodes(
                 columns.ends,
-                ("episode", "turns", "end", "error", "endings", "action_types"),
+                ("episode", "turns", "end", "error", "endings", "action_types", "opening"),
                 fingerprint=[digest.fingerprint for digest in ended],
                 info_fingerprint=[digest.info_fingerprint for digest in ended],
             ),

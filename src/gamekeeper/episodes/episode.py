@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import groupby
 from types import MappingProxyType
 from typing import Any, Final
 
@@ -21,6 +20,7 @@ from gamekeeper.episodes.digest import SIZE, row_digests, state_digests
 from gamekeeper.episodes.layout import Column, value_columns
 from gamekeeper.episodes.plain_json import legible
 from gamekeeper.episodes.spaces import Codec
+from gamekeeper.episodes.views import Views
 from gamekeeper.episodes.where import Where
 
 # scalars that canonical JSON writes as plain values
@@ -292,9 +292,7 @@ class Episode:
     _cache: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def __repr__(self) -> str:
-        return (
-            f"<Trace of episode {self.episode}, seed {self.seed}, {self.header.get('turns')} turns>"
-        )
+        return f"<Episode {self.episode}: seed {self.seed}, {self.header.get('turns')} turns>"
 
     @property
     def seed(self) -> int | None:
@@ -357,14 +355,14 @@ class Episode:
         return self._cached("digests", lambda: digests_of(self.steps))
 
     @property
-    def turns(self) -> Iterator[Turn]:
+    def turns(self) -> Sequence[Turn]:
         """The turns in their order; the last may hold closing rows only, given but not acted on."""
-        kept = self._cache.get("turns")
-        return self._walk() if kept is None else iter(kept)
+        kept: Sequence[Turn] | None = self._cache.get("turns")
+        return self._views() if kept is None else kept
 
     def keep_turns(self) -> None:
         """Keeps the turns once they are made, for many readers."""
-        self._cached("turns", lambda: list(self._walk()))
+        self._cached("turns", lambda: tuple(self._views()))
 
     @legible
     def column(self, name: str) -> list[Any]:
@@ -375,12 +373,18 @@ class Episode:
         """The columns that hold leaves of `kind` ("obs" or "action"), decoded once."""
         return self._cached(f"cells {kind}", lambda: cells_by_column(self.steps, kind))  # type: ignore[no-any-return]
 
-    def _walk(self) -> Iterator[Turn]:
+    @legible
+    def _views(self) -> Views[Turn]:
         numbers = self.column("turn")
         columns = {name: self.column(name) for name in ("agent", "order", "live", *_GIVEN)}
-        for number, group in groupby(range(len(numbers)), key=numbers.__getitem__):
-            rows = list(group)
-            yield self._turn(number, range(rows[0], rows[-1] + 1), columns)
+        firsts = self._cached(
+            "first rows", lambda: [0, *(np.flatnonzero(np.diff(numbers)) + 1).tolist()]
+        )
+        ends = [*firsts[1:], len(numbers)]
+        return Views(
+            len(firsts) if numbers else 0,
+            lambda at: self._turn(numbers[firsts[at]], range(firsts[at], ends[at]), columns),
+        )
 
     @legible
     def _turn(self, number: int, rows: range, columns: Mapping[str, list[Any]]) -> Turn:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from importlib import import_module
@@ -24,6 +24,7 @@ from gamekeeper.episodes.plain_json import legible
 from gamekeeper.episodes.spaces import Codec, UnknownSpace, space_from_json, space_to_json
 from gamekeeper.episodes.summary import Summary, summarise
 from gamekeeper.episodes.tables import Tables, episode_rows
+from gamekeeper.episodes.views import Views
 from gamekeeper.errors import DependencyError, EvidenceError
 
 NO_STEPS: Final = pa.schema(  # of a run that ended before its first row: what every run has
@@ -177,9 +178,14 @@ class Evidence:
         return _codec(self.manifest.get("state_space"))
 
     @property
-    def episodes(self) -> Iterator[Episode]:
-        """Views of the episodes, in their order."""
-        return map(self.episode_of, self.headers)
+    def episodes(self) -> Sequence[Episode]:
+        """Views of the episodes, in their order, each read when it is asked for."""
+        table = self.episode_table
+        return Views(
+            table.num_rows,
+            lambda place: self.episode_of(table.slice(place, 1).to_pylist()[0]),
+            lambda: map(self.episode_of, self.headers),
+        )
 
     @property
     def headers(self) -> Iterator[Mapping[str, Any]]:
@@ -288,6 +294,17 @@ class Evidence:
         return NOT_WHOLE.get(str(self.manifest.get("status")), "")
 
     @property
+    def retained_text(self) -> str:
+        """Sentence about the episodes that a flight recorder dropped; empty for another run."""
+        keep = self.manifest.get("keep")
+        if not isinstance(keep, dict):
+            return ""
+        return (
+            f"It retains {keep.get('retained')} of the {keep.get('seen')} episodes that were "
+            f"recorded ({keep.get('rule')}); manifest.json has the sums of the others under keep."
+        )
+
+    @property
     def kept_text(self) -> str:
         """Level `actions` and the line that expands the run; empty for another level."""
         if self.manifest.get("level") != "actions":
@@ -307,6 +324,7 @@ class Evidence:
         name = self.manifest.get("environment", {}).get("name")
         alert = f"{self.not_whole}\n" if self.not_whole else ""
         alert += f"Level {self.kept_text}\n" if self.kept_text else ""
+        alert += f"{self.retained_text}\n" if self.retained_text else ""
         return f"{self.episode_table.num_rows} episodes of {name} ({where})\n{alert}{self.summary}"
 
     def __repr__(self) -> str:

@@ -11,23 +11,26 @@ import json
 import platform
 import sys
 import zipfile
+import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from os import PathLike
-from pathlib import Path, PurePosixPath
-from typing import Any, Final
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import IO, Any, Final
 
 from gamekeeper.errors import GamekeeperError, RunError, TrustError
 from gamekeeper.evaluation.claim_figures import figures_in, is_same, worked_out
 from gamekeeper.evaluation.claim_pack import (
+    BLOCK_BYTES,
     CLAIM,
     EVALUATIONS,
     FORMAT,
     RUNS,
     SOURCE,
-    digest_of_bytes,
+    digest_of,
     figures_of,
+    hash_of_claim,
     installed_packages,
     source_module,
 )
@@ -40,6 +43,10 @@ from gamekeeper.runs.run_check import verify
 
 MOST_BYTES: Final = 1 << 33
 """Bytes of all files of a claim together."""
+LARGEST_DOCUMENT: Final = 1 << 28
+"""Bytes of a claim's document."""
+BROKEN: Final = (OSError, EOFError, RuntimeError, zipfile.BadZipFile, zlib.error)
+"""Errors of an entry that can't be read: cut off, altered, encrypted, packed in another way."""
 ABSENT: Final = "not installed"
 
 
@@ -156,7 +163,7 @@ def reproduce(
         figures += _evaluated(place, evaluation, replays)
     differs = (*_other_packages(document), *_other_source(place, document, replays))
     return CheckedClaim(
-        str(claim), digest_of_bytes(text), tuple(damage), differs, tuple(figures), replays, reasons
+        str(claim), digest_of(text), tuple(damage), differs, tuple(figures), replays, reasons
     )
 
 
@@ -167,20 +174,19 @@ def _read(claim: Path) -> tuple[dict[str, Any], bytes]:
         RunError: the file is no claim.
     """
     try:
-        with zipfile.ZipFile(claim) as archive:
-            text = archive.read(CLAIM)
+        with zipfile.ZipFile(claim) as archive, archive.open(CLAIM) as entry:
+            text = entry.read(LARGEST_DOCUMENT)
         document = json.loads(text)
         is_whole = document["format"] == FORMAT and isinstance(document["packages"], dict)
-        names = [str(each["name"]) for each in document["runs"]]
-        is_whole &= all(each["figures"].keys() for each in document["runs"])
-        evaluations = document.get("evaluations", [])
-        names += [str(each["name"]) for each in evaluations]
+        runs, evaluations = document["runs"], document.get("evaluations", [])
+        names = [str(each["name"]) for each in (*runs, *evaluations)]
         names += [run for each in evaluations for _, _, run in each["runs"]]
         is_whole &= all(map(_is_plain, [*names, *document["files"]]))
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile) as error:
+        is_whole &= all(isinstance(each["figures"], dict) for each in runs)
+        environments = [each.get("environment") or {} for each in runs]
+        is_whole &= all(isinstance(each.get("versions") or {}, dict) for each in environments)
+    except (ValueError, KeyError, TypeError, AttributeError, *BROKEN) as error:
         raise _no_claim(claim, f"{type(error).__name__}: {error}") from error
-    except (RecursionError, NotImplementedError, RuntimeError, EOFError) as error:
-        raise _no_claim(claim, type(error).__name__) from error
     if not is_whole:
         raise _no_claim(claim, "another format, or names that lead out of it")
     return document, text
@@ -197,9 +203,10 @@ def _no_claim(claim: Path, actual: str) -> RunError:
 
 
 def _is_plain(name: str) -> bool:
-    """A name that stays in the folder it is unpacked into."""
+    """A name that stays in the folder it is unpacked into, on every system."""
     parts = PurePosixPath(name).parts
-    return bool(parts) and not name.startswith("/") and ".." not in parts and "\\" not in name
+    leads_out = name.startswith("/") or ".." in parts or PureWindowsPath(name).drive
+    return bool(parts) and not leads_out and "\\" not in name
 
 
 def _unpack(claim: Path, folder: Path, files: Mapping[str, str]) -> list[str]:
@@ -221,20 +228,28 @@ def _unpack(claim: Path, folder: Path, files: Mapping[str, str]) -> list[str]:
     with zipfile.ZipFile(claim) as archive:
         for name, digest in files.items():
             try:
-                with archive.open(name) as entry:
-                    data = entry.read(left + 1)
-            except (KeyError, zipfile.BadZipFile, EOFError, OSError) as error:
+                (target := folder / name).parent.mkdir(parents=True, exist_ok=True)
+                with archive.open(name) as entry, target.open("xb") as file:
+                    size, found = _copied(entry, file, left)
+            except (KeyError, *BROKEN) as error:
                 damage.append(f"{name}: {'missing' if isinstance(error, KeyError) else error}")
                 continue
-            left -= len(data)
+            left -= size
             if left < 0:
                 raise _no_claim(claim, f"more than {MOST_BYTES:,} bytes")
-            if digest_of_bytes(data) != digest:
+            if found != digest:
                 damage.append(f"{name}: not the file that was packed")
-            target = folder / name
-            target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_bytes(data)
     return damage
+
+
+def _copied(entry: IO[bytes], file: IO[bytes], most: int) -> tuple[int, str]:
+    """Copies an entry, and not much more than `most` bytes; returns its size and digest."""
+    size, found = 0, hash_of_claim()
+    while size <= most and (block := entry.read(BLOCK_BYTES)):
+        size += len(block)
+        found.update(block)
+        file.write(block)
+    return size, found.hexdigest()
 
 
 def _damage_of(path: Path, run: Mapping[str, Any]) -> list[str]:
@@ -343,7 +358,7 @@ def _other_source(
     for name, digest in document["files"].items():
         if name.startswith(f"{SOURCE}/"):
             beside = Path(name.partition("/")[2])
-            if beside.is_file() and digest_of_bytes(beside.read_bytes()) != digest:
+            if beside.is_file() and digest_of(beside) != digest:
                 yield ClaimDifference(str(beside), "as packed", "another, in this folder")
     for run, played in replays.items():
         if "source" in played.versions:

@@ -14,17 +14,20 @@ from __future__ import annotations
 
 import json
 import platform
+import shutil
 import zipfile
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from hashlib import blake2b
+from hashlib import blake2b, file_digest
 from importlib import metadata
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final
 
+from gamekeeper.contract import Contract
 from gamekeeper.episodes.evidence import Evidence
-from gamekeeper.errors import RunError
+from gamekeeper.errors import ContractError, RunError
 from gamekeeper.evaluation.claim_figures import policy_files, runs_of
 from gamekeeper.evaluation.continuation import RESULT, document_in
 from gamekeeper.evaluation.worker_tasks import EPISODES
@@ -42,6 +45,11 @@ EVALUATIONS: Final = "evaluations"
 MOMENT: Final = (1980, 1, 1, 0, 0, 0)
 """Time of every entry, so that equal contents make equal files."""
 FIGURES: Final = ("return_mean", "length_mean", "share", "idle")
+BLOCK_BYTES: Final = 1 << 20
+"""Bytes of a file that are in memory at once."""
+
+Content = bytes | Path
+"""Content of an entry: bytes, or a file that is copied when the claim is written."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,8 +88,8 @@ def pack(
         out: the file to write; it must not exist.
         files: more files and folders: checkpoints, an evaluation and its specification.
     Raises:
-        RunError: a run is open or damaged, an evaluation recorded none, there is none, or the
-            file exists.
+        RunError: a run is open or damaged, an evaluation recorded none, there is none, the file
+            exists, or two sources that differ have one name.
     """
     named = [Path(each) for each in runs]
     evaluations = [each for each in named if (each / RESULT).is_file()]
@@ -105,7 +113,7 @@ def pack(
         rows = [[*key, names[folder / run]] for key, run in its_runs.items()]
         judged.append({"name": name, "runs": rows})
         for part in (RESULT, EPISODES):
-            contents[f"{EVALUATIONS}/{name}/{part}"] = (folder / part).read_bytes()
+            contents[f"{EVALUATIONS}/{name}/{part}"] = folder / part
         more += policy_files(document)
     contents |= _files(map(Path, more))
     packages = installed_packages()
@@ -114,42 +122,64 @@ def pack(
     return _written(target, claim, contents)
 
 
-def _runs(folders: list[Path]) -> tuple[list[dict[str, Any]], dict[str, bytes]]:
-    """Claims over runs, and their files and sources."""
+def _runs(folders: list[Path]) -> tuple[list[dict[str, Any]], dict[str, Content]]:
+    """Claims over runs, and their files and sources.
+
+    Raises:
+        RunError: sources of two runs differ and have one name.
+    """
     claimed = []
-    contents: dict[str, bytes] = {}
+    contents: dict[str, Content] = {}
     for folder, name in zip(folders, _names(folders), strict=True):
         claimed.append(_claim_of(folder, name))
         contents |= {
-            f"{RUNS}/{name}/{file.relative_to(folder).as_posix()}": file.read_bytes()
-            for file in _below(folder)
+            f"{RUNS}/{name}/{file.relative_to(folder).as_posix()}": file for file in _below(folder)
         }
-        contents |= {f"{SOURCE}/{key}": data for key, data in _source_of(load(folder)).items()}
+        for place, data in _source_of(load(folder)).items():
+            if contents.setdefault(f"{SOURCE}/{place}", data) != data:
+                raise RunError(
+                    "sources of two runs have one name",
+                    where=str(folder),
+                    expected=f"one {place} for all runs of a claim",
+                    actual=f"another {place} than a run before it",
+                    fix="pack them as two claims, or rename the file and record again",
+                )
     return claimed, contents
 
 
-def _files(named: Iterable[Path]) -> dict[str, bytes]:
-    """Files that were named, and those in folders that were, by their place in the claim."""
+def _files(named: Iterable[Path]) -> dict[str, Content]:
+    """Files that were named, and those in folders that were, by their place in the claim.
+
+    The place is the name; where two have one name, as many folders above it as tell them apart.
+    """
+    paths = list(dict.fromkeys(each.resolve() for each in named))
+    tails = dict.fromkeys(paths, 1)
+    while True:
+        places = {path: Path(*path.parts[1:][-tails[path] :]) for path in paths}
+        times = Counter(places.values())
+        if all(count == 1 for count in times.values()):
+            break
+        tails = {path: tails[path] + (times[places[path]] > 1) for path in paths}
     return {
-        f"{FILES}/{file.relative_to(each.parent).as_posix()}": file.read_bytes()
-        for each in named
-        for file in (_below(each) if each.is_dir() else [each])
+        f"{FILES}/{(place / file.relative_to(path)).as_posix()}": file
+        for path, place in places.items()
+        for file in (_below(path) if path.is_dir() else [path])
     }
 
 
-def _written(target: Path, claim: Mapping[str, Any], contents: Mapping[str, bytes]) -> Packed:
+def _written(target: Path, claim: Mapping[str, Any], contents: Mapping[str, Content]) -> Packed:
     """Writes the file."""
     whole = {
         "format": FORMAT,
         "python": platform.python_version(),
         **claim,
-        "files": {name: digest_of_bytes(data) for name, data in sorted(contents.items())},
+        "files": {name: digest_of(content) for name, content in sorted(contents.items())},
     }
     text = json.dumps(whole, indent=1, sort_keys=True).encode()
     _write(target, {CLAIM: text, **dict(sorted(contents.items()))})
     return Packed(
         str(target),
-        digest_of_bytes(text),
+        digest_of(text),
         tuple(each["name"] for each in claim["runs"]),
         tuple(name for name in sorted(contents) if name.startswith(f"{SOURCE}/")),
         len(contents),
@@ -182,9 +212,19 @@ def figures_of(evidence: Evidence) -> dict[str, Any]:
     return found
 
 
-def digest_of_bytes(data: bytes) -> str:
-    """blake2b of 16 bytes, in hexadecimal digits."""
-    return blake2b(data, digest_size=16).hexdigest()
+def hash_of_claim() -> blake2b:
+    """The hash of a claim's files: blake2b of 16 bytes."""
+    return blake2b(digest_size=16)
+
+
+def digest_of(content: Content) -> str:
+    """Hash of bytes or of a file, in hexadecimal digits."""
+    if isinstance(content, Path):
+        with content.open("rb") as file:
+            return file_digest(file, hash_of_claim).hexdigest()
+    found = hash_of_claim()
+    found.update(content)
+    return found.hexdigest()
 
 
 def installed_packages() -> dict[str, str]:
@@ -250,9 +290,18 @@ def _source_of(evidence: Evidence) -> dict[str, bytes]:
         found[Path(path).name] = Path(path)
     files = {place: file for place, file in found.items() if file.is_file()}
     for place, file in list(files.items()):
-        for beside in file.parent.glob("*.toml"):
+        for beside in filter(_is_contract, file.parent.glob("*.toml")):
             files.setdefault((Path(place).parent / beside.name).as_posix(), beside)
     return {place: file.read_bytes() for place, file in files.items()}
+
+
+def _is_contract(file: Path) -> bool:
+    """Tells contracts from other TOML files, which may hold what isn't meant for others."""
+    try:
+        Contract.load(file)
+    except ContractError:
+        return False
+    return True
 
 
 def _place(name: str, path: Path) -> str:
@@ -278,7 +327,13 @@ def _below(folder: Path) -> list[Path]:
     return sorted(each for each in folder.rglob("*") if each.is_file() and not each.is_symlink())
 
 
-def _write(target: Path, contents: Mapping[str, bytes]) -> None:
+def _write(target: Path, contents: Mapping[str, Content]) -> None:
     with zipfile.ZipFile(target, "x", zipfile.ZIP_DEFLATED) as archive:
-        for name, data in contents.items():
-            archive.writestr(zipfile.ZipInfo(name, MOMENT), data, zipfile.ZIP_DEFLATED)
+        for name, content in contents.items():
+            info = zipfile.ZipInfo(name, MOMENT)
+            info.compress_type = zipfile.ZIP_DEFLATED
+            if isinstance(content, bytes):
+                archive.writestr(info, content)
+                continue
+            with content.open("rb") as file, archive.open(info, "w", force_zip64=True) as entry:
+                shutil.copyfileobj(file, entry, BLOCK_BYTES)

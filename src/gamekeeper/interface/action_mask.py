@@ -48,11 +48,12 @@ def reader(place: str | None) -> Reader:
 
 
 def _usual(observation: object, info: object) -> object:
-    if isinstance(observation, Mapping):
+    # type first: asking an abstract class costs more than the rest
+    if type(observation) is not np.ndarray and isinstance(observation, Mapping):
         mask = observation.get(_KEY)
         if mask is not None:
             return mask
-    return info.get(_KEY) if isinstance(info, Mapping) else None
+    return info.get(_KEY) if type(info) is dict or isinstance(info, Mapping) else None
 
 
 def _at(side: int, keys: tuple[str, ...]) -> Reader:

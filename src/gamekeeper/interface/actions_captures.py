@@ -17,7 +17,7 @@ from gamekeeper.episodes.buffer import OBSERVED, LargePlace
 from gamekeeper.episodes.exception_text import traceback_text
 from gamekeeper.interface.aec_accounts import entry_of, reward_in
 from gamekeeper.interface.aec_capture import _NEVER, AECCapture, BookkeptCapture
-from gamekeeper.interface.capture import NO_STATE, AgentId, Capture
+from gamekeeper.interface.capture import CHECK_TURNS, NO_STATE, AgentId, Capture
 from gamekeeper.interface.packing import BOOLS, EXACT, FLOATS, MISSING, REALS, flag_of, type_name_of
 from gamekeeper.interface.parallel_capture import NO_PARTS, Move, ParallelCapture, _five
 
@@ -38,14 +38,28 @@ def _are_usual(rewards: list[Any]) -> bool:
 
 
 class _Witnessed(Capture):
-    """Looks at state() only where the turn that comes is a witness."""
+    """Part that both forms share: most turns aren't looked at beyond what was done and paid.
+
+    `_quiet_below` is the turn at which state, frames or the sink are to be looked at next; the
+    turns below it are *quiet*, once a capture has seen that nothing else is to be noted either.
+    """
+
+    _quiet_below = 0
+
+    def _begin(self, seed: int | None, options: Mapping[str, Any] | None) -> None:
+        self._quiet_below = 0
+        super()._begin(seed, options)
 
     def _crossed(self) -> None:
-        state = self._state
-        if self.turn % EVERY:
+        """After a step: looks at state() only where the turn that comes is a witness."""
+        turn, state = self.turn, self._state
+        stops = turn - turn % EVERY + EVERY, turn - turn % CHECK_TURNS + CHECK_TURNS
+        self._quiet_below = 0 if self._frames else min(stops)
+        if turn % EVERY:
             self._state, self._state_entry = None, NO_STATE
         try:
-            super()._crossed()
+            if self._frames or not turn % EVERY or not turn % CHECK_TURNS:
+                super()._crossed()
         finally:
             self._state = state
 
@@ -81,25 +95,60 @@ class ParallelActionsCapture(_Witnessed, ParallelCapture):
         parts = _five(out) or NO_PARTS
         self._half = self.turn, payloads, parts, _UNTIMED
         self._observations, self._infos = parts[0], parts[4]
-        if not self._commit_usual(payloads, parts[1]):
-            self._write_out()
-            self._pay(_moves_of(payloads), parts[1], _UNTIMED)
-        if self._frames or not self.turn % EVERY or not self.turn % 256:
-            self._crossed()
-        else:
-            self._state_entry = NO_STATE
-        self._give(*parts)
+        if not self._goes_on(payloads, *parts):
+            self._pass_over(payloads, parts)
         self._half = None
         return out
 
-    def _commit_usual(self, payloads: list[Any], rewards: Any) -> bool:
-        """Puts a usual turn on the buffer; False where a reward isn't as usual."""
-        who = self._who
-        if rewards.__class__ not in DICTS or list(rewards) != who:
+    def _goes_on(
+        self, payloads: list[Any], observations: Any, rewards: Any, terms: Any, truncs: Any, _: Any
+    ) -> bool:
+        """Books a usual tick that another usual one follows; False, and nothing done, if it isn't.
+
+        This is all that most ticks cost, so one walk over the agents looks at all that there is to
+        look at. The rows that wait are those of the last tick: nothing of them is written anew.
+        """
+        who, coming = self._who, self.turn + 1
+        count = len(who)
+        if (
+            coming >= self._quiet_below
+            or getattr(self.env, "agents", None) != who
+            or not observations.__class__ is terms.__class__ is truncs.__class__ is dict
+            or rewards.__class__ not in DICTS
+            or not len(observations) == len(rewards) == len(terms) == len(truncs) == count
+        ):
             return False
-        paid = list(rewards.values())
-        if not _are_usual(paid):
+        paid, reward_of = [], rewards.get  # to look into a defaultdict would add to it
+        try:
+            for agent in who:
+                reward = reward_of(agent)
+                if (
+                    terms[agent] is not False
+                    or truncs[agent] is not False
+                    or (reward.__class__ is not float and reward.__class__ not in FLOATS)
+                    or agent not in observations
+                ):
+                    return False
+                paid.append(reward)
+        except KeyError:
             return False
+        self._commit_usual(payloads, paid)
+        return True
+
+    def _pass_over(self, payloads: list[Any], parts: tuple[Any, ...]) -> None:
+        """Books a tick whose actions were usual, and begins the rows of whatever follows."""
+        rewards = parts[1]
+        paid = list(rewards.values()) if rewards.__class__ in DICTS else []
+        if paid and list(rewards) == self._who and _are_usual(paid):
+            self._commit_usual(payloads, paid)
+        else:
+            self._write_out()
+            self._pay(_moves_of(payloads), rewards, _UNTIMED)
+        self._crossed()
+        self._give(*parts)
+
+    def _commit_usual(self, payloads: list[Any], paid: list[Any]) -> None:
+        """Puts a usual turn on the buffer, its mark last."""
         buffer, turn = self._buffer, self.turn
         usual = buffer.usual
         usual.agents.extend(self._indexes)
@@ -107,7 +156,7 @@ class ParallelActionsCapture(_Witnessed, ParallelCapture):
         usual.rewards.extend(paid)
         self.turn = turn + 1
         buffer.turns.extend((self.episode, turn, -len(paid), _UNTIMED, *self._state_entry))
-        return True
+        self._state_entry = NO_STATE
 
     def _book(self, turn: int, *env_step: Any) -> None:
         moves, *rest = env_step
@@ -227,21 +276,13 @@ class _TurnsByActions(_Witnessed, AECCapture):
         except KeyboardInterrupt:
             raise
         except BaseException as error:
-            self._seen, self._is_sure = _NEVER, False
-            done = 0, payload, None, None, type_name_of(type(error)), None
-            self._put(agent, _usual_row(index), done, [], _UNTIMED)
-            self.fail(traceback_text(error), in_step=True)
+            self._broke_off(agent, index, payload, error)
             raise
         self._failure, self._seen = None, _NEVER
-        self._half = self.turn, agent, _usual_row(index), payload, None, _UNTIMED
-        if not self._take_usual(agent, index, payload):
-            self._pay_usual(agent, index, payload)
-            self._note(agent)
+        self._half = self.turn, agent, None, payload, None, _UNTIMED
+        self._pay_usual(agent, index, payload)
+        self._note(agent)
         self._half = None
-
-    def _take_usual(self, agent: AgentId, index: int, payload: Any) -> bool:
-        """Books a usual step in one place, where that can be told at no cost; else False."""
-        return False
 
     def _pay_usual(self, agent: AgentId, index: int, payload: Any) -> None:
         """After a usual step: its turn onto the buffer."""
@@ -255,6 +296,10 @@ class _TurnsByActions(_Witnessed, AECCapture):
             done = 0, payload, reward, self._terms_of(agent), None, entry
             self._put(agent, _usual_row(index), done, paid, _UNTIMED)
             return
+        self._commit_usual(index, payload, reward)
+
+    def _commit_usual(self, index: int, payload: Any, reward: Any) -> None:
+        """Puts a usual turn on the buffer, its mark last."""
         buffer, turn = self._buffer, self.turn
         usual = buffer.usual
         usual.agents.append(index)
@@ -262,12 +307,20 @@ class _TurnsByActions(_Witnessed, AECCapture):
         usual.rewards.append(reward)
         self.turn = turn + 1
         buffer.turns.extend((self.episode, turn, -1, _UNTIMED, *self._state_entry))
+        self._state_entry = NO_STATE
 
-    def _crossed(self) -> None:
-        if self._frames or not self.turn % EVERY or not self.turn % 256:
-            super()._crossed()
-        else:
-            self._state_entry = NO_STATE
+    def _broke_off(self, agent: AgentId, index: int, payload: Any, error: BaseException) -> None:
+        """Books a usual step that raised."""
+        self._seen, self._is_sure = _NEVER, False
+        done = 0, payload, None, None, type_name_of(type(error)), None
+        self._put(agent, _usual_row(index), done, [], _UNTIMED)
+        self.fail(traceback_text(error), in_step=True)
+
+    def _book(self, turn: int, *env_step: Any) -> None:
+        agent, given, *rest = env_step
+        if given is None:  # the step was a usual one
+            given = _usual_row(self._packers[agent][0])
+        super()._book(turn, agent, given, *rest)
 
     def _is_witness(self, agent: AgentId) -> bool:
         """True if the row of the agent in turn is kept by its digest."""
@@ -314,29 +367,81 @@ class AECActionsCapture(_TurnsByActions):
 
 
 class BookkeptActionsCapture(_TurnsByActions, BookkeptCapture):
-    """The same for an environment whose books are ours."""
+    """The same for an environment whose books are ours: they say whom a step touched.
 
-    def _take_usual(self, agent: AgentId, index: int, payload: Any) -> bool:
-        """Books a step that, as the books say, touched only the agent that acted."""
-        books, turn = self._books, self.turn
-        touched, coming = books.touched, turn + 1
-        reward = books.rewards.get(agent)
+    While `turn < _quiet_below` no agent has ended that is still in the roster, nothing waits to be
+    noted, and `_seen` is the agent in turn once it has looked. Then nothing is asked before a step,
+    and after it only whom the step touched.
+    """
+
+    def _look(self, agent: AgentId, observation: Any) -> None:
+        if self.turn < self._quiet_below and self._half is None:
+            self._seen = agent
+        else:
+            super()._look(agent, observation)
+
+    def step(self, action: Any) -> None:
+        """One turn of the agent whose turn it is."""
+        agent, books = self._seen, self._books
+        if self.turn >= self._quiet_below or agent is _NEVER or agent != books.agent_selection:
+            self._step_any(action)
+            return
+        index, _, pack = self._packers[agent]
+        payload = pack(action)
+        if payload is None:
+            self._step_any(action)
+            return
+        try:
+            self.env.step(action)
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            self._quiet_below = 0
+            self._broke_off(agent, index, payload, error)
+            raise
+        self._failure, self._seen = None, _NEVER
+        self._half = self.turn, agent, None, payload, None, _UNTIMED
+        touched, coming = books.touched, self.turn + 1
+        reward, paid = books.rewards.get(agent), touched.paid
         if (
-            reward.__class__ is not float
+            coming >= self._quiet_below
+            or reward.__class__ is not float
             or touched.ended
             or touched.left
             or touched.joined
-            or len(touched.paid) > (agent in touched.paid)
-            or not (coming % EVERY and coming % 256 and self._is_sure and books.agents)
-            or self._frames
+            or (paid and (len(paid) > 1 or agent not in paid))
         ):
-            return False
-        buffer = self._buffer
-        usual = buffer.usual
-        usual.agents.append(index)
-        usual.actions.append(payload)
-        usual.rewards.append(reward)
-        self.turn = coming
-        buffer.turns.extend((self.episode, turn, -1, _UNTIMED, *self._state_entry))
-        self._state_entry = NO_STATE
-        return True
+            self._pay_usual(agent, index, payload)
+            self._note(agent)
+            self._settle()
+        else:
+            self._commit_usual(index, payload, reward)
+        self._half = None
+
+    def _step_any(self, action: Any) -> None:
+        self._quiet_below = 0
+        super().step(action)
+        self._settle()
+
+    def _settle(self) -> None:
+        """Leaves `_quiet_below` as it was set after the step where the turn that comes is quiet."""
+        books = self._books
+        agent = books.agent_selection
+        if (
+            self._open
+            and self._is_sure
+            and not self._news
+            and self.turn % EVERY
+            # one that has ended comes first: with the agent in turn, nobody has
+            and entry_of(books.terminations, agent) is False
+            and entry_of(books.truncations, agent) is False
+            and agent in self._packers
+        ):
+            self._seen_payload, self._seen_nonconforming, self._stood = OBSERVED, None, None
+        else:
+            self._quiet_below = 0
+
+    def _book(self, turn: int, *env_step: Any) -> None:
+        self._quiet_below = 0
+        super()._book(turn, *env_step)
+        self._quiet_below = 0

@@ -29,6 +29,7 @@ from gamekeeper.episodes.layout import AgentColumns
 from gamekeeper.episodes.spaces import Codec
 from gamekeeper.errors import EvidenceError
 from gamekeeper.interface.generators import is_still
+from gamekeeper.interface.openings import Openings, SameOpenings
 from gamekeeper.interface.packing import (
     InfoTexts,
     Pack,
@@ -64,6 +65,8 @@ class Capture:
         self.episode = -1
         self.turn = 0
         self.failed_at: int | None = None
+        self.openings: Openings | SameOpenings | None = None
+        self.was_reset = False  # an episode was begun
         self._since = -1
         self._frames = frames
         self._open = False
@@ -144,7 +147,9 @@ class Capture:
         for seat in self.sink.layout.order:
             seat.acts_as = None
         text = None if options is None else to_json(options)
-        start = EpisodeStart(self.episode, seed, self._since, text, self.policies)
+        opening = None if self.openings is None else self.openings.start(seed)
+        self.was_reset = True
+        start = EpisodeStart(self.episode, seed, self._since, text, self.policies, opening=opening)
         self._buffer.starts.append(start)
 
     def _reset_env(
@@ -174,9 +179,9 @@ class Capture:
         self._open = False
         error, self._failure = self._failure, None
         end = "failed" if error is not None else end
-        self._buffer.ends.append(
-            EpisodeEnd(self.episode, end, self.turn, error, self._endings(), self._action_types())
-        )
+        opening = None if self.openings is None else self.openings.end()
+        told = self._endings(), self._action_types(), opening
+        self._buffer.ends.append(EpisodeEnd(self.episode, end, self.turn, error, *told))
         self.sink.keep_up()
 
     def _action_types(self) -> str:
@@ -224,6 +229,11 @@ class Capture:
         """Notes why the episode in progress can't go on, where no step has said it already."""
         if self.sink is not None and self._open and self._failure is None:
             self.fail(error)
+
+    @property
+    def is_open(self) -> bool:
+        """True while an episode is in progress."""
+        return self._open
 
     # -- the turn
 

@@ -6,6 +6,7 @@ import gc
 import random
 from collections import deque
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from types import BuiltinFunctionType, CodeType, FrameType, FunctionType, ModuleType
 from typing import Any, Final
 
@@ -37,31 +38,67 @@ def is_still(env: Any, call: Callable[[], Any]) -> bool:
         calm = True
     for generator, state in before:
         if not is_same_state(state_of(generator), state):
-            _restore(generator, state)
+            put_back(generator, state)
             calm = False
     return calm
 
 
-def generators(env: Any) -> Iterator[Any]:
+def generators(env: Any, *, without: tuple[type, ...] = ()) -> Iterator[Any]:
     """The random generators that `env` holds, down to five objects deep, and the global ones.
 
     Nearest first, so that what is held both near and far is looked into from near.
+
+    Args:
+        without: classes whose instances aren't looked into.
     """
     yield random
     yield np.random
+    yield from (link[1] for link in _links(env, without))
+
+
+def chains(env: Any, *, without: tuple[type, ...] = ()) -> list[tuple[Any, ...]]:
+    """Objects that lead from `env` to each generator that it holds, both ends among them."""
+    found = []
+    for link in _links(env, without):
+        chain, at = [], link
+        while at is not None:
+            chain.append(at[1])
+            at = at[0]
+        found.append(tuple(reversed(chain)))
+    return found
+
+
+def at_end(chain: tuple[Any, ...]) -> Any:
+    """The generator that a chain leads to now; None where the chain is broken.
+
+    A generator that was replaced by the only one of its class in the same place is that one.
+    """
+    for parent, child in pairwise(chain):
+        parts = gc.get_referents(parent)
+        if any(part is child for part in parts):
+            continue
+        others = [part for part in parts if type(part) is type(child)]
+        return others[0] if child is chain[-1] and len(others) == 1 else None
+    return chain[-1]
+
+
+def _links(env: Any, without: tuple[type, ...]) -> Iterator[Any]:
+    """Yields each generator as a pair with the pair of the object that holds it, up to `env`."""
+    plain: Any = (*_PLAIN, *without)
     seen: set[int] = set()
-    queue = deque([(env, 0)])
+    queue: deque[tuple[Any, int]] = deque([((None, env), 0)])
     while queue and len(seen) < MOST_OBJECTS:
-        item, depth = queue.popleft()
-        if id(item) in seen or isinstance(item, _PLAIN):
+        link, depth = queue.popleft()
+        item = link[1]
+        if id(item) in seen or isinstance(item, plain):
             continue
         seen.add(id(item))
         if isinstance(item, np.random.Generator | np.random.RandomState | random.Random | Stream):
-            yield item
+            yield link
         elif isinstance(item, _CONTAINERS):
-            queue.extendleft((part, depth) for part in reversed(_parts(item)))
+            queue.extendleft(((link, part), depth) for part in reversed(_parts(item)))
         elif depth < DEPTH:
-            queue.extend((part, depth + 1) for part in _parts(item))
+            queue.extend(((link, part), depth + 1) for part in _parts(item))
 
 
 def _parts(item: Any) -> list[Any]:
@@ -84,7 +121,8 @@ def state_of(generator: Any) -> Any:
     return generator.get_state()
 
 
-def _restore(generator: Any, state: Any) -> None:
+def put_back(generator: Any, state: Any) -> None:
+    """Sets the state of a generator, as `state_of` gave it."""
     if isinstance(generator, np.random.Generator):
         generator.bit_generator.state = state
     elif isinstance(generator, Stream):

@@ -254,6 +254,8 @@ def action_packer(seat: AgentColumns) -> Pack:
     pack: Pack = codec.pack_one or codec.pack
     if len(codec.leaves) != 1 or codec.leaves[0].kind != "int" or codec.leaves[0].path:
         return pack
+    limits, widest = np.iinfo(np.dtype(codec.leaves[0].dtype)), np.iinfo(np.int64)
+    low, high = max(int(limits.min), int(widest.min)), min(int(limits.max), int(widest.max))
 
     def pack_whole(action: Any) -> Any:
         kind = action.__class__
@@ -261,7 +263,8 @@ def action_packer(seat: AgentColumns) -> Pack:
             if seat.acts_as is not None or pack(action) is None:
                 return None
             seat.acts_as = seat.action_type = kind
-        return pack(action) if kind is int else int(action)
+        number = action if kind is int else int(action)
+        return number if low <= number <= high else None
 
     return pack_whole
 

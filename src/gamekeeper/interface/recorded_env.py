@@ -17,6 +17,7 @@ from gamekeeper.interface.aec_accounts import books_of
 from gamekeeper.interface.aec_capture import AECCapture, BookkeptCapture
 from gamekeeper.interface.bookkeeping import Books
 from gamekeeper.interface.capture import AgentId, Capture
+from gamekeeper.interface.openings import Openings
 from gamekeeper.interface.parallel_capture import ParallelCapture
 
 OWN: Final = ("_game", "_on_close")  # attributes of a face itself
@@ -46,7 +47,10 @@ class _RecordedEnv:
         if name in OWN:
             object.__setattr__(self, name, value)
         else:
-            setattr(self._game.env, name, value)
+            game = self._game
+            if isinstance(game.openings, Openings):
+                game.openings.set(name, value, turn=game.turn, is_open=game.is_open)
+            setattr(game.env, name, value)
 
     @property
     def unwrapped(self) -> Any:

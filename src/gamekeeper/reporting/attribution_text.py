@@ -63,7 +63,7 @@ def _recorded(document: Mapping[str, Any], width: int) -> str:
     rows = [["agent", "own return", *(["share"] if has_team else []), "idle"]]
     for name, part in agents.items():
         shares = [_percent(part["share"])] if has_team else []
-        rows.append([name, _number(part["own"]), *shares, _percent(part["idle"])])
+        rows.append([name, _number(part["return"]), *shares, _percent(part["idle"])])
     legend = [each for each in RECORDED if has_team or not each.startswith("share")]
     legend += [
         why

@@ -117,6 +117,7 @@ def origin_facts(evidence: Evidence) -> list[tuple[str, str]]:
     return [
         ("contract", contract),
         ("level", evidence.kept_text or str(manifest.get("level"))),
+        *([("retained", evidence.retained_text)] if evidence.retained_text else []),
         ("seed", "none" if manifest.get("seed") is None else str(manifest["seed"])),
         ("versions", ", ".join(f"{name} {versions[name]}" for name in sorted(versions))),
         ("fingerprint", evidence.fingerprint or "none yet"),

@@ -15,6 +15,7 @@ from gamekeeper.episodes.exception_text import message, traceback_text
 from gamekeeper.errors import ActionError, GamekeeperError, OrderError, PolicyError
 from gamekeeper.interface.aec_capture import AECCapture
 from gamekeeper.interface.capture import AgentId
+from gamekeeper.interface.openings import Opening
 from gamekeeper.interface.packing import type_name_of
 from gamekeeper.interface.parallel_capture import ParallelCapture
 from gamekeeper.interface.recorded_env import game_of
@@ -116,6 +117,8 @@ class EpisodePlan:
         most_turns: the play is cut there.
         options: of the reset.
         looks_last: where an AEC play is cut, the agent in turn is still given what it would be.
+        opening: states of generators and attributes, as a run has them; None: seed and options are
+            all.
     """
 
     seed: int | None = 0
@@ -124,6 +127,7 @@ class EpisodePlan:
     most_turns: int = 1000
     options: Mapping[str, Any] | None = None
     looks_last: bool = True
+    opening: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,6 +258,7 @@ class EpisodeLoop:
     ) -> None:
         self.taken: list[Actions] = []
         self._play, self._game, self._cast = play, game, cast
+        self._opening = Opening.from_text(play.opening)
         self._hooks, self._watch, self._on_step = hooks, watch, on_step
         self._is_parallel = isinstance(game, ParallelCapture)
         self._contract, self._is_told = contract or Contract(), hooks.wants_given
@@ -293,11 +298,14 @@ class EpisodeLoop:
     def _begin(self) -> None:
         self._hooks.declared(self._contract)
         self._hooks.before_reset(self._game.env)
+        self._opening.begin(self._game.env, was_reset=self._game.was_reset)
         out = self._game.reset(self._play.seed, self._play.options)
         self._look(0, out)
         self._is_begun = True
 
     def _turn(self, turn: int) -> None:
+        if self._opening.later:
+            self._opening.set_at(turn, self._game.env)
         if self._is_parallel:
             actions = self._hooks.acts(turn, self._chosen_by_all(turn))
             self.taken.append(_copied(actions))

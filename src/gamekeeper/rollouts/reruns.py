@@ -16,6 +16,7 @@ from gamekeeper.episodes.known_extent import env_steps
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.errors import EvidenceError, PolicyError
 from gamekeeper.interface.aec_capture import AECCapture
+from gamekeeper.interface.openings import Opening
 from gamekeeper.interface.parallel_capture import ParallelCapture
 from gamekeeper.rollouts.episode_loop import (
     ActionChooser,
@@ -112,6 +113,7 @@ def play_of(trace: Episode, env: Any, types: Mapping[str, str] | None = None) ->
         actions=actions,
         most_turns=max(len(actions), 1),
         options=trace.options,
+        opening=trace.header.get("opening"),
     )
 
 
@@ -143,6 +145,8 @@ def replay_trace(
     if cast is not None and run_seed is not None:
         cast.begin(run_seed, trace.episode)
     played, types = env_steps(trace), trace.action_types or types or {}
+    opening = Opening.from_text(trace.header.get("opening"))
+    opening.begin(game.env, was_reset=game.was_reset)
     try:
         game.reset(trace.seed, trace.options)
     except KeyboardInterrupt:
@@ -155,6 +159,7 @@ def replay_trace(
             break
         if cast is not None and not game.to_move:
             break
+        opening.set_at(turn.index, game.env)
         try:
             _step(game, trace, turn, agents=agents, cast=cast, types=types)
         except (PolicyError, EvidenceError, KeyboardInterrupt):  # not the environment's

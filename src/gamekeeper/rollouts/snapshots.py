@@ -120,9 +120,13 @@ def overwrite(value: Any, undo: Undo | None = None) -> int:
 
 
 def share_memory(one: Any, other: Any) -> bool:
-    """Tells whether writing numbers into an array of `one` changes one of `other`."""
+    """Tells whether writing numbers into an array of `one` changes one of `other`.
+
+    An array without an axis is one value, that is replaced and not scaled in place.
+    """
     return any(
         a.dtype.kind in NUMBERS
+        and a.ndim > 0
         and a.flags.writeable
         and np.may_share_memory(a, b)
         and np.shares_memory(a, b)

@@ -7,6 +7,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any, Final, Self
 
 from gamekeeper.rollouts.worker_process import WorkerProcess
@@ -130,7 +131,8 @@ def serve(report: Any, *, modules: Sequence[str]) -> None:
     """
     perform: Callable[..., bytes] = sys.modules["__main__"].__dict__["perform"]
     for name in modules:
-        importlib.import_module(name)
+        with suppress(ImportError):  # a task that needs it says so
+            importlib.import_module(name)
     report.send("returned", None)
     report.send("ended", 0)  # ready
     while True:

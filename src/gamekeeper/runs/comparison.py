@@ -32,6 +32,7 @@ from gamekeeper.runs.replay_runner import (
     compact,
     opened_again,
 )
+from gamekeeper.runs.reset_chain import chain_of
 from gamekeeper.runs.standing import choices_in
 
 # -- Replay: recorded actions from recorded seeds in a fresh process, compared row by row
@@ -228,11 +229,12 @@ def untellable(evidence: Evidence, *, env: str | None, policies: bool) -> str | 
         return f"the environment was {thing} in memory: {add}"
     if not evidence.episode_table.num_rows:
         return "the run has no episodes"
+    known = frozenset(evidence.episode_table["episode"].to_pylist())
     for header in evidence.headers:
-        if header["since"] is None or header["since"] < 0:
-            return (
-                f"episode {header['episode']} was reset without a seed, and none was given before"
-            )
+        try:
+            chain_of(header, known)
+        except EvidenceError as error:
+            return error.what
     if policies and (evidence.manifest.get("seed") is None or not all(_all_policies(evidence))):
         return "the run doesn't name its policies and their seed, so they can't choose again"
     return None
@@ -322,7 +324,7 @@ def replay_evidence(
             again = runner.play(header, chooser=chooser, look=both.look)
             both.ends()
             prints.append(again["fingerprint"])
-            report(episode=header["episode"] + 1, episodes=total)
+            report(episode=len(prints), episodes=total)
             exact, divergence = exact and both.is_exact, both.divergence
             if divergence is not None:
                 break
@@ -367,11 +369,12 @@ def _other_fingerprint(evidence: Evidence, prints: list[str | None]) -> Divergen
         return None
     recorded = evidence.episode_table["fingerprint"].to_pylist()
     ends = evidence.episode_table["end"].to_pylist()
-    for episode, (one, two) in enumerate(zip(recorded, prints, strict=True)):
-        if ends[episode] in ENDS_OPEN:  # its rows are compared; what came after them is unknown
-            prints[episode] = one
+    numbers = evidence.episode_table["episode"].to_pylist()
+    for place, (one, two) in enumerate(zip(recorded, prints, strict=True)):
+        if ends[place] in ENDS_OPEN:  # its rows are compared; what came after them is unknown
+            prints[place] = one
         elif one != two:
-            return Divergence(episode, None, None, "fingerprint", one, two)
+            return Divergence(numbers[place], None, None, "fingerprint", one, two)
     run = fingerprints(evidence.manifest, pa.table(dict.fromkeys(PRINTS, prints)))["fingerprint"]
     if run != evidence.fingerprint:
         return Divergence(0, None, None, "fingerprint", evidence.fingerprint, run)

@@ -15,7 +15,10 @@ from typing import Any, Final
 from gamekeeper.episodes.divergence import Comparison, Divergence, compare_chunks
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import DivergenceError, EvidenceError, GamekeeperError, RunError
+from gamekeeper.interface.found_again import ASSUMED
+from gamekeeper.interface.openings import GLOBALS, SameOpenings
 from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.rollouts.process_randomness import states
 from gamekeeper.rollouts.reruns import replay_trace
 from gamekeeper.rollouts.workers import run_task
 from gamekeeper.runs import own_runs
@@ -196,12 +199,13 @@ def check_task(report: Callable[..., None], *, path: str, episode: int) -> dict[
     evidence = _with_end(path, episode, report)
     if evidence is None:
         return {"outcome": NOT_CHECKED, "why": "its end was not written in time"}
+    header = evidence.header(episode)
     reason = untellable(evidence, env=None, policies=False)
     if reason is not None:
         return {"outcome": NOT_CHECKED, "why": reason}
     try:
         runner = ReplayRunner(evidence, opened_again(evidence, None), after_turn=report)
-        header = evidence.header(episode)
+        before = states()
         both = Comparison(evidence.extent(header), volatile=evidence.contract.volatile_infos())
         try:
             runner.play(header, look=both.look)
@@ -210,9 +214,14 @@ def check_task(report: Callable[..., None], *, path: str, episode: int) -> dict[
             runner.close()
     except GamekeeperError as error:
         return {"outcome": NOT_CHECKED, "why": error.what}
+    after = states()
+    drew = [name for name in GLOBALS if before[name] != after[name]]
     if both.divergence is not None:
-        return {"outcome": DIVERGED, "why": str(both.divergence)}
-    return {"outcome": PASSED, "why": None}
+        if evidence.manifest["environment"].get("arguments") == ASSUMED:
+            why = f"{both.divergence}; but the environment's arguments aren't known"
+            return {"outcome": NOT_CHECKED, "why": why}
+        return {"outcome": DIVERGED, "why": str(both.divergence), "drew": drew}
+    return {"outcome": PASSED, "why": None, "drew": drew}
 
 
 def _with_end(path: str, episode: int, report: Callable[..., None]) -> Evidence | None:
@@ -274,10 +283,12 @@ def play_whole(
         raise
     frames, state = was_rendered(evidence), evidence.tables.has("states")
     game = game_of(opened.env, sink=recorder, frames=frames, state=state)
+    game.openings = openings = SameOpenings()
     total = evidence.episode_table.num_rows
     try:
         for done, header in enumerate(evidence.headers, 1):
             game.episode, game.policies = header["episode"] - 1, header["policies"]
+            openings.text = header.get("opening")
             replay_trace(
                 evidence.episode_of(header),
                 game,

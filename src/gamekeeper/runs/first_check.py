@@ -13,6 +13,7 @@ TASK: Final = "gamekeeper.runs.expanding:check_task"
 SILENCE_S: Final = 60.0
 """Longest time without a turn of the replay."""
 NOT_CHECKED: Final = "not checked"
+LEVEL_FULL: Final = "This run can't be expanded; level full is needed (--level full)"
 PASSED: Final = "passed"
 DIVERGED: Final = "diverged"
 
@@ -28,19 +29,36 @@ class FirstCheck:
     Args:
         path: the folder of the run.
         episode: whose end is about to be written.
+        advice: said where it comes out otherwise.
+
+    Attributes:
+        drew: global generators that the replay drew from; None: not known.
     """
 
-    def __init__(self, path: str, episode: int) -> None:
-        self._path, self._episode = path, episode
+    def __init__(self, path: str, episode: int, *, advice: str = LEVEL_FULL) -> None:
+        self._path, self._episode, self._advice = path, episode, advice
+        self.drew: list[str] | None = None
         self._found: dict[str, Any] = unchecked("it was interrupted")
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="gamekeeper-check", daemon=True)
         self._thread.start()
 
-    def result(self) -> dict[str, Any]:
-        """Waits, and returns the outcome as it stands in the manifest."""
+    @property
+    def is_done(self) -> bool:
+        """True once the outcome is known."""
+        return not self._thread.is_alive()
+
+    def result(self, wait_s: float | None = None) -> dict[str, Any]:
+        """Waits, and returns the outcome as it stands in the manifest.
+
+        Args:
+            wait_s: it is stopped after so many seconds; None: it has the time it takes.
+        """
         try:
-            self._thread.join()
+            self._thread.join(wait_s)
+            if not self.is_done:
+                self._stop.set()
+                self._thread.join()
         except KeyboardInterrupt:
             self._stop.set()
             self._thread.join()
@@ -57,10 +75,10 @@ class FirstCheck:
         if not isinstance(outcome.value, dict):
             self._found = unchecked(f"the replay {outcome.status}: {outcome.error}")
             return
+        self.drew = outcome.value.pop("drew", None)
         self._found = {"episode": self._episode, **outcome.value}
         if self._found["outcome"] == DIVERGED:
             say(
                 f"episode {self._episode} doesn't come out again when it is replayed: "
-                f"{self._found['why']}\nThis run can't be expanded; level full is needed "
-                "(--level full)"
+                f"{self._found['why']}\n{self._advice}"
             )

@@ -22,7 +22,7 @@ from gamekeeper.contract import Contract
 from gamekeeper.episodes.block import most_rows
 from gamekeeper.episodes.buffer import GIVEN, TURN, Buffer, BufferedTurns, LargePlace, take
 from gamekeeper.episodes.canonical import to_json
-from gamekeeper.episodes.encoder import LEVELS, Encoder
+from gamekeeper.episodes.encoder import KEPT, LEVELS, Encoder
 from gamekeeper.episodes.evidence import manifest_of
 from gamekeeper.episodes.layout import Layout
 from gamekeeper.episodes.tables import merged_episodes
@@ -30,9 +30,9 @@ from gamekeeper.errors import DependencyError, EvidenceError, GamekeeperError, R
 from gamekeeper.interface.capture import type_name_of
 from gamekeeper.interface.packing import Rings
 from gamekeeper.runs import own_runs
-from gamekeeper.runs.files.folder import MANIFEST, replace
-from gamekeeper.runs.files.manifest import FORMAT_VERSION, render
 from gamekeeper.runs.files.store import RunStore
+from gamekeeper.runs.ring.ring_ledger import RingLedger
+from gamekeeper.runs.ring.ring_store import RingStore, create_ring
 from gamekeeper.terminal import say
 
 # -- Rendered frames as files
@@ -138,6 +138,7 @@ class RunRecorder:
         durable: bool = True,
         is_timed: bool = True,
         extra: Mapping[str, Any] | None = None,
+        ring: RingLedger | None = None,
     ) -> None:
         """Makes the run and starts the thread.
 
@@ -145,6 +146,7 @@ class RunRecorder:
             durable: the finalized run survives a power cut; False where it is recorded again.
             is_timed: keep the wall time of each step.
             extra: further entries of the manifest.
+            ring: says which episodes stay; None: all.
         Raises:
             RunError: the folder can't be made, or something is in it.
             EvidenceError: there is no such level.
@@ -173,8 +175,8 @@ class RunRecorder:
         pa.array([0])
         # absolute: the environment may change the working directory before the run is finalized
         manifest = manifest_of(**self._facts)
-        self._store = RunStore.create(Path(path).absolute(), manifest, durable=durable)
-        self._durable = durable
+        self._ring = ring
+        self._store = _created(path, manifest, ring, durable=durable)
         self._encoder = Encoder(self.layout, self.rings.open, level=level, volatile=volatile)
         self._episodes: list[pa.RecordBatch] = []
         self._frames: deque[tuple[int, int, Any]] = deque()
@@ -184,6 +186,8 @@ class RunRecorder:
         self._process = os.getpid()
         self._described: object = None
         self._buffered: BufferedTurns | None = None
+        self.after_flush: Callable[[BufferedTurns], None] = no_watch
+        """Called in the thread once buffered turns are written."""
         self.at_end: Callable[[], None] | None = None
         """Called before an unclosed recorder is finalized: ends the episode in progress."""
         self.manifest: dict[str, Any] = {}
@@ -261,14 +265,17 @@ class RunRecorder:
         rows = most_rows(columns)
         while (buffered := take(self.buffer, most=FLUSH_TURNS, most_rows=rows)) is not None:
             self._buffered = buffered
+            if self._ring is not None and self.level == KEPT:
+                self._ring.add_infos(buffered, self.layout)
             encoded = self._encoder.encode_turns(buffered)
             self._describe()
             for stream, batch in encoded.in_order():
                 if stream == "timings" and not self._is_timed:
                     continue
                 self._store.append(stream, batch)
-                if stream == "episodes":
+                if stream == "episodes" and self._ring is None:
                     self._episodes.append(batch)
+            self.after_flush(buffered)
         while self._frames:
             episode, turn, frame = self._frames.popleft()
             suffix, data = encode_frame(frame)
@@ -285,9 +292,7 @@ class RunRecorder:
         known = len(agents), self.layout.state is None, not types
         if known != self._described:
             self._described = known
-            entries = {"format_version": FORMAT_VERSION, "status": "open", "action_types": types}
-            data = render({**manifest_of(**self._facts), **entries})
-            replace(self.path / MANIFEST, data, durable=self._durable)
+            self._store.describe({**manifest_of(**self._facts), "action_types": types})
 
     def _let_go(self) -> None:
         """Frees slots of the rings after a failure: a step that waits for one gets the error."""
@@ -323,16 +328,36 @@ class RunRecorder:
         if self._failure is not None:
             self._store.abandon()
             raise self._failure
-        self.manifest = _finalized(self._episodes, self._facts)
+        self.manifest = _finalized(self._store, self._episodes, self._facts)
         self._store.finalize(self.manifest)
         own_runs.remember(self.path)
 
 
-def _finalized(episodes: list[pa.RecordBatch], facts: Mapping[str, Any]) -> dict[str, Any]:
+def no_watch(buffered: BufferedTurns) -> None:
+    """Does nothing with turns that are written."""
+
+
+def _created(
+    path: str | PathLike[str], manifest: dict[str, Any], ring: RingLedger | None, *, durable: bool
+) -> RunStore:
+    """Writer of a run that retains all, or what `ring` says."""
+    folder = Path(path).absolute()
+    if ring is None:
+        return RunStore.create(folder, manifest, durable=durable)
+    return create_ring(folder, manifest, ring, durable=durable)
+
+
+def _finalized(
+    store: RunStore, episodes: list[pa.RecordBatch], facts: Mapping[str, Any]
+) -> dict[str, Any]:
     """The manifest of a run that ended, by the rows of its episodes."""
-    merged = merged_episodes(episodes)
+    entries: dict[str, Any] = {}
+    if isinstance(store, RingStore):
+        merged, entries["keep"] = store.settle()
+    else:
+        merged = merged_episodes(episodes)
     status = "failed" if "failed" in merged["end"].to_pylist() else "finalized"
-    return {**manifest_of(episodes=merged, **facts), "status": status}
+    return {**manifest_of(episodes=merged, **facts), **entries, "status": status}
 
 
 _OPEN: weakref.WeakSet[RunRecorder] = weakref.WeakSet()
@@ -354,7 +379,12 @@ def _finalize_the_rest() -> None:
 
 
 def record_many(
-    venv: Any, path: str | PathLike[str], *, level: str, contract: Contract | None
+    venv: Any,
+    path: str | PathLike[str],
+    *,
+    level: str,
+    contract: Contract | None,
+    ring: RingLedger | None = None,
 ) -> None:
     """Records a vector environment into a run from its next reset on; closing it finalizes that.
 
@@ -364,8 +394,9 @@ def record_many(
     Args:
         venv: a vector environment that wasn't reset yet.
         path: a folder that doesn't exist yet, or is empty.
-        level: `full` or `digest`.
+        level: as in `record`.
         contract: names reward terms and volatile infos; None: the environment's own.
+        ring: says which episodes stay; None: all.
     Raises:
         RunError: the folder can't be written, or something is in it.
         OrderError: it was reset already.
@@ -378,16 +409,16 @@ def record_many(
         "run_seed": None,
         "layout": venv.seen.layout,
     }
-    store = RunStore.create(Path(path).absolute(), manifest_of(**facts))
+    store = _created(path, manifest_of(**facts), ring, durable=True)
     episodes: list[pa.RecordBatch] = []
 
     def write(stream: str, batch: pa.RecordBatch) -> None:
         store.append(stream, batch)
-        if stream == "episodes":
+        if stream == "episodes" and ring is None:
             episodes.append(batch)
 
     def finalize() -> None:
-        store.finalize(_finalized(episodes, facts))
+        store.finalize(_finalized(store, episodes, facts))
         own_runs.remember(store.path)
 
     try:

@@ -19,6 +19,7 @@ from gamekeeper.errors import EnvError, EvidenceError, GamekeeperError, SpecErro
 from gamekeeper.interface.declared_contract import declared_contract
 from gamekeeper.interface.joint_policy import Choices, JointPolicy, assign
 from gamekeeper.interface.opening import Opened, open_env
+from gamekeeper.interface.openings import Openings, seed_each_reset
 from gamekeeper.interface.parallel_capture import ParallelCapture
 from gamekeeper.interface.policy import EVERYONE, check_words, resolve
 from gamekeeper.interface.recorded_env import face_of, game_of
@@ -27,11 +28,16 @@ from gamekeeper.rollouts.memory import MemorySink
 from gamekeeper.rollouts.rollout_plan import MOST_TURNS, RolloutPlan
 from gamekeeper.runs.first_check import FirstCheck, unchecked
 from gamekeeper.runs.load_run import load
-from gamekeeper.runs.recorder import RunRecorder, record_many, require_pillow
+from gamekeeper.runs.recorder import RunRecorder, no_watch, record_many, require_pillow
+from gamekeeper.runs.ring.keep_rule import keep_rule
+from gamekeeper.runs.ring.ring_check import RingCheck
+from gamekeeper.runs.ring.ring_ledger import RingLedger, ring_ledger
 
 # -- Environments whose frames are recorded: opened with a render mode, or refused in time
 
 SMALL: Final = "actions"
+UNCHECKED: Final = "gk.record does so with keep alone"
+UNCLOSED: Final = "it was not closed"
 PICTURES: Final = "rgb_array"
 MODES: Final = (PICTURES, "ansi")
 """Render modes that give something to keep, the better first."""
@@ -126,6 +132,10 @@ def record(
     path: str | PathLike[str],
     *,
     level: str = "full",
+    keep: str | None = None,
+    failed: str | None = None,
+    seed_resets: bool = False,
+    check: bool = True,
     contract: Contract | str | PathLike[str] | None = None,
     frames: bool = False,
     state: bool = True,
@@ -136,20 +146,38 @@ def record(
     `close` finalizes the run, and so does the end of the process.
 
     Args:
-        env: a ParallelEnv or AECEnv; or a vector environment of ours that wasn't reset yet, which
-            is recorded copy by copy into one run, its episodes in their order.
+        env: a ParallelEnv or AECEnv; or a vector environment of ours that wasn't reset yet, or an
+            adapter to a trainer that steps one (`sb3.vec_env`, `tianshou.vector_env`,
+            `torchrl.env`), which is recorded copy by copy into one run, its episodes in their
+            order.
         path: a folder that doesn't exist yet, or is empty.
         level: "full"; "digest": digests of rows in place of observations; "actions": seeds,
             actions, rewards and flags, which `expand` plays again into full evidence.
+        keep: episodes that stay, for a run that is always on: "failed", "last 1000", the size of
+            its folder as "64 MB" (256 MiB where none is named), or some of them between commas. The
+            longest, best and worst stay in any case, and failed ones as far as there is room. None:
+            all.
+        failed: condition under which an episode failed, as "return < 0.5"; None: the contract's.
+        seed_resets: give each reset without a seed one that is derived from the last seed given
+            (from a random one where none was), so that each episode can be played by itself. Else
+            `keep` takes down the states of the generators that the environment holds.
+        check: with `keep` at level "actions", replay two episodes by themselves in a worker
+            meanwhile; where one comes out otherwise, that is said at once.
         contract: declares reward terms, noops and volatile infos; a path is read.
         frames: also render() once a turn, into `frames/`.
         state: also state() once a turn, where the environment has it and it draws no randomness.
     Raises:
         RunError: the folder can't be written, or something is in it.
+        EvidenceError: `keep` is no rule, or frames are asked for with it.
+        ContractError: `keep` asks for failed episodes, and nothing says when one failed; later: the
+            first episode that ended doesn't measure what the condition asks for.
     """
-    if hasattr(env, "num_envs") and hasattr(env, "seen"):
+    _check_keep(keep, failed, frames=frames)
+    venv = _vector_of(env)
+    if venv is not None:
         given = Contract.load(contract) if isinstance(contract, str | PathLike) else contract
-        record_many(env, path, level=level, contract=given)
+        ring = _ring(keep, venv.seen.contract if given is None else given, failed)
+        record_many(venv, path, level=level, contract=given, ring=ring)
         return env
     opened = open_env(env)
     declared = declared_contract(contract, opened)
@@ -158,12 +186,67 @@ def record(
         environment=opened.identity,
         contract=declared,
         level=level,
-        extra=_first_entry(level, "gk.record can't make the environment a second time"),
+        extra=_first_entry(level, UNCHECKED if keep is None or not check else UNCLOSED),
+        ring=_ring(keep, declared, failed),
         **_declared(declared),
     )
     game = game_of(opened.env, sink=recorder, frames=frames, state=state)
     recorder.at_end = game.end_episode
-    return face_of(game, on_close=recorder.close)
+    if seed_resets:
+        seed_each_reset(game)
+    if keep is None:
+        return face_of(game, on_close=recorder.close)
+    game.openings = Openings(game.env)
+    return face_of(game, on_close=_closing(recorder, game.openings, check=check))
+
+
+def _vector_of(env: Any) -> Any:
+    """The vector environment that `env` is, or that it steps as an adapter to a trainer; or None.
+
+    Source: `slots` of the adapters to Stable-Baselines3 and Tianshou, `venv` of that to TorchRL.
+    """
+    slots = getattr(env, "slots", None)
+    for found in (env, getattr(slots, "venv", None), getattr(env, "venv", None)):
+        if hasattr(found, "num_envs") and hasattr(found, "seen"):
+            return found
+    return None
+
+
+def _closing(recorder: RunRecorder, openings: Openings, *, check: bool) -> Callable[[], None]:
+    """Function that finalizes a flight recorder's run, once its checks are done."""
+    if not check or recorder.level != SMALL:
+        return recorder.close
+    checks = RingCheck(str(recorder.path), openings)
+    recorder.after_flush = lambda buffered: checks.take(buffered.starts, buffered.ends)
+
+    def close() -> None:
+        recorder.after_flush = no_watch
+        recorder.say_in_manifest(checked=checks.result())
+        recorder.close()
+
+    return close
+
+
+def _check_keep(keep: str | None, condition: str | None, *, frames: bool) -> None:
+    """Raises where options don't go together."""
+    fault = None
+    if keep is None and condition is not None:
+        fault = "a condition of failure, and no rule that retains episodes by it", "keep='failed'"
+    elif keep is not None and frames:
+        fault = "frames, which a run that drops episodes doesn't have", "frames=False"
+    if fault is not None:
+        raise EvidenceError(
+            "these options don't go together",
+            where="gk.record",
+            expected=fault[1],
+            actual=fault[0],
+            fix="give `failed` together with `keep`, and `frames` without it",
+        )
+
+
+def _ring(keep: str | None, contract: Contract | None, condition: str | None) -> RingLedger | None:
+    """Ledger of a run that retains some episodes."""
+    return None if keep is None else ring_ledger(keep_rule(keep), contract, condition)
 
 
 def rollout(

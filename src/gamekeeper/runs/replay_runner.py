@@ -32,6 +32,7 @@ from gamekeeper.rollouts.memory import MemorySink
 from gamekeeper.rollouts.reruns import replay_trace
 from gamekeeper.rollouts.workers import run_task
 from gamekeeper.runs.load_run import load
+from gamekeeper.runs.reset_chain import chain_of
 
 # -- An episode that is being replayed: recorded turns go out, replayed ones are compared behind
 
@@ -248,7 +249,7 @@ class ReplayRunner:
         _check_actions(self._evidence, header)
         trace = self._evidence.episode_of(header)
         self._replay(trace, chooser, takewhile(lambda turn: turn.index < steps, trace.turns))
-        return next(self._kept().episodes)
+        return self._kept().episodes[0]
 
     def _replay(self, trace: Episode, chooser: ActionChooser | None, turns: Iterable[Turn]) -> None:
         """Plays turns of an episode again."""
@@ -335,7 +336,8 @@ def cause_of(
         timeout_s: longest time without a turn.
     """
     header = evidence.header(where.episode)
-    since = min(header["since"], where.episode)
+    known = frozenset(evidence.episode_table["episode"].to_pylist())
+    since = chain_of(header, known).start
 
     def played(*, first: int, hash_seed: int) -> dict[str, Any] | None:
         arguments = {"path": str(evidence.path), "env": env, "first": first, "last": where.episode}
@@ -408,8 +410,9 @@ def play_task(
     before = _global_states()
     header: Mapping[str, Any] = {}
     with closing(runner):
-        for episode in range(first, last + 1):
-            header = runner.play(evidence.header(episode))
+        for each in evidence.headers:
+            if first <= each["episode"] <= last:
+                header = runner.play(each)
     states = zip(GENERATORS, before, _global_states(), strict=True)
     return {
         "prints": [header.get("fingerprint"), header.get("info_fingerprint")],

@@ -18,6 +18,7 @@ from gamekeeper.interface.joint_policy import JointPolicy
 from gamekeeper.runs.consent import consented, evidence_of
 from gamekeeper.runs.recording import cast_of
 from gamekeeper.runs.replay_runner import ReplayRunner, opened_again
+from gamekeeper.runs.reset_chain import chain_of
 from gamekeeper.runs.standing import choices_in
 
 
@@ -88,7 +89,8 @@ def resume(
         try:
             chooser = cast_of(names, opened.env, evidence.contract) if names else None
             runner = ReplayRunner(evidence, opened)
-            for number in range(min(header["since"], episode), episode):  # it runs on from these
+            known = frozenset(evidence.episode_table["episode"].to_pylist())
+            for number in chain_of(header, known):
                 before = evidence.header(number)
                 again = runner.play(before, chooser=chooser)
                 if again["fingerprint"] != before["fingerprint"]:

@@ -34,6 +34,7 @@ from gamekeeper.runs.files.manifest import FORMAT_VERSION, MANIFEST_BYTES, load_
 from gamekeeper.runs.files.notes import chain
 from gamekeeper.runs.files.open_streams import finalize_recovered
 from gamekeeper.runs.load_run import load
+from gamekeeper.runs.ring.ring_ledger import with_recovered
 
 # -- Verifies that no byte of a run changed, and that its rows digest to its fingerprint
 
@@ -320,6 +321,8 @@ def recover(
         **fingerprints(evidence.manifest, episodes),
         "status": status,
     }
+    if "keep" in manifest:
+        manifest["keep"] = with_recovered(manifest["keep"], len(rows))
     if error is not None:
         manifest["error"] = error
     finalize_recovered(path, manifest, episodes=episodes)

@@ -140,7 +140,7 @@ def _wins(board: NDArray[np.int8], column: int, plane: int, above: int = 0) -> b
     return False
 
 
-# -- the face
+# -- the environment
 
 
 class ConnectFour(BoardGame):

@@ -121,7 +121,7 @@ def _value(own: int, other: int) -> int:
     return max((-_value(other, own | 1 << cell) for cell in free), default=0)
 
 
-# -- the face
+# -- the environment
 
 
 class Tictactoe(BoardGame):

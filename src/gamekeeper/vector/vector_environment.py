@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Protocol, Self
@@ -72,6 +72,7 @@ class VectorEnv:
         autoreset: `same_step`: a copy whose agents have all ended begins its next episode in the
             step that ended it. `next_step`: it does so in the step after, whose actions are passed
             over for that copy. Last observations stand in `infos["final_obs"]`.
+        copies: arrays are handed out as copies; else the next step overwrites them.
         observation_space: of all copies together.
         action_space: likewise.
     """
@@ -90,14 +91,14 @@ class VectorEnv:
         """Use `gk.vector.make`."""
         self.num_envs, self.api, self.autoreset = num_envs, form.api, autoreset
         self.spec, self.metadata, self.seen = seen.spec, dict(seen.metadata), seen
-        self._engine, self._form, self._seed, self._copy = engine, form, seed, copy
+        self._engine, self._form, self._seed, self.copies = engine, form, seed, copy
         self._is_begun = self._is_closed = False
         self._in_order: InOrder | None = None
         self._on_close: Callable[[], None] = _nothing
         named = {group.name: list(group.agents) for group in form.groups}
         self.agents: Any = named.pop(ALL) if ALL in named else named
-        self.observation_space = self._batched("observation_space")
-        self.action_space = self._batched("action_space")
+        self.observation_space = batched(form.groups, "observation_space", form.api, num_envs)
+        self.action_space = batched(form.groups, "action_space", form.api, num_envs)
 
     @property
     def groups(self) -> tuple[VectorGroup, ...]:
@@ -119,8 +120,15 @@ class VectorEnv:
             options: handed to every reset.
         Returns:
             Observations and infos.
+        Raises:
+            OrderError: it is closed, or recorded and was reset before.
         """
         self._check(begun=False)
+        if self._is_begun and self._in_order is not None:
+            raise OrderError(
+                "copies that are recorded were reset a second time",
+                fix="close the vector environment, and make another one for another run",
+            )
         said = self._engine.reset(self._seed if seed is None else int(seed), options)
         self._is_begun = True
         return self._obs("obs"), self._infos(said)
@@ -254,7 +262,7 @@ class VectorEnv:
     # -- what comes back
 
     def _own(self, array: Any) -> Any:
-        return array.copy() if self._copy else array
+        return array.copy() if self.copies else array
 
     def _by_group(self, array: Any) -> Any:
         groups = self._form.groups
@@ -324,22 +332,24 @@ class VectorEnv:
 
     # -- the rest
 
-    def _batched(self, kind: str) -> spaces.Space[Any]:
-        def whole(group: VectorGroup) -> spaces.Space[Any]:
-            one = getattr(group, kind)
-            inner = one if self.api == "aec" else batch_space(one, len(group.agents))
-            return batch_space(inner, self.num_envs)
-
-        groups = self._form.groups
-        if groups[0].name == ALL:
-            return whole(groups[0])
-        return spaces.Dict({group.name: whole(group) for group in groups})
-
     def _check(self, *, begun: bool) -> None:
         if self._is_closed:
             raise OrderError("the vector environment is closed", fix="make another one")
         if begun and not self._is_begun:
             raise OrderError("step came before reset", fix="call reset(seed=...) first")
+
+
+def batched(groups: Sequence[VectorGroup], kind: str, api: str, num_envs: int) -> spaces.Space[Any]:
+    """The space of all sub-environments together; `kind`: `observation_space`, `action_space`."""
+
+    def whole(group: VectorGroup) -> spaces.Space[Any]:
+        one = getattr(group, kind)
+        inner = one if api == "aec" else batch_space(one, len(group.agents))
+        return batch_space(inner, num_envs)
+
+    if groups[0].name == ALL:
+        return whole(groups[0])
+    return spaces.Dict({group.name: whole(group) for group in groups})
 
 
 def _nothing() -> None:

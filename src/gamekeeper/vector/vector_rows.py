@@ -12,7 +12,15 @@ import numpy as np
 import pyarrow as pa
 
 from gamekeeper.episodes.block import most_rows
-from gamekeeper.episodes.buffer import TURN, Buffer, BufferedTurns, EpisodeEnd, EpisodeStart, take
+from gamekeeper.episodes.buffer import (
+    TURN,
+    Buffer,
+    BufferedTurns,
+    EpisodeEnd,
+    EpisodeStart,
+    UsualRows,
+    take,
+)
 from gamekeeper.episodes.encoder import Encoded, Encoder
 from gamekeeper.episodes.layout import Layout, leaf_columns
 from gamekeeper.episodes.tables import table_of
@@ -42,6 +50,11 @@ class SlotSink:
         """The same for all copies."""
         return self.shelf.layout
 
+    @property
+    def level(self) -> str:
+        """Level of the run."""
+        return self.shelf.level
+
     def keep_up(self) -> None:
         """An episode that is over goes onto the shelf; of a long one, what there is."""
         if self.buffer.ends or len(self.buffer.turns) >= LONG_TURNS * TURN:
@@ -63,7 +76,7 @@ class RowShelf:
         volatile: Collection[str] = (),
     ) -> None:
         """`out` takes the batches, of which each has its episodes in order."""
-        self.layout = Layout(terms)
+        self.layout, self.level = Layout(terms), level
         self._encoder = Encoder(self.layout, never, level=level, volatile=volatile)
         self._out = out
         self._waiting: list[tuple[int, BufferedTurns]] = []
@@ -110,13 +123,17 @@ def _joined(buffered_parts: list[BufferedTurns]) -> BufferedTurns:
     turns: list[object] = []
     starts: list[EpisodeStart] = []
     ends: list[EpisodeEnd] = []
+    usual = UsualRows()
     for buffered in buffered_parts:
         given.extend(buffered.given)
         done.extend(buffered.done)
         turns.extend(buffered.turns)
         starts.extend(buffered.starts)
         ends.extend(buffered.ends)
-    return BufferedTurns(given, done, turns, starts, ends)
+        usual.agents.extend(buffered.usual.agents)
+        usual.actions.extend(buffered.usual.actions)
+        usual.rewards.extend(buffered.usual.rewards)
+    return BufferedTurns(given, done, turns, starts, ends, usual)
 
 
 def never(place: int, out: Any) -> None:

@@ -10,7 +10,7 @@ from typing import Any, Final
 from gamekeeper.episodes.canonical import from_json, is_exact
 from gamekeeper.episodes.divergence import compare
 from gamekeeper.episodes.evidence import Evidence
-from gamekeeper.errors import EnvError, EvidenceError, GamekeeperError, SpecError
+from gamekeeper.errors import EnvError, GamekeeperError, SpecError
 from gamekeeper.interface.env_source import Opened
 from gamekeeper.interface.identity import spec_of
 from gamekeeper.interface.recorded_env import game_of
@@ -22,6 +22,7 @@ from gamekeeper.runs.load_run import load
 from gamekeeper.runs.recorder import encode_frame
 from gamekeeper.runs.recording import open_rendered
 from gamekeeper.runs.replay_runner import compact
+from gamekeeper.runs.reset_chain import chain_of
 from gamekeeper.runs.worker_errors import error_fields, error_of
 
 TASK: Final = "gamekeeper.viewing.video_frames:render_task"
@@ -155,12 +156,7 @@ def _played(
 ) -> str | None:
     """Plays the episode, after those since the last seed; returns the first difference."""
     header = next(h for h in evidence.episode_table.to_pylist() if h["episode"] == episode)
-    if header["since"] is None or header["since"] < 0:
-        raise EvidenceError(
-            f"episode {episode} was reset without a seed, so it can't be played again",
-            where=str(evidence.path),
-            fix="record with seeds, or with --frames",
-        )
+    chain = chain_of(header, frozenset(evidence.episode_table["episode"].to_pylist()))
     sink = _FrameWriter(
         terms=tuple(evidence.manifest.get("terms") or ()),
         volatile=evidence.contract.volatile_infos(),
@@ -169,7 +165,7 @@ def _played(
     has_state = evidence.tables.table("states") is not None
     game = game_of(opened.env, sink=sink, frames=True, state=has_state)
     try:
-        for number in range(header["since"], episode + 1):
+        for number in (*chain, episode):
             trace = evidence.episode(number)
             game.episode = number - 1
             replay_trace(
@@ -182,5 +178,5 @@ def _played(
             again = sink.evidence(opened.identity, contract=evidence.contract)
     finally:
         game.close()
-    found = compare(trace, next(again.episodes), volatile=evidence.contract.volatile_infos())
+    found = compare(trace, again.episodes[0], volatile=evidence.contract.volatile_infos())
     return None if found.divergence is None else str(found.divergence)

@@ -350,12 +350,12 @@ def test_document_has_what_others_read() -> None:
     found = _shoving()
     data = json.loads(json.dumps(found.to_json(), allow_nan=False))
     part = data["agents"]["robot_0"]
-    assert part.keys() >= {"own", "share", "idle", "difference", "shapley", "lazy"}
+    assert part.keys() >= {"return", "share", "idle", "difference", "shapley", "lazy"}
     assert part["difference"].keys() >= {"value", "low", "high", "baseline"}
     assert part["share"] == pytest.approx(1 / 3)
     assert "robot_0" in str(found)
     assert "<table>" in found._repr_html_()
-    assert np.isfinite(part["own"])
+    assert np.isfinite(part["return"])
 
 
 def test_rivals_are_given_no_part_of_a_teams_return() -> None:

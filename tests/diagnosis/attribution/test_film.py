@@ -44,7 +44,7 @@ def test_frozen_action_that_is_illegal_becomes_a_noop(name) -> None:
     """Where a frozen action isn't legal any more, nothing is done in its place."""
     evidence, bench = _bench(name)
     with bench:
-        paper = bench.paper_of(next(evidence.episodes))
+        paper = bench.paper_of(evidence.episodes[0])
         changed = bench.from_paper(paper, Swap("picker_0", None, "noop"))
     assert {int(action) for action in changed.actions["picker_0"]} == {4}
     own = [

@@ -131,7 +131,7 @@ def attribution(word: str, agents: tuple[str, str]) -> dict[str, Any]:
     """The second agent is lazy, of the first it can't be told; it pays for the other."""
     measured = {"value": 1.0, "low": 0.5, "high": 1.5, "p": 0.01, "n": 50, "baseline": word}
     part = {
-        "own": 3.0,
+        "return": 3.0,
         "terms": {},
         "share": 0.5,
         "idle": 0.1,

@@ -8,7 +8,7 @@ them, also in mid-episode, and without stepping the others. So this reaches into
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from gymnasium import spaces
@@ -20,6 +20,10 @@ from gamekeeper.randomness.seeds import episode_seed
 from gamekeeper.vector.sub_env_block import Said, bare
 from gamekeeper.vector.vector_factory import make
 from gamekeeper.vector.vector_form import VectorGroup
+
+if TYPE_CHECKING:
+    from gamekeeper.vector.kernel_engine import KernelEngine
+    from gamekeeper.vector.serial_engine import SerialEngine
 
 Bools = NDArray[np.bool_]
 
@@ -60,6 +64,14 @@ class Copies:
         self.over: Bools = np.zeros(num_envs, bool)
         self.told: dict[int, Mapping[Any, Any]] = {}
         self.run_seed, self._seed, self._runs, self.is_begun = seed, seed, 0, False
+
+    @property
+    def _of_kernel(self) -> KernelEngine:
+        return cast("KernelEngine", self._engine)  # with its type, so that names are checked
+
+    @property
+    def _serial(self) -> SerialEngine:
+        return cast("SerialEngine", self._engine)
 
     @property
     def arrays(self) -> Mapping[str, NDArray[Any]]:
@@ -106,22 +118,22 @@ class Copies:
         self.over &= ~which
 
     def _next_of_kernel(self, which: Bools) -> Said:
-        if self._engine._scribe is not None:
+        if self._of_kernel._recorder is not None:
             raise SpecError(
                 "copies that are reset one by one can't be recorded",
                 where="gk.record(env.venv)",
                 fix="gk.rollout(spec, policies=torchrl.policy(actor, env), out=...)",
             )
-        batch = self._engine._batch
+        batch = self._of_kernel._batch
         over = batch.arrays.over
         kept = over & ~which
         over[...] = which
         batch.restart()
         over[...] = kept
-        return cast("Said", self._engine._said(is_reset=True))
+        return self._of_kernel._said(is_reset=True)
 
     def _next_of_block(self, which: Bools) -> Said:
-        block, said = self._engine._block, Said()
+        block, said = self._serial._block, Said()
         try:
             for e in np.flatnonzero(which).tolist():
                 self.arrays["over"][e] = False
@@ -129,7 +141,7 @@ class Copies:
                 block._begin(e, said)
             block._pour()
         except Exception as error:
-            raise self._engine._named(error) from error
+            raise self._serial._named(error) from error
         return said
 
     def state_space(self, *, is_asked: bool | None) -> spaces.Space[Any] | None:
@@ -150,9 +162,9 @@ class Copies:
                 fix="engine='serial' or 'kernel', or state=False",
             )
         if self._is_kernel:
-            declared = self._engine._kernel.state_space
+            declared: Any = self._of_kernel._kernel.state_space
         else:
-            env = bare(self._engine._block.doors[0])
+            env = bare(self._serial._block.doors[0])
             declared = getattr(env, "state_space", getattr(env.unwrapped, "state_space", None))
         if isinstance(declared, spaces.Space) or not is_asked:
             return declared if isinstance(declared, spaces.Box) else None
@@ -168,11 +180,11 @@ class Copies:
             EnvError: an environment raised.
         """
         if self._is_kernel:
-            if self._engine._kernel.overview is None:
+            if self._of_kernel._kernel.overview is None:
                 raise SpecError("the kernel has no state()", where="state", fix="state=False")
-            return np.array(self._engine._batch.overview())
+            return np.array(self._of_kernel._batch.overview())
         try:
-            return np.stack([np.asarray(bare(door).state()) for door in self._engine._block.doors])
+            return np.stack([np.asarray(bare(door).state()) for door in self._serial._block.doors])
         except (NotImplementedError, AttributeError) as error:
             raise SpecError(
                 "the environment has no state()",

@@ -50,7 +50,7 @@ def _whole_rounds(trace: Episode) -> Sequence[Turn]:
     Where agents take turns and we stop in mid-round, those before that place would have had an
     action more: that is our doing and not the game's.
     """
-    turns = list(trace.turns)
+    turns = trace.turns
     if trace.header.get("end") == "ended" or not turns:
         return turns
     gone = {agent for turn in turns for agent in turn.ended}
@@ -60,8 +60,8 @@ def _whole_rounds(trace: Episode) -> Sequence[Turn]:
 
 def started(trace: Episode, agents: Sequence[str]) -> NDArray[np.bool_]:
     """Flags of agents that stood in the roster from the reset on, [agents]."""
-    first = next(trace.turns, None)
-    return np.array([first is not None and agent in first.live for agent in agents])
+    live = trace.turns[0].live if trace.turns else ()
+    return np.array([agent in live for agent in agents])
 
 
 def exchangeable(

@@ -202,8 +202,7 @@ def _pays_different_amounts_at_first(evidence: ProbeEvidence, part: str | None) 
         for trace in {
             id(counterfactual.base): counterfactual.base for counterfactual in look.counterfactuals
         }.values():
-            turn = next(trace.turns, None)
-            if turn is not None:
+            for turn in trace.turns[:1]:
                 amounts.update(_paid(turn, part).values())
     return len(amounts) > 1
 

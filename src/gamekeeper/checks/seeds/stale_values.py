@@ -114,7 +114,7 @@ def _apart_proof(api: str, field: str, one: object, other: object) -> str:
         "def arrays(value):\n"
         "    items = value.values() if isinstance(value, dict) else value\n"
         "    if isinstance(value, np.ndarray):\n"
-        "        return [value] if value.dtype.kind in 'biufc' else []\n"
+        "        return [value] if value.dtype.kind in 'biufc' and value.ndim else []\n"
         "    if isinstance(value, (dict, list, tuple)):\n"
         "        return [array for item in items for array in arrays(item)]\n"
         "    return []\n"
@@ -251,7 +251,8 @@ def observations_are_apart(contract: Contract, evidence: ProbeEvidence) -> Itera
     """The observations of two agents share no memory that can be written to.
 
     A wrapper that normalises one agent's observation in place normalises the other's as well.
-    Equal observations are fine in arrays of their own, or in one that is read-only or holds texts.
+    Equal observations are fine in arrays of their own, or in one that is read-only, holds texts or
+    has no axis.
 
     Bad:
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -101,6 +102,8 @@ def stands_elsewhere(space: Any, turn: Turn, agent: str) -> bool:
     sizes = {int(getattr(space, "n", 0))}
     if isinstance(space, spaces.MultiDiscrete):
         sizes = {int(space.nvec.sum()), int(space.nvec.prod())}
+    if isinstance(space, spaces.Tuple):  # a flag for each joint choice
+        sizes = {math.prod(int(getattr(part, "n", 0)) for part in space.spaces)}
     given = (turn.observations.get(agent), turn.infos.get(agent))
     found = (each.get("mask") for each in given if isinstance(each, Mapping))
     return any(isinstance(mask, np.ndarray | list) and np.size(mask) in sizes for mask in found)

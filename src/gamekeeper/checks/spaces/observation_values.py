@@ -58,6 +58,8 @@ def misfit_cases(evidence: ProbeEvidence, kind: str) -> Iterator[Case]:
                 else:
                     yield Case(trace.at(turn, agent, "observations"), True)
         for agent, rows in nonconforming.items():
+            if kind in (DTYPE, SHAPE) and _is_of_another_kind(known[agent], rows):
+                continue  # GK211 tells it: once an array, where a number is declared
             is_told = kind != DTYPE or _is_told(agent, known[agent], rows)
             for turn, value in zip(rows.turns, rows.values, strict=True):
                 with_masks = agent in turn.ended and not is_told
@@ -103,6 +105,12 @@ def _looked(
         proof=misfit_proof(evidence.api, agent, found),
         severity=LOW if found.is_taken else None,
     )
+
+
+def _is_of_another_kind(space: Any, rows: _Rows) -> bool:
+    """Tells whether a value as a whole is of another kind than its space says."""
+    found = (each for value in rows.values for each in misfits(space, value))
+    return any(each.kind == STRUCTURE and not each.path for each in found)
 
 
 def _is_meant(found: Misfit, kind: str, with_masks: bool) -> bool:

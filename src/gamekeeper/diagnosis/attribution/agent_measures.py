@@ -94,7 +94,7 @@ class Own:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data, as it stands in an agent's entry."""
-        return {"own": self.value, "terms": self.terms, "share": self.share, "idle": self.idle}
+        return {"return": self.value, "terms": self.terms, "share": self.share, "idle": self.idle}
 
 
 def own_rewards(summary: Summary, outcomes: Iterable[Outcome]) -> dict[str, Own]:

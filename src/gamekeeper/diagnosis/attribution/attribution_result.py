@@ -138,7 +138,7 @@ class Attribution:
 
     def rows(self) -> list[list[str]]:
         """A heading and a row for each agent, as texts."""
-        head = ["agent", "own", "share", "idle", "difference", "Shapley", "verdict"]
+        head = ["agent", "return", "share", "idle", "difference", "Shapley", "verdict"]
         return [head, *(_row(name, part) for name, part in self.agents.items())]
 
     def __str__(self) -> str:

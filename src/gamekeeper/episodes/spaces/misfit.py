@@ -21,6 +21,8 @@ DTYPE: Final = "dtype"
 SHAPE: Final = "shape"
 BOUNDS: Final = "bounds"
 NAN: Final = "nan"
+MOST_NUMBERS: Final = 100
+"""Numbers of an array that are written out: more don't fit where a value is told."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,7 +227,8 @@ def _outside(space: Space, value: object, path: str) -> Misfit:
 def _described(value: object) -> str:
     if isinstance(value, np.ndarray):
         return f"an array of {value.dtype} {list(value.shape)}"
-    return f"{type_name(value)}: {shown(value)}"
+    with np.printoptions(threshold=MOST_NUMBERS):
+        return f"{type_name(value)}: {shown(value)}"
 
 
 def kept(space: Space) -> Space | None:

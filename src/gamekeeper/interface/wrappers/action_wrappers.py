@@ -129,13 +129,16 @@ class RepeatedActions(Transform):
         self._streams: dict[AgentId, Stream] = {}
         self._draws: dict[AgentId, int] = {}
         self._last: dict[AgentId, Any] = {}
-        self._may: dict[AgentId, bool] = {}
+        self._forbidden: set[AgentId] = set()
 
     def given(self, agent: AgentId, seen: Any, info: Mapping[str, Any]) -> None:
         """Finds out whether the last action may be repeated."""
-        if agent in self._last:
-            mask, last = _READ(seen, info), self._last[agent]
-            self._may[agent] = mask is None or _is_legal(self._spaces[agent], last, mask)
+        mask = _READ(seen, info)
+        self._forbidden.discard(agent)
+        if mask is None or agent not in self._last:
+            return
+        if not _is_legal(self._spaces[agent], self._last[agent], mask):
+            self._forbidden.add(agent)
 
     def action(self, agent: AgentId, action: Any) -> Any:
         """The last action of the agent, or this one.
@@ -151,7 +154,7 @@ class RepeatedActions(Transform):
         draws = rng.draws
         repeats = rng.uniform() < self._probability
         self._draws[agent], rng.draws = rng.draws, draws
-        if not repeats or not self._may.get(agent, True):
+        if not repeats or agent in self._forbidden:
             return action
         last = self._last[agent]
         return last.copy() if isinstance(last, np.ndarray) else last

@@ -77,7 +77,7 @@ class Normalization:
 class Moments:
     """Mean and variance of what was added so far.
 
-    Source: Chan, Golub & LeVeque 1983 (pairwise update), here for one row at a time.
+    Source: Chan, Golub & LeVeque 1983 (pairwise update).
     """
 
     __slots__ = ("count", "mean", "var")
@@ -94,6 +94,17 @@ class Moments:
         self.mean = self.mean + off / count
         self.var = (self.var * self.count + off * off * (self.count / count)) / count
         self.count = count
+
+    def add_rows(self, rows: Any) -> None:
+        """Adds observations [row, ...] at once; the same as one by one but for rounding."""
+        if len(rows):
+            count, more = self.count + len(rows), len(rows)
+            off = rows.mean(0, dtype=np.float64) - self.mean
+            spread = rows.var(0, dtype=np.float64) * more
+            self.mean = self.mean + off * (more / count)
+            moved = off * off * (self.count * more / count)
+            self.var = (self.var * self.count + spread + moved) / count
+            self.count = count
 
 
 class Statistics:
@@ -162,6 +173,19 @@ class Statistics:
         """Adds a discounted return."""
         name = role(agent_name(agent))
         self.paid[name].add(value)
+        self._current.pop(name, None)
+
+    def add_rows(self, agent: AgentId, parts: Mapping[str, Any]) -> None:
+        """Adds what agents of one role decided by, [row, ...] by key of a Dict, or ""."""
+        name = role(agent_name(agent))
+        for key, moments in self.seen[name].items():
+            moments.add_rows(parts[key])
+        self._current.pop(name, None)
+
+    def add_returns(self, agent: AgentId, values: Any) -> None:
+        """Adds discounted returns [row] of agents of one role."""
+        name = role(agent_name(agent))
+        self.paid[name].add_rows(values)
         self._current.pop(name, None)
 
     def to_json(self) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
+from operator import attrgetter
 from typing import Any, Final
 
 import numpy as np
@@ -19,6 +21,7 @@ VIEW: Final = "observation"
 """Key of an observation beside its mask or the agent's number, as PettingZoo's classic games."""
 NUMBER: Final = "agent_id"
 PADDINGS: Final = ("first", "zeros")
+_FORM: Final = attrgetter("__class__", "dtype", "shape")
 
 
 def agent_id(env: Any) -> Any:
@@ -57,17 +60,22 @@ def flatten_observations(env: Any) -> Any:
 
 
 class AgentNumber(Transform):
-    """Use `agent_id`."""
+    """Use `agent_id`.
+
+    Attributes:
+        rows: each agent's number, one-hot.
+        planes: what is put behind a Box, by agent.
+    """
 
     def bind(self, env: Any) -> None:
         """Numbers the agents."""
         agents = possible(env, "agent_id")
-        self._rows = dict(zip(agents, np.eye(len(agents), dtype=np.float32), strict=True))
-        self._planes: dict[AgentId, Any] = {}
+        self.rows = dict(zip(agents, np.eye(len(agents), dtype=np.float32), strict=True))
+        self.planes: dict[AgentId, Any] = {}
 
     def observation_space(self, agent: AgentId, space: Space[Any]) -> Space[Any]:
         """The space with a place for the number."""
-        count = len(self._rows)
+        count = len(self.rows)
         number = spaces.Box(0, 1, (count,), np.float32)
         if isinstance(space, spaces.Dict):
             if NUMBER in space.spaces:
@@ -81,18 +89,18 @@ class AgentNumber(Transform):
         tops = np.where(np.isfinite(space.high), space.high, 1)
         top = tops.max() if len(space.shape) == 3 else 1
         plane = np.zeros(shape, space.dtype)
-        plane[..., int(np.argmax(self._rows[agent]))] = top
-        self._planes[agent] = plane
+        plane[..., int(np.argmax(self.rows[agent]))] = top
+        self.planes[agent] = plane
         low = np.concatenate([space.low, np.zeros(shape, space.dtype)], -1)
         high = np.concatenate([space.high, np.full(shape, top, space.dtype)], -1)
         return spaces.Box(low, high, dtype=space.dtype)
 
     def observation(self, agent: AgentId, seen: Any, info: Any) -> Any:
         """The observation with the agent's number."""
-        plane = self._planes.get(agent)
+        plane = self.planes.get(agent)
         if plane is not None:
             return np.concatenate([seen, plane], -1)
-        number = self._rows[agent].copy()
+        number = self.rows[agent].copy()
         return (
             {**seen, NUMBER: number} if isinstance(seen, Mapping) else {VIEW: seen, NUMBER: number}
         )
@@ -111,12 +119,13 @@ class FrameStack(Transform):
                 fix="give a whole number of frames",
             )
         self._frames, self._padding = frames, padding
-        self._before: dict[AgentId, list[Any]] = {}
         self._zeros: dict[AgentId, Any] = {}
+        self.begin(None)
 
     def begin(self, seed: int | None) -> None:
         """Forgets the frames of the last episode."""
-        self._before = {}
+        self._before: dict[AgentId, deque[Any]] = {}
+        self._ticks = Ticks(self._frames)
 
     def observation_space(self, agent: AgentId, space: Space[Any]) -> Space[Any]:
         """The space of so many frames."""
@@ -127,10 +136,9 @@ class FrameStack(Transform):
     def observation(self, agent: AgentId, seen: Any, info: Any) -> Any:
         """The last decisions' frames and the present one."""
         frames = [*self._before.get(agent, ()), seen]
-        lacking = self._frames - len(frames)
-        if lacking:
+        if len(frames) < self._frames:
             first = self._zeros[agent] if self._padding == "zeros" else frames[0]
-            frames = [first] * lacking + frames
+            frames = [first] * (self._frames - len(frames)) + frames
         return _stacked(frames)
 
     def note(self, agent: AgentId, seen: Any, action: Any) -> Any:
@@ -139,10 +147,45 @@ class FrameStack(Transform):
 
     def keep(self, agent: AgentId, noted: Any) -> None:
         """Adds the frame."""
-        before = self._before.setdefault(agent, [])
+        before = self._before.get(agent)
+        if before is None:
+            before = self._before[agent] = deque(maxlen=self._frames - 1)
         before.append(noted)
-        if len(before) >= self._frames:
-            del before[0]
+
+    def observations(self, seen: Mapping[Any, Any], infos: Any) -> dict[Any, Any]:
+        """All agents' vectors at once, where each has one of the same form; else one by one."""
+        now = self._ticks.block(seen)
+        if now is None:
+            self._one_by_one()
+            return super().observations(seen, infos)
+        frames = [*self._ticks.blocks, now]
+        if len(frames) < self._frames:
+            zeros = self._padding == "zeros"
+            first = np.stack([self._zeros[agent] for agent in seen]) if zeros else frames[0]
+            frames = [first] * (self._frames - len(frames)) + frames
+        return dict(zip(seen, np.concatenate(frames, 1), strict=True))
+
+    def notes(self, seen: Mapping[Any, Any], actions: Mapping[Any, Any]) -> Any:
+        """The tick's block, where all act that were shown something."""
+        if self._ticks.now is not None and actions.keys() == seen.keys():
+            return self._ticks.now
+        self._one_by_one()
+        return super().notes(seen, actions)
+
+    def keep_all(self, noted: Any) -> None:
+        """Adds the frames."""
+        if noted is self._ticks.now:
+            self._ticks.blocks.append(noted)
+        else:
+            super().keep_all(noted)
+
+    def _one_by_one(self) -> None:
+        """Gives each agent its frames, for the rest of the episode."""
+        ticks = self._ticks
+        for block in ticks.blocks:
+            for agent, frame in zip(ticks.agents, block, strict=True):
+                self.keep(agent, frame)
+        ticks.end()
 
     def _stacked_space(self, agent: AgentId, space: Space[Any]) -> Space[Any]:
         count = self._frames
@@ -174,10 +217,50 @@ class FrameStack(Transform):
         )
 
 
+class Ticks:
+    """Vectors of all agents in one array a tick, as long as all are there and of one form.
+
+    Attributes:
+        agents: in the order of the rows.
+        now: [agent, number], the tick that isn't decided yet; None where agents differ.
+        blocks: those of the last decisions.
+    """
+
+    def __init__(self, frames: int) -> None:
+        self.agents: list[Any] = []
+        self.now: Any = None
+        self.blocks: deque[Any] = deque(maxlen=frames - 1)
+        self._forms: Any = None
+        self._is_over = False
+
+    def end(self) -> None:
+        """Takes no more blocks."""
+        self.blocks.clear()
+        self.now, self._is_over = None, True
+
+    def block(self, seen: Mapping[Any, Any]) -> Any:
+        """A new array of what all are shown; None where it can't be one."""
+        if self._is_over:
+            return None
+        ones = list(seen.values())
+        try:
+            forms = list(map(_FORM, ones))
+        except AttributeError:  # some are no arrays
+            return None
+        if self._forms is None and len(set(forms)) == 1:
+            kind, _, shape = forms[0]
+            if kind is np.ndarray and len(shape) == 1:
+                self.agents, self._forms = list(seen), forms
+        if forms != self._forms or list(seen) != self.agents:
+            return None
+        self.now = np.concatenate(ones).reshape(len(ones), -1)
+        return self.now
+
+
 def _stacked(frames: list[Any]) -> Any:
     """Frames in one, part by part; the newest mask."""
     last = frames[-1]
-    if type(last) is np.ndarray and last.ndim != 2 and last.ndim:  # first, for speed
+    if type(last) is np.ndarray and last.ndim in (1, 3):  # first, for speed
         return np.concatenate(frames, -1)
     if isinstance(last, Mapping):
         return {

@@ -9,6 +9,7 @@ from pettingzoo.utils.wrappers import BaseParallelWrapper, BaseWrapper
 
 from gamekeeper.errors import SpecError
 from gamekeeper.interface.author_calls import HORIZON, after_end
+from gamekeeper.interface.wrappers.transform import is_parallel
 
 BOOKS: Final = (
     "agents",
@@ -42,17 +43,8 @@ def time_limit(env: Any, steps: int) -> Any:
             actual=repr(steps),
             fix="give the number of steps of an episode",
         )
-    if isinstance(env, ParallelEnv):
-        return ParallelTimeLimit(env, steps)
-    if isinstance(env, AECEnv):
-        return AECTimeLimit(env, steps)
-    raise SpecError(
-        "only a PettingZoo environment can have a time limit",
-        where="time_limit",
-        expected="an AECEnv or a ParallelEnv",
-        actual=f"{type(env).__module__}.{type(env).__qualname__}",
-        fix="open it first: gamekeeper.make(spec)",
-    )
+    form = ParallelTimeLimit if is_parallel(env, "time_limit") else AECTimeLimit
+    return form(env, steps)
 
 
 class InsideSpaces:

@@ -5,10 +5,11 @@ A transform is written once; `wrapped` puts it around a ParallelEnv or an AECEnv
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from gymnasium.spaces import Space
+from pettingzoo import AECEnv, ParallelEnv
 
 from gamekeeper.errors import SpecError
 from gamekeeper.interface.author_calls import AgentId
@@ -61,6 +62,24 @@ class Transform:
 
     def keep(self, agent: AgentId, noted: Any) -> None:
         """Remembers a decision, once the environment has taken it."""
+
+    # all agents of one tick of a ParallelEnv; these are the above, agent by agent
+
+    def observations(self, seen: Mapping[Any, Any], infos: Any) -> dict[Any, Any]:
+        """Returns what each agent is shown."""
+        show, info = self.observation, infos_by(infos)
+        return {agent: show(agent, one, info(agent, {})) for agent, one in seen.items()}
+
+    def notes(self, seen: Mapping[Any, Any], actions: Mapping[Any, Any]) -> Any:
+        """Copies of what is remembered of all decisions of a tick."""
+        note, of = self.note, seen.get
+        return [(agent, note(agent, of(agent), action)) for agent, action in actions.items()]
+
+    def keep_all(self, noted: Any) -> None:
+        """Remembers the decisions of a tick, once the environment has taken them."""
+        keep = self.keep
+        for agent, one in noted:
+            keep(agent, one)
 
     def overrides(self, *names: str) -> bool:
         """Tells whether one of these methods does anything."""
@@ -140,6 +159,23 @@ def possible(env: Any, wrapper: str) -> list[Any]:
     return agents
 
 
+def is_parallel(env: Any, wrapper: str) -> bool:
+    """Tells which of PettingZoo's interfaces an environment has.
+
+    Raises:
+        SpecError: it has neither.
+    """
+    if isinstance(env, ParallelEnv | AECEnv):
+        return isinstance(env, ParallelEnv)
+    raise SpecError(
+        "only a PettingZoo environment can be wrapped",
+        where=wrapper,
+        expected="an AECEnv or a ParallelEnv",
+        actual=f"{type(env).__module__}.{type(env).__qualname__}",
+        fix="open it first: gamekeeper.make(spec); batches have gamekeeper.vector.wrappers",
+    )
+
+
 def unfit(wrapper: str, agent: AgentId, *, expected: str, actual: object, fix: str) -> SpecError:
     """Error that names the agent whose space a wrapper can't take."""
     return SpecError(
@@ -151,6 +187,7 @@ def unfit(wrapper: str, agent: AgentId, *, expected: str, actual: object, fix: s
     )
 
 
-def info_of(infos: Any, agent: AgentId) -> Any:
-    """The agent's own info; an empty one where it has none."""
-    return infos.get(agent, {}) if isinstance(infos, Mapping) else {}
+def infos_by(infos: Any) -> Callable[[AgentId, Any], Any]:
+    """Function that finds an agent's own info, or what else is given."""
+    found: Callable[[AgentId, Any], Any] = infos.get if isinstance(infos, Mapping) else {}.get
+    return found

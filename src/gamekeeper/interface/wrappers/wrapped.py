@@ -8,9 +8,13 @@ from typing import Any
 from pettingzoo import AECEnv, ParallelEnv
 from pettingzoo.utils.wrappers import BaseParallelWrapper, BaseWrapper
 
-from gamekeeper.errors import SpecError
 from gamekeeper.interface.author_calls import AgentId
-from gamekeeper.interface.wrappers.transform import Transform, TransformedSpaces, info_of
+from gamekeeper.interface.wrappers.transform import (
+    Transform,
+    TransformedSpaces,
+    infos_by,
+    is_parallel,
+)
 
 
 class ParallelTransformed(TransformedSpaces, BaseParallelWrapper[Any, Any, Any]):
@@ -37,14 +41,15 @@ class ParallelTransformed(TransformedSpaces, BaseParallelWrapper[Any, Any, Any])
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, Any]:
         """Steps the environment once; actions that it refuses leave everything as it was."""
         transform, seen = self.transform, self._seen
-        inside, noted = actions, []
+        inside, noted = actions, None
         if self._acts:
-            inside = {agent: transform.action(agent, action) for agent, action in actions.items()}
+            act = transform.action
+            inside = {agent: act(agent, action) for agent, action in actions.items()}
         if self._notes:
-            noted = [(a, transform.note(a, seen.get(a), action)) for a, action in inside.items()]
+            noted = transform.notes(seen, inside)
         self._seen, rewards, terminations, truncations, self._infos = self.env.step(inside)
-        for agent, what in noted:
-            transform.keep(agent, what)
+        if self._notes:
+            transform.keep_all(noted)
         if self._pays:
             rewards = {agent: transform.reward(agent, paid) for agent, paid in rewards.items()}
         observations, infos = self._shown()
@@ -55,10 +60,11 @@ class ParallelTransformed(TransformedSpaces, BaseParallelWrapper[Any, Any, Any])
         seen, infos, transform = self._seen, self._infos, self.transform
         shown, informed = seen, infos
         if self._gives:
-            for agent, given in seen.items():
-                transform.given(agent, given, info_of(infos, agent))
+            given, info = transform.given, infos_by(infos)
+            for agent, observation in seen.items():
+                given(agent, observation, info(agent, {}))
         if self._shows:
-            shown = {a: transform.observation(a, o, info_of(infos, a)) for a, o in seen.items()}
+            shown = transform.observations(seen, infos)
         if self._informs:
             informed = {a: transform.info(a, seen.get(a), info) for a, info in infos.items()}
         return shown, informed
@@ -144,7 +150,7 @@ class AECTransformed(TransformedSpaces, BaseWrapper[Any, Any, Any]):
         seen = self.env.observe(agent)
         if not self._shows or seen is None:
             return seen
-        return self.transform.observation(agent, seen, info_of(self.env.infos, agent))
+        return self.transform.observation(agent, seen, infos_by(self.env.infos)(agent, {}))
 
     def last(self, observe: bool = True) -> tuple[Any, Any, Any, Any, Any]:
         """Returns what the agent in turn is given."""
@@ -194,14 +200,5 @@ def wrapped(env: Any, transform: Transform) -> Any:
     Raises:
         SpecError: it is no PettingZoo environment, or its spaces can't be changed so.
     """
-    if isinstance(env, ParallelEnv):
-        return ParallelTransformed(env, transform)
-    if isinstance(env, AECEnv):
-        return AECTransformed(env, transform)
-    raise SpecError(
-        "only a PettingZoo environment can be wrapped",
-        where=type(transform).__name__,
-        expected="an AECEnv or a ParallelEnv",
-        actual=f"{type(env).__module__}.{type(env).__qualname__}",
-        fix="open it first: gamekeeper.make(spec)",
-    )
+    form = ParallelTransformed if is_parallel(env, type(transform).__name__) else AECTransformed
+    return form(env, transform)

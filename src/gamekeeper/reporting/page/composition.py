@@ -190,6 +190,8 @@ def _alerts(run: ShownRun) -> Iterator[str]:
         yield f"{where} {run.evidence.not_whole}{recover * is_open}"
     if run.evidence.kept_text:
         yield f"Run {run.key} ({run.name}) is of level {run.evidence.kept_text}"
+    if run.evidence.retained_text:
+        yield f"Run {run.key} ({run.name}): {run.evidence.retained_text}"
     cut = [
         f"episode {header['episode']} {_stopped(run.evidence, header)}"
         for header in run.figures.headers

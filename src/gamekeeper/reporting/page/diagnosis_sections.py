@@ -231,7 +231,7 @@ def _contributions(agents: Mapping[str, Document]) -> PageTable:
     rows = tuple(
         (
             name(agent),
-            number(part["own"]),
+            number(part["return"]),
             percent(part["share"]),
             percent(part["idle"]),
             *_measured(part.get("difference")),

@@ -93,7 +93,7 @@ def commit(
             sync_folder(inner)
     replace(folder / MANIFEST, data, durable=durable)
     for path in list(folder.iterdir()):
-        if SEGMENT.fullmatch(path.name):
+        if SEGMENT.fullmatch(path.name.removesuffix(".tmp")):
             path.unlink(missing_ok=True)
 
 

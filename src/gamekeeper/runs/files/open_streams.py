@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
+from itertools import chain, count, islice
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -135,8 +136,12 @@ class StreamFiles:
     `schema` and `cuts` are known once `batches` has run to its end.
     """
 
-    def __init__(self, folder: Path, stream: str, *, salvage: bool) -> None:
+    def __init__(
+        self, folder: Path, stream: str, *, salvage: bool, segments: object = None
+    ) -> None:
+        """Looks at nothing yet; `segments`: the entry of that name in the run's manifest."""
         self.folder, self.stream, self.salvage = folder, stream, salvage
+        self._first, self._step = numbered(segments, stream)
         self.schema: pa.Schema | None = None
         self.cuts: list[Cut] = []
 
@@ -175,14 +180,19 @@ class StreamFiles:
         with reading(self.folder):
             for path in self.folder.iterdir():
                 match = SEGMENT.fullmatch(path.name)
-                if match and match[1] == self.stream:
-                    found[int(match[2])] = inside(self.folder, path.name)
+                if not match or match[1] != self.stream:
+                    continue
+                number = int(match[2])
+                is_behind = number > self._first and not number % self._step
+                if number == self._first or is_behind:
+                    found[number] = inside(self.folder, path.name)
         return found
 
     def _segments(self) -> list[Path]:
         """The segments in order, from the first up to a gap."""
         found, paths = self._found(), []
-        for number in range(len(found)):
+        behind = count(self._first + self._step - self._first % self._step, self._step)
+        for number in islice(chain([self._first], behind), len(found)):
             if number not in found:
                 name = segment_name(self.stream, number)
                 if not self.salvage:
@@ -218,6 +228,27 @@ class StreamFiles:
             self.schema = schema
         elif not schema.equals(self.schema, check_metadata=True):
             self.schema = unify(self.schema, schema, where=str(self.folder / self.stream))
+
+
+def numbered(segments: object, stream: str) -> tuple[int, int]:
+    """Number of a stream's first segment, and the step from one number to the next.
+
+    The first segment of a run that drops episodes has an odd number, once anything was dropped;
+    those behind it have the even ones that follow, and other odd ones aren't part of the run.
+
+    Args:
+        segments: the manifest's entry; other runs have none.
+    Raises:
+        ValueError: it is damaged.
+    """
+    if segments is None:
+        return 0, 1
+    place = segments.get(stream, {}) if isinstance(segments, dict) else None
+    found = place if isinstance(place, dict) else {"first": None}
+    first = found.get("first", 0)
+    if type(first) is not int or first < 0 or found.get("step", 2) != 2:
+        raise ValueError(f"segments.{stream} of the manifest: {place!r}"[:200])
+    return first, 2
 
 
 def whole_of(streams: dict[str, Iterable[pa.RecordBatch]]) -> Whole:
@@ -268,15 +299,21 @@ def _keys(stream: str, batches: Iterable[pa.RecordBatch]) -> tuple[Keys, Keys, K
     return episode, turn, acted
 
 
-def open_tables(folder: Path, *, salvage: bool) -> tuple[dict[str, pa.Table], tuple[Cut, ...]]:
+def open_tables(
+    folder: Path, *, salvage: bool, segments: object = None
+) -> tuple[dict[str, pa.Table], tuple[Cut, ...]]:
     """The whole turns of an open run by stream, and the places where files ended early.
 
     Args:
         salvage: damage ends a stream as a cut does, in place of raising.
+        segments: the entry of that name in the run's manifest.
     Raises:
         RunError: a file is damaged or missing.
     """
-    streams = {name: StreamFiles(folder, name, salvage=salvage) for name in STREAMS}
+    with reading(folder):
+        streams = {
+            name: StreamFiles(folder, name, salvage=salvage, segments=segments) for name in STREAMS
+        }
     found = {name: stream.table() for name, stream in streams.items()}
     tables = {name: table for name, table in found.items() if table is not None}
     exists = [name for name, stream in streams.items() if stream.exists()]
@@ -321,13 +358,15 @@ def finalize_recovered(
 
 
 def _finalize(folder: Path, manifest: dict[str, Any], episodes: pa.Table | None) -> None:
-    if load_manifest(folder)["status"] != "open":
+    before = load_manifest(folder)
+    if before["status"] != "open":
         raise RunError(
             "the run is finalized already",
             where=str(folder),
             fix="read it as it is; `gamekeeper verify` says whether it is undamaged",
         )
-    streams = {name: StreamFiles(folder, name, salvage=True) for name in STREAMS}
+    segments = before.get("segments")
+    streams = {name: StreamFiles(folder, name, salvage=True, segments=segments) for name in STREAMS}
     # A first pass reads only keys; a stream without a file has no batches and no schema after it.
     whole = whole_of(
         {name: stream.batches() for name, stream in streams.items() if stream.exists()}
@@ -346,7 +385,7 @@ def _finalize(folder: Path, manifest: dict[str, Any], episodes: pa.Table | None)
                 schema = plain_schema(stream.schema)
                 rows = _kept(stream, schema, whole)
                 files[name] = write_table(folder, name, schema, rows)
-        fields = {key: value for key, value in manifest.items() if key != "cuts"}
+        fields = {key: value for key, value in manifest.items() if key not in ("cuts", "segments")}
         if cuts:
             fields["cuts"] = [asdict(cut) for cut in cuts]
         commit(folder, {**fields, "format_version": FORMAT_VERSION}, files)

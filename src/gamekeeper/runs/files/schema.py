@@ -14,8 +14,10 @@ from gamekeeper.errors import RunError
 from gamekeeper.runs.untrusted.limits import row_bytes
 
 STREAMS: Final = ("episodes", "agent_steps", "states", "timings")
+LATER: Final = ("opening",)
+"""Columns that runs written before they were introduced don't have."""
 KNOWN: Final = {
-    "episodes": EPISODES,
+    "episodes": pa.schema([field for field in EPISODES if field.name not in LATER]),
     "agent_steps": NO_STEPS,
     "timings": pa.schema([("wall_ns", pa.int64())]),
 }

@@ -7,14 +7,14 @@ import queue
 import threading
 from os import PathLike
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, ClassVar, Final, Self
 
 import pyarrow as pa
 
 from gamekeeper.episodes.tables import merge
 from gamekeeper.errors import GamekeeperError, RunError
 from gamekeeper.runs.files.checksums import FRAMES, commit
-from gamekeeper.runs.files.folder import claim, inside, system_error, write_new
+from gamekeeper.runs.files.folder import MANIFEST, claim, inside, replace, system_error, write_new
 from gamekeeper.runs.files.manifest import FORMAT_VERSION, STATUSES, render
 from gamekeeper.runs.files.open_streams import StreamFiles
 from gamekeeper.runs.files.parquet_tables import TableWriter, write_table
@@ -182,6 +182,9 @@ class RunStore:
     For one thread: it keeps a second one for rolling, which only ever reads finished segments.
     """
 
+    STEP: ClassVar[int] = 1
+    """From a segment's number to the next one's."""
+
     def __init__(
         self, folder: Path, lock: int, segment_bytes: int, *, durable: bool = True
     ) -> None:
@@ -206,7 +209,7 @@ class RunStore:
         *,
         segment_bytes: int = SEGMENT_BYTES,
         durable: bool = True,
-    ) -> RunStore:
+    ) -> Self:
         """Makes the folder (with its parents) and its manifest, with status "open".
 
         Args:
@@ -221,6 +224,16 @@ class RunStore:
         data = render({**manifest, "format_version": FORMAT_VERSION, "status": "open"})
         folder = Path(path)
         return cls(folder, claim(folder, data, durable=durable), segment_bytes, durable=durable)
+
+    def describe(self, manifest: dict[str, Any]) -> None:
+        """Replaces the manifest of the open run.
+
+        Raises:
+            RunError: the disk refuses.
+            EvidenceError: the manifest isn't plain JSON.
+        """
+        data = render({**manifest, "format_version": FORMAT_VERSION, "status": "open"})
+        replace(self.path / MANIFEST, data, durable=self._durable)
 
     def append(self, stream: str, batch: pa.RecordBatch) -> None:
         """Hands a batch to the operating system: killing this process doesn't lose it.
@@ -247,12 +260,17 @@ class RunStore:
         schema = self._checked(stream, batch.schema)
         last = self._check_keys(stream, batch)
         writer = self._writer(stream, schema)
-        writer.write(plain_batch(batch, writer.schema))
+        plain = plain_batch(batch, writer.schema)
+        writer.write(plain)
+        self._count(stream, plain)
         self._last[stream] = last
         self._raw[stream] = self._raw.get(stream, 0) + batch.nbytes
         if writer.size >= self._segment_bytes or self._raw[stream] >= RAW * self._segment_bytes:
             self._raw[stream] = 0
             self._roll(stream)
+
+    def _count(self, stream: str, batch: pa.RecordBatch) -> None:
+        """Takes note of a batch that was written."""
 
     def write_frame(self, name: str, data: bytes) -> None:
         """Puts a file into `frames/`.
@@ -364,7 +382,7 @@ class RunStore:
             self._roll(stream)
         self._schemas[stream] = known
         writer = SegmentWriter(self.path / segment_name(stream, self._counts[stream]), known)
-        self._counts[stream] += 1
+        self._counts[stream] += self.STEP
         self._writers[stream] = writer
         return writer
 

@@ -5,7 +5,7 @@ A row whose package isn't installed says so. Packages that can't live together h
 their own in requirements/zoo/, one virtual environment each. Recording and replay are processes of
 their own, under different hash seeds, as they would be on two days.
 
-    python benchmarks/zoo.py [--only WORD ...]
+    python benchmarks/replay_foreign.py [--only WORD ...]
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ EPISODES: Final = 2
 MOST_TURNS: Final = 60
 HASH_SEED: Final = 1  # of the recording; the replay has a random one, as any process
 SILENCE_S: Final = 300.0  # XLA compiles for a minute on a busy processor
-DRAMATIS: Final = str(Path(__file__).with_name("zoo/factories.py"))
+DRAMATIS: Final = str(Path(__file__).parent / "zoo" / "factories.py")
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +148,7 @@ def _record(row: Row, run: Path) -> str | None:
         env_kwargs=dict(row.kwargs),
         episodes=EPISODES,
         most_turns=MOST_TURNS,
-        contract=row.contract and str(Path(__file__).with_name(row.contract)),
+        contract=row.contract and str(Path(__file__).parent / row.contract),
     )
     task = "gamekeeper.runs.worker_tasks:record_task"
     outcome = run_task(

@@ -1,0 +1,1 @@
+"""Small environments written as strangers write them, and their audits."""

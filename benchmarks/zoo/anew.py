@@ -1,0 +1,156 @@
+"""The page docs/zoo-anew.md: environments that weren't tuned on, audited anew, with judgements.
+
+Verdicts of failed, suspected and erroneous checks are kept in audited_anew.json, judgements in
+judgements.toml. With `--results` that file is made from the results that audit.py left.
+
+    python benchmarks/zoo/anew.py [--results FOLDER] > docs/zoo-anew.md
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tomllib
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+sys.path.insert(0, str(Path(__file__).parent))
+from catalogue import GROUPS, HERE, catalogue
+
+KEPT: Final = HERE / "audited_anew.json"
+JUDGED: Final = ("true", "same cause", "pedantic", "false")
+Row = Mapping[str, Any]
+
+
+def main() -> int:
+    """Prints the page."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--results", type=Path, help="folder of audit.py's results")
+    asked = parser.parse_args()
+    if asked.results:
+        KEPT.write_text(json.dumps(list(kept(asked.results)), indent=1) + "\n")
+    rows = json.loads(KEPT.read_text())
+    judged = tomllib.loads((HERE / "judgements.toml").read_text())
+    print("\n".join([*opening(rows), *counts(rows, judged), *table(rows, judged)]))
+    return 0
+
+
+def kept(folder: Path) -> Iterator[Row]:
+    """What the page needs of each audit of an environment that no check was changed by."""
+    tuned = {
+        *tomllib.loads(GROUPS.read_text())["tuned"],
+        *tomllib.loads(GROUPS.read_text())["later"],
+    }
+    for each in catalogue():
+        path = folder / f"{each.key.replace('/', '+')}.json"
+        if each.key in tuned or not path.exists():
+            continue
+        result = json.loads(path.read_text())
+        verdicts = result.get("audit", {}).get("verdicts")
+        if verdicts is None:
+            continue
+        told = [one for one in verdicts if one["outcome"] in ("failed", "suspected", "error")]
+        yield {
+            "key": each.key,
+            "version": each.version,
+            "gamekeeper": result["gamekeeper"],
+            "audited": result["audited"],
+            "limit_s": result["limit_s"],
+            "seconds": result["seconds"],
+            "outcomes": Counter(one["outcome"] for one in verdicts),
+            "verdicts": [
+                {
+                    "id": one["id"],
+                    "outcome": one["outcome"],
+                    "severity": one["severity"],
+                    "follows_from": one["follows_from"] and one["follows_from"]["id"],
+                    "reproduced": one["reproduced"],
+                }
+                for one in told
+            ],
+        }
+
+
+def causes(row: Row) -> list[str]:
+    """Checks that failed with severity high or medium and follow from nothing."""
+    return [
+        each["id"]
+        for each in row["verdicts"]
+        if each["outcome"] == "failed" and each["severity"] != "low" and not each["follows_from"]
+    ]
+
+
+def word(judged: Mapping[str, Mapping[str, str]], row: Row, check: str) -> tuple[str, str]:
+    """Judgement of a cause, and its reason."""
+    found, _, reason = judged.get(row["key"], {}).get(check, "not judged").partition(": ")
+    return found, reason
+
+
+def opening(rows: Sequence[Row]) -> Iterator[str]:
+    """Heading, and how it was done."""
+    commits = ", ".join(sorted({row["gamekeeper"] for row in rows}))
+    packages = {row["key"].rpartition("/")[0] for row in rows}
+    yield "# Public environments, audited anew\n"
+    yield (
+        f"Made by `python benchmarks/zoo/anew.py`. {len(rows)} environments of {len(packages)} "
+        "packages of the [catalogue](zoo.md) that no check was changed by, each audited once "
+        f"more at commit {commits}, with `--quick --seconds {rows[0]['limit_s']}` on two cores "
+        "with a load of 5 to 13. Checks were changed by these audits afterwards, not before; "
+        "judgements of causes told before stand as they were, the others are by the source. "
+        "All are by one judge.\n"
+    )
+
+
+def counts(rows: Sequence[Row], judged: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
+    """How many causes are true, by check."""
+    words: Counter[tuple[str, str]] = Counter()
+    for row in rows:
+        for check in causes(row):
+            words[check, word(judged, row, check)[0]] += 1
+            words["all", word(judged, row, check)[0]] += 1
+    yield "## How often a check is right\n"
+    yield f"| check | failed | {' | '.join(JUDGED)} | true of judged | a fault of judged |"
+    yield "|---|---|" + "---|" * (len(JUDGED) + 2)
+    for check in sorted({check for check, _ in words}):
+        each = [words[check, name] for name in JUDGED]
+        shares = [f"{100 * n / sum(each):.0f} %" for n in (each[0], sum(each[:2])) if sum(each)]
+        failed = sum(count for (id, _), count in words.items() if id == check)
+        yield "| " + " | ".join(map(str, [check, failed, *each, *shares])) + " |"
+    shown = [
+        each["reproduced"]
+        for row in rows
+        for each in row["verdicts"]
+        if each["outcome"] == "failed" and not each["follows_from"]
+    ]
+    whole = sum(one["failed"] == 5 and one["unchanged_passed"] is not False for one in shown)
+    share = f"{whole} of {len(shown)}"
+    yield f"\nReproducers of causes that fail 5 of 5, the unchanged one passing: {share}."
+    over = max(row["seconds"] - row["limit_s"] for row in rows)
+    yield f"The longest audit ended {over:.0f} s after its time limit, process start included.\n"
+
+
+def table(rows: Sequence[Row], judged: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
+    """A row for each environment, then the reasons."""
+    yield "## The environments\n"
+    yield "| environment | passed | not exercised | causes | follow | suspected | s |"
+    yield "|---|---|---|---|---|---|---|"
+    for row in rows:
+        told = [f"{check} {word(judged, row, check)[0]}" for check in causes(row)]
+        follow = [each["id"] for each in row["verdicts"] if each["follows_from"]]
+        suspected = [each["id"] for each in row["verdicts"] if each["outcome"] == "suspected"]
+        out = row["outcomes"]
+        cells = [row["key"], out.get("passed", 0), out.get("not_exercised", 0)]
+        cells += [", ".join(told) or "none", ", ".join(follow), ", ".join(suspected)]
+        yield "| " + " | ".join(map(str, [*cells, round(row["seconds"])])) + " |"
+    yield "\n## What was judged, and where the source says so\n"
+    for row in rows:
+        for check in causes(row):
+            found, reason = word(judged, row, check)
+            yield f"- **{row['key']}** {check}, {found}: {reason}"
+
+
+if __name__ == "__main__":
+    sys.exit(main())
