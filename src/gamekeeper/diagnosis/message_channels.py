@@ -209,7 +209,7 @@ def _share(values: Series) -> float:
 
 
 def _maps(said: Series, heard: Series) -> bool:
-    """What is heard is a function of the word: right where the same word's other times tell it."""
+    """Tells whether a field is a function of the word, by words that were said more than once."""
     by_word: dict[float, Counter[float]] = defaultdict(Counter)
     for word, value in zip(said.tolist(), heard.round(5).tolist(), strict=True):
         by_word[word][value] += 1
@@ -224,7 +224,7 @@ def _maps(said: Series, heard: Series) -> bool:
 
 
 def _is_linear(said: Series, heard: Series) -> bool:
-    """What is heard is the number that was said, rescaled or shifted."""
+    """Tells whether a field is the number that was said, rescaled or shifted."""
     if len(said) < 2 * FEWEST or not _varies(said):
         return False
     slope, start = np.polyfit(said, heard, 1)

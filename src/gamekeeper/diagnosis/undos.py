@@ -209,7 +209,7 @@ class MessageWay:
         self._acted: set[AgentId] = set()
 
     def given(self, agent: AgentId, observation: Any) -> Any:
-        """What an agent is shown."""
+        """The observation that an agent is shown."""
         if agent in self._acted or not self._is_parallel:
             self._arrived, self._acted = self._said, set()
         self._acted.add(agent)

@@ -136,7 +136,7 @@ def ground_of(
 
 
 def opposed(sheets: Iterable[Sheet]) -> str | None:
-    """What shows that agents compete, by their returns in whole episodes; None: nothing does."""
+    """Sign that agents compete, by their returns in whole episodes; None: there is none."""
     for sheet in sheets:
         rows = sheet.column(RETURN)[sheet.ended] if len(sheet.agents) > 1 else np.empty((0, 0))
         found = opponents(rows, [str(agent) for agent in sheet.agents])
