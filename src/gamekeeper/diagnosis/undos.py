@@ -14,12 +14,12 @@ from typing import Any, Final, Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from pettingzoo import ParallelEnv
 
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.outcome import Label
 from gamekeeper.interface.capture import AgentId
+from gamekeeper.interface.env_source import api_of
 from gamekeeper.rollouts.interventions.fields import NumberField, acted_fields, observed_fields
 from gamekeeper.rollouts.interventions.legal_actions import Offer, offer_of
 from gamekeeper.rollouts.interventions.perturbation import action_space, observation_space
@@ -197,7 +197,7 @@ class MessageWay:
 
     def __init__(self, undo: BoundaryUndo, env: Any, contract: Contract) -> None:
         self._undo, self._env, self._contract = undo, env, contract
-        self._is_parallel = isinstance(env, ParallelEnv)
+        self._is_parallel = api_of(env) == "parallel"
         self._fields: list[NumberField] = []
         self._axes: list[NumberField] = []
         self.begin()

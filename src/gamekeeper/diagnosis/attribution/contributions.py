@@ -241,15 +241,7 @@ def _attributed(
         influence=tuple(influence(found.scans)),
         messages=tuple(talk(found.said, found.listened, rng=rng)),
         penalties=tuple(penalties(found.scans)),
-        not_tested=(
-            *_not_tested(task, found, evidence),
-            *_untold(agents, found, task),
-            *(
-                [{"what": "parts of a team's return", "why": f"{RIVALS}: {rivals}"}]
-                if rivals
-                else []
-            ),
-        ),
+        not_tested=(*_not_tested(task, found, evidence), *_untold(agents, found, task, rivals)),
         rivals=rivals,
     )
 
@@ -377,9 +369,15 @@ def _not_tested(
 
 
 def _untold(
-    agents: Mapping[str, AgentPart], found: ContributionData, task: ReplacementTask
+    agents: Mapping[str, AgentPart],
+    found: ContributionData,
+    task: ReplacementTask,
+    rivals: str | None,
 ) -> Iterator[dict[str, str]]:
     """Notes on what agents that were replaced don't show: laziness, or anything at all."""
+    if rivals is not None:
+        yield {"what": "parts of a team's return, laziness, harm", "why": f"{RIVALS}: {rivals}"}
+        return
     open_ones: dict[str, list[str]] = {}
     for name, part in agents.items():
         if name in task.players and task.is_closed and part.laziness.is_lazy is None:
