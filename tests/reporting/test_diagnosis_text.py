@@ -105,7 +105,8 @@ def test_condition_and_counts_are_printed() -> None:
 def test_effects_say_what_changes() -> None:
     """The success rate with ideal substitutes, the team's return with perturbations."""
     text = _text()
-    assert "the change of the success rate with its 95 % interval; +1.00: from 0% to 100%" in text
+    words = "the change of the success rate with its 95 % interval, each alone; +1.00: from 0%"
+    assert words in text
     assert "the change of the team's mean return with its 95 % interval" in text
 
 

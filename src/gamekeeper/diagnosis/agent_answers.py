@@ -52,7 +52,7 @@ def agent_answer(
         tuple(substitute.name for substitute in finding.substitutes),
         _shown(finding, finding.substitutes),
     )
-    concerned = {a for substitute in finding.substitutes for a in substitute.agents}
+    concerned = {a for substitute in finding.substitutes for a in substitute.concerned}
     if agent is None or finding.answer not in CAUSES or not concerned:
         return found
     if agent in concerned:
@@ -103,7 +103,9 @@ def _shown(finding: ScopeFinding, substitutes: Sequence[IdealSubstitute]) -> str
         return "the cut-off of episodes before the declared horizon"
     substitutes = substitutes or [one.substitute for one in finding.tried]
     between = " or " if finding.answer == "ambiguous" else " and "
-    return between.join(dict.fromkeys(one.shown for one in substitutes))
+    return between.join(
+        dict.fromkeys(part for one in substitutes for part in one.shown.split(between))
+    )
 
 
 def _own_part(agent: str, found: AgentDiagnosis, finding: ScopeFinding) -> AgentDiagnosis:
@@ -111,7 +113,7 @@ def _own_part(agent: str, found: AgentDiagnosis, finding: ScopeFinding) -> Agent
     parts = list(finding.substitutes)
     if finding.answer == "joint":
         parts = [leaf for one in parts for leaf in one.leaves]
-    mine = [one for one in parts if agent in one.agents]
+    mine = [one for one in parts if agent in one.concerned]
     if not mine or len(mine) == len(parts):
         return found
     named = {label for one in mine for label in one.labels}

@@ -92,7 +92,8 @@ def _others_as(played: EpisodeResult, substitute: IdealSubstitute) -> Reenacted:
     paper = tuple(
         {agent_name(a): act for a, act in turn.items()} for turn in played.play.actions or ()
     )
-    return Reenacted(free=substitute.agents, paper=paper)
+    undo = substitute.undo
+    return Reenacted(free=substitute.agents if undo is None else undo.agents, paper=paper)
 
 
 def keep(

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from gamekeeper.diagnosis.trials import ENVIRONMENT, IdealSubstitute
+from gamekeeper.diagnosis.trials import ENVIRONMENT, POLICY, IdealSubstitute
+from gamekeeper.diagnosis.undos import MESSAGES
 from gamekeeper.episodes.outcome import LABELS
 from gamekeeper.statistics.paired import PairedEffect, paired_effect
 from gamekeeper.statistics.significance import fisher_exact, holm, p_text, wilson
@@ -304,7 +305,7 @@ def _of_singles(
     success: tuple[float, float, float],
     skipped: Sequence[IdealSubstitute],
 ) -> ScopeFinding:
-    substitutes = tuple(one.substitute for one in least)
+    substitutes = _with_peers([one.substitute for one in least], tried)
     labels = _labels(substitutes)
     names = ", ".join(substitute.name for substitute in substitutes)
     rivals = [one for one in skipped if not any(_is_within(each, one) for each in substitutes)]
@@ -326,6 +327,16 @@ def _of_singles(
     if all(one.component == ENVIRONMENT for one in substitutes):
         why = f"{names} restores success, which is the same for all agents and nobody's own"
         return ScopeFinding("environment", labels, substitutes, tried, success, why)
+    if all(one.component == MESSAGES for one in substitutes):
+        why = f"undone by {names}: messages are late or lost on their way, which is no agent's own"
+        return ScopeFinding("environment", labels, substitutes, tried, success, why)
+    if any(one.between for one in substitutes):
+        places = " or ".join(dict.fromkeys(one.shown for one in substitutes))
+        why = (
+            f"undone by {' or '.join(one.name for one in substitutes)}: {places}; whether messages "
+            "are said or read wrongly, or change on their way, can't be told apart by this"
+        )
+        return ScopeFinding("ambiguous", labels, substitutes, tried, success, why)
     if len({(one.component, one.agents) for one in substitutes}) == 1:
         why = f"{names} restores success, and no other ideal substitute that was played does"
         if substitutes[0].undo is not None:
@@ -337,6 +348,28 @@ def _of_singles(
         return ScopeFinding("isolated", labels, substitutes, tried, success, why)
     why = f"each of {names} restores success, so these causes can't be told apart"
     return ScopeFinding("ambiguous", labels, substitutes, tried, success, why)
+
+
+def _with_peers(
+    substitutes: Sequence[IdealSubstitute], tried: Sequence[Tried]
+) -> tuple[IdealSubstitute, ...]:
+    """The same; of messages only the side whose policy, replaced by another's, restores alone.
+
+    The other side gets along with that policy, so that the messages between them are sound.
+    """
+    swapped = {
+        one.substitute.agents
+        for one in tried
+        if one.restores and one.substitute.component == POLICY and one.substitute.undo is None
+    }
+    found: list[IdealSubstitute] = []
+    for one in substitutes:
+        sides = [agent for agent in one.between if (agent,) in swapped]
+        if len(sides) != 1:
+            found.append(one)
+        elif one.agents == (sides[0],):
+            found.append(replace(one, between=()))
+    return tuple(found) or tuple(substitutes)
 
 
 def _of_pairs(

@@ -15,7 +15,7 @@ from gamekeeper.contract import Contract
 from gamekeeper.contract.sections import Knob
 from gamekeeper.diagnosis.played_setup import Setup, SetupTraits
 from gamekeeper.diagnosis.setup_differences import ABSENT
-from gamekeeper.diagnosis.undos import DRAWS, BoundaryUndo
+from gamekeeper.diagnosis.undos import DRAWS, MESSAGES, BoundaryUndo
 from gamekeeper.episodes.layout import role as role_in_name
 from gamekeeper.episodes.outcome import LABELS, members_of
 from gamekeeper.errors import EvidenceError
@@ -34,7 +34,7 @@ ENVIRONMENT: Final = "environment"
 LONGER: Final = 4
 """Times as long as before an episode is, where the environment's own cut-off is moved."""
 CUT_OFF: Final = "cut-off"
-COMPONENTS: Final = (*LABELS, POLICY, MEMORY, DRAWS, ENVIRONMENT, CUT_OFF)
+COMPONENTS: Final = (*LABELS, POLICY, MEMORY, DRAWS, MESSAGES, ENVIRONMENT, CUT_OFF)
 """Components that are made ideal: a label where one boundary is touched; a whole policy, and all
 that it keeps between turns, have none, as several of their parts could be at fault."""
 
@@ -54,6 +54,7 @@ class IdealSubstitute:
             the environment does so by default, or to some later turn; the last two yield to
             whatever else restores.
         parts: of several at once, those.
+        between: of an undo that touches messages alone: their speaker, then those that hear them.
     """
 
     name: str
@@ -64,6 +65,7 @@ class IdealSubstitute:
     value: float | None = None
     cut_off: Literal["declared", "default", "later"] | None = None
     parts: tuple[IdealSubstitute, ...] = ()
+    between: tuple[str, ...] = ()
 
     @property
     def undo(self) -> BoundaryUndo | None:
@@ -79,7 +81,20 @@ class IdealSubstitute:
     @property
     def labels(self) -> tuple[str, ...]:
         """The failures that it cures; none of a component that has several parts."""
+        if self.between:
+            return ()
         return tuple(each for each in self.component.split(" + ") if each in LABELS)
+
+    @property
+    def concerned(self) -> tuple[str, ...]:
+        """The agents whose fault it may be: of messages that a listener misreads the speaker too.
+
+        What is undone at the speaker for all that hear it may have changed on its way, but isn't
+        any one listener's.
+        """
+        if self.between and self.agents != self.between[:1]:
+            return tuple(dict.fromkeys((*self.between, *self.agents)))
+        return self.agents
 
     @property
     def shown(self) -> str:
@@ -91,6 +106,12 @@ class IdealSubstitute:
         if self.component == ENVIRONMENT:
             return f"the environment's {self.steps[0][2]}"
         whose = f"{_joined(self.agents)}'s " if self.agents else ""
+        if self.between:
+            text = f"messages from {self.between[0]} to {_joined(self.between[1:])}"
+            return f"{whose}{self.component} or {text}" if self.agents == self.between[:1] else text
+        if self.component == MESSAGES and self.undo is not None:
+            names = f"{self.undo.names[0]} to {_joined(self.undo.agents)}"
+            return f"messages from {names}, late or lost on their way"
         words = {
             POLICY: f"{whose}policy",
             MEMORY: f"something that {_joined(self.agents)} keeps between turns",
@@ -322,16 +343,22 @@ def joined(parts: Sequence[IdealSubstitute], name: str | None = None) -> IdealSu
     )
 
 
-def undone(undo: BoundaryUndo, wider: Iterable[BoundaryUndo] = ()) -> IdealSubstitute:
+def undone(
+    undo: BoundaryUndo, wider: Iterable[BoundaryUndo] = (), between: tuple[str, ...] = ()
+) -> IdealSubstitute:
     """An undo as a substitute; one of several agents makes up for the same one of each.
 
     Args:
         wider: the undos that may be such of fewer agents.
+        between: the speaker and the listeners of the messages that it touches alone.
     """
     alone = [each for each in wider if set(each.agents) < set(undo.agents)]
     inner = {str(each) for each in alone if replace(each, agents=undo.agents) == undo}
     step = ("undo", "", "", undo)
-    return IdealSubstitute(str(undo), undo.component, undo.agents, (step,), frozenset(inner))
+    agents = () if undo.component == MESSAGES else undo.agents
+    return IdealSubstitute(
+        str(undo), undo.component, agents, (step,), frozenset(inner), between=between
+    )
 
 
 def over_undos(substitutes: Sequence[IdealSubstitute]) -> Iterator[IdealSubstitute]:

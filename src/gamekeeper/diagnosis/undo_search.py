@@ -6,14 +6,24 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Final
 
-from gamekeeper.diagnosis.experiment import SEARCH, UNCHANGED, Experiment
+from gamekeeper.diagnosis.experiment import SEARCH, UNCHANGED, Experiment, fresh_seed
 from gamekeeper.diagnosis.judgement import ScopeFinding, is_failing
+from gamekeeper.diagnosis.message_channels import (
+    MOST_AGENTS,
+    PROBED,
+    MessageChannel,
+    between,
+    channels_of,
+    deliveries,
+)
 from gamekeeper.diagnosis.played_setup import OpenSetup
 from gamekeeper.diagnosis.response_tests import ResponseTest
 from gamekeeper.diagnosis.responses import responses_of
 from gamekeeper.diagnosis.trials import POLICY, IdealSubstitute, peers_of, undone
 from gamekeeper.diagnosis.undo_candidates import candidates_of
 from gamekeeper.episodes.layout import agent_name
+from gamekeeper.rollouts.interventions.fields import acted_fields
+from gamekeeper.rollouts.interventions.perturbation import action_space
 
 FED: Final = 2
 """Episodes whose observations the response tests feed."""
@@ -66,9 +76,28 @@ def try_undos(experiment: Experiment) -> dict[str, ResponseTest]:
         undos = candidates_of(
             stage, responses, [a for a in agents if a in replaced or not replaced]
         )
-    candidates = [*experiment.undos, *(undone(undo, undos) for undo in undos)]
+        axes = {
+            agent: len(acted_fields(space))
+            for agent in named
+            if (space := action_space(stage.env, agent)) is not None
+        }
+    channels = _channels(experiment, named)
+    undos = [*deliveries(channels), *undos]
+    touched = [undone(undo, undos, between(undo, channels, axes)) for undo in undos]
+    candidates = [*experiment.undos, *touched]
     search(experiment, candidates, failing, scopes)
     return responses
+
+
+def _channels(experiment: Experiment, agents: Sequence[str]) -> tuple[MessageChannel, ...]:
+    """Messages between agents, where the budget has room to look for them."""
+    cost = PROBED * len(agents) if 1 < len(agents) <= MOST_AGENTS else 0
+    if not cost or experiment.left < cost + 2 * experiment.confirm:
+        return ()
+    experiment.extra += cost
+    setup, contract = experiment.setup, experiment.contract
+    seed = fresh_seed(experiment.fingerprint, experiment.seed, "messages")
+    return channels_of(setup, contract, agents, seed=seed)
 
 
 def _open_scopes(experiment: Experiment) -> list[str]:

@@ -19,6 +19,7 @@ from gamekeeper.contract import Contract
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.outcome import Label
 from gamekeeper.interface.capture import AgentId
+from gamekeeper.interface.env_source import api_of
 from gamekeeper.rollouts.interventions.fields import NumberField, acted_fields, observed_fields
 from gamekeeper.rollouts.interventions.legal_actions import Offer, offer_of
 from gamekeeper.rollouts.interventions.perturbation import action_space, observation_space
@@ -30,6 +31,7 @@ OnObservation = Literal[
     "exchange values",
     "rescale fields",
     "normalize fields",
+    "deliver messages",
 ]
 OnAction = Literal[
     "exchange axes", "mirror axis", "turn axes", "rescale axes", "exchange actions", "shift actions"
@@ -39,6 +41,8 @@ Way: TypeAlias = OnObservation | OnAction | OnCalls
 
 OBSERVATION: Final = get_args(OnObservation)
 ACTION: Final = get_args(OnAction)
+MESSAGES: Final = "messages"
+"""Component of messages that are late or lost on their way, which is no agent's own."""
 DRAWS: Final = "draws"
 """Component of a policy whose draws are settled: no boundary of it is touched, so no label."""
 Numbers: TypeAlias = NDArray[np.float64]
@@ -54,11 +58,12 @@ class BoundaryUndo:
         agents: those agents; their spaces are equal.
         way: what is done.
         places: fields of the observation or axes of the action, by number; of `exchange values`
-            and `exchange actions` the field or axis and the two values.
+            and `exchange actions` the field or axis and the two values; of `deliver messages` the
+            fields, then as many axes of the speaker's action.
         amount: factor of `rescale`, quarter turns of `turn`, lower end of the range up to 1 of
             `normalize`, values of `shift`, further calls of `settle`, turns of `hold`, draws of
             `commonest`.
-        names: of the places, for people.
+        names: of the places, for people; of `deliver messages` the speaker.
     """
 
     agents: tuple[str, ...]
@@ -68,8 +73,10 @@ class BoundaryUndo:
     names: tuple[str, ...] = ()
 
     @property
-    def component(self) -> Label | Literal["draws"]:
+    def component(self) -> Label | Literal["draws", "messages"]:
         """The label of the boundary that it touches."""
+        if self.way == "deliver messages":
+            return MESSAGES
         if self.way in OBSERVATION:
             return "perception"
         if self.way in ACTION:
@@ -101,6 +108,7 @@ class BoundaryUndo:
             "observation",
             "rescale fields": f"multiplying {whose} observation by {n}",
             "normalize fields": f"normalizing {whose} observation to {n} to 1",
+            "deliver messages": f"giving {', '.join(self.agents)} what {what} said last",
             "exchange axes": f"exchanging axes {self._axes} of {whose} action",
             "mirror axis": f"mirroring axis {self._axes} of {whose} action",
             "turn axes": f"turning axes {self._axes} of {whose} action by "
@@ -135,14 +143,20 @@ class UndoneCast:
         self._agents = frozenset(undo.agents)
         self._boundaries: dict[AgentId, _Boundary] = {}
         self._held: dict[AgentId, tuple[int, Any]] = {}
+        self._way = MessageWay(undo, env, contract) if undo.way == "deliver messages" else None
 
     def begin(self, run_seed: int, episode: int) -> None:
         """Begins an episode."""
         self._held = {}
+        if self._way is not None:
+            self._way.begin()
         self._cast.begin(run_seed, episode)
 
     def act(self, agent: AgentId, observation: Any, info: Any) -> Any:
         """The action of a live agent; an illegal one gives way as `Offer.stand_in` says."""
+        if self._way is not None:
+            shown = self._way.given(agent, observation)
+            return self._way.noted(agent, self._cast.act(agent, shown, info))
         if agent_name(agent) not in self._agents:
             return self._cast.act(agent, observation, info)
         boundary = self._boundaries.get(agent)
@@ -172,6 +186,55 @@ class UndoneCast:
             self._held[agent] = (count + 1, action)
             return action
         return act(agent, observation, info)
+
+
+class MessageWay:
+    """The way of messages from one agent to another, with nothing late or lost.
+
+    What the speaker did last is written over the listener's fields, as it would be by the next
+    turn: in a Parallel environment not before the next tick.
+    """
+
+    def __init__(self, undo: BoundaryUndo, env: Any, contract: Contract) -> None:
+        self._undo, self._env, self._contract = undo, env, contract
+        self._is_parallel = api_of(env) == "parallel"
+        self._fields: list[NumberField] = []
+        self._axes: list[NumberField] = []
+        self.begin()
+
+    def begin(self) -> None:
+        """Begins an episode: nothing was said."""
+        self._said: list[float] | None = None
+        self._arrived: list[float] | None = None
+        self._acted: set[AgentId] = set()
+
+    def given(self, agent: AgentId, observation: Any) -> Any:
+        """The observation that an agent is shown."""
+        if agent in self._acted or not self._is_parallel:
+            self._arrived, self._acted = self._said, set()
+        self._acted.add(agent)
+        if agent_name(agent) not in self._undo.agents or self._arrived is None:
+            return observation
+        if not self._fields:
+            space, half = observation_space(self._env, agent), len(self._undo.places) // 2
+            every = () if space is None else observed_fields(self._contract, agent, space)
+            self._fields = [every[place] for place in self._undo.places[:half]]
+        for each, number in zip(self._fields, self._arrived, strict=True):
+            observation = each.write(observation, number)
+        return observation
+
+    def noted(self, agent: AgentId, action: Any) -> Any:
+        """The same action; what the speaker says is kept."""
+        if agent_name(agent) != self._undo.names[0] or action is None:
+            return action
+        if not self._axes:
+            space = action_space(self._env, agent)
+            every = () if space is None else acted_fields(space)
+            half = len(self._undo.places) // 2
+            self._axes = [every[place] for place in self._undo.places[half:]]
+        read = [each.read(action) for each in self._axes]
+        self._said = None if None in read else [x for x in read if x is not None]
+        return action
 
 
 def _commonest(draws: Sequence[Any]) -> Any:

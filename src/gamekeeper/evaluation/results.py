@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gamekeeper.contract import Contract
+from gamekeeper.episodes.opposition import opponents
 from gamekeeper.episodes.outcome import EACH, TEAM
 from gamekeeper.evaluation.episode_rows import RETURN, REWARD, ROLE, SUCCESS, Sheet, lost
 from gamekeeper.evaluation.estimates import FloatArray, Judge, shared
@@ -49,6 +50,7 @@ class Ground:
         total: what all agents' returns add up to in every episode; None: they don't add up to one
             number, or all agents are one team.
         resets: episodes of one seed that began differently for different policies, of how many.
+        against: what shows that two agents compete though returns don't add up to one number.
     """
 
     name: str
@@ -57,11 +59,12 @@ class Ground:
     sheets: Mapping[Checkpoint, Sheet]
     total: float | None = None
     resets: tuple[int, int] = (0, 0)
+    against: str | None = None
 
     @property
     def is_rivalry(self) -> bool:
         """True where one agent wins what others lose."""
-        return not self.has_team and self.total is not None
+        return not self.has_team and (self.total is not None or self.against is not None)
 
     def runs_of(self, policy: str) -> list[Sheet]:
         """A policy's sheets, run by run."""
@@ -119,8 +122,27 @@ def ground_of(
     declared = any(term.kind == ZERO_SUM for term in look.declared.rewards.values())
     total = 0.0 if declared else constant_sum(sheets)
     told = spec.environments[name].team
-    is_team = total is None if told is None else told
-    return Ground(name, look, is_team, own, None if is_team else total, differing_resets(sheets))
+    against = opposed(sheets) if total is None and told is None else None
+    is_team = (total is None and against is None) if told is None else told
+    return Ground(
+        name,
+        look,
+        is_team,
+        own,
+        total=None if is_team else total,
+        resets=differing_resets(sheets),
+        against=against,
+    )
+
+
+def opposed(sheets: Iterable[Sheet]) -> str | None:
+    """Sign that agents compete, by their returns in whole episodes; None: there is none."""
+    for sheet in sheets:
+        rows = sheet.column(RETURN)[sheet.ended] if len(sheet.agents) > 1 else np.empty((0, 0))
+        found = opponents(rows, [str(agent) for agent in sheet.agents])
+        if found is not None:
+            return found
+    return None
 
 
 def constant_sum(sheets: Iterable[Sheet]) -> float | None:
@@ -181,12 +203,12 @@ def _refuse_pooling(ground: Ground, judge: Judge) -> None:
                 ground.name,
             )
     if ground.is_rivalry:
-        judge.refuse(
-            "the team's return",
+        why = ground.against or (
             f"all agents' returns add up to {ground.total:g} in every episode: what one wins "
-            "another loses (team = true in the specification, if they are one team all the same)",
-            ground.name,
+            "another loses"
         )
+        end = "(team = true in the specification, if they are one team all the same)"
+        judge.refuse("the team's return", f"{why} {end}", ground.name)
     agents = dict.fromkeys(agent for sheet in ground.sheets.values() for agent in sheet.agents)
     if len(agents) > MOST_AGENTS:
         judge.refuse(

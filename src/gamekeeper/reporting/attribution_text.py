@@ -59,16 +59,16 @@ def attribution_text(document: Mapping[str, Any], *, width: int) -> str:
 def _recorded(document: Mapping[str, Any], width: int) -> str:
     """Figures of the recorded run itself, in which nothing was replaced."""
     agents = document["agents"]
-    rows = [["agent", "own return", "share", "idle"]]
-    rows += [
-        [name, _number(part["return"]), _percent(part["share"]), _percent(part["idle"])]
-        for name, part in agents.items()
-    ]
-    legend = [*RECORDED]
+    has_team = document.get("rivals") is None
+    rows = [["agent", "own return", *(["share"] if has_team else []), "idle"]]
+    for name, part in agents.items():
+        shares = [_percent(part["share"])] if has_team else []
+        rows.append([name, _number(part["return"]), *shares, _percent(part["idle"])])
+    legend = [each for each in RECORDED if has_team or not each.startswith("share")]
     legend += [
         why
         for name, why in UNDEFINED.items()
-        if any(part[name] is None for part in agents.values())
+        if name in rows[0] and any(part[name] is None for part in agents.values())
     ]
     title = f"Recorded run: {_episodes(document['recorded'])}, nothing replaced"
     return _group(title, rows, legend, width)
@@ -149,6 +149,11 @@ def _episodes(count: int, kind: str = "") -> str:
 def team_sentence(document: Mapping[str, Any]) -> str:
     """The team's mean return with and without its agents, or the reason why it is missing."""
     team = document["team"]
+    if document.get("rivals") is not None:
+        return (
+            f"Agents compete: {document['rivals']}. A sum of their returns says nothing of any of "
+            "them, so that no part of a team's return is given."
+        )
     if team["all"] is None:
         is_closed = document["loop"] == "closed"
         why = "--episodes is 0" if is_closed else "the run names no policies that could react"

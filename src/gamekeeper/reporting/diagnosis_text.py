@@ -163,7 +163,8 @@ def _ideals(document: Mapping[str, Any], scope: str, width: int) -> Iterator[str
     restores = any(each.get("restores") for each in ideals)
     text = (
         f"{_kinds(ideals)}, and the change of the success rate with its "
-        "95 % interval; +1.00: from 0% to 100%."
+        "95 % interval, each alone; +1.00: from 0% to 100%. Restores is judged by p, corrected for "
+        "all that were tried (Holm)."
     )
     if restores:
         text += (

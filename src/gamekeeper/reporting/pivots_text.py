@@ -72,7 +72,7 @@ def _falls(each: Mapping[str, Any], has_blocks: bool) -> Iterator[tuple[str, str
         line = sparkline(shares, has_blocks=has_blocks, bounds=(0.0, 1.0))
         yield f"success (0 to 100%) from turn 0 to {each['turns']}: |{line}|", INDENT
         first = curve[0]
-        yield f"from turn {first['turn']} {_share(first)} succeed if the policies go on", INDENT
+        yield f"from turn {first['turn']} {share_text(first)} succeed if the policies go on", INDENT
     for pivot in each["pivots"]:
         yield from _pivot(pivot)
     if not each["pivots"]:
@@ -91,8 +91,8 @@ def _without(each: Mapping[str, Any]) -> str:
 def _pivot(pivot: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     before, after = pivot["before"], pivot["after"]
     yield (
-        f"turn {pivot['turn']} lost it: success falls from {_share(before)} before to "
-        f"{_share(after)} after it ({p_text(pivot['p'])}, corrected)",
+        f"turn {pivot['turn']} lost it: success falls from {share_text(before)} before to "
+        f"{share_text(after)} after it (Fisher's exact test, {p_text(pivot['p'])}, Holm-corrected)",
         INDENT,
     )
     lost = loss_sentence(pivot)
@@ -111,7 +111,7 @@ def kept_by(pivot: Mapping[str, Any]) -> Iterator[str]:
     """The best action of each agent that would have kept it, in sentences."""
     for agent in pivot["agents"]:
         best = next(each for each in pivot["tried"] if each["agent"] == agent and each["keeps"])
-        yield f"{agent} would have kept it by {_action(best)}: {_share(best)} succeed"
+        yield f"{agent} would have kept it by {_action(best)}: {share_text(best)} succeed"
 
 
 def _last_action(each: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
@@ -135,7 +135,8 @@ def _action(tried: Mapping[str, Any]) -> str:
     return SOURCES[tried["source"]].format(short)
 
 
-def _share(point: Mapping[str, Any]) -> str:
+def share_text(point: Mapping[str, Any]) -> str:
+    """A share with its number of continuations, and its interval where there is one."""
     text = f"{point['successes']} of {point['n']}"
     if "low" not in point:
         return text

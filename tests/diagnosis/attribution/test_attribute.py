@@ -356,3 +356,17 @@ def test_document_has_what_others_read() -> None:
     assert "robot_0" in str(found)
     assert "<table>" in found._repr_html_()
     assert np.isfinite(part["return"])
+
+
+def test_rivals_are_given_no_part_of_a_teams_return() -> None:
+    """What one wins the other loses: nothing is played for a sum that says nothing."""
+    evidence = gk.rollout("pettingzoo.classic.tictactoe_v3:env", episodes=6, seed=1)
+    found = gk.attribute(evidence, action_episodes=1)
+    assert found.rivals is not None
+    assert "cancels out" in found.rivals
+    assert (found.fresh, found.everyone, found.lazy, found.harmful) == (0, None, (), ())
+    assert {part.own.share for part in found.agents.values()} == {None}
+    assert {part.turn_all for part in found.agents.values()} == {None}
+    text = attribution_text(found.to_json(), width=80)
+    assert "Agents compete" in text
+    assert "the sum of all agents' returns" not in text

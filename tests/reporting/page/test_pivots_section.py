@@ -48,7 +48,7 @@ def test_pivots_stand_as_a_curve_and_as_links_into_the_player() -> None:
     assert chart["marks"] == [{"x": 3, "text": "turn 3"}]
     rows = block.tables[0].rows
     assert [row[1].link for row in rows] == ["a/2/3", "a/4/5"]
-    assert [row[2].text for row in rows] == ["90%", "-"]
+    assert [row[2].text for row in rows] == ["90% (90 of 100; 80% to 100%)", "-"]
     assert "a_0 would have kept it by action 1" in rows[0][5].text
     assert any("not tried: turns 0 to 4" in note for note in block.notes)
     assert pivots_section(None, key="a") is pivots_section({"episodes": []}, key="a") is None

@@ -74,6 +74,7 @@ class Attribution:
         messages: signalling, coordination, listening.
         penalties: who paid under terms that their earner should pay.
         not_tested: what wasn't looked at, and why.
+        rivals: what shows that agents compete; then there is no figure of a team. None: nothing.
     """
 
     run: str | None
@@ -95,6 +96,7 @@ class Attribution:
     messages: tuple[Talk, ...]
     penalties: tuple[Penalty, ...]
     not_tested: tuple[Mapping[str, str], ...]
+    rivals: str | None = None
 
     @property
     def lazy(self) -> tuple[str, ...]:
@@ -126,6 +128,7 @@ class Attribution:
             "policies": dict(self.policies),
             "baseline": self.baseline,
             "team": {"all": self.everyone, "none": self.nobody, "shapley": self.method},
+            "rivals": self.rivals,
             "agents": {name: part.to_json() for name, part in self.agents.items()},
             "influence": [dict(row) for row in self.influence],
             "messages": [each.to_json() for each in self.messages],

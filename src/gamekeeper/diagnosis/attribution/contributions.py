@@ -50,6 +50,7 @@ from gamekeeper.diagnosis.played_setup import (
 )
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.episodes.opposition import opponents_in
 from gamekeeper.episodes.outcome import outcome_of
 from gamekeeper.errors import EvidenceError
 from gamekeeper.rollouts.executors.task import Executor
@@ -63,6 +64,7 @@ MOST_PLAYERS: Final = 24
 """Agents whose part in whole episodes is asked for; of larger teams they are drawn."""
 NOTES: Final = "attribution.jsonl"
 CAN_BE_PLAYED: Final = ("ended", "cut")
+RIVALS: Final = "agents compete, so that they have no return in common"
 
 
 def attribute(
@@ -120,7 +122,8 @@ def attribute(
     traces = [t for t in evidence.episodes if t.header.get("end") in CAN_BE_PLAYED]
     there = _players(traces, evidence)
     players = _asked(there, seed)
-    closed = (FRESH if episodes is None else episodes) if setup.policies else 0
+    rivals = opponents_in(evidence.agent_steps, there)
+    closed = (FRESH if episodes is None else episodes) if setup.policies and not rivals else 0
     task = ReplacementTask(
         setup=setup,
         contract=declared,
@@ -150,7 +153,7 @@ def attribute(
             notes=None if out is None else Path(out) / NOTES,
             head=head,
         )
-    return _attributed(evidence, task, found, roles, baseline, budget)
+    return _attributed(evidence, task, found, roles, baseline, budget, rivals)
 
 
 def _setup(evidence: Evidence, **given: Any) -> Setup:
@@ -193,6 +196,7 @@ def _attributed(
     roles: Mapping[str, str | None],
     baseline: str,
     budget: int | None,
+    rivals: str | None,
 ) -> Attribution:
     rng = np.random.default_rng([12, task.seed])
     shapley, differences = _closed(task, found, rng)
@@ -204,13 +208,16 @@ def _attributed(
         peers = [peer for peer in task.players if roles.get(peer) == roles.get(name)]
         mine = harm.get(name, Harm(None, "nothing was played in its place"))
         lazy = _laziness(name, peers, differences, shapley, task)
+        if rivals is not None:
+            mine, lazy = Harm(None, RIVALS), Laziness(None, RIVALS)
+            own = replace(own, share=None)
         if mine.is_harmful:
             lazy = Laziness(False, "it does harm, which is more than too little", lazy.fair)
         agents[name] = AgentPart(
             own=own,
             difference=differences.get(name),
-            turn_all=_at_turns(sure, "all", name, task, rng),
-            turn_one=_at_turns(sure, "one", name, task, rng),
+            turn_all=None if rivals else _at_turns(sure, "all", name, task, rng),
+            turn_one=None if rivals else _at_turns(sure, "one", name, task, rng),
             shapley=shapley.get(name),
             laziness=lazy,
             harm=mine,
@@ -234,7 +241,8 @@ def _attributed(
         influence=tuple(influence(found.scans)),
         messages=tuple(talk(found.said, found.listened, rng=rng)),
         penalties=tuple(penalties(found.scans)),
-        not_tested=(*_not_tested(task, found, evidence), *_untold(agents, found, task)),
+        not_tested=(*_not_tested(task, found, evidence), *_untold(agents, found, task, rivals)),
+        rivals=rivals,
     )
 
 
@@ -361,9 +369,15 @@ def _not_tested(
 
 
 def _untold(
-    agents: Mapping[str, AgentPart], found: ContributionData, task: ReplacementTask
+    agents: Mapping[str, AgentPart],
+    found: ContributionData,
+    task: ReplacementTask,
+    rivals: str | None,
 ) -> Iterator[dict[str, str]]:
     """Notes on what agents that were replaced don't show: laziness, or anything at all."""
+    if rivals is not None:
+        yield {"what": "parts of a team's return, laziness, harm", "why": f"{RIVALS}: {rivals}"}
+        return
     open_ones: dict[str, list[str]] = {}
     for name, part in agents.items():
         if name in task.players and task.is_closed and part.laziness.is_lazy is None:

@@ -139,7 +139,8 @@ def _effects(names: Sequence[str], tested: Sequence[Document], measure: str) -> 
         f"Effects on the {WORDS.get(measure, measure)} for {few(names)}",
         rows,
         label="effect, 95 % interval",
-        note="p has a Holm correction for the number of interventions of one kind.",
+        note="p has a Holm correction for the number of interventions of one kind; each interval "
+        "is of one alone.",
     )
 
 

@@ -5,24 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, Final
 
-from gamekeeper.reporting.page.page_data import (
-    Cell,
-    Chart,
-    PageBlock,
-    PageSection,
-    PageTable,
-    name,
-    percent,
-)
-from gamekeeper.reporting.pivots_text import kept_by, loss_sentence
+from gamekeeper.reporting.page.page_data import Cell, Chart, PageBlock, PageSection, PageTable, name
+from gamekeeper.reporting.pivots_text import kept_by, loss_sentence, share_text
 
 Document = Mapping[str, Any]
 
 MOST: Final = 12
 """Most episodes that are drawn; their pivots stand in the table."""
 NOTE: Final = (
-    "From a turn the policies go on, on fresh draws: the share that succeeds, with its interval, "
-    "corrected for the number of turns. A mark is a turn at which it falls beyond chance."
+    "From a turn the policies go on, on fresh draws: the share that succeeds, with its 95 % "
+    "interval, corrected for the number of turns. A mark is a turn at which it falls beyond chance."
 )
 
 
@@ -73,8 +65,8 @@ def _table(document: Document, key: str) -> PageTable:
         (
             Cell(f"episode {each['episode']}"),
             Cell(f"turn {pivot['turn']}", link=f"{key}/{each['episode']}/{pivot['turn']}"),
-            percent(None if is_last else pivot["before"]["share"]),
-            percent(None if is_last else pivot["after"]["share"]),
+            Cell("-" if is_last else share_text(pivot["before"])),
+            Cell("-" if is_last else share_text(pivot["after"])),
             name(", ".join(pivot["agents"]) or "-"),
             Cell("; ".join(filter(None, [loss_sentence(pivot), *kept_by(pivot)])) or "-"),
         )

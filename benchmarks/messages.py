@@ -1,0 +1,138 @@
+"""How often a diagnosis with nothing declared is right of messages: misread, lost, late, garbled.
+
+The set-ups come from message_causes.py; they were written, and kept, before the rules for messages
+were. Each that is what it claims to be is recorded for 10 episodes and diagnosed without a
+contract, a reference or a knob. Prints a JSON line for each (also into `--keep`, from which a
+second call goes on), then the shares with Wilson intervals:
+
+- *named*: of failing set-ups, those for which a cause is named;
+- *right*: of those, the faulty agent alone is named, or that its messages with another agent are
+  misread, lost or late, which can't always be told apart; of a fault of the air the messages;
+- *agent alone right*: of those with an agent's fault in which one agent alone is named, the
+  faulty one is;
+- *label right*: of answers with one label (isolated, joint), those that have the planted one;
+- *healthy accused*: of healthy set-ups, those in which a cause is named.
+
+    python benchmarks/messages.py [--episodes 1000] [--seed 0] [--seconds 170]
+        [--keep messages.jsonl] [--kinds said heard air other healthy]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import sys
+import time
+import warnings
+from pathlib import Path
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from message_causes import FAILED, MessageCause, causes, holds
+from undo import CAUSES, ORDER, read
+
+import gamekeeper as gk
+from gamekeeper.statistics.significance import wilson
+
+
+def diagnosed(cause: MessageCause, *, episodes: int, seed: int) -> dict[str, Any]:
+    """What the diagnosis says of a set-up."""
+    evidence = gk.rollout(cause.env, policies=cause.policies, episodes=10, seed=seed + 1)
+    began = time.process_time()
+    found = gk.diagnose(
+        evidence,
+        env=cause.env,
+        policies=cause.policies,
+        failed=FAILED,
+        perturbations=False,
+        episodes=episodes,
+        seed=seed,
+    )
+    assert found.team is not None
+    named = {n: e.component for n, e in found.agents.items() if e.answer in CAUSES and e.component}
+    return {
+        "answer": found.team.answer,
+        "said": list(found.team.labels),
+        "whom": sorted(named) if found.team.answer not in ("environment", "protocol") else [],
+        "component": found.team.component or "",
+        "why": found.team.why,
+        "cpu_s": round(time.process_time() - began, 1),
+    }
+
+
+def is_right(row: dict[str, Any]) -> bool:
+    """Names the faulty agent alone, or the messages that it says or hears, or the air takes."""
+    if row["whom"] == row["agents"] and row["agents"]:
+        return True
+    ends = {f"messages from {row['between'][0]} to"} if row["between"] else set[str]()
+    ends |= {f"messages from {agent} to" for agent in row["agents"]}
+    told = any(end in row["component"] for end in ends)
+    told = told or any(_hears(row["component"], agent) for agent in row["agents"])
+    return told and set(row["agents"]) <= {*row["whom"]} | (set() if row["whom"] else {""})
+
+
+def _hears(component: str, agent: str) -> bool:
+    """Messages to an agent are named."""
+    parts = component.split("messages from ")[1:]
+    return any(agent in part.partition(" to ")[2] for part in parts)
+
+
+def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """The shares, with Wilson intervals."""
+    failing = [row for row in rows if row["kind"] != "healthy"]
+    sound = [row for row in rows if row["kind"] == "healthy"]
+    named = [row for row in failing if row["answer"] in CAUSES]
+    alone = [row for row in named if len(row["whom"]) == 1 and "messages" not in row["component"]]
+    labelled = [row for row in named if row["said"] and row["answer"] != "ambiguous"]
+    counts = {
+        "named": (len(named), len(failing)),
+        "right": (sum(map(is_right, named)), len(named)),
+        "agent alone right": (sum(row["whom"] == row["agents"] for row in alone), len(alone)),
+        "label right": (sum(row["said"] == row["labels"] for row in labelled), len(labelled)),
+        "healthy accused": (sum(row["answer"] in CAUSES for row in sound), len(sound)),
+    }
+    shares = {name: wilson(hits, of) if of else None for name, (hits, of) in counts.items()}
+    return {
+        name: {
+            "hits": hits,
+            "of": of,
+            "interval": [round(share.low, 3), round(share.high, 3)] if share else None,
+        }
+        for (name, (hits, of)), share in zip(counts.items(), shares.values(), strict=True)
+    }
+
+
+def main() -> None:
+    """Plays what is wanted and says how often it was right."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--episodes", type=int, default=1_000)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seconds", type=float, default=1e9, help="after which no other begins")
+    parser.add_argument("--keep", type=Path, default=Path("messages.jsonl"))
+    kinds = ["said", "heard", "air", "other", "healthy"]
+    parser.add_argument("--kinds", nargs="+", default=kinds, choices=kinds)
+    options = parser.parse_args()
+    warnings.simplefilter("ignore")
+    began, known = time.perf_counter(), {row["name"] for row in read(options.keep)}
+    cases = [each for each in causes() if each.kind in options.kinds]
+    random.Random(ORDER).shuffle(cases)
+    for cause in cases:
+        if cause.name in known or time.perf_counter() - began > options.seconds:
+            continue
+        row = {key: getattr(cause, key) for key in ("name", "kind", "agents", "between", "labels")}
+        row = json.loads(json.dumps(row))
+        if holds(cause):
+            row |= diagnosed(cause, episodes=options.episodes, seed=options.seed)
+            print(json.dumps(row), flush=True)
+        with options.keep.open("a") as file:
+            file.write(json.dumps(row) + "\n")
+    rows = read(options.keep)
+    held = [row for row in rows if "answer" in row]
+    said = {"set-ups": len(rows), "of": len(cases), "held": len(held), **summary(held)}
+    print(json.dumps({"measure": "messages", "episodes": options.episodes, **said}))
+
+
+if __name__ == "__main__":
+    main()
