@@ -50,6 +50,19 @@ def test_consequences_stand_after_their_cause_in_a_line_each() -> None:
     assert "GK601" not in blocks["Failed: high severity"]
 
 
+@pytest.mark.parametrize("least", ["low", "high"])
+def test_cause_stands_where_the_worst_of_its_consequences_would(least: str) -> None:
+    """A medium cause of a high consequence is of high severity, also where only these are shown."""
+    cause = {"id": "GK106", "held_still": "entries deleted"}
+    document = audit(
+        verdict("GK106", "failed", severity="medium"),
+        verdict("GK402", "failed", follows_from=cause, reproduced=None),
+    )
+    blocks = dict(failed_blocks(document, width=120, least=least))
+    assert "GK106" in blocks["Failed: high severity"]
+    assert "GK402" in blocks["Failed: consequences of these"]
+
+
 def test_suspected_checks_are_no_failures() -> None:
     """They are counted by themselves, and shown with the reason."""
     document = audit(verdict("GK601", "suspected", reason="its reproducer passes"))

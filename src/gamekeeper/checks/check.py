@@ -42,6 +42,7 @@ class Check:
         api: `aec` or `parallel` where it is about one of them only.
         applies: says why there is nothing to judge.
         run: yields a case for every look.
+        takes: what an episode must show so that there is a case; empty where that is plain.
     """
 
     id: str
@@ -55,6 +56,7 @@ class Check:
     api: str | None
     applies: Applies | None
     run: Run
+    takes: str = ""
 
     def reason_against(self, contract: Contract, evidence: ProbeEvidence) -> str | None:
         """Reason why it isn't applicable; None where it is."""
@@ -72,6 +74,7 @@ def check(
     confidence: float = 1.0,
     api: str | None = None,
     applies: Applies | None = None,
+    takes: str = "",
 ) -> Callable[[Run], Check]:
     """Makes a check of a pure function; its docstring's first line is the promise.
 
@@ -83,6 +86,7 @@ def check(
         confidence: how sure a broken promise is, in (0, 1].
         api: where it is about one API only.
         applies: why there is nothing to judge, or None.
+        takes: what an episode must show so that there is a case, where that isn't plain.
     """
 
     def made(run: Run) -> Check:
@@ -106,6 +110,7 @@ def check(
             api=api,
             applies=applies,
             run=run,
+            takes=takes,
         )
 
     return made
