@@ -15,7 +15,7 @@ def test_kill_loses_nothing_that_is_old(tmp_path: Path) -> None:
     """
     rng = random.Random(0)
 
-    with kill.recorders(tmp_path, "full") as start:
+    with kill.recorders(tmp_path, "full", "") as start:
         found = [kill.killed(start, tmp_path, n, after_s=rng.uniform(0.05, 0.4)) for n in range(5)]
 
     assert all(each.is_opened for each in found)
