@@ -8,6 +8,7 @@ environment, `taken` for what the door adds in the step, `state` for what the en
 cost each other, and closing the run, are in `recording.py` only.
 
     python benchmarks/recording_parts.py [--tasks two_robot_line,aec_ours_2] [--bursts 60]
+        [--level actions]
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from typing import Any, Final
 import numpy as np
 from recording import tasks
 
-from gamekeeper.episodes.buffer import GIVEN, Buffer, BufferedTurns, take
+from gamekeeper.episodes.buffer import Buffer, BufferedTurns, take
 from gamekeeper.episodes.encoder import Encoder
 from gamekeeper.episodes.evidence import manifest_of
 from gamekeeper.episodes.layout import Layout
@@ -39,8 +40,9 @@ BUFFERED_COUNT: Final = 5
 class Held:
     """A sink whose buffer is taken by whoever measures."""
 
-    def __init__(self) -> None:
+    def __init__(self, level: str) -> None:
         self.buffer, self.layout, self.rings = Buffer(), Layout(), Rings()
+        self.level = level
 
     def keep_up(self) -> None:
         """Nothing holds the step back."""
@@ -50,12 +52,12 @@ class Held:
 
 
 def stepping(
-    make: Callable[[], Any], player: Callable[..., int], turns: int, bursts: int
+    make: Callable[[], Any], player: Callable[..., int], turns: int, bursts: int, level: str
 ) -> list[float]:
     """Seconds per agent-step: the bare environment, with rows taken down, with states too."""
     arms = []
     for state in (None, False, True):
-        env, sink = make(), Held()
+        env, sink = make(), Held(level)
         arms.append((env if state is None else face_of(game_of(env, sink=sink, state=state)), sink))
     least = [float("inf")] * len(arms)
     for _ in range(bursts):
@@ -72,21 +74,21 @@ def stepping(
 
 
 def writing(
-    make: Callable[[], Any], player: Callable[..., int], turns: int, bursts: int
+    make: Callable[[], Any], player: Callable[..., int], turns: int, bursts: int, level: str
 ) -> tuple[float, float]:
     """Seconds per row of encoding `turns` buffered turns, and of appending them to a run."""
-    sink = Held()
+    sink = Held(level)
     env = face_of(game_of(make(), sink=sink))
-    player(env, turns * BUFFERED_COUNT, np.random.default_rng(0))
+    rows = player(env, turns * BUFFERED_COUNT, np.random.default_rng(0))
     env.close()
     buffered_parts: list[BufferedTurns] = []
     while (buffered := take(sink.buffer, most=turns)) is not None:
         buffered_parts.append(buffered)
     encoded, appended = np.full(len(buffered_parts), np.inf), np.full(len(buffered_parts), np.inf)
     for _ in range(max(3, bursts // 5)):
-        encoder = Encoder(sink.layout, sink.rings.open)
+        encoder = Encoder(sink.layout, sink.rings.open, level=level)
         manifest = manifest_of(
-            layout=sink.layout, environment={}, contract=None, level="full", run_seed=0
+            layout=sink.layout, environment={}, contract=None, level=level, run_seed=0
         )
         with tempfile.TemporaryDirectory() as folder:
             store = RunStore.create(Path(folder) / "run", manifest)
@@ -100,7 +102,6 @@ def writing(
                 encoded[place] = min(encoded[place], middle - start)
                 appended[place] = min(appended[place], end - middle)
             store.abandon()
-    rows = sum(len(buffered.given) // GIVEN for buffered in buffered_parts)
     return encoded.sum() / rows, appended.sum() / rows
 
 
@@ -109,6 +110,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--tasks", default="two_robot_line,aec_ours_2,aec_documented_512,spread")
     parser.add_argument("--bursts", type=int, default=60)
+    parser.add_argument("--level", default="full")
     options = parser.parse_args()
     for name, make, player, _ in tasks():
         kind = next((kind for kind in TURNS if name.startswith(kind)), None)
@@ -116,8 +118,8 @@ def main() -> None:
             continue
         turns = 100 if name.endswith("_512") else TURNS[kind]
         buffered = 500 if name.endswith("_512") else BUFFERED_PARTS[kind]
-        bare, taken, stated = stepping(make, player, turns, options.bursts)
-        encoded, appended = writing(make, player, buffered, options.bursts)
+        bare, taken, stated = stepping(make, player, turns, options.bursts, options.level)
+        encoded, appended = writing(make, player, buffered, options.bursts, options.level)
         parts = {
             "bare": bare,
             "taken": taken - bare,
@@ -126,7 +128,8 @@ def main() -> None:
             "appended": appended,
         }
         row = {f"{part}_us": round(seconds * 1e6, 2) for part, seconds in parts.items()}
-        print(json.dumps({"figure": "recording_parts", "task": name, **row}), flush=True)
+        head = {"figure": "recording_parts", "task": name, "level": options.level}
+        print(json.dumps({**head, **row}), flush=True)
 
 
 if __name__ == "__main__":

@@ -2,7 +2,8 @@
 
 Prints a JSON line each: {"figure": "starting", "what", "seconds", "low", "high", "cpu_s"}: wall
 seconds of the import by itself within a fresh process, and of a whole `gamekeeper --help`; medians,
-the least and the most.
+the least and the most. `numba` and `llvmlite` are the same for the compiler that kernels are loaded
+with, and for its linker alone, without which no machine code can be loaded.
 
     python benchmarks/starting.py [--repeats 11]
 """
@@ -17,19 +18,18 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Final
 
 IMPORT: Final = (
-    "import time; began = time.perf_counter(); import gamekeeper; "
-    "print(time.perf_counter() - began)"
+    "import time; began = time.perf_counter(); import {module}; print(time.perf_counter() - began)"
 )
 
 
-def imported() -> float:
-    """Seconds of the import, the interpreter's own start apart."""
-    done = subprocess.run(
-        [sys.executable, "-c", IMPORT], capture_output=True, text=True, check=True
-    )
+def imported(module: str) -> float:
+    """Seconds of an import, the interpreter's own start apart."""
+    code = IMPORT.format(module=module)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     return float(done.stdout)
 
 
@@ -52,7 +52,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--repeats", type=int, default=11)
     repeats = parser.parse_args().repeats
-    figures: dict[str, Callable[[], float]] = {"import": imported, "help": helped}
+    figures: dict[str, Callable[[], float]] = {
+        "import": partial(imported, "gamekeeper"),
+        "help": helped,
+        "numba": partial(imported, "numba"),
+        "llvmlite": partial(imported, "llvmlite.binding"),
+    }
     for what, measure in figures.items():
         measure()  # compiles, and reads the files once
         before_s = children_s()

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Final
@@ -72,7 +73,7 @@ def main() -> int:
 
 def audited(name: str, planted: Sequence[Collection[str]], budget: int) -> dict[str, Any]:
     """Causes and consequences of one environment, beside what is planted in it."""
-    result = audit(f"{HERE}.{name}", budget=budget)
+    result = audit(f"{HERE}.{name}", budget=budget, prints=os.devnull)
     causes = [each.id for each in result.failed if each.follows_from is None]
     weighty = [each.id for each in result.failed if each.severity != "low" and each.id in causes]
     hits = [[id for id in causes if id in ids] for ids in planted]

@@ -121,6 +121,20 @@ class Drifts(Sound):
         return np.array([self.own.random(), np.random.rand()])
 
 
+class Remembers(Sound):
+    """A default argument is filled by the first reset, and every later instance finds it so."""
+
+    def reset(self, seed: int | None = None, options: Any = None, kept: Any = []) -> Any:  # noqa: B006
+        """Begins with what is there."""
+        self.begun = float(bool(kept))
+        kept.append(seed)
+        return super().reset(seed, options)
+
+    def seen(self) -> Any:
+        """Whether somebody was there before."""
+        return np.array([self.begun, 0.5])
+
+
 class Leaps(Sound):
     """Observations leave their space now and then, by numpy's global generator."""
 

@@ -36,6 +36,19 @@ def broken(make: Any, budget: int = 200, contract: Contract | None = None) -> li
     return [each.id for each in audit.verdicts if each.outcome in ("failed", "error")]
 
 
+class Stale(Masked):
+    """All moves are allowed, also the refused one."""
+
+    mask = np.ones(5, np.int8)
+
+
+def test_an_exception_of_a_parallel_step_is_put_down_to_no_agent() -> None:
+    """All agents acted in it: the place has a turn and no name."""
+    found = audit_here(Stale, select=("GK235",), budget=100).of("GK235")
+    assert found.outcome == "failed"
+    assert found.findings[0].where.endswith(", raised")
+
+
 def test_masks_in_infos_are_read() -> None:
     """A mask in the infos of a Parallel environment is as good as one in the observation."""
     assert broken(Masked) == []

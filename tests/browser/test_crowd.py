@@ -69,6 +69,7 @@ def test_scrubbing_draws_nothing_in_the_lanes(open_page: Open) -> None:
         page.evaluate(DRAG, turn)
         assert turn_of(page) == turn
     assert page.evaluate("window.drawn") == 0
+    expect(page.locator(".turn-table caption")).to_contain_text("Turn 2999 of")  # at rest
 
 
 def test_long_lanes_are_drawn_by_pixels(open_page: Open) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 import gamekeeper as gk
 from gamekeeper.viewing.report_file import report
-from tests.browser.test_surroundings import faults
+from tests.browser.test_surroundings import faults, faults_anywhere
 from tests.browser.waits import Open, expect, turn_of
 
 pytestmark = pytest.mark.browser
@@ -62,7 +62,7 @@ def test_report_is_accessible(open_page: Open, runs: tuple[Path, Path], tmp_path
     page = open_page(file.read_text(encoding="utf-8"), bypass_csp=True)
     page.wait_for_selector("#gk-player[data-turn]")
     page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
-    assert faults(page) == []
+    assert faults_anywhere(page) == []
 
 
 def test_first_screen_answers_and_leads_to_the_turn(
@@ -127,7 +127,7 @@ def test_view_is_accessible(chromium: Any, served: str, path: str) -> None:
     page.goto(served)
     page.goto(page.url.split("#")[0] + path)
     page.wait_for_selector("#gk-player[data-turn]")
-    found = faults(page)
+    found = faults_anywhere(page)
     context.close()
     assert found == []
 

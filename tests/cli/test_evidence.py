@@ -160,5 +160,5 @@ def test_show_tells_what_an_environment_is_made_of(capfd: pytest.CaptureFixture[
         "replaced: OrderEnforcingWrapper",
         "replaced: AssertOutOfBoundsWrapper",
         "replaced: TerminateIllegalWrapper",
-        "rules: pettingzoo.classic.tictactoe.tictactoe.raw_env",
+        "environment: pettingzoo.classic.tictactoe.tictactoe.raw_env",
     ]

@@ -137,4 +137,4 @@ def test_show_names_the_file_that_rules_stand_in(capfd: pytest.CaptureFixture[st
     """Not the name under which the file was loaded."""
     code, out, _ = said(capfd, "show", ROUGH)
     assert code == 0
-    assert "rules: rough_env." in out
+    assert "environment: rough_env." in out

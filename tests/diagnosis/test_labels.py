@@ -9,6 +9,7 @@ import pytest
 import gamekeeper as gk
 from gamekeeper.diagnosis.labels import label, labels, propose
 from gamekeeper.errors import EvidenceError
+from gamekeeper.viewing.report_documents import documents_of
 
 
 @pytest.fixture(name="run")
@@ -61,3 +62,6 @@ def test_a_diagnosis_proposes_labels_once(run: Path) -> None:
     assert [each.label for each in propose(run, found, by="test")] == ["timing", "timing"]
     assert propose(run, found, by="test") == ()
     assert all(each.proposed and each.by == "test" for each in labels(run))
+    told = documents_of(run).diagnosis
+    assert told is not None
+    assert told["fingerprint"] == found.fingerprint  # a report finds it there

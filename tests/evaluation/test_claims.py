@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from gamekeeper.cli.reproduce import _unconfirmed
 from gamekeeper.errors import RunError
 from gamekeeper.evaluation.claim_check import CheckedClaim, reproduce
 from gamekeeper.evaluation.claim_pack import CLAIM, digest_of, pack
@@ -104,6 +105,9 @@ def test_changed_reward_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert (where.episode, where.turn, where.field) == (0, 0, "reward")
     assert where.recorded != where.replayed
     assert "source of run" in [each.name for each in found.differs]
+    said = list(_unconfirmed(found))
+    assert len(said) == 1
+    assert "figures of run are in the evidence as claimed, but not ticked" in said[0]
 
 
 @pytest.fixture(scope="module")
@@ -144,6 +148,16 @@ def test_every_figure_of_an_evaluation_is_ticked(
     wrong = [each for each in again.figures if each.ticked is not True]
     assert [f"{each.name}" for each in wrong] == [names[3]]
     assert (again.ok, wrong[0].claimed - wrong[0].recorded) == (False, 0.25)
+
+
+def test_figures_of_an_aec_evaluation_are_ticked(tmp_path: Path) -> None:
+    """Lengths count decisions, not the empty steps that close the lives of AEC agents."""
+    policies = {"random": "random", "first": "first-legal"}
+    evaluate("aec:tictactoe", policies=policies, episodes=2, record="digest", out=tmp_path / "ev")
+    pack([tmp_path / "ev"], tmp_path / "claim.zip")
+    found = checked(tmp_path)
+    assert [each for each in found.figures if each.ticked is not True] == []
+    assert found.ok is True
 
 
 def test_evaluation_without_runs_is_refused(tmp_path: Path) -> None:
@@ -237,7 +251,8 @@ def test_only_contracts_are_packed_of_what_lies_beside(tmp_path: Path) -> None:
     (tmp_path / "walks.toml").write_text('name = "walks_v0"\napi = "parallel"\n')
     (tmp_path / "pyproject.toml").write_text('[tool.secrets]\ntoken = "1234"\n')
     packed = pack([tmp_path / "run"], tmp_path / "claim.zip")
-    assert [each for each in packed.source if each.endswith(".toml")] == ["source/walks.toml"]
+    assert "source/walks.toml" in packed.source
+    assert "source/pyproject.toml" not in packed.source
 
 
 def test_broken_entries_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

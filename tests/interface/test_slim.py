@@ -328,15 +328,15 @@ def test_lines_tell_what_was_replaced() -> None:
         "replaced: aec_to_parallel_wrapper (all agents at once)",
         "replaced: OrderEnforcingWrapper (the order of calls)",
         "replaced: AssertOutOfBoundsWrapper (actions outside their space are refused)",
-        "rules: pettingzoo.classic.rps.rps.raw_env",
+        "environment: pettingzoo.classic.rps.rps.raw_env",
     )
     assert expected == described_slim(rps_v2.parallel_env())
     assert expected == described_slim(slim(rps_v2.parallel_env()))
-    assert described_slim(Pair()) == ("replaced: nothing", "rules: tests.interface.toys.Pair")
+    assert described_slim(Pair()) == ("replaced: nothing", "environment: tests.interface.toys.Pair")
     assert described_slim(parallel_to_aec(Pair())) == (
         "replaced: OrderEnforcingWrapper (the order of calls)",
         "replaced: parallel_to_aec_wrapper (one agent after the other)",
-        "rules: tests.interface.toys.Pair",
+        "environment: tests.interface.toys.Pair",
     )
 
 

@@ -94,18 +94,21 @@ def test_influence_has_a_row_for_each_pair_and_effect() -> None:
         influence("a", "b", "reward", 1, 0.625),
         influence("b", "a", "ending", 0, 0.0),
     ]
-    lines = influence_text(found, width=80).splitlines()
+    lines = influence_text(found, width=80, lag="rounds").splitlines()
     start = next(place for place, line in enumerate(lines) if line.startswith("  from"))
     assert lines[start + 1].split() == ["a", "b", "reward", "0", "10%", "(0%", "to", "100%)", "5"]
-    assert lines[start + 2].startswith("  a round: a tick, or one turn of every live agent; rounds")
-    assert influence_text(found[:1], width=80) == ""
+    assert lines[start + 2].startswith("  a round: one turn of every live agent; rounds later")
+    assert influence_text(found[:1], width=80, lag="turns") == ""
 
 
 def test_influence_is_shown_at_its_first_lag() -> None:
     """A later lag at which 1 of 2 tries changed something gives way to the first of all."""
     lucky = influence("a", "b", "reward", 3, 0.5) | {"low": 0.01, "n": 2}
     found = [lucky, influence("a", "b", "reward", 1, 0.4) | {"low": 0.3, "n": 100}]
-    rows = [influence_text(each, width=80).split("low to high")[0] for each in (found, found[:1])]
+    rows = [
+        influence_text(each, width=80, lag="turns").split("low to high")[0]
+        for each in (found, found[:1])
+    ]
     assert ["40%" in rows[0], "50%" in rows[0], "50%" in rows[1]] == [True, False, True]
 
 
@@ -113,8 +116,8 @@ def test_influence_of_many_agents_is_cut() -> None:
     """Of 132 pairs twelve are shown, and the others counted."""
     names = [f"agent_{k}" for k in range(12)]
     found = [influence(one, two, "reward", 0, 0.5) for one in names for two in names]
-    text = influence_text(found, width=80)
-    assert text.count("  reward ") == 12
+    text = influence_text(found, width=80, lag="rounds")
+    assert sum(line.startswith("  agent_") for line in text.splitlines()) == 12
     assert "and 120 more" in text
 
 

@@ -1,5 +1,6 @@
 import pytest
 
+from gamekeeper.checks.verdict import NO_CASE
 from gamekeeper.reporting.audit_text import (
     brief_rows,
     chances_text,
@@ -48,6 +49,19 @@ def test_consequences_stand_after_their_cause_in_a_line_each() -> None:
     expected = "Follows from GK602: passes with global generators seeded."
     assert blocks["Failed: consequences of these"].endswith(expected)
     assert "GK601" not in blocks["Failed: high severity"]
+
+
+@pytest.mark.parametrize("least", ["low", "high"])
+def test_cause_stands_where_the_worst_of_its_consequences_would(least: str) -> None:
+    """A medium cause of a high consequence is of high severity, also where only these are shown."""
+    cause = {"id": "GK106", "held_still": "entries deleted"}
+    document = audit(
+        verdict("GK106", "failed", severity="medium"),
+        verdict("GK402", "failed", follows_from=cause, reproduced=None),
+    )
+    blocks = dict(failed_blocks(document, width=120, least=least))
+    assert "GK106" in blocks["Failed: high severity"]
+    assert "GK402" in blocks["Failed: consequences of these"]
 
 
 def test_suspected_checks_are_no_failures() -> None:
@@ -120,6 +134,17 @@ def test_not_exercised_checks_are_gathered_by_reason() -> None:
         "Checks not exercised (2): no play ended\n"
         "  GK1  The promise of GK1.\n"
         "  GK2  The promise of GK2."
+    )
+
+
+def test_not_exercised_checks_say_what_they_look_at() -> None:
+    """Those with such a noun stand under one reason with those without."""
+    reasons = [NO_CASE, f"{NO_CASE}: an agent with an action mask"]
+    found = [verdict(f"GK{k}", "not_exercised", reason=text) for k, text in enumerate(reasons)]
+    assert not_exercised_text(audit(*found), width=80) == (
+        "Checks not exercised (2): no episode had what it looks at\n"
+        "  GK0  The promise of GK0.\n"
+        "  GK1  The promise of GK1. Looks at: an agent with an action mask."
     )
 
 

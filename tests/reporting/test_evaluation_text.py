@@ -77,7 +77,7 @@ def test_evaluation_text_explains_its_columns_and_no_others() -> None:
     ends = {**ENDINGS, "cut": 2}
     text = evaluation_text(document(results=[row(endings=ends)]), width=80)
     assert "terminated  truncated  cut  reasons" in text
-    assert "  cut      episodes that were stopped while agents were live" in text
+    assert "  cut        episodes that were stopped while agents were live" in text
 
 
 def test_evaluation_text_has_no_negative_zero() -> None:
@@ -94,7 +94,7 @@ def test_evaluation_text_has_no_negative_zero() -> None:
     found = document(results=[low], crossplay={"line": crossed}, comparisons=[apart])
     text = evaluation_text(found, width=110)
     assert re.search(r"-0(\.0*)?(?![\d.e])", text) is None, text
-    assert "P(A > B)  probability that A is above B" in text
+    assert "P(A > B)   probability that A is above B" in text
     assert "an equal pair counts half" in " ".join(text.split())
 
 

@@ -257,6 +257,7 @@ def test_ring_records_vector_environments(tmp_path: Path) -> None:
     keep = evidence.manifest["keep"]
     returns = {each.episode: outcome_of(each).team_return for each in evidence.episodes}
     assert keep["seen"] == 21
+    assert evidence.manifest["checked"]["outcome"] == "not checked"
     assert keep["retained"] == evidence.episode_table.num_rows < 21
     assert all(returns[number] < 6 for number in keep["failed"])
     assert gk.replay(tmp_path / "run", allow_import=True).verified

@@ -69,6 +69,22 @@ def test_verify_compares_with_a_digest_from_elsewhere(
             verify(finalized, **{name: nonsense})
 
 
+@pytest.mark.parametrize("has_level", [True, False])
+def test_verify_names_the_option_of_a_digest_that_was_given_to_the_other(
+    finalized: Path, has_level: bool
+) -> None:
+    """A run's fingerprint as its root digest, and the other way round, is a mistake, no verdict."""
+    evidence = load(finalized)
+    assert evidence.root is not None
+    digits = evidence.fingerprint if has_level else evidence.fingerprint.partition(":")[2]
+    with pytest.raises(EvidenceError, match="this is a fingerprint") as error:
+        verify(finalized, root=digits)
+    assert "--fingerprint" in str(error.value.fix)
+    with pytest.raises(EvidenceError, match="this is a root digest") as error:
+        verify(finalized, fingerprint=evidence.root)
+    assert "--root" in str(error.value.fix)
+
+
 def test_verify_refuses_a_fingerprint_of_another_level(finalized: Path) -> None:
     """A level in front of the digits is that of the run, or nothing is compared."""
     right = load(finalized).fingerprint

@@ -3,9 +3,10 @@
 On every page the blocks are typed one after another in one folder, in which `make demo` has left
 its evidence: Python in one namespace, `gamekeeper` lines one by one, SQL by DuckDB. A block whose
 first line is a comment with a file's name is saved there; a diff is made in the file that it
-names. Only the number of episodes is smaller, and one worker plays where otherwise each core has
-one: results are the same, and starting a worker takes longer than what it plays. What can't run
-says why, in an HTML comment above it: `<!-- not run: reason -->`.
+names. Only the numbers of episodes are smaller, and of steps that `run` audits before it records;
+and one worker plays where otherwise each core has one: results are the same, and starting a worker
+takes longer than what it plays. What can't run says why, in an HTML comment above it:
+`<!-- not run: reason -->`.
 """
 
 import contextlib
@@ -21,6 +22,7 @@ from typing import Any
 import pytest
 
 import gamekeeper as gk
+from gamekeeper.auditing import audit_process
 from gamekeeper.cli import main
 from tests.surface.sources import ROOT
 
@@ -33,6 +35,10 @@ BLOCK = re.compile(
     r"(?:^<!-- not run: (?P<why>.+?) -->\n)?^```(?P<kind>\w*)\n(?P<text>.*?)^```$", re.M | re.S
 )
 FILE = re.compile(r"# ([\w./-]+\.(?:py|toml))\n")
+FEWER = {"episodes=20": "episodes=2", "episode == 750": "episode == 150"}
+"""Numbers of episodes that code plays, and that the tests play in their place."""
+AUDITED = 1_000
+"""Env steps of the audit with which `gamekeeper run` begins."""
 TYPED = ("python", "sh", "sql", "toml", "diff")
 CODE = re.compile(r"exit code (\d)")
 
@@ -58,8 +64,15 @@ def short(page: Path) -> str:
 
 
 def run_python(text: str, known: dict[str, Any]) -> None:
-    """Runs a block in the page's namespace, with two episodes where it plays twenty."""
-    exec(compile(text.replace("episodes=20", "episodes=2"), "<docs>", "exec"), known)
+    """Runs a block in the page's namespace."""
+    exec(compile(fewer(text), "<docs>", "exec"), known)
+
+
+def fewer(text: str) -> str:
+    """The code, with fewer episodes."""
+    for many, few in FEWER.items():
+        text = text.replace(many, few)
+    return text
 
 
 def smaller(words: list[str]) -> list[str]:
@@ -84,7 +97,10 @@ def run_lines(text: str) -> None:
             continue
         assert words[0] == "gamekeeper", f"nobody runs this line: {line}"
         words += smaller(words)
-        assert main(words[1:]) == (int(told[1]) if told else 0), line
+        steps = AUDITED if words[1] == "run" else audit_process.QUICK
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(audit_process, "QUICK", steps)
+            assert main(words[1:]) == (int(told[1]) if told else 0), line
 
 
 def fix(text: str) -> None:
@@ -106,7 +122,7 @@ def run_block(block: Block, known: dict[str, Any]) -> None:
     if block.kind == "toml":
         tomllib.loads(block.text)
     if name is not None:
-        Path(name[1]).write_text(block.text, encoding="utf-8")
+        Path(name[1]).write_text(fewer(block.text), encoding="utf-8")
     elif block.kind == "python":
         run_python(block.text, known)
     elif block.kind == "sh":

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from typing import Final, Literal, TypeAlias
 
@@ -185,6 +185,9 @@ def _confirmed(
     end_s, is_open = work.until_s, False
     waiting = [each for each in sorted(drafts, key=_order) if each[0].outcome == "failed"]
     waiting = [each for each in waiting if each[1]]
+    if waiting and end_s is not None:
+        with suppress(TimeUpError):  # what the processes import is no program's time
+            work.passes("")
     for place, (verdict, programs) in enumerate(waiting):
         others = tuple(_others(causes, verdict.id))
         work.until_s = _share_until(end_s, len(waiting) - place)
@@ -206,11 +209,11 @@ def _confirmed(
 
 
 def _share_until(end_s: float | None, count: int) -> float | None:
-    """Time at which the first of so many must be done: twice its share of what is left."""
-    if end_s is None:
-        return None
+    """Time at which the first of so many must be done: half of what is left, of the last all."""
+    if end_s is None or count == 1:
+        return end_s
     now_s = time.monotonic()
-    return now_s + (end_s - now_s) * 2 / (count + 1)
+    return now_s + (end_s - now_s) / 2
 
 
 def _order(draft: tuple[Verdict, Sequence[Programs]]) -> tuple[int, int]:

@@ -54,8 +54,14 @@ def other_hash_seed(names: list[str], start: int) -> int:
     return start
 
 
-def played_elsewhere(lab: ProbeSession, base: EpisodeResult, hash_seed: int) -> Episode | None:
-    """The same play in a new process; None where that process came to nothing."""
+def played_elsewhere(
+    lab: ProbeSession, base: EpisodeResult, hash_seed: int, *, instance: int = 1
+) -> Episode | None:
+    """The same play in a new process; None where that process came to nothing.
+
+    Args:
+        instance: which instance of the process plays it, once those before it have.
+    """
     lab.meter.count(len(base.play.actions or ()))
     with TemporaryDirectory() as folder:
         arguments: dict[str, Any] = {
@@ -64,6 +70,7 @@ def played_elsewhere(lab: ProbeSession, base: EpisodeResult, hash_seed: int) -> 
             "contract": lab.contract.to_json(),
             "play": _on_paper(base.play),
             "folder": folder,
+            "instances": instance,
         }
         outcome = run_task(TASK, arguments, silence_s=SILENCE_S, hash_seed=hash_seed)
         if not isinstance(outcome.value, dict):
@@ -85,21 +92,23 @@ def play_task(
     contract: Mapping[str, Any],
     play: Mapping[str, Any],
     folder: str,
+    instances: int,
 ) -> dict[str, Any]:
-    """Plays in this process, which was started for it; rows go into `folder`."""
-    with held():
-        env = open_env(spec, **kwargs).env
-        agents = {agent_name(agent): agent for agent in getattr(env, "possible_agents", ())}
-        again = _from_paper(play, agents)
-        played = perform(
-            again,
-            env,
-            contract=Contract.from_json(contract),
-            keep=EvidenceOptions(number=play["number"]),
-            on_step=report,
-        )
-        with suppress(Exception, SystemExit):  # the play is what is asked for
-            env.close()
+    """Plays in this process, which was started for it; rows of the last go into `folder`."""
+    for _ in range(instances):
+        with held():
+            env = open_env(spec, **kwargs).env
+            agents = {agent_name(agent): agent for agent in getattr(env, "possible_agents", ())}
+            again = _from_paper(play, agents)
+            played = perform(
+                again,
+                env,
+                contract=Contract.from_json(contract),
+                keep=EvidenceOptions(number=play["number"]),
+                on_step=report,
+            )
+            with suppress(Exception, SystemExit):  # the play is what is asked for
+                env.close()
     _write(Path(folder, "steps"), played.trace.steps)
     if played.trace.states is not None:
         _write(Path(folder, "states"), played.trace.states)

@@ -118,7 +118,7 @@ def gather(
         on_probe: called with a probe's name, its place and their number, before it looks.
         until_s: time of the monotonic clock at which all must be over; each probe has its share of
             what is left when it begins, and looks once more where that was too little and time is
-            left at the end.
+            left at the end, within half of it.
         keeps_partial: Ctrl-C ends the gathering, and isn't raised.
     """
     found = probes(names)
@@ -130,7 +130,10 @@ def gather(
         lab.ration = min(lab.ration, _steps_until(lab, until_s))
     order = sorted(found, key=lambda name: name != FIRST)
     for names in (order, gathering.cut):  # those that are cut look once more in what is left
-        left = left if names is order else sum(parts[name] for name in names)
+        if names is not order:
+            left = sum(parts[name] for name in names)
+            if until_s is not None:  # the other half is for reproducers
+                until_s = (time.monotonic() + until_s) / 2
         for name in list(names):
             if gathering.stopped:
                 gathering.not_exercised.setdefault(name, gathering.stopped)

@@ -358,12 +358,17 @@ def orders_held(make: Callable[[], Any]) -> Callable[[], Any]:
 
 
 def classes_held(make: Callable[[], Any]) -> Callable[[], Any]:
-    """Gives each instance a copy of its own of what its class keeps."""
+    """Gives each instance a copy of its own of what its class and default arguments keep."""
     generators = np.random.Generator, np.random.RandomState, random.Random
     kinds = dict, list, set, np.ndarray, *generators
+    defaults: dict[Any, Any] = {}
 
     def built() -> Any:
         env = make()
+        for function in [each for cls in type(env).__mro__ for each in vars(cls).values()]:
+            if inspect.isfunction(function) and function.__defaults__:
+                kept = defaults.setdefault(function, copy.deepcopy(function.__defaults__))
+                function.__defaults__ = copy.deepcopy(kept)
         for cls in type(env).__mro__:
             for name, value in vars(cls).items():
                 if isinstance(value, kinds) and not name.startswith("__") and name not in vars(env):

@@ -10,12 +10,13 @@ from typing import Final
 from gamekeeper.checks.case import Case
 from gamekeeper.checks.check import Check
 from gamekeeper.checks.probe_evidence import ProbeEvidence
-from gamekeeper.checks.verdict import SEVERITIES, Finding, Outcome, Severity, Verdict
+from gamekeeper.checks.verdict import NO_CASE, SEVERITIES, Finding, Outcome, Severity, Verdict
 from gamekeeper.contract import Contract
 
 MOST_SHOWN: Final = 3
 """Broken cases of one check that become findings, each of another field."""
 FAR: Final = 1 << 60
+NO_CASE: Final = "no episode had a case for it"
 NOISE: Final = "the same seed and actions give another episode each time, so none can be compared"
 
 
@@ -93,7 +94,9 @@ def _not_exercised(check: Check, evidence: ProbeEvidence) -> str:
         return reasons[0]
     pairs = (each for name in check.needs for each in evidence.counterfactuals(name))
     is_noisy = any(each.noise is not None for each in pairs)
-    return NOISE if is_noisy else "no episode had a case for it"
+    if is_noisy:
+        return NOISE
+    return f"{NO_CASE}: {check.looks_at}" if check.looks_at else NO_CASE
 
 
 def _badness(check: Check) -> Callable[[Case], int]:

@@ -75,7 +75,7 @@ def _programs(check: Check, case: Case, bench: Reproduction) -> Programs:
         and proof.compares
     )
     title, shows = f"{check.id}: {check.claim}", f"expected: {expected}\nactual: {actual}"
-    shows += f"\nrules: {bench.rules}" if bench.rules else ""
+    shows += f"\nenvironment: {bench.rules}" if bench.rules else ""
 
     def program(of: EpisodePlan, proof: Reproducer | None) -> str:
         text = snippet(bench.home, lab.api, of, proof, title=title, shows=shows)

@@ -41,6 +41,7 @@ class Check:
         fix: what the author can do about it.
         api: `aec` or `parallel` where it is about one of them only.
         applies: says why there is nothing to judge.
+        looks_at: what an episode must have for a case, as a noun; empty: not said.
         run: yields a case for every look.
     """
 
@@ -55,6 +56,7 @@ class Check:
     api: str | None
     applies: Applies | None
     run: Run
+    looks_at: str = ""
 
     def reason_against(self, contract: Contract, evidence: ProbeEvidence) -> str | None:
         """Reason why it isn't applicable; None where it is."""
@@ -72,6 +74,7 @@ def check(
     confidence: float = 1.0,
     api: str | None = None,
     applies: Applies | None = None,
+    looks_at: str = "",
 ) -> Callable[[Run], Check]:
     """Makes a check of a pure function; its docstring's first line is the promise.
 
@@ -83,6 +86,7 @@ def check(
         confidence: how sure a broken promise is, in (0, 1].
         api: where it is about one API only.
         applies: why there is nothing to judge, or None.
+        looks_at: what an episode must have for a case, as a noun; said where no episode had it.
     """
 
     def made(run: Run) -> Check:
@@ -106,6 +110,7 @@ def check(
             api=api,
             applies=applies,
             run=run,
+            looks_at=looks_at,
         )
 
     return made

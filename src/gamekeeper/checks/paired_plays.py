@@ -75,7 +75,7 @@ def difference_place(counterfactual: ProbeCounterfactual, divergence: Divergence
 
 def told_difference(divergence: Divergence) -> str:
     """Both values in one line."""
-    key = divergence.field
+    key = divergence.field if divergence.field != "rows" else "the list of agents with a row"
     if divergence.agent is not None:
         key += f"[{divergence.agent!r}]"
     turn = "" if divergence.turn is None else f" at turn {divergence.turn}"

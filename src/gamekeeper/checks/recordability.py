@@ -23,6 +23,7 @@ REPLAY_PROOF = (
     severity=HIGH,
     fix="take actions as numbers, texts and arrays in an ordinary space, and let step() depend on "
     "their values alone",
+    looks_at="an episode in which no step raised",
 )
 def evidence_replays(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """A play replays bit for bit from its evidence: seed, options and the actions as they were written.

@@ -79,6 +79,8 @@ class FollowsFrom:
 
 MINOR: Final = "minor: "
 """Begins the reason of what isn't promised, and is shown all the same."""
+NO_CASE: Final = "no episode had what it looks at"
+"""Begins the reason of a check that was not exercised; a colon and what it looks at may follow."""
 NESTED: Final = ("findings", "reproduced", "follows_from")
 SURE_OF: Final = 0.05
 """Chance of passing all cases that is left to a fault of the share that `could_miss` gives."""

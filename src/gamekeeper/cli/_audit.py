@@ -107,7 +107,7 @@ def show_audit(screen: Screen, document: Mapping[str, Any]) -> None:
         screen.show(f"This audit is incomplete: {document['stopped']}.")
     source = document.get("source") or {}
     if source.get("file") and verdicts_of(document, "failed", "suspected"):
-        screen.show(f"Rules: {source['file']}:{source.get('line', 1)}")
+        screen.show(f"Environment: {source['file']}:{source.get('line', 1)}")
     show_failed(screen, document)
     program = program_of(document)
     if program is not None:

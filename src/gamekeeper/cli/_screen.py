@@ -15,6 +15,7 @@ from typing import Any, Final, TextIO
 from rich.console import Console
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from gamekeeper.cli._program_name import as_typed
 from gamekeeper.cli._stdout import silence
 from gamekeeper.episodes.plain_json import finite
 from gamekeeper.errors import GamekeeperError
@@ -88,7 +89,7 @@ class Screen:
         """Writes a part of the result. Lines that aren't indented are headings."""
         if self.is_json:
             return
-        text = visible(text)
+        text = visible(as_typed(text))
         if has_colours(self.out):
             text = _coloured(text)
         self._write(f"{text.rstrip()}\n")
@@ -102,7 +103,7 @@ class Screen:
         """Writes a result whose first line is the verdict: `good`, `bad` or `unsure`."""
         if self.is_json:
             return
-        first, newline, rest = visible(text).rstrip().partition("\n")
+        first, newline, rest = visible(as_typed(text)).rstrip().partition("\n")
         if has_colours(self.out):
             first = _painted(first, STYLES[manner])
         self._write(textwrap.indent(f"{first}{newline}{rest}", indent) + "\n")
@@ -127,7 +128,7 @@ class Screen:
 
     def error(self, text: str) -> None:
         """Writes an error to stderr, also with --quiet."""
-        say(text)
+        say(as_typed(text))
 
     @contextmanager
     def progress(self, title: str) -> Iterator[Callable[[dict[str, Any]], None]]:

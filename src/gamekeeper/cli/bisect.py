@@ -170,10 +170,8 @@ def _noted(
         try:
             outcome, seen = attempt(thing)
         except GamekeeperError as error:
-            outcome, seen = (
-                "unknown",
-                f"{error.what}: {error.actual}" if error.actual else error.what,
-            )
+            said = f"{error.what}: {error.actual}" if error.actual else error.what
+            outcome, seen = "unknown", f"{said}; {error.fix}" if error.fix else said
         name = "" if isinstance(thing, Path) else f"{thing}: "
         screen.note(f"{name}{outcome}: {seen}")
         return outcome, seen

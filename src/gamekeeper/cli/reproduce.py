@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
@@ -70,7 +71,7 @@ def command(
 def _show(screen: Screen, found: CheckedClaim) -> None:
     from gamekeeper.evaluation.claim_check import ABSENT
     from gamekeeper.reporting.results_text import divergence_text
-    from gamekeeper.reporting.text_columns import column_lines
+    from gamekeeper.reporting.text_columns import column_lines, wrapped
 
     screen.show(f"digest {found.digest}")
     for each in found.damage:
@@ -101,9 +102,23 @@ def _show(screen: Screen, found: CheckedClaim) -> None:
         screen.show("\n".join(column_lines([head, *rows], width=screen.width)))
     if len(rows) < len(found.figures):
         screen.note(f"{len(found.figures) - len(rows)} more figures are in the document of --json")
+    for line in _unconfirmed(found):
+        screen.show("\n".join(wrapped(line, screen.width)))
     ticked = sum(each.ticked is True for each in found.figures)
     manner = {True: "good", False: "bad", None: "unsure"}[found.ok]
     screen.verdict(f"{ticked} of {len(found.figures)} figures ticked", manner)
+
+
+def _unconfirmed(found: CheckedClaim) -> Iterator[str]:
+    """Says of each run with figures that are as claimed, and yet not ticked, that it diverged."""
+    for name in dict.fromkeys(each.run for each in found.figures):
+        figures = [each for each in found.figures if each.run == name and each.ticked is False]
+        same = sum(each.claimed == each.recorded for each in figures)
+        if same:
+            yield (
+                f"{same} figures of {name} are in the evidence as claimed, but not ticked: a "
+                "figure is ticked only where its run replays, and it diverged"
+            )
 
 
 def _short(value: Any) -> str:

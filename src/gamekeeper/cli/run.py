@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import re
-import shutil
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -280,17 +277,7 @@ def show_end(screen: Screen, recorded: Recorded, command: str) -> None:
     evidence = recorded.evidence
     screen.show(f"\nEvidence  {evidence.path}")
     screen.show(digests_text(evidence))
-    screen.show(f"Next      {command.replace('gamekeeper', _as_typed(), 1)}")
-
-
-def _as_typed() -> str:
-    """`gamekeeper`, or its path where the shell wouldn't find this very command by its name."""
-    typed = Path(sys.argv[0])
-    if typed.name != "gamekeeper":
-        return "gamekeeper"
-    found = shutil.which("gamekeeper")
-    is_found = found is not None and Path(found).samefile(typed)
-    return "gamekeeper" if is_found or not typed.is_file() else quote(os.path.relpath(typed))
+    screen.show(f"Next      {command}")
 
 
 def next_command(

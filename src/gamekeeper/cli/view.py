@@ -10,13 +10,19 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
+from gamekeeper.cli._options import MOST, ImportOption, PolicyOption, TimeoutOption
 from gamekeeper.cli._screen import CommandResult, Screen
+from gamekeeper.errors import GamekeeperError
 
 if TYPE_CHECKING:
+    from gamekeeper.diagnosis.play_on import PlayOnOptions
     from gamekeeper.viewing.viewer import Viewer
 
 ORDER: Final = 96
 STACK_BYTES: Final = 1 << 20
+BUDGET: Final = 1_000_000
+SILENCE_S: Final = 60.0
+"""As `play_on` has them; importing that loads numpy, help doesn't."""
 
 RunsArgument = Annotated[
     list[Path],
@@ -34,24 +40,63 @@ BrowserOption = Annotated[
         "--browser/--no-browser", help="Open the browser, if this is a terminal with a display."
     ),
 ]
+InteractiveOption = Annotated[
+    bool,
+    typer.Option(
+        "--interactive",
+        help="Let the page play on from a turn, with one agent's action or policy changed: runs "
+        "the environment and the policies that the run names, as replay does.",
+    ),
+]
+TryOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--try",
+        metavar="POLICY",
+        show_default=False,
+        help="With --interactive, a policy that the page offers beside the run's, the "
+        "environment's and the built-in ones. Repeatable (default: none).",
+    ),
+]
+BudgetOption = Annotated[
+    int,
+    typer.Option(
+        "--budget",
+        metavar="STEPS",
+        min=1,
+        max=MOST,
+        help="With --interactive, the number of env steps after which no future begins.",
+    ),
+]
 
 
 def command(
-    screen: Screen, runs: RunsArgument, port: PortOption = 0, browser: BrowserOption = True
+    screen: Screen,
+    runs: RunsArgument,
+    port: PortOption = 0,
+    browser: BrowserOption = True,
+    interactive: InteractiveOption = False,
+    try_: TryOption = None,
+    policy: PolicyOption = None,
+    budget: BudgetOption = BUDGET,
+    timeout: TimeoutOption = SILENCE_S,
+    allow_import: ImportOption = False,
 ) -> CommandResult:
     """Shows every episode of a run in the browser, also while it is being recorded.
 
     Serves the page on this machine only, under an address with a secret token, until Ctrl-C.
-    `gamekeeper report` writes a file that can be sent to others.
+    `gamekeeper report` writes a file that can be sent to others. With --interactive the page can
+    play on from any turn: one future on the recorded draws, or many on fresh ones.
 
     Example: gamekeeper view runs/warehouse-1
     """
+    options = _play_on(interactive, try_, policy, budget, timeout, allow_import)
     # Arrow's own allocator reserves a gigabyte of addresses, and a thread's stack eight megabytes.
     os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")
     threading.stack_size(STACK_BYTES)
     from gamekeeper.viewing.viewer import Viewer
 
-    view = Viewer(runs, port=port)
+    view = Viewer(runs, port=port, interactive=options)
     try:
         _announce(screen, view, runs, browser=browser)
         view.serve()
@@ -62,6 +107,39 @@ def command(
     if screen.is_json:
         raise SystemExit(0)  # its document was said at the start, when it was of use
     return CommandResult()
+
+
+def _play_on(
+    interactive: bool,
+    try_: list[str] | None,
+    policy: list[str] | None,
+    budget: int,
+    timeout: float,
+    allow_import: bool,
+) -> PlayOnOptions | None:
+    """Consent and limits of playing on; None: the page only shows.
+
+    Raises:
+        GamekeeperError: an option that only playing on has was given without it.
+    """
+    if not interactive:
+        if try_ or policy or allow_import:
+            raise GamekeeperError(
+                "without --interactive no code of a run is run",
+                where="--try, --policy, --allow-import",
+                fix="add --interactive",
+            )
+        return None
+    from gamekeeper.diagnosis.play_on import PlayOnOptions
+    from gamekeeper.interface.policy import parse_choices
+
+    return PlayOnOptions(
+        allow_import=allow_import,
+        tried=tuple(try_ or ()),
+        policies=parse_choices(policy or ()),
+        budget=budget,
+        silence_s=timeout,
+    )
 
 
 def _announce(screen: Screen, view: Viewer, runs: list[Path], *, browser: bool) -> None:

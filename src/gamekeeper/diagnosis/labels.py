@@ -119,8 +119,8 @@ def propose(run: str | PathLike[str], diagnosis: Diagnosis, *, by: str) -> tuple
     What stands there already isn't said twice.
     """
     known = [note for note in read_notes(run) if note.get("kind") in (KIND, DIAGNOSIS)]
-    document = {"kind": DIAGNOSIS, "by": by, "diagnosis": diagnosis.to_json()}
-    if any(note.get("diagnosis") == document["diagnosis"] for note in known):
+    document = {"kind": DIAGNOSIS, "by": by, "document": diagnosis.to_json()}
+    if any(note.get("document") == document["document"] for note in known):
         return ()
     annotate(run, {**document, "at": _now()})
     found = tuple(

@@ -20,16 +20,15 @@ from gamekeeper.diagnosis.played_setup import (
     other_policies,
     setup_of,
 )
+from gamekeeper.diagnosis.recorded_course import course_of
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.outcome import TEAM, Outcome, failed, failures, outcome_of
 from gamekeeper.errors import EvidenceError
-from gamekeeper.rollouts.continuations import Continuations, RecordedCourse
+from gamekeeper.rollouts.continuations import Continuations
 from gamekeeper.rollouts.executors.task import Executor
 from gamekeeper.rollouts.interrupts import noted_if_interrupted
-from gamekeeper.rollouts.reruns import play_of
 from gamekeeper.runs.consent import evidence_of
 from gamekeeper.runs.expanding import whole_evidence
-from gamekeeper.runs.replay_runner import ReplayRunner
 
 BUDGET: Final = 100_000
 """Env steps for all episodes unless told otherwise."""
@@ -204,27 +203,7 @@ def _searched(
 ) -> EpisodePivots:
     """The pivots of one episode, once it has been replayed and is as it was recorded."""
     contract = stage.contract
-    trace = evidence.episode(number)
-    header = evidence.header(number)
-    again = None
-    if trace.seed is not None:
-        again = ReplayRunner(evidence, stage.opened).play(header)
-    if again is None or again["fingerprint"] != header["fingerprint"]:
-        raise EvidenceError(
-            "the episode doesn't come out the same when it is played again by itself",
-            where=f"episode {number}",
-            actual="it was reset without a seed" if again is None else "another fingerprint",
-            fix="gamekeeper replay RUN: where it verifies, the episode depends on those before it "
-            "(gamekeeper audit ENV --select GK604); else it looks for the cause",
-        )
-    course = RecordedCourse(
-        play_of(trace, stage.env, evidence.manifest.get("action_types")),
-        stage.env,
-        stage.cast,
-        evidence.manifest.get("seed") or 0,
-        contract,
-        stage.setup.most_turns,
-    )
+    course = course_of(evidence, stage, number)
     play = Continuations(course, budget=budget, on_step=report)
     conditions = failures(contract, condition)
     options = ActionOptions(play, contract, reference_of(stage.env, contract), seed)

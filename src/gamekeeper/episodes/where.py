@@ -34,7 +34,7 @@ class Where:
         return None if self.turn is None else self.turn + (self.field in PAID_BY)
 
     def __str__(self) -> str:
-        start = f"episode {self.probe}/{self.play}" if self.probe else f"episode {self.play}"
+        start = f"episode {self.play}" + (f" of probe {self.probe}" if self.probe else "")
         turn = None if self.turn is None else f"turn {self.turn}"
         key = self.field if self.agent is None else f"{self.field}[{self.agent!r}]"
         return ", ".join(part for part in (start, turn, key) if part)

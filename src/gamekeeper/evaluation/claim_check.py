@@ -359,7 +359,9 @@ def _other_source(
         if name.startswith(f"{SOURCE}/"):
             beside = Path(name.partition("/")[2])
             if beside.is_file() and digest_of(beside) != digest:
-                yield ClaimDifference(str(beside), "as packed", "another, in this folder")
+                yield ClaimDifference(
+                    str(beside), "the packed file", "another file of this name, in this folder"
+                )
     for run, played in replays.items():
         if "source" in played.versions:
             one, two = played.versions["source"]

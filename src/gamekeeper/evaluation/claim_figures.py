@@ -122,7 +122,8 @@ def _rows(
             outcome_of(episode),
             label=label,
             sides={seat: (side.policy, side.run) for seat, side in match.pairing.sides},
-            lengths=Counter(agent for turn in episode.turns for agent in turn.order),
+            # not the empty steps that close an AEC agent's life: policies don't choose them
+            lengths=Counter(a for turn in episode.turns for a in turn.order if a not in turn.ended),
             success=success,
             contract=contract,
             roster=list(looks[environment].roles),

@@ -123,7 +123,7 @@ class Judge:
     def flat(self, value: float, n: int, unit: str, *, of: str) -> dict[str, Any]:
         """A figure that is one number everywhere, so that it has no interval."""
         error = no_spread(value, n, unit, where=of)
-        return self._point(value, error, "intervals of figures that are all equal", of)
+        return self._point(value, error, "interval of a figure that is the same everywhere", of)
 
     def runs(
         self,
@@ -322,8 +322,8 @@ class Judge:
         return {"value": value, "low": None, "high": None, "method": None}
 
     def _note(self, error: EvidenceError, what: str, of: str) -> None:
-        asked = f" (asked for: {error.expected})" if error.expected else ""
-        step = f"; next: {error.fix}" if error.fix else ""
+        asked = f"; needed: {error.expected}" if error.expected else ""
+        step = f". Next: {error.fix}" if error.fix else ""
         self.refuse(what, f"{error.what}{asked}{step}", of, error.actual or "")
 
 

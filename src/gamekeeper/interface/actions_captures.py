@@ -369,24 +369,32 @@ class AECActionsCapture(_TurnsByActions):
 class BookkeptActionsCapture(_TurnsByActions, BookkeptCapture):
     """The same for an environment whose books are ours: they say whom a step touched.
 
-    While `turn < _quiet_below` no agent has ended that is still in the roster, nothing waits to be
-    noted, and `_seen` is the agent in turn once it has looked. Then nothing is asked before a step,
-    and after it only whom the step touched.
+    While `turn < _quiet_below` nothing waits to be noted, and `_seen` is the agent in turn once it
+    has looked and hasn't ended. Then nothing is asked before a step, and after it only whom the
+    step touched.
     """
 
     def _look(self, agent: AgentId, observation: Any) -> None:
-        if self.turn < self._quiet_below and self._half is None:
+        books = self._books
+        if (
+            self.turn < self._quiet_below
+            and self._half is None
+            and books.terminations.get(agent) is False
+            and books.truncations.get(agent) is False
+        ):
             self._seen = agent
         else:
+            self._quiet_below = 0
             super()._look(agent, observation)
 
     def step(self, action: Any) -> None:
         """One turn of the agent whose turn it is."""
         agent, books = self._seen, self._books
-        if self.turn >= self._quiet_below or agent is _NEVER or agent != books.agent_selection:
+        packers = self._packers.get(agent)  # None where nobody has looked: `_NEVER` has none
+        if packers is None or self.turn >= self._quiet_below or agent != books.agent_selection:
             self._step_any(action)
             return
-        index, _, pack = self._packers[agent]
+        index, _, pack = packers
         payload = pack(action)
         if payload is None:
             self._step_any(action)
@@ -425,18 +433,7 @@ class BookkeptActionsCapture(_TurnsByActions, BookkeptCapture):
 
     def _settle(self) -> None:
         """Leaves `_quiet_below` as it was set after the step where the turn that comes is quiet."""
-        books = self._books
-        agent = books.agent_selection
-        if (
-            self._open
-            and self._is_sure
-            and not self._news
-            and self.turn % EVERY
-            # one that has ended comes first: with the agent in turn, nobody has
-            and entry_of(books.terminations, agent) is False
-            and entry_of(books.truncations, agent) is False
-            and agent in self._packers
-        ):
+        if self._open and self._is_sure and not self._news and self.turn % EVERY:
             self._seen_payload, self._seen_nonconforming, self._stood = OBSERVED, None, None
         else:
             self._quiet_below = 0

@@ -74,7 +74,7 @@ def described_slim(env: Any) -> tuple[str, ...]:
         lines.append(f"stays: {_home(type(inside))}.{type(inside).__qualname__}")
         inside = inside.env
     rules = type(inside.unwrapped)
-    return (*lines, f"rules: {_home(rules)}.{rules.__qualname__}")
+    return (*lines, f"environment: {_home(rules)}.{rules.__qualname__}")
 
 
 def _home(kind: type) -> str:

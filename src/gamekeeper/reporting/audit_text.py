@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, Final
 
-from gamekeeper.checks.verdict import LOW, MINOR, SEVERITIES
+from gamekeeper.checks.verdict import LOW, MINOR, NO_CASE, SEVERITIES
 from gamekeeper.contract.validation import one_line
 from gamekeeper.reporting.results_text import table_lines
 from gamekeeper.reporting.text_columns import wrapped
@@ -63,16 +63,18 @@ def counts_text(audit: Document) -> str:
 def failed_blocks(audit: Document, *, width: int, least: str = "low") -> Iterator[tuple[str, str]]:
     """The failed checks: causes by severity, in full; consequences and minor ones in a line each.
 
+    A cause stands where the worst of what follows from it would.
+
     Args:
         audit: the document.
         width: columns that no line exceeds, as far as words allow.
         least: severity below which nothing is shown.
     """
     bad = SEVERITIES[: SEVERITIES.index(least) + 1]
-    failed = [each for each in verdicts_of(audit, "failed") if each["severity"] in bad]
+    failed = verdicts_of(audit, "failed")
     causes = [each for each in failed if not each["follows_from"]]
     for severity in bad:
-        found = [each for each in causes if each["severity"] == severity]
+        found = [each for each in causes if _worst(each, failed) == severity]
         if found and severity == LOW:
             yield "Failed: low severity", "\n".join(_row_lines([_minor(x) for x in found], width))
         elif found:
@@ -80,9 +82,16 @@ def failed_blocks(audit: Document, *, width: int, least: str = "low") -> Iterato
                 f"Failed: {severity} severity",
                 "\n\n".join(_finding(each, width) for each in found),
             )
-    rows = [_consequence(each) for each in failed if each["follows_from"]]
+    follow = [each for each in failed if each["follows_from"] and each["severity"] in bad]
+    rows = [_consequence(each) for each in follow]
     if rows:
         yield "Failed: consequences of these", "\n".join(_row_lines(rows, width))
+
+
+def _worst(cause: Document, failed: Sequence[Document]) -> str:
+    """The worst severity among a cause and what follows from it."""
+    group = [each for each in failed if (each["follows_from"] or {}).get("id") == cause["id"]]
+    return SEVERITIES[min(SEVERITIES.index(each["severity"]) for each in (cause, *group))]
 
 
 def _row_lines(rows: Sequence[Row], width: int) -> list[str]:
@@ -213,8 +222,10 @@ def not_exercised_text(audit: Document, *, width: int) -> str:
     """Checks that were not exercised with what they claim, under the reason."""
     by_reason: dict[str, list[Row]] = {}
     for each in verdicts_of(audit, "not_exercised"):
-        row = (each["id"], _short(each["claim"]))
-        by_reason.setdefault(_short(each["reason"]), []).append(row)
+        reason, text = each["reason"], each["claim"]
+        if reason.startswith(f"{NO_CASE}: "):
+            reason, text = NO_CASE, f"{text} Looks at: {reason.removeprefix(f'{NO_CASE}: ')}."
+        by_reason.setdefault(_short(reason), []).append((each["id"], _short(text)))
     parts = [
         _section(f"Checks not exercised ({len(rows)}): {reason}", rows, width)
         for reason, rows in by_reason.items()

@@ -25,6 +25,7 @@ RARE_ENDINGS: Final = ("cut", "failed", "mixed")
 COLUMNS: Final = {
     "of": "team: sum over its agents; a role: mean over its agents; or one agent",
     "IQM": "interquartile mean: the mean of the middle half",
+    "5 to 95 %": "between these two values lie 90 % of the episodes (or training runs)",
     "success": "share of episodes that the contract's [failure], or `success` in the "
     "specification, counts as solved",
     "cut": "episodes that were stopped while agents were live, after most_turns steps",

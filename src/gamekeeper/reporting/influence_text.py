@@ -16,8 +16,8 @@ TITLE: Final = (
     "mask, observation, reward or ending of another agent"
 )
 UNITS: Final = {
-    "rounds": "a round: a tick, or one turn of every live agent",
-    "turns": "a turn: a tick, or the turn of one agent",
+    "rounds": "a round: one turn of every live agent",
+    "turns": "a turn: one env step, of all live agents (Parallel) or of one agent (AEC)",
 }
 LEGEND: Final = (
     "{unit}; {lag} later: from the action to the reward or ending, or to the decision that is made "
@@ -26,8 +26,13 @@ LEGEND: Final = (
 )
 
 
+def lag_unit(api: str) -> str:
+    """Unit of an audit's lags: turns of a Parallel environment; rounds where agents take turns."""
+    return "rounds" if api == "aec" else "turns"
+
+
 def influence_text(
-    influence: Iterable[Mapping[str, Any]], *, width: int, least: float = 0, lag: str = "rounds"
+    influence: Iterable[Mapping[str, Any]], *, width: int, lag: str, least: float = 0
 ) -> str:
     """A row for each pair of agents and what was changed, at its first lag; maybe empty.
 

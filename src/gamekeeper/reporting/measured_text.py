@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final
 
 from gamekeeper.contract.validation import one_line
-from gamekeeper.reporting.influence_text import influence_text
+from gamekeeper.reporting.influence_text import influence_text, lag_unit
 from gamekeeper.reporting.results_text import table_lines
 from gamekeeper.reporting.text_columns import column_lines, wrapped
 from gamekeeper.statistics.significance import p_text
@@ -91,9 +91,10 @@ def measured_text(audit: Document, *, width: int) -> str:
             lines += wrapped(legend, width, first=INDENT, rest=INDENT)
         parts.append("\n".join(["Measured beside declared", *lines]))
     parts.append(agents_text(measured, width=width))
-    influence = influence_text(measured.get("influence") or (), width=width)
+    lag = lag_unit(str(audit.get("api")))
+    influence = influence_text(measured.get("influence") or (), width=width, lag=lag)
     if influence and measured.get("looked_ahead"):
-        text = f"Effects later than {measured['looked_ahead']} rounds aren't looked for."
+        text = f"Effects later than {measured['looked_ahead']} {lag} aren't looked for."
         influence = "\n".join([influence, *wrapped(text, width, first=INDENT, rest=INDENT)])
     parts.append(influence)
     parts.append(_errors_text(measured.get("errors") or (), width=width))

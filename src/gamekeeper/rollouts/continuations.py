@@ -177,6 +177,48 @@ class Continuations:
         """
         return [episode.outcome() for episode in self._played(turn, numbers, held or {})]
 
+    def paths(
+        self, turn: int, numbers: Iterable[int], *, held: Mapping[AgentId, Any] | None = None
+    ) -> Iterator[tuple[Outcome, list[float]]]:
+        """Yields continuations with the sum of all returns at their first turn and after each step.
+
+        Args:
+            turn, numbers, held: as in `play`.
+        Raises:
+            EvidenceError: as `play`.
+        """
+        path: list[float] = []
+        for episode in self._played(turn, numbers, held or {}, path):
+            yield episode.outcome(), list(path)
+            path.clear()
+
+    def record(
+        self,
+        turn: int,
+        sink: Any,
+        *,
+        number: int | None = None,
+        held: Mapping[AgentId, Any] | None = None,
+    ) -> Outcome:
+        """Records one continuation, from its reset on, as the first episode of a sink.
+
+        Args:
+            turn, held: as in `play`.
+            sink: takes the rows, as a capture's does.
+            number: as in `play`; None: everything goes on drawing as it would have.
+        Raises:
+            EvidenceError: as `play`.
+        """
+        with kept_global_generators():
+            standing = self._begun(sink=sink)
+            self._lead(standing, turn)
+            if number is not None:
+                standing.draw_anew(number)
+            standing.hooks.held = held or {}
+            standing.episode.run()
+            standing.episode.game.end_episode()
+        return standing.episode.outcome()
+
     def is_settled(self, turn: int, numbers: Iterable[int]) -> bool:
         """Tells whether continuations from a turn end as the recording did, by the same actions.
 
@@ -193,9 +235,13 @@ class Continuations:
         return first is not None
 
     def _played(
-        self, turn: int, numbers: Iterable[int], held: Mapping[AgentId, Any]
+        self,
+        turn: int,
+        numbers: Iterable[int],
+        held: Mapping[AgentId, Any],
+        path: list[float] | None = None,
     ) -> Iterator[TalliedEpisode]:
-        """Yields continuations that were played to their ends."""
+        """Yields continuations that were played to their ends; `path` takes their returns."""
         for number in numbers:
             if self.is_spent:
                 return
@@ -203,7 +249,10 @@ class Continuations:
                 standing = self._at(turn)
                 standing.draw_anew(number)
                 standing.hooks.held = held
-                standing.episode.run()
+                if path is not None:
+                    path += _stepwise(standing.episode)
+                if standing.episode.failed is None:
+                    standing.episode.run()
             yield standing.episode
 
     def inputs(self, turn: int) -> dict[AgentId, tuple[Any, Any]]:
@@ -215,8 +264,8 @@ class Continuations:
                 return dict.fromkeys(game.to_move, (observation, info))
             return {a: (game.observations.get(a), game.infos.get(a)) for a in game.to_move}
 
-    def _begun(self, *, is_noting: bool = False) -> _StandingEpisode:
-        """The episode before its reset."""
+    def _begun(self, *, is_noting: bool = False, sink: Any = None) -> _StandingEpisode:
+        """The episode before its reset; `sink` takes its rows."""
         course = self.course
         hooks = _RecordedActions(course.actions, is_noting=is_noting)
         plan = replace(course.plan, actions=None, most_turns=course.most_turns)
@@ -234,6 +283,7 @@ class Continuations:
             cast=course.cast,
             cast_seed=course.cast_seed,
             on_step=count,
+            sink=sink,
         )
         return _StandingEpisode(episode, hooks)
 
@@ -299,6 +349,15 @@ class Continuations:
             each.episode.run(self.turns)
             first = snapshot(each.hooks.notes) if first is None else first
             yield each.episode.outcome(), each.hooks.notes, first
+
+
+def _stepwise(episode: TalliedEpisode) -> Iterator[float]:
+    """Plays an episode on step by step, and yields the sum of all returns before and after each."""
+    before = -1
+    while episode.failed is None and episode.turns > before:
+        yield sum(episode.count.returns.values())
+        before = episode.turns
+        episode.run(before + 1)
 
 
 def _copied(standing: _StandingEpisode) -> _StandingEpisode:

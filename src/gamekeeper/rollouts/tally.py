@@ -70,9 +70,14 @@ class TalliedEpisode:
         cast: ActionChooser | None = None,
         cast_seed: int = 0,
         on_step: Callable[[], None] | None = None,
+        sink: Any = None,
     ) -> None:
-        """Takes hold of `env`; nothing is played yet. The arguments are those of `tally`."""
-        self.game, self.cast, self._play = game_of(env), cast, play
+        """Takes hold of `env`; nothing is played yet. The arguments are those of `tally`.
+
+        Args:
+            sink: takes the rows as well, where one is given.
+        """
+        self.game, self.cast, self._play = game_of(env, sink=sink), cast, play
         volatile = () if contract is None else contract.volatile_infos()
         is_parallel = isinstance(self.game, ParallelCapture)
         self.count = _Ticks(volatile) if is_parallel else _Turns(volatile)

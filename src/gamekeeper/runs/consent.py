@@ -127,7 +127,8 @@ def _rule(
     if reason is None:
         return ("installed" if env is None else "named"), {}
     if changed:
-        reason += f"; you recorded this run, and {changed[0]} has changed since"
+        reason = f"{changed[0]} has changed since you recorded this run"
+        fix = "run the changed file by adding --allow-import"
     raise TrustError(
         f"{doing} would execute code that its evidence names",
         where=str(path),

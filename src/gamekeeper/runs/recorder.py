@@ -31,6 +31,7 @@ from gamekeeper.interface.capture import type_name_of
 from gamekeeper.interface.packing import Rings
 from gamekeeper.runs import own_runs
 from gamekeeper.runs.files.store import RunStore
+from gamekeeper.runs.first_check import unchecked
 from gamekeeper.runs.ring.ring_ledger import RingLedger
 from gamekeeper.runs.ring.ring_store import RingStore, create_ring
 from gamekeeper.terminal import say
@@ -408,6 +409,7 @@ def record_many(
         "level": level,
         "run_seed": None,
         "layout": venv.seen.layout,
+        "extra": {"checked": unchecked("copies aren't")} if level == KEPT else None,
     }
     store = _created(path, manifest_of(**facts), ring, durable=True)
     episodes: list[pa.RecordBatch] = []

@@ -147,9 +147,8 @@ def record(
 
     Args:
         env: a ParallelEnv or AECEnv; or a vector environment of ours that wasn't reset yet, or an
-            adapter to a trainer that steps one (`sb3.vec_env`, `tianshou.vector_env`,
-            `torchrl.env`), which is recorded copy by copy into one run, its episodes in their
-            order.
+            adapter to a trainer that steps one, as `sb3.vec_env`, which is recorded copy by copy
+            into one run, its episodes in their order.
         path: a folder that doesn't exist yet, or is empty.
         level: "full"; "digest": digests of rows in place of observations; "actions": seeds,
             actions, rewards and flags, which `expand` plays again into full evidence.

@@ -144,6 +144,13 @@ def verify(
     if fingerprint is not None and ":" in fingerprint:
         asked, _, fingerprint = fingerprint.partition(":")
         _check_same_level(path, asked, level)
+    kinds = {"root": found.root or "", "fingerprint": digits_again}
+    for option, digits, other in (
+        ("root", root, "fingerprint"),
+        ("fingerprint", fingerprint, "root"),
+    ):
+        if digits and not kinds[option].startswith(digits) and kinds[other].startswith(digits):
+            raise _mistaken(option, digits)
     given = [(root, found.root), (fingerprint, digits_again)]
     matched = [(seen or "").startswith(digits) for digits, seen in given if digits is not None]
     return replace(
@@ -262,12 +269,26 @@ def _digits(option: str, given: str | None) -> str | None:
     found = DIGITS.fullmatch(digits)
     if found is not None and (option == "fingerprint" or found[1] is None):
         return digits
+    if found is not None:
+        raise _mistaken("root", given)
     raise EvidenceError(
         f"this is no {'root digest' if option == 'root' else option}",
         where=f"--{option}",
         expected="32 to 64 digits of 0 to 9 and a to f",
         actual=repr(given[:80]),
         fix="copy it from where the run was announced; `gamekeeper show RUN` says it too",
+    )
+
+
+def _mistaken(option: str, given: str) -> EvidenceError:
+    """The error of a digest of one kind that was given as the other."""
+    is_root = option == "root"
+    kind, other = ("a fingerprint", "fingerprint") if is_root else ("a root digest", "root")
+    return EvidenceError(
+        f"this is {kind}, not a {'root digest' if is_root else 'fingerprint'}",
+        where=f"--{option}",
+        actual=repr(given[:80]),
+        fix=f"give it to --{other}; `gamekeeper show RUN` prints both digests",
     )
 
 

@@ -222,10 +222,10 @@ def no_spread(value: float, n: int, unit: str, *, where: str) -> EvidenceError:
     rare = n // RULE_OF_THREE
     missed = f": one that comes once in {rare}, or more rarely, may not be among them"
     return EvidenceError(
-        f"all {n} {unit} have the same figure, so that nothing is known of its spread"
+        f"all {n} {unit} have the same value, so they say nothing of its spread"
         f"{missed if rare > 1 else ''}",
         where=where,
-        expected="figures that differ",
+        expected="values that differ",
         actual=f"{value:g}",
         fix=f"show the figure without an interval, or add {unit}",
     )

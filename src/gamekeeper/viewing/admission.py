@@ -124,7 +124,7 @@ def page_answer(body: str, *, title: str, status: int = 200, head: str = "") -> 
     return Response(status, HTML, text.encode("utf-8", "replace"))
 
 
-METHODS: Final = ("GET", "HEAD")
+READS: Final = ("GET", "HEAD")
 HOSTS: Final = ("127.0.0.1", "localhost")
 OURS: Final = ("none", "same-origin")
 """Values of Sec-Fetch-Site for addresses that the user typed, and for this server's pages."""
@@ -147,10 +147,12 @@ class Admission:
     Args:
         port: on which it listens.
         token: the secret of its address.
+        takes_orders: POST is answered, too, to pages of its own.
     """
 
     port: int
     token: str
+    takes_orders: bool = False
 
     @property
     def url(self) -> str:
@@ -182,18 +184,22 @@ class Admission:
                 fix=OPEN_AGAIN,
                 as_page=as_page,
             )
-        if method not in METHODS:
+        methods = (*READS, "POST") if self.takes_orders else READS
+        if method not in methods:
             return _with(
                 refusal(
                     405,
                     "this server only reads runs",
-                    expected="GET or HEAD",
+                    expected=" or ".join(methods),
                     actual=method[:20],
                     as_page=as_page,
                 ),
-                Allow=", ".join(METHODS),
+                Allow=", ".join(methods),
             )
-        for origin in headers.get_all("Origin") or ():
+        origins = headers.get_all("Origin") or ()
+        if method == "POST" and not origins:  # a browser always says where an order comes from
+            return self._foreign("Origin", "none", as_page=as_page)
+        for origin in origins:
             if origin.lower() != f"http://{hosts[0].lower()}":
                 return self._foreign("Origin", origin, as_page=as_page)
         token = field_of(query, FIELD) if path == ENTRANCE else None

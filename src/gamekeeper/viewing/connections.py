@@ -13,8 +13,10 @@ LOOPBACK: Final = "127.0.0.1"
 SILENCE_S: Final = 10.0
 """Time until a silent connection is closed, in seconds."""
 
-Respond = Callable[[str, str, Any], Response]
-"""Method, target and headers to an answer."""
+BODY_BYTES: Final = 1 << 16
+
+Respond = Callable[[str, str, Any, bytes], Response]
+"""Method, target, headers and body to an answer."""
 
 
 class Connections(ThreadingHTTPServer):
@@ -69,8 +71,16 @@ class Connection(BaseHTTPRequestHandler):
     def __getattr__(self, name: str) -> Any:
         # All methods have one answer, so that PUT and unknown ones are refused alike.
         if name.startswith("do_"):
-            return lambda: self._send(self.server.respond(self.command, self.path, self.headers))
+            return self._answer
         raise AttributeError(name)
+
+    def _answer(self) -> None:
+        length = self.headers.get("Content-Length", "0")
+        if not (length.isascii() and length.isdigit() and int(length) <= BODY_BYTES):
+            self._send(refusal(413, "the body of a request is too long", actual=length[:20]))
+            return
+        body = self.rfile.read(int(length))
+        self._send(self.server.respond(self.command, self.path, self.headers, body))
 
     def _send(self, answer: Response) -> None:
         self.close_connection = True
@@ -91,5 +101,5 @@ class Connection(BaseHTTPRequestHandler):
         """Logs nothing: requests hold a token."""
 
 
-def _not_ready(method: str, target: str, headers: Any) -> Response:
+def _not_ready(method: str, target: str, headers: Any, body: bytes) -> Response:
     return refusal(503, "the server isn't ready yet")

@@ -46,7 +46,7 @@ def documents_of(
     noted: dict[str, Any] = {}
     for note in read_notes(run):
         kind = str(note.get("kind"))
-        document = note.get("document")
+        document = note.get("document", note.get(kind))  # some runs have a diagnosis by its kind
         if isinstance(document, Mapping):
             noted[kind] = _added(noted.get(kind), document)
     return Documents(

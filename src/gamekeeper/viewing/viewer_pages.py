@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
@@ -49,8 +49,12 @@ NO_FRAME: Final = "; frame-ancestors 'none'"
 """A rule that only a header can have, not the page itself."""
 
 
-def front_page(editions: Sequence[Edition]) -> Response:
-    """The page with the player, and sections that need no rows: fast, however long the runs are."""
+def front_page(editions: Sequence[Edition], play_on: Mapping[str, Any] | None = None) -> Response:
+    """The page with the player, and sections that need no rows: fast, however long the runs are.
+
+    Args:
+        play_on: data with which the page gives orders; None: it gives none.
+    """
     runs = [edition.shown for edition in editions]
     documents = _documents(runs[0])
     known = documents.diagnosis, documents.attribution
@@ -61,16 +65,16 @@ def front_page(editions: Sequence[Edition]) -> Response:
         *filter(None, (causes_section(*known, key=runs[0].key),)),
         provenance_section(named, version=__version__, audit=documents.audit),
     )
-    return _answer(runs, documents, sections, links=TO_WHOLE)
+    return _answer(runs, documents, sections, links=TO_WHOLE, play_on=play_on)
 
 
-def whole_page(editions: Sequence[Edition]) -> Response:
+def whole_page(editions: Sequence[Edition], play_on: Mapping[str, Any] | None = None) -> Response:
     """The page of a whole report of the runs as they are now."""
     runs = [_apart(edition) for edition in editions]
     documents = _documents(runs[0])
     rng = np.random.default_rng(SEED)
     sections = sections_of(runs, documents, version=__version__, rng=rng)
-    return _answer(runs, documents, sections, links=TO_FRONT)
+    return _answer(runs, documents, sections, links=TO_FRONT, play_on=play_on)
 
 
 def episode_of(edition: Edition, number: int) -> dict[str, Any]:
@@ -93,6 +97,7 @@ def _answer(
     sections: tuple[PageSection, ...],
     *,
     links: tuple[tuple[str, str], ...],
+    play_on: Mapping[str, Any] | None,
 ) -> Response:
     main, is_open = runs[0], runs[0].card.status == "open"
     page = Page(
@@ -106,7 +111,7 @@ def _answer(
         sections=sections,
         links=links,
         is_view=True,
-        extra={"version": ""},
+        extra={"version": ""} if play_on is None else {"version": "", "play_on": play_on},
     )
     policy = policy_of(style(), script(), is_view=True) + NO_FRAME
     return Response(200, HTML, render(page).encode(), {"Content-Security-Policy": policy})

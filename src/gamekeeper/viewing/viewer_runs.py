@@ -63,16 +63,18 @@ class Edition:
 class ServedRun:
     """A run and its newest edition."""
 
-    def __init__(self, key: str, path: Path) -> None:
+    def __init__(self, key: str, path: Path, *, name: str | None = None) -> None:
         """Reads the run.
 
         Args:
             key: its letter on the page.
             path: its folder.
+            name: on the page; None: the folder's.
         Raises:
             RunError: the folder isn't a run, or is damaged.
         """
         self.key, self.path = key, path
+        self._name = path.resolve().name if name is None else name
         self._reading = threading.Lock()
         self._stamp, self._noted = _stamp(path)
         start = time.monotonic()
@@ -114,8 +116,9 @@ class ServedRun:
         written = _written(self.path)
         known, error = _labels_of(self.path)
         if rows or before is None:
-            name = self.path.resolve().name
-            run = shown(load(self.path), key=self.key, path=str(self.path), name=name, labels=known)
+            run = shown(
+                load(self.path), key=self.key, path=str(self.path), name=self._name, labels=known
+            )
             pictures = Pictures(self.path)
         else:
             run, pictures = replace(before.shown, labels=known), before.pictures

@@ -6,6 +6,7 @@ import json
 import re
 import zlib
 from base64 import b64decode, b64encode
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import pytest
 import gamekeeper as gk
 from gamekeeper.diagnosis.labels import label
 from gamekeeper.errors import EnvError, EvidenceError, RunError
-from gamekeeper.reporting.page.answers import answers_of
+from gamekeeper.reporting.page.answers import answers_of, not_asked
 from gamekeeper.reporting.page.composition import Documents, continues, shown
 from gamekeeper.reporting.page.page_data import Page
 from gamekeeper.reporting.page.page_html import render
@@ -292,6 +293,20 @@ def test_cause_links_to_the_turn_of_its_counterfactual() -> None:
     restored = next(each for each in told["counterfactuals"] if each["restored"])
     assert f"#play:a/{restored['episode']}/{restored['turn']}" == cause.link
     assert cause.word == "isolated"
+
+
+def test_first_screen_compares_and_leads_to_what_else_would_have_been(tmp_path: Path) -> None:
+    """The first claim of an evaluation, the command of a replay, and that of playing on."""
+    recorded(tmp_path / "run")
+    run = opened(tmp_path / "run", key="a")
+    told = Documents(evaluation={"claims": ["a beats b.", "c."], "refused": [{}]})
+    found = {each.question: each for each in answers_of(run, told)}
+    assert found["Evaluation"].text == "a beats b. 1 more. 1 refused."
+    assert found["Run again"].text.startswith(f"`gamekeeper replay {run.path}`")
+    block = not_asked(replace(run, failed=(True,)), told, env="ENV")
+    assert block is not None
+    assert "pivots" in block.title
+    assert f"gamekeeper view {run.path} --interactive" in block.snippets[0][1]
 
 
 def test_missing_run_is_refused(tmp_path: Path) -> None:

@@ -145,7 +145,7 @@ def test_influence_shows_the_first_lag_or_the_strongest_pairs() -> None:
     """A matrix by kind; in large rosters the strongest pairs alone."""
     row: dict[str, Any] = {"on": "reward", "low": 0.0, "high": 1.0, "n": 9}
     rows = [{**row, "from": "a", "to": "b", "lag": lag, "p": p} for lag, p in ((0, 0.0), (2, 0.7))]
-    matrices, every = influence_blocks(rows, "so")
+    matrices, every = influence_blocks(rows, "so", lag="turns")
     (chart,) = matrices.charts
     assert chart["values"] == [[None, 0.7], [None, None]]
     assert chart["texts"][0][1] == "70% +2 (0% to 100%)"
@@ -153,7 +153,7 @@ def test_influence_shows_the_first_lag_or_the_strongest_pairs() -> None:
     many = [
         {**row, "from": f"a{k}", "to": f"a{k}", "lag": 0, "p": 0.5} for k in range(MOST_AGENTS + 1)
     ]
-    (block,) = influence_blocks(many, "so")
+    (block,) = influence_blocks(many, "so", lag="rounds")
     assert (0, "more were measured" in block.tables[0].note) == (len(block.charts), True)
 
 

@@ -79,7 +79,7 @@ class Within:
         self.hits += 1
         if role(trial.agent) == role(look.target):
             self.roles.add(role(trial.agent))
-        place = f"{fact.where.probe}/{fact.where.play}"
+        place = f"{fact.where.play} of probe {fact.where.probe}"
         turns = trial.turn, look.turn
         self.shown = self.shown or ShownEffect(trial.agent, look.target, look.on, place, turns)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any, Final
 
 from gamekeeper.auditing.elsewhere import other_hash_seed, played_elsewhere, reason_against
@@ -185,9 +186,28 @@ def other_process(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         yield lab.fact(HashSeed(seed))
         if _parts(lab, base.trace, unchanged_rerun) is not None:
             yield lab.fact(SettledElsewhere(_is_settled_elsewhere(lab, base, there, seed)))
+        else:
+            second = _second_elsewhere(lab, base, there, seed)
+            if second is not None:
+                yield lab.fact(SettledElsewhere(True))
+                base, unchanged_rerun, there = replace(base, trace=there), second, second
     yield ProbeCounterfactual(
         base.trace, unchanged_rerun, there, change, tuple(lab.contract.volatile_infos())
     )
+
+
+def _second_elsewhere(
+    lab: ProbeSession, base: EpisodeResult, there: Episode, hash_seed: int
+) -> Episode | None:
+    """The play by a second instance of a new process, where only the first plays as new ones do.
+
+    All plays here may be alike by then, as those before have left what instances share as it stays.
+    """
+    again = played_elsewhere(lab, base, hash_seed)
+    second = played_elsewhere(lab, base, hash_seed, instance=2)
+    if again is None or second is None or _parts(lab, there, again) is not None:
+        return None
+    return None if _parts(lab, there, second) is None else second
 
 
 def _is_settled_elsewhere(

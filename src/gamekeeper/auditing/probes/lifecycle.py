@@ -200,6 +200,13 @@ def _step(lab: ProbeSession, env: Any, actions: Mapping[Any, Any]) -> tuple[Call
 
 def _resets(lab: ProbeSession, env: Any, base: EpisodeResult, begun: StartAndEnd) -> Iterator[Saw]:
     """Resets after the play, in the midst of an episode, and twice, each with a few turns."""
+    if base.failed is not None and base.failed.call == "reset":
+        yield lab.fact(
+            LaterReset(when="the first one", raised=_words(base.failed), agents=None),
+            field="reset",
+            proof=begins(lab.api, 1, ()),
+        )
+        return
     before, latest = base, begun.last
     ignored = []
     for resets in (1, 1, 2):

@@ -31,6 +31,7 @@ from gamekeeper.episodes.episode import Episode
     needs=("lifecycle",),
     severity=LOW,
     fix="return empty dictionaries (Parallel), or raise, once `agents` is empty",
+    looks_at="an episode that was played to its end",
 )
 def steps_end_with_the_episode(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """A step after the end of the episode doesn't silently go on and return rewards or turns.
@@ -256,6 +257,7 @@ def close_never_raises(contract: Contract, evidence: ProbeEvidence) -> Iterator[
     severity=MEDIUM,
     api="parallel",
     fix="read the actions of agents in `agents` only, or raise where there are others",
+    looks_at="a Parallel agent that ended before the others, and an action for it",
 )
 def the_ended_dont_act(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """An agent that has ended acts no more: its entry in the actions is ignored or refused.

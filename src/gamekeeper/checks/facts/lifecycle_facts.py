@@ -21,7 +21,7 @@ class StepAfterEnd:
 
 @dataclass(frozen=True, slots=True)
 class LaterReset:
-    """A reset, then a few turns.
+    """A reset, mostly after others, then a few turns.
 
     Attributes:
         when: in words.

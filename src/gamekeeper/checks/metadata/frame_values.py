@@ -185,6 +185,7 @@ def _words(shot: Shot) -> str:
     severity=MEDIUM,
     fix="draw on a canvas of one size, whoever is still alive",
     applies=nothing_to_film,
+    looks_at="two pictures (rgb_array) of one episode",
 )
 def frames_keep_their_shape(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """All frames of a play have one shape.
@@ -215,6 +216,7 @@ def frames_keep_their_shape(contract: Contract, evidence: ProbeEvidence) -> Iter
     severity=MEDIUM,
     fix="return a new array from every render(): self.canvas.copy()",
     applies=nothing_to_film,
+    looks_at="frames that could change later, such as pictures (rgb_array)",
 )
 def frames_stay_as_they_were(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """A frame is its reader's own: it doesn't change later, and writing into it shows in no other.
@@ -265,6 +267,7 @@ LEAST_MOVES: Final = 8
     confidence=0.9,
     fix="draw the state that step() has changed",
     applies=nothing_to_film,
+    looks_at="a film of several frames while observations change",
 )
 def frames_move(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """Frames follow the game: while observations change over a whole play, the picture does too.

@@ -65,6 +65,7 @@ assert last[{column}] < 2 * first[{column}], ('lines and bytes a step, first and
     confidence=0.9,
     fix="keep what is needed of the past up to date in step(), instead of going through all of it "
     "again",
+    looks_at="an episode of 40 turns or more",
 )
 def steps_cost_the_same_all_along(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """The cost of a step doesn't grow with the length of the episode.
@@ -132,7 +133,13 @@ assert costs[-1][{column}] < 1.1 * costs[0][{column}], ('lines and bytes by epis
 """
 
 
-@check("GK832", needs=("repeated",), severity=LOW, fix="empty in reset() what step() has gathered")
+@check(
+    "GK832",
+    needs=("repeated",),
+    severity=LOW,
+    fix="empty in reset() what step() has gathered",
+    looks_at="several episodes, one after the other, that were played to their end",
+)
 def episodes_cost_the_same(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """The cost of an episode doesn't grow with the number of episodes before it.
 
@@ -199,6 +206,7 @@ assert least < {most}, ('at least', least, 'bytes more an episode', sizes)
     needs=("repeated",),
     severity=LOW,
     fix="let go in reset() of what belongs to an episode",
+    looks_at="several episodes, one after the other, that were played to their end",
 )
 def episodes_leave_nothing_behind(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """An episode leaves no memory behind: what is in use doesn't grow from episode to episode.
@@ -254,6 +262,7 @@ assert np.median(np.diff(sizes)) < 32768, ('bytes in use after each step', sizes
     needs=("long",),
     severity=LOW,
     fix="keep what the rules need of the past, not whole observations or pictures",
+    looks_at="an episode of 40 turns or more",
 )
 def steps_keep_little(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """A step keeps no more than 32 kB of memory until the end of the episode.

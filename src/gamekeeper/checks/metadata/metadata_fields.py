@@ -47,6 +47,7 @@ def metadata_names_the_environment(contract: Contract, evidence: ProbeEvidence) 
     severity=LOW,
     fix='metadata = {"render_modes": ["human", "rgb_array"], ...}, with every mode that render() '
     "knows",
+    looks_at='the entry "render_modes" of the metadata, or a render mode of the environment',
 )
 def render_modes_are_listed(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """metadata["render_modes"] is a list of texts, and has the mode that is in use.
@@ -83,7 +84,13 @@ FPS_PROOF: Final = (
 )
 
 
-@check("GK823", needs=("metadata",), severity=LOW, fix='metadata = {"render_fps": 10, ...}')
+@check(
+    "GK823",
+    needs=("metadata",),
+    severity=LOW,
+    fix='metadata = {"render_fps": 10, ...}',
+    looks_at="a render mode that gives pictures, such as rgb_array",
+)
 def pictures_have_a_rate(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """An environment that renders pictures says in metadata["render_fps"] how many make a second.
 
@@ -159,7 +166,11 @@ PARALLELIZABLE_PROOF: Final = (
 
 
 @check(
-    "GK825", needs=("metadata",), severity=LOW, fix='metadata = {"is_parallelizable": False, ...}'
+    "GK825",
+    needs=("metadata",),
+    severity=LOW,
+    fix='metadata = {"is_parallelizable": False, ...}',
+    looks_at='the entry "is_parallelizable" of the metadata',
 )
 def parallelizable_is_a_bool(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """metadata["is_parallelizable"], where it is there, is True or False.

@@ -107,6 +107,7 @@ def _allowed(contract: Contract, evidence: ProbeEvidence) -> str | None:
     severity=HIGH,
     fix='pay an agent 0 once it has ended, or declare rewards.after_end = "allowed"',
     applies=_allowed,
+    looks_at="a turn after an agent's end (AEC: in which another agent acts)",
 )
 def rewards_stop_at_the_end(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """An agent that has ended is paid nothing more.

@@ -70,11 +70,14 @@ def draws_come_from_an_own_generator(contract: Contract, evidence: ProbeEvidence
         moved = [each.generator for each in facts if isinstance(each, MovedGenerator)]
         for counterfactual in look.counterfactuals:
             proof = _own_generator_proof(evidence.api, moved, told_of(contract, counterfactual))
-            yield from parted(counterfactual, proof, expected="the same, whoever draws from them")
+            yield from parted(counterfactual, proof, expected=ALONE)
 
 
 OTHER_SEEDS: Final = 20
 """Seeds of the global generators, or instances, that a reproducer tries."""
+
+
+ALONE: Final = "the same play, also when others draw from the global generators"
 
 
 def _own_generator_proof(api: str, moved: list[str], tells: frozenset[str]) -> Reproducer:

@@ -154,6 +154,7 @@ def mask_lines(api: str, agent: str, place: str) -> str:
     needs=("rollout", "spaces"),
     severity=HIGH,
     fix="give a mask with one number for each action of the agent's action space",
+    looks_at="an agent with an action mask",
 )
 def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """An action mask has one number for each action of its agent, no more and no fewer.
@@ -188,6 +189,7 @@ def masks_fit_the_action_space(contract: Contract, evidence: ProbeEvidence) -> I
     needs=("rollout", "spaces"),
     severity=MEDIUM,
     fix="give masks as np.int8 arrays of 0 and 1: mask.astype(np.int8)",
+    looks_at="an agent with an action mask",
 )
 def masks_are_int8_zeros_and_ones(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """An action mask is an int8 array of zeros and ones, so that `space.sample(mask)` takes it.
@@ -245,6 +247,7 @@ def _fault_of(mask: Any) -> str | None:
     needs=("rollout", "spaces"),
     severity=HIGH,
     fix="allow an action that does nothing, end the agent, or don't let it be its turn",
+    looks_at="an agent with an action mask",
 )
 def masks_allow_something(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """The mask of a live agent that is to move allows at least one action.
@@ -285,6 +288,7 @@ def masks_allow_something(contract: Contract, evidence: ProbeEvidence) -> Iterat
     needs=("rollout",),
     severity=HIGH,
     fix="make the mask once and put it into both places, or into one of them only",
+    looks_at="an agent with a mask in its info and another in its observation",
 )
 def masks_agree(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """The action mask in an agent's info is the same as the one in its observation.

@@ -183,6 +183,7 @@ def spaces_are_sound(contract: Contract, evidence: ProbeEvidence) -> Iterator[Ca
     needs=("spaces",),
     severity=LOW,
     fix="let the method return what the dictionary holds, or drop the dictionary",
+    looks_at="an attribute `observation_spaces` or `action_spaces`",
 )
 def space_dictionaries_agree(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """The dictionaries `observation_spaces` and `action_spaces` say what the methods say.

@@ -24,13 +24,14 @@ class LegalTurn:
     """A turn at which live agents acted, all of them legally.
 
     Attributes:
+        agent: the agent that acted; None of a Parallel step, in which all act.
         is_masked: a mask said to one of them what is legal.
         raised: what the step raised, in words; None where it was accepted.
     """
 
     trace: Episode
     turn: Turn
-    agent: str
+    agent: str | None
     is_masked: bool
     raised: str | None
 
@@ -57,7 +58,8 @@ def legal_turns(contract: Contract, evidence: ProbeEvidence) -> Iterator[LegalTu
                     break
                 said = raised if turn.raised else None
                 masked = any(mask is not None for mask in masks.values())
-                yield LegalTurn(trace, turn, acting[0], masked, said)
+                agent = acting[0] if evidence.api == "aec" else None
+                yield LegalTurn(trace, turn, agent, masked, said)
 
 
 def _plays(known: dict[str, Any], turn: Turn, agent: str, mask: Any) -> bool:
@@ -106,6 +108,7 @@ PROOF = "# nothing more: a step above raised, and every action in it is one of i
     needs=("rollout", "spaces", "illegal"),
     severity=HIGH,
     fix="take every action of the action space, make the space smaller, or give an action mask",
+    looks_at="a step of agents that have no action mask",
 )
 def actions_of_the_space_are_accepted(
     contract: Contract, evidence: ProbeEvidence
@@ -290,6 +293,7 @@ UNFINISHED: Final = (
     needs=("rollout", "spaces"),
     severity=HIGH,
     fix="make the mask from the state that the action will meet, for the agent that will act",
+    looks_at="a step of agents with an action mask",
 )
 def allowed_actions_are_accepted(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """Every action that an action mask allows is accepted: the mask is neither wrong nor stale.

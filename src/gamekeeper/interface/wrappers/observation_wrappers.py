@@ -125,7 +125,7 @@ class FrameStack(Transform):
     def begin(self, seed: int | None) -> None:
         """Forgets the frames of the last episode."""
         self._before: dict[AgentId, deque[Any]] = {}
-        self._ticks = Ticks(self._frames)
+        self._ticks = TickFrames(self._frames)
 
     def observation_space(self, agent: AgentId, space: Space[Any]) -> Space[Any]:
         """The space of so many frames."""
@@ -217,7 +217,7 @@ class FrameStack(Transform):
         )
 
 
-class Ticks:
+class TickFrames:
     """Vectors of all agents in one array a tick, as long as all are there and of one form.
 
     Attributes:

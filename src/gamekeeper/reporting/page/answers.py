@@ -44,6 +44,8 @@ def answers_of(run: ShownRun, documents: Documents) -> tuple[Answer, ...]:
         _weakest(run, documents.attribution),
         _cause(run, documents.diagnosis),
         _findings(documents.audit),
+        _compared(documents.evaluation),
+        _again(run),
     )
     return tuple(each for each in found if each is not None)
 
@@ -91,7 +93,7 @@ def _last_turn(run: ShownRun, header: Mapping[str, Any]) -> dict[str, str]:
     number, turns = header["episode"], run.evidence.turns_of(header)
     return {
         "link": f"#play:{run.key}/{number}/{turns}",
-        "link_text": f"episode {number}, turn {turns}",
+        "link_text": f"episode {number}, after {turns} steps",
     }
 
 
@@ -219,6 +221,28 @@ def _findings(audit: Document | None) -> Answer | None:
     return Answer("Findings", text, f"{len(bad)} failed", "failed", **link)
 
 
+def _compared(evaluation: Document | None) -> Answer | None:
+    """The first of an evaluation's supported claims; None without an evaluation."""
+    if evaluation is None:
+        return None
+    claims = [str(each).rstrip(".") for each in evaluation.get("claims") or ()]
+    refused = len(evaluation.get("refused") or ())
+    link = {"link": "#evaluation", "link_text": "all claims"}
+    first = f"{claims[0]}." if claims else "No comparison supports a claim."
+    more = f" {len(claims) - 1} more." if len(claims) > 1 else ""
+    kept_back = f" {refused} refused." if refused else ""
+    word = f"{len(claims)} claim{'' if len(claims) == 1 else 's'}"
+    return Answer("Evaluation", f"{first}{more}{kept_back}", word, "plain", **link)
+
+
+def _again(run: ShownRun) -> Answer | None:
+    """The command that plays the run again; None of a run that has no end yet."""
+    if run.evidence.root is None:
+        return None
+    text = f"`gamekeeper replay {quoted(run.path)}` plays every episode again and compares it."
+    return Answer("Run again", text, link="#provenance", link_text="all commands")
+
+
 def _checks(count: int) -> str:
     return f"{count} check{'' if count == 1 else 's'}"
 
@@ -232,20 +256,34 @@ def not_asked(run: ShownRun, documents: Documents, *, env: str) -> PageBlock | N
         env: the environment as commands name it, quoted; `ENV` where it can't be named.
     """
     path = quoted(run.path)
-    asked = dict(_commands(path, env))
+    asked = dict(_commands(path, env, has_failed=any(run.failed)))
     missing = [name for name in asked if getattr(documents, name) is None]
     if not missing:
         return None
     return PageBlock(
         title=f"Not asked: {', '.join(missing)}. Commands",
-        snippets=(("Commands", "\n".join(asked[name] for name in missing)),),
+        snippets=(("Commands", "\n".join([*(asked[name] for name in missing), *_on(path)])),),
         folded=True,
         anchor="not-asked",
     )
 
 
-def _commands(path: str, env: str) -> Iterator[tuple[str, str]]:
+def _on(path: str) -> tuple[str, str]:
+    """The command that answers what would have been otherwise."""
+    return (
+        "# plays on from any turn, with one agent's action or policy changed:",
+        f"gamekeeper view {path} --interactive",
+    )
+
+
+def _commands(path: str, env: str, *, has_failed: bool) -> Iterator[tuple[str, str]]:
     yield "diagnosis", f"gamekeeper diagnose {path}"
+    if has_failed:
+        yield (
+            "pivots",
+            f"gamekeeper pivots {path} --json > pivots.json; "
+            f"gamekeeper report {path} --pivots pivots.json",
+        )
     yield "attribution", f"gamekeeper attribute {path}"
     yield (
         "audit",

@@ -10,6 +10,7 @@ import pyarrow.compute as pc
 
 from gamekeeper.checks.verdict import SEVERITIES
 from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.reporting.influence_text import lag_unit
 from gamekeeper.reporting.measured_text import (
     APART,
     DECLARED,
@@ -118,12 +119,15 @@ MOST_AGENTS: Final = 40
 MOST_PAIRS: Final = 30
 
 
-def influence_blocks(rows: Sequence[Mapping[str, Any]], method: str) -> tuple[PageBlock, ...]:
+def influence_blocks(
+    rows: Sequence[Mapping[str, Any]], method: str, *, lag: str
+) -> tuple[PageBlock, ...]:
     """Influence of agents on observations, rewards and endings of agents: a matrix for each.
 
     Args:
         rows: as an audit or an attribution measured them.
         method: the way in which they were measured, in words.
+        lag: unit of the lags: `turns` or `rounds`.
     """
     rows = [row for row in rows if isinstance(row, Mapping)]
     if not rows:
@@ -132,14 +136,18 @@ def influence_blocks(rows: Sequence[Mapping[str, Any]], method: str) -> tuple[Pa
     note = (
         f"The share of replaced actions of one agent (row) that changed something for another "
         f"(column), at the first lag at which something changed: {method}, compared with the "
-        "unchanged rerun. In brackets its 95 % interval; +1: one round later."
+        "unchanged rerun. In brackets its 95 % interval; +1: one "
+        f"{lag.removesuffix('s')} later."
     )
     if len(agents) > MOST_AGENTS:
-        table = _pairs(rows)
+        table = _pairs(rows, lag)
         return (PageBlock(title="Influence", notes=(note,), tables=(table,), anchor="influence"),)
     charts = tuple(filter(None, (_influence(rows, agents, kind) for kind in KINDS)))
     block = PageBlock(title="Influence", notes=(note,), charts=charts, anchor="influence")
-    return (block, PageBlock(title="All measured influences", tables=(_pairs(rows),), folded=True))
+    return (
+        block,
+        PageBlock(title="All measured influences", tables=(_pairs(rows, lag),), folded=True),
+    )
 
 
 def _influence(rows: Sequence[Mapping[str, Any]], agents: Sequence[str], kind: str) -> Chart | None:
@@ -173,7 +181,7 @@ def _share(row: Mapping[str, Any]) -> str:
     return f"{row['p']:.0%}{later} ({row['low']:.0%} to {row['high']:.0%})"
 
 
-def _pairs(rows: Sequence[Mapping[str, Any]]) -> PageTable:
+def _pairs(rows: Sequence[Mapping[str, Any]], lag: str) -> PageTable:
     ordered = sorted(rows, key=lambda row: -float(row["p"]))
     shown = tuple(
         (
@@ -188,7 +196,7 @@ def _pairs(rows: Sequence[Mapping[str, Any]]) -> PageTable:
         for row in ordered[:MOST_PAIRS]
     )
     more = len(ordered) - len(shown)
-    columns = ("from", "to", "on", "turns later", "changed", "95 % interval", "n")
+    columns = ("from", "to", "on", f"{lag} later", "changed", "95 % interval", "n")
     note = f"The strongest {MOST_PAIRS}; {more} more were measured." if more > 0 else ""
     return PageTable("Measured influences, the strongest first", columns, shown, note)
 
@@ -216,8 +224,10 @@ def form_section(
     measured = (audit or {}).get("measured") or form_of_run(evidence, figures)
     influence = ((audit or {}).get("measured") or {}).get("influence")
     method = "the audit replaced actions of random policies"
+    lag = lag_unit(str((evidence.manifest.get("environment") or {}).get("api")))
     if not influence and attribution is not None:
         influence, method = attribution.get("influence"), "single actions of this run were replaced"
+        lag = "turns"
     return PageSection(
         "form",
         "The game form",
@@ -229,7 +239,7 @@ def form_section(
                 notes=tuple(_notes(audit, measured)),
             ),
             PageBlock(title="Agents and spaces", tables=(_spaces(evidence, figures, roster),)),
-            *influence_blocks(influence or (), method),
+            *influence_blocks(influence or (), method, lag=lag),
         ),
     )
 

@@ -146,10 +146,11 @@ def sections_of(
     provenance = provenance_section(
         [(run.key, run.path, run.evidence) for run in runs], version=version, audit=documents.audit
     )
+    causes = causes_section(documents.diagnosis, documents.attribution, key=main.key)
+    by_agent = PageSection("agents", "Agents", tuple(agents))
     backing = (
         pivots_section(documents.pivots, key=main.key),
-        PageSection("agents", "Agents", tuple(agents)),
-        causes_section(documents.diagnosis, documents.attribution, key=main.key),
+        *((by_agent, causes) if documents.diagnosis is None else (causes, by_agent)),
         verdicts_section(documents.audit),
         form,
         learning_section(same, rng),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from gamekeeper.reporting.attribution_text import (
@@ -66,10 +66,10 @@ def diagnosis_blocks(document: Document, *, key: str) -> list[PageBlock]:
             tables=(_answers(answers),),
             anchor="diagnosis",
         ),
-        *(_tested(names, answers[names[0]]) for names in groups.values()),
         PageBlock(
             title="First differences of counterfactuals", tables=(_counterfactuals(document, key),)
         ),
+        *(block for names in groups.values() for block in _tested(names, answers[names[0]])),
     ]
 
 
@@ -100,7 +100,8 @@ def _answers(answers: Mapping[str, Document]) -> PageTable:
     return PageTable("Answers by agent", columns, rows)
 
 
-def _tested(names: Sequence[str], found: Document) -> PageBlock:
+def _tested(names: Sequence[str], found: Document) -> Iterator[PageBlock]:
+    """Yields the effects of what was played, then, folded, what wasn't, with its reasons."""
     measures = dict.fromkeys(_measure(each) for each in found["tested"])
     charts = tuple(_effects(names, found["tested"], measure) for measure in sorted(measures)[::-1])
     reasons: dict[str, list[str]] = {}
@@ -111,9 +112,9 @@ def _tested(names: Sequence[str], found: Document) -> PageBlock:
         ("labels", "reason"),
         tuple((Cell(", ".join(labels)), Cell(why)) for why, labels in reasons.items()),
     )
-    return PageBlock(
-        title=f"Tested for {few(names)}", charts=charts, tables=(table,), folded=not charts
-    )
+    if charts:
+        yield PageBlock(title=f"Tested for {few(names)}", charts=charts)
+    yield PageBlock(title=f"Not tested for {few(names)}", tables=(table,), folded=True)
 
 
 def _measure(tested: Document) -> str:

@@ -157,7 +157,8 @@ def packed_of(
         environment.get("kwargs") or {},
     )
     lost = pivots_of(pivots, episode)
-    marks = [*marks, *(() if lost is None else pivot_marks(lost))]
+    branch = branch_of(evidence)
+    marks = [*marks, *(() if lost is None else pivot_marks(lost)), *branch]
     every = [*marks, *_label_marks(trace, labels), *_failure_marks(evidence, trace, has_failed)]
     packed = packed_episode(
         trace,
@@ -168,7 +169,22 @@ def packed_of(
         volatile=evidence.contract.volatile_infos(),
         drawing=lambda infos: drawn(trace, names, frames=frames, infos=infos, declared=declared),
     )
+    if branch:
+        packed["change"] = branch[0].text
     return packed if lost is None else {**packed, "curve": success_curve(lost)}
+
+
+def branch_of(evidence: Evidence) -> list[Mark]:
+    """The mark of a run that plays on from a turn of another one: there, one thing was changed."""
+    branch = evidence.manifest.get("played_on")
+    if not isinstance(branch, Mapping) or type(branch.get("turn")) is not int:
+        return []
+    agent, turn = str(branch.get("agent")), int(branch["turn"])
+    if branch.get("policy") is not None:
+        text = f"{agent} played by {branch['policy']} from here on"
+    else:
+        text = f"{agent} does {branch.get('action')} in place of what was recorded"
+    return [Mark(turn, "change", text[:200], agent)]
 
 
 def _label_marks(trace: Episode, labels: Iterable[Label]) -> Iterable[Mark]:

@@ -45,6 +45,8 @@ PARTS: Final = (
     "list.js",
     "charts.js",
     "icons.js",
+    "fan.js",
+    "play_on.js",
     "player.js",
     "keys.js",
     "start.js",

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import accumulate
 from math import inf
 from typing import Any, Final
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
@@ -16,6 +17,7 @@ from gamekeeper.contract import Contract
 from gamekeeper.contract.failure import Failure
 from gamekeeper.episodes.arrow import TERM
 from gamekeeper.episodes.buffer import GIVEN, TURN, BufferedTurns
+from gamekeeper.episodes.encoder import by_episode
 from gamekeeper.episodes.layout import Layout
 from gamekeeper.episodes.outcome import Outcome, check_measured, failed, failures, plain_numbers
 from gamekeeper.errors import ContractError
@@ -130,6 +132,41 @@ class DroppedSums:
         }
 
 
+class _Groups:
+    """Rows of a batch by episode and agent.
+
+    NumPy takes a tenth of the processor time that Arrow's grouping does, which starts threads.
+    """
+
+    def __init__(self, batch: pa.RecordBatch) -> None:
+        agents = batch["agent"].dictionary_encode()
+        self._names = agents.dictionary.to_pylist()
+        episodes, place = np.unique(batch["episode"].to_numpy(), return_inverse=True)
+        self._episodes = episodes.tolist()
+        self._keys = place * len(self._names) + agents.indices.to_numpy()
+        self._present = np.unique(self._keys).tolist()
+
+    def sums(
+        self, column: pa.Array, *, only_valid: bool = False
+    ) -> Iterator[tuple[tuple[int, str], float]]:
+        """Sums of a column, null counting as 0.
+
+        Args:
+            only_valid: leave out groups in which every row is null.
+        """
+        values = column.fill_null(0.0).to_numpy(zero_copy_only=False)
+        size = len(self._episodes) * len(self._names)
+        found = np.bincount(self._keys, values, size)
+        counts = None
+        if only_valid:
+            is_valid = column.is_valid().to_numpy(zero_copy_only=False)
+            counts = np.bincount(self._keys, is_valid, size)
+        for key in self._present:
+            if counts is None or counts[key]:
+                episode, agent = divmod(key, len(self._names))
+                yield (self._episodes[episode], self._names[agent]), float(found[key])
+
+
 class RingLedger:
     """Figures of the episodes that are in the run, and of those that were.
 
@@ -161,11 +198,8 @@ class RingLedger:
             ContractError: the first episode that ended doesn't measure what a condition names.
         """
         share = batch.nbytes / batch.num_rows
-        counts = pc.value_counts(batch["episode"])
-        for number, count in zip(
-            counts.field("values").to_pylist(), counts.field("counts").to_pylist(), strict=True
-        ):
-            self._episode(number).size_bytes += share * count
+        for number, rows in by_episode(batch["episode"].to_numpy()):
+            self._episode(number).size_bytes += share * (rows.stop - rows.start)
         if stream == "agent_steps":
             self._add_rows(batch)
         elif stream == "episodes":
@@ -200,18 +234,15 @@ class RingLedger:
         return found
 
     def _add_rows(self, batch: pa.RecordBatch) -> None:
-        terms = [name for name in batch.schema.names if name.startswith(TERM)]
-        table = pa.Table.from_batches([batch])
-        summed = [(name, "sum") for name in ("reward", *terms)]
-        for row in table.group_by(list(KEYS)).aggregate(summed).to_pylist():
-            episode, agent = self._episode(row["episode"]), row["agent"]
-            paid = row["reward_sum"] or 0.0
+        columns = [name for name in batch.schema.names if name.startswith(TERM)]
+        groups = _Groups(batch)
+        for (number, agent), paid in groups.sums(batch["reward"]):
+            episode = self._episode(number)
             episode.returns[agent] = episode.returns.get(agent, 0.0) + paid
-            for name in terms:
-                value = row[f"{name}_sum"]
-                if value is not None:
-                    mine = episode.terms.setdefault(agent, {})
-                    mine[name[len(TERM) :]] = mine.get(name[len(TERM) :], 0.0) + value
+        for name in columns:
+            for (number, agent), paid in groups.sums(batch[name], only_valid=True):
+                mine = self._episode(number).terms.setdefault(agent, {})
+                mine[name[len(TERM) :]] = mine.get(name[len(TERM) :], 0.0) + paid
         for flag in ("truncated", "terminated"):  # an agent with both flags has terminated
             is_set = pc.fill_null(batch[flag], False)
             for row in batch.select(KEYS).filter(is_set).to_pylist():

@@ -3,6 +3,9 @@ gk.endText = (end) => gk.own({ open: "no end: still recorded, or killed", torn: 
 
 // One episode on show: what it is, the world drawn, its lanes, and the table under the cursor.
 
+const FEW = 16; // agents whose table follows every frame
+const READABLE = 125; // milliseconds between two tables of more, while the cursor moves
+
 gk.Deck = class {
   // `choose(turn)`, `pick(name)`, `brush(from, to)`: the reader points at a turn, an agent, or along turns, in the lanes.
   constructor(episode, entry, label, choose, pick, brush) {
@@ -52,8 +55,21 @@ gk.Deck = class {
     const here = Math.min(turn, this.episode.last);
     this.drawing.show(here);
     this.lanes.show(turn);
-    this.table.show(turn, other);
+    this.#tell(turn, other);
     this.root.classList.toggle("over", turn > this.episode.last);
+  }
+
+  // The table of a crowd costs most of a frame, and is read at rest: while the cursor moves it follows eight times a second.
+  #tell(turn, other) {
+    clearTimeout(this.later);
+    const work = () => {
+      this.told = performance.now();
+      this.table.show(turn, other);
+    };
+    const left = this.episode.agents.length > FEW ? READABLE - (performance.now() - (this.told ?? 0)) : 0;
+    if (left <= 0) return work();
+    this.later = setTimeout(work, left);
+    return undefined;
   }
 
   // A range of turns: shaded in the lanes, its totals below them; null: none.

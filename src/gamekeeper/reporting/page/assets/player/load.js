@@ -23,22 +23,26 @@ const inflated = async (text) => {
 const complaint = async (response) => {
   try {
     const { error } = await response.json();
-    return [error.what, error.where, error.fix].filter(Boolean).join("; ");
+    return [error.what, error.where, error.expected && `expected ${error.expected}`, error.actual && `got ${error.actual}`, error.fix].filter(Boolean).join("; ");
   } catch {
     return `the server answered ${response.status}`;
   }
 };
 
-gk.fetched = async (address) => {
+gk.fetched = async (address, more = {}) => {
   let response;
   try {
-    response = await fetch(address, { cache: "no-store", credentials: "same-origin" });
+    response = await fetch(address, { cache: "no-store", credentials: "same-origin", ...more });
   } catch {
     throw new gk.Trouble("the server does not answer; is `gamekeeper view` still running?");
   }
   if (!response.ok) throw new gk.Trouble(await complaint(response));
   return response.json();
 };
+
+// An order to the server, where it takes orders (`gamekeeper view --interactive`).
+gk.order = (what, order) =>
+  gk.fetched(`play-on/${what}`, { method: "POST", body: JSON.stringify(order), headers: { "Content-Type": "application/json", "X-Gamekeeper-Key": gk.page.play_on.key } });
 
 const packed = (run, episode) => {
   const element = document.getElementById(`gk-episode-${run}-${episode}`);

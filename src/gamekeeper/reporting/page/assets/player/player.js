@@ -31,7 +31,8 @@ gk.Player = class {
     this.pairing = gk.node("p", { class: "pairing", hidden: true }, gk.node("label", {}, "Compare: ", this.pair));
     this.follow = gk.node("input", { type: "checkbox" });
     this.following = gk.node("label", { class: "following", hidden: true }, this.follow, " follow the recording");
-    const parts = [this.pairing, this.trouble, this.parted, this.#controls(), this.jumps, this.stage, this.#keys()];
+    this.playOn = gk.page.play_on && new gk.PlayOn(this);
+    const parts = [this.pairing, this.trouble, this.parted, this.#controls(), this.jumps, this.playOn?.root ?? "", this.stage, this.#keys()];
     // A report begins with its episode; in `gamekeeper view` the list is the way to all of them.
     this.host.append(...(gk.served ? [this.list.root, ...parts] : [...parts, this.list.root]), this.status);
   }
@@ -93,7 +94,6 @@ gk.Player = class {
     return all.sort((a, b) => a.turn - b.turn);
   }
 
-  // Nothing where they differ in no turn.
   partMarks() {
     if (!this.part || this.part.turn === null) return [];
     const { turn, agent, field } = this.part;
@@ -355,6 +355,7 @@ gk.Player = class {
     this.slider.setAttribute("aria-valuetext", `turn ${this.turn} of ${this.last}`);
     gk.say(this.where, `${this.turn} / ${this.last}`);
     this.host.dataset.turn = String(this.turn);
+    this.playOn?.show(a.episode, this.turn);
     if (!this.playing) this.#settle();
   }
 

@@ -62,10 +62,13 @@ const keepUp = (player) => {
     gk.page.runs = news.runs ?? gk.page.runs;
     gk.page.pairs = news.pairs ?? gk.page.pairs;
     for (const entry of news.episodes) known.set(`${entry.run}/${entry.episode}`, entry);
+    const runs = new Set(gk.page.runs.map((run) => run.key));
+    for (const [key, entry] of known) if (!runs.has(entry.run)) known.delete(key); // a future that wasn't kept
     if (news.episodes.length) player.fill([...known.values()]);
     for (const entry of news.episodes) await player.grow(entry);
     if (!player.decks.length) begin(player);
   };
+  player.refresh = ask;
   const open = () => gk.page.runs.some((run) => run.status === "open");
   const again = async (always = false) => {
     try {

@@ -1,0 +1,245 @@
+"""Tasks of playing on, in a worker process: both arms of futures, a recorded one, what may play."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from gamekeeper.contract import Contract
+from gamekeeper.diagnosis.play_on import BUDGET, BranchPoint
+from gamekeeper.diagnosis.played_setup import OpenSetup, Setup, traits_of
+from gamekeeper.diagnosis.recorded_course import course_of
+from gamekeeper.episodes.agent_spec import as_action
+from gamekeeper.episodes.evidence import Evidence
+from gamekeeper.episodes.layout import agent_name
+from gamekeeper.episodes.outcome import Outcome, failed
+from gamekeeper.errors import ActionError, EvidenceError, GamekeeperError
+from gamekeeper.interface.action_mask import reader
+from gamekeeper.interface.legality import allows
+from gamekeeper.rollouts.continuations import Continuations, RecordedCourse
+from gamekeeper.runs.load_run import load
+from gamekeeper.runs.recorder import RunRecorder
+from gamekeeper.runs.replay_runner import ReplayRunner
+from gamekeeper.runs.worker_errors import error_fields
+
+POINTS: Final = 120
+"""Most points of a future's path."""
+
+Played = list[tuple[Outcome, list[float]]]
+"""Outcomes of futures, each with its path."""
+
+
+def offers_task(
+    report: Callable[..., None],
+    *,
+    run: str,
+    setup: Mapping[str, Any],
+    contract: Any,
+    branch: Mapping[str, Any],
+    tried: Sequence[str],
+) -> dict[str, Any]:
+    """Names the policies that the environment brings, by opening it in this process."""
+    try:
+        with OpenSetup(Setup.from_json(setup), Contract.from_json(contract)) as stage:
+            return {"error": None, "ways": list(traits_of(stage, {}).ways)}
+    except GamekeeperError as error:
+        return {"error": error_fields(error)}
+
+
+def futures_task(
+    report: Callable[..., None],
+    *,
+    run: str,
+    setup: Mapping[str, Any],
+    contract: Any,
+    branch: Mapping[str, Any],
+    tried: Sequence[str],
+    numbers: Sequence[int],
+    budget: int,
+) -> dict[str, Any]:
+    """Plays both arms in this process; `report` hears of each future."""
+    point, declared, evidence = BranchPoint(**branch), Contract.from_json(contract), load(run)
+    try:
+        with OpenSetup(Setup.from_json(setup), declared) as stage:
+            course = course_of(evidence, stage, point.episode)
+            play = Continuations(course, budget=budget, on_step=report)
+            held, base = _held(play, point, evidence)
+            found: Played = []
+            for each in play.paths(point.turn, numbers, held=base):
+                found.append(each)
+                report(played=len(found), of=2 * len(numbers))
+            answer = {"as_recorded": _arm(found, numbers, point.turn, declared)}
+            steps = play.steps
+            other = play if point.policy is None else _other(evidence, stage, point, budget, report)
+            other.steps, other.budget = 0, max(budget - steps, 1)
+            changed: Played = []
+            for each in other.paths(point.turn, numbers[: len(found)], held=held):
+                changed.append(each)
+                report(played=len(found) + len(changed), of=2 * len(numbers))
+            answer["changed"] = _arm(changed, numbers, point.turn, declared)
+            if len(changed) < len(found):  # pairs, as far as both were played
+                answer["as_recorded"] = _arm(found[: len(changed)], numbers, point.turn, declared)
+            if point.policy is not None:
+                other.course.env.close()
+    except GamekeeperError as error:
+        return {"error": error_fields(error)}
+    return {"error": None, "steps": steps + other.steps, **answer}
+
+
+def record_task(
+    report: Callable[..., None],
+    *,
+    run: str,
+    setup: Mapping[str, Any],
+    contract: Any,
+    branch: Mapping[str, Any],
+    tried: Sequence[str],
+    number: int | None,
+    out: str,
+) -> dict[str, Any]:
+    """Records one future in this process, and replays it."""
+    point, declared, evidence = BranchPoint(**branch), Contract.from_json(contract), load(run)
+    chosen = Setup.from_json(setup)
+    if point.policy is not None:
+        chosen = chosen.with_policy(point.agent, point.policy)
+    try:
+        with OpenSetup(chosen, declared) as stage:
+            course = course_of(evidence, stage, point.episode)
+            play = Continuations(course, budget=BUDGET, copies=False, on_step=report)
+            held, _ = _held(play, point, evidence)
+            sink = RunRecorder(
+                out,
+                environment=stage.opened.identity,
+                contract=declared if evidence.manifest.get("contract") else None,
+                run_seed=evidence.manifest.get("seed"),
+                terms=tuple(evidence.manifest.get("terms") or ()),
+                volatile=declared.volatile_infos(),
+                is_timed=False,
+                extra={"played_on": {**branch, "number": number, "root": evidence.root}},
+            )
+            try:
+                play.record(point.turn, sink, number=number, held=held)
+            finally:
+                sink.close()
+            kept = load(out)
+            header = kept.header(0)
+            again = ReplayRunner(kept, stage.opened).play(header)
+    except GamekeeperError as error:
+        return {"error": error_fields(error)}
+    return {"error": None, "replays": again["fingerprint"] == header["fingerprint"]}
+
+
+def _other(
+    evidence: Evidence,
+    stage: OpenSetup,
+    point: BranchPoint,
+    budget: int,
+    report: Callable[..., None],
+) -> Continuations:
+    """Continuations in which the agent is played by the other policy; their environment is open."""
+    changed = OpenSetup(stage.setup.with_policy(point.agent, point.policy), stage.contract)
+    course = course_of(evidence, changed, point.episode)
+    return Continuations(course, budget=budget, on_step=report)
+
+
+def _held(
+    play: Continuations, point: BranchPoint, evidence: Evidence
+) -> tuple[dict[Any, Any], dict[Any, Any]]:
+    """Actions at the turn as changed and as recorded; none where a policy is changed.
+
+    Raises:
+        EvidenceError: the agent doesn't act at that turn.
+        ActionError: the action isn't legal.
+    """
+    course, turn = play.course, point.turn
+    recorded = dict(course.actions[turn])
+    agent = next((each for each in recorded if agent_name(each) == point.agent), None)
+    if point.policy is not None:
+        _check_known(course, point)
+        return {}, {}
+    if agent is None or recorded[agent] is None:
+        raise EvidenceError(
+            f"{point.agent} doesn't act at turn {turn}",
+            where=f"episode {point.episode}, turn {turn}",
+            expected=", ".join(agent_name(a) for a, act in recorded.items() if act is not None),
+            actual=point.agent,
+            fix="choose one of these, or another turn",
+        )
+    action = _action(course, agent, point, recorded[agent])
+    observation, info = play.inputs(turn)[agent]
+    mask = reader(course.contract.mask_of(agent))(observation, info)
+    if not allows(course.env.action_space(agent), mask, action):
+        raise _illegal(point, "an action that the mask allows")
+    return {**recorded, agent: action}, recorded
+
+
+def _check_known(course: RecordedCourse, point: BranchPoint) -> None:
+    agents = {agent_name(agent) for turn in course.actions for agent in turn}
+    if point.agent not in agents:
+        raise EvidenceError(
+            f"{point.agent} acts nowhere in this episode",
+            where=f"episode {point.episode}",
+            expected=", ".join(sorted(agents)),
+            actual=point.agent,
+            fix="choose one of these",
+        )
+
+
+def _action(course: RecordedCourse, agent: Any, point: BranchPoint, recorded: Any) -> Any:
+    """The action in the space's types; a whole number is of the type that was recorded."""
+    space = course.env.action_space(agent)
+    try:
+        action = as_action(space, _frozen(point.action))
+    except (ValueError, TypeError) as error:
+        raise _illegal(point, str(space)) from error
+    is_number = isinstance(action, int | np.integer) and isinstance(recorded, int | np.integer)
+    return type(recorded)(action) if is_number else action
+
+
+def _frozen(value: Any) -> Any:
+    """Lists as the tuples that declared actions hold."""
+    if isinstance(value, Mapping):
+        return {name: _frozen(each) for name, each in value.items()}
+    return tuple(map(_frozen, value)) if isinstance(value, list) else value
+
+
+def _illegal(point: BranchPoint, expected: str) -> ActionError:
+    return ActionError(
+        f"{point.agent} can't do this at turn {point.turn}",
+        where=f"episode {point.episode}, turn {point.turn}",
+        expected=expected,
+        actual=str(point.action)[:200],
+        fix="choose a legal action",
+    )
+
+
+def _arm(found: Played, numbers: Sequence[int], turn: int, contract: Contract) -> dict[str, Any]:
+    """An arm as plain data."""
+    outcomes = [outcome for outcome, _ in found]
+    agents = list(dict.fromkeys(agent for each in outcomes for agent in each.returns))
+    return {
+        "numbers": list(numbers[: len(found)]),
+        "returns": {a: [each.returns.get(a, 0.0) for each in outcomes] for a in agents},
+        "turns": [each.turns for each in outcomes],
+        "paths": [_thinned([*path, o.team_return], turn, o.turns) for o, path in found],
+        "failed": _failed(outcomes, contract),
+        "errors": [each.error for each in outcomes if each.error is not None],
+    }
+
+
+def _thinned(path: Sequence[float], turn: int, last: int) -> list[tuple[int, float]]:
+    """A path of at most `POINTS` points, the first and the last among them."""
+    places = np.unique(np.linspace(0, len(path) - 1, min(len(path), POINTS)).round().astype(int))
+    return [(min(turn + int(k), last), float(f"{path[k]:.7g}")) for k in places]
+
+
+def _failed(outcomes: Sequence[Outcome], contract: Contract) -> list[bool]:
+    """Tells of each future if it failed by the contract; empty where that can't be said."""
+    if not contract.failure:
+        return []
+    try:
+        return [any(failed(each, contract.failure, contract).values()) for each in outcomes]
+    except GamekeeperError:  # a condition names a figure that a future doesn't have
+        return []
