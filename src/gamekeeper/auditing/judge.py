@@ -16,7 +16,6 @@ from gamekeeper.contract import Contract
 MOST_SHOWN: Final = 3
 """Broken cases of one check that become findings, each of another field."""
 FAR: Final = 1 << 60
-NO_CASE: Final = "no episode had a case for it"
 NOISE: Final = "the same seed and actions give another episode each time, so none can be compared"
 
 

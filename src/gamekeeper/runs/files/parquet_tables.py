@@ -179,7 +179,7 @@ def encodings(table: pa.Table) -> dict[str, Any]:
 
 
 def _rows_per_value(table: pa.Table, name: str) -> float:
-    """How often a value comes on average in the first rows of a column; 0 inside a list."""
+    """Mean number of rows for each distinct value, in a column's first rows; 0 inside a list."""
     if name not in table.schema.names:
         return 0.0
     sample = table[name].slice(0, SAMPLE_ROWS).drop_null()
