@@ -14,9 +14,11 @@ NAMES = ("a", "b", "c")
 
 
 def test_payments_that_cancel_out_are_of_opponents() -> None:
-    """Row by row; not where nothing is paid, or one agent alone plays."""
-    said = opponents(np.array([[1.0, -1.0], [0.0, 0.0], [-0.5, 0.5]]), NAMES[:2], of="turns")
-    assert said == "what agents are paid cancels out in each of 2 turns that paid anything"
+    """Row by row, in five or more; not where nothing is paid, or one agent alone plays."""
+    rows = np.array([[1.0, -1.0], [0.0, 0.0], [-0.5, 0.5]])
+    said = opponents(np.vstack([rows, rows, rows]), NAMES[:2], of="turns")
+    assert said == "what agents are paid cancels out in each of 6 turns that paid anything"
+    assert opponents(rows, NAMES[:2]) is None
     assert opponents(np.zeros((9, 2)), NAMES[:2]) is None
     assert opponents(np.zeros((9, 1)), NAMES[:1]) is None
 
@@ -45,10 +47,10 @@ def test_a_team_is_no_opponent(table: np.ndarray) -> None:
 
 def test_a_table_is_read_by_turns_and_by_episodes() -> None:
     """A prize that one loses at another turn than the other gains it cancels out by episode."""
-    rows = [(e, t, a, x) for e in range(3) for t, (a, x) in enumerate((("a", 1.0), ("b", -1.0)))]
+    rows = [(e, t, a, x) for e in range(5) for t, (a, x) in enumerate((("a", 1.0), ("b", -1.0)))]
     columns = dict(
         zip(("episode", "turn", "agent", "reward"), map(list, zip(*rows, strict=True)), strict=True)
     )
     said = opponents_in(pa.table(columns), NAMES[:2])
-    assert said == "what agents are paid cancels out in each of 3 episodes that paid anything"
-    assert opponents_in(pa.table({**columns, "reward": [1.0] * 6}), NAMES[:2]) is None
+    assert said == "what agents are paid cancels out in each of 5 episodes that paid anything"
+    assert opponents_in(pa.table({**columns, "reward": [1.0] * 10}), NAMES[:2]) is None

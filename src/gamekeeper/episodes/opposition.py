@@ -16,6 +16,8 @@ AGAINST: Final = -0.5
 """Correlation of two agents' payments from which on they are opponents."""
 OPPOSITE: Final = 0.5
 """The part of those rows in which one gains and the other loses."""
+CANCELLING: Final = 5
+"""Rows that pay anything, below which nothing is said of payments that cancel out."""
 MOST_AGENTS: Final = 64
 ROUNDING: Final = 1e-9
 
@@ -42,7 +44,7 @@ def opponents(
     if len(names) < 2 or not len(rows):
         return None
     totals, largest = np.abs(np.nansum(paid, axis=1)), float(np.abs(rows).max())
-    if bool((totals <= ROUNDING * largest).all()):
+    if len(rows) >= CANCELLING and bool((totals <= ROUNDING * largest).all()):
         return f"what agents are paid cancels out in each of {len(rows)} {of} that paid anything"
     for one, two in combinations(range(len(names)), 2):
         both = rows[(rows[:, one] != 0) & (rows[:, two] != 0)]
