@@ -29,7 +29,7 @@ from gamekeeper.episodes.encoder import Encoder
 from gamekeeper.episodes.evidence import manifest_of
 from gamekeeper.episodes.layout import Layout
 from gamekeeper.interface.packing import Rings
-from gamekeeper.interface.recorded_env import face_of, game_of
+from gamekeeper.interface.recorded_env import capture_of, recorded_of
 from gamekeeper.runs.files.store import RunStore
 
 TURNS: Final = {"two_robot_line": 400, "aec": 800, "spread": 40}  # of a burst
@@ -58,7 +58,9 @@ def stepping(
     arms = []
     for state in (None, False, True):
         env, sink = make(), Held(level)
-        arms.append((env if state is None else face_of(game_of(env, sink=sink, state=state)), sink))
+        arms.append(
+            (env if state is None else recorded_of(capture_of(env, sink=sink, state=state)), sink)
+        )
     least = [float("inf")] * len(arms)
     for _ in range(bursts):
         for place, (env, sink) in enumerate(arms):
@@ -78,7 +80,7 @@ def writing(
 ) -> tuple[float, float]:
     """Seconds per row of encoding `turns` buffered turns, and of appending them to a run."""
     sink = Held(level)
-    env = face_of(game_of(make(), sink=sink))
+    env = recorded_of(capture_of(make(), sink=sink))
     rows = player(env, turns * BUFFERED_COUNT, np.random.default_rng(0))
     env.close()
     buffered_parts: list[BufferedTurns] = []

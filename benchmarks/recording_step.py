@@ -21,7 +21,7 @@ from recording import tasks
 from gamekeeper.episodes.buffer import TURN, Buffer
 from gamekeeper.episodes.layout import Layout
 from gamekeeper.interface.packing import Rings
-from gamekeeper.interface.recorded_env import face_of, game_of
+from gamekeeper.interface.recorded_env import capture_of, recorded_of
 
 WAITING = 20_000  # turns on the buffer before it is emptied
 TURNS = 20_000  # of a segment, at most
@@ -52,7 +52,7 @@ def measure(make: Callable[[], Any], player: Callable[..., int], turns: int, kin
     """Microseconds of processor time of this thread per agent-step."""
     env = make()
     if kind != "bare":
-        env = face_of(game_of(env, sink=EmptiedSink()))
+        env = recorded_of(capture_of(env, sink=EmptiedSink()))
     rng = np.random.default_rng(0)
     start = time.thread_time()
     count = player(env, turns, rng)

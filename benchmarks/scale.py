@@ -36,7 +36,7 @@ from gamekeeper.episodes.encoder import EPISODES
 from gamekeeper.episodes.evidence import fingerprints
 from gamekeeper.episodes.tables import merged_episodes
 from gamekeeper.interface.opening import open_env
-from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.randomness.seeds import episode_seed
 from gamekeeper.rollouts.episode_loop import EpisodePlan
 from gamekeeper.rollouts.executors.local import LocalExecutor
@@ -90,7 +90,7 @@ def tallied(spec: str, agent_steps: int) -> tuple[float, int]:
     They are the first of run 0: what a recording of as many holds too.
     """
     env = open_env(spec).env
-    game_of(env)
+    capture_of(env)
     cast = cast_of("random", env, None)
     about = episodes = 0
     begun_s = cpu_s()

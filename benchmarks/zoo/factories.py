@@ -58,14 +58,14 @@ def football() -> Any:
 
 
 def pymapf_parallel(agents: int = 3, width: int = 6, height: int = 6) -> Any:
-    """Path finding by PyMAPF: obstacles drawn at random, through its PettingZoo face."""
+    """Path finding by PyMAPF: obstacles drawn at random, through its PettingZoo environment."""
     from pymapf.rl import MAPFEnv
 
     return MAPFEnv("random_obstacles", n_agents=agents, width=width, height=height).to_pettingzoo()
 
 
 def mosaic_soccer(render_mode: str | None = None) -> Any:
-    """Soccer of two against two by Mosaic's grids, through its Parallel face."""
+    """Soccer of two against two by Mosaic's grids, through its Parallel API."""
     from mosaic_multigrid.envs import SoccerGame4HIndAgObsEnv16x11N2
     from mosaic_multigrid.pettingzoo import to_pettingzoo_env
 
@@ -73,7 +73,7 @@ def mosaic_soccer(render_mode: str | None = None) -> Any:
 
 
 def mosaic_soccer_aec(render_mode: str | None = None) -> Any:
-    """The same through its AEC face."""
+    """The same through its AEC API."""
     from mosaic_multigrid.envs import SoccerGame4HIndAgObsEnv16x11N2
     from mosaic_multigrid.pettingzoo import to_pettingzoo_aec_env
 

@@ -1,4 +1,4 @@
-"""Gymnasium's faces: one agent, all agents, every agent of many copies."""
+"""Gymnasium's forms: one agent, all agents, every agent of many copies."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _check(env: Any) -> None:
     """All of `check_env`: it samples without looking at masks; by this seed, what is legal."""
     env.action_space.seed(0)
     with warnings.catch_warnings():
-        # what it thinks of a Box's bounds or of its own taste isn't about this face
+        # what it thinks of a Box's bounds or of its own taste isn't about this wrapper
         warnings.filterwarnings("ignore", "(?s).*infinity|.*not symmetric|.*image", UserWarning)
         check_env(env, skip_render_check=True)
 

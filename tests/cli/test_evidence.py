@@ -153,7 +153,7 @@ def test_no_run_is_wrong_use(
 
 
 def test_show_tells_what_an_environment_is_made_of(capfd: pytest.CaptureFixture[str]) -> None:
-    """Of a shipped environment: which wrappers one face replaces, and whose the rules are."""
+    """Of a shipped environment: which wrappers one replaces, and whose the rules are."""
     code, found = document(capfd, "show", "classic/tictactoe-v3")
     assert code == 0
     assert [line.partition(" (")[0] for line in found["made_of"]] == [

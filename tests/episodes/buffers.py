@@ -11,7 +11,7 @@ from pettingzoo import ParallelEnv
 
 from gamekeeper.episodes.buffer import Buffer, take
 from gamekeeper.episodes.encoder import Encoded, Encoder
-from gamekeeper.interface.recorded_env import face_of, game_of
+from gamekeeper.interface.recorded_env import capture_of, recorded_of
 from gamekeeper.rollouts.memory import MemorySink
 
 IDENTITY = {"name": "given_v0", "api": "parallel", "kwargs": {}}
@@ -85,12 +85,12 @@ def record(
 ) -> Any:
     """The evidence of some episodes of `ticks` ticks each."""
     sink = MemorySink(volatile=volatile)
-    play(face_of(game_of(env, sink=sink)), ticks, seed, episodes, options, actions)
+    play(recorded_of(capture_of(env, sink=sink)), ticks, seed, episodes, options, actions)
     return sink.evidence(IDENTITY)
 
 
 def play(
-    face: Any,
+    wrapped: Any,
     ticks: int,
     seed: Any = 1,
     episodes: int = 1,
@@ -99,11 +99,11 @@ def play(
 ) -> None:
     """Plays episodes; every agent does `actions[tick]`, or 1."""
     for _ in range(episodes):
-        face.reset(seed=seed, options=options)
+        wrapped.reset(seed=seed, options=options)
         for tick in range(ticks):
             action = np.int64(1) if actions is None else actions[tick % len(actions)]
-            face.step(dict.fromkeys(face.agents, action))
-    face._game.end_episode()
+            wrapped.step(dict.fromkeys(wrapped.agents, action))
+    wrapped._capture.end_episode()
 
 
 class BufferSink(MemorySink):
@@ -116,7 +116,7 @@ class BufferSink(MemorySink):
 def taped(env: Any, ticks: int, **settings: Any) -> BufferSink:
     """The buffer of some episodes, uncut."""
     sink = BufferSink()
-    play(face_of(game_of(env, sink=sink)), ticks, **settings)
+    play(recorded_of(capture_of(env, sink=sink)), ticks, **settings)
     return sink
 
 

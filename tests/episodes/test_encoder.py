@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from gamekeeper.episodes.digest import SIZE
 from gamekeeper.episodes.encoder import EPISODES
 from gamekeeper.episodes.tables import merged_episodes, table_of
-from gamekeeper.interface.recorded_env import face_of, game_of
+from gamekeeper.interface.recorded_env import capture_of, recorded_of
 from tests.episodes.buffers import BufferSink, Given, encoded, taped
 
 SPACES: Any = {
@@ -83,12 +83,12 @@ def test_states_that_come_and_go_do_not_depend_on_buffered_parts() -> None:
         env = Reluctant({"a": [0]}, {"a": Discrete(2)}, states=[np.array([1.0])])
         sink = BufferSink()
 
-        face = face_of(game_of(env, sink=sink))
-        face.reset(seed=1)
+        wrapped = recorded_of(capture_of(env, sink=sink))
+        wrapped.reset(seed=1)
         with pytest.raises(ValueError, match="not now"):
-            face.reset(seed=2)
-        face.reset(seed=1)
-        face._game.end_episode()
+            wrapped.reset(seed=2)
+        wrapped.reset(seed=1)
+        wrapped._capture.end_episode()
         found.append(tables_of(sink, most)["episodes"]["fingerprint"].to_pylist())
     assert found[0] == found[1] == found[2]
     assert found[0][0] == found[0][2] != found[0][1]
@@ -110,11 +110,11 @@ def test_rows_stand_by_turn_order_agent() -> None:
     env = Given({a: [0] for a in "cab"}, {a: Discrete(2) for a in "cab"})
     sink = BufferSink()
 
-    face = face_of(game_of(env, sink=sink))
-    face.reset(seed=1)
-    face.step({"b": np.int64(1)})
-    face.step({"c": np.int64(0), "b": np.int64(1), "a": np.int64(0)})
-    face._game.end_episode()
+    wrapped = recorded_of(capture_of(env, sink=sink))
+    wrapped.reset(seed=1)
+    wrapped.step({"b": np.int64(1)})
+    wrapped.step({"c": np.int64(0), "b": np.int64(1), "a": np.int64(0)})
+    wrapped._capture.end_episode()
     steps = tables_of(sink, 9)["agent_steps"]
     assert list("baccbaabc") == steps["agent"].to_pylist()
     assert steps["order"].to_pylist() == [0, None, None, 0, 1, 2, None, None, None]

@@ -11,7 +11,7 @@ from gymnasium.spaces import Discrete
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.summary import AgentSummary, Summary
-from gamekeeper.interface.recorded_env import face_of, game_of
+from gamekeeper.interface.recorded_env import capture_of, recorded_of
 from gamekeeper.rollouts.memory import MemorySink
 from tests.episodes.buffers import IDENTITY, Given
 
@@ -57,17 +57,17 @@ def evidence_of(
     if endings is not None:
         env.endings = endings
     sink = MemorySink()
-    face: Any = face_of(game_of(env, sink=sink))
-    face.reset(seed=1)
+    wrapped: Any = recorded_of(capture_of(env, sink=sink))
+    wrapped.reset(seed=1)
     for tick in range(ticks):
-        if not face.agents:
+        if not wrapped.agents:
             break
-        acts = {a: (actions or {}).get(a, [np.int64(0)]) for a in face.agents}
+        acts = {a: (actions or {}).get(a, [np.int64(0)]) for a in wrapped.agents}
         try:
-            face.step({a: given[tick % len(given)] for a, given in acts.items()})
+            wrapped.step({a: given[tick % len(given)] for a, given in acts.items()})
         except ValueError:
             continue
-    face._game.end_episode()
+    wrapped._capture.end_episode()
     return sink.evidence(IDENTITY, contract=contract)
 
 

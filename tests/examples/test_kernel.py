@@ -1,4 +1,4 @@
-"""The first kernel: its rules, its faces, and the batch."""
+"""The first kernel: its rules, its environments, and the batch."""
 
 from __future__ import annotations
 

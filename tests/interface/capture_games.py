@@ -12,7 +12,7 @@ from pettingzoo import AECEnv, ParallelEnv
 
 from gamekeeper.episodes.canonical import to_json
 from gamekeeper.episodes.evidence import Evidence
-from gamekeeper.interface.recorded_env import face_of, game_of
+from gamekeeper.interface.recorded_env import capture_of, recorded_of
 from gamekeeper.rollouts.memory import MemorySink
 
 NAMES = [f"agent_{i}" for i in range(6)]
@@ -257,14 +257,14 @@ def play_aec(env: Any, turns: int, *, seed: int = 1, observe: bool = True) -> To
 
 
 def recorded(env: Any, **settings: Any) -> tuple[Any, MemorySink]:
-    """A recorded face of `env`, and the memory in which its evidence is kept."""
+    """A recorded environment over `env`, and the memory in which its evidence is kept."""
     sink = MemorySink(**{k: settings.pop(k) for k in ("volatile", "terms") if k in settings})
-    return face_of(game_of(env, sink=sink, **settings)), sink
+    return recorded_of(capture_of(env, sink=sink, **settings)), sink
 
 
-def evidence_of(face: Any, sink: MemorySink) -> Evidence:
+def evidence_of(wrapped: Any, sink: MemorySink) -> Evidence:
     """The evidence of what was played so far; the episode in progress is closed."""
-    face._game.end_episode()
+    wrapped._capture.end_episode()
     return sink.evidence(IDENTITY)
 
 

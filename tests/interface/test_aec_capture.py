@@ -30,18 +30,18 @@ few = settings(max_examples=40)
 
 def trace_of(script: list[Turn], turns: int, n: int = 3) -> Episode:
     """The trace of an episode played from a script."""
-    face, sink = recorded(ScriptedAEC(script, n))
-    play_aec(face, turns)
-    return evidence_of(face, sink).episode(0)
+    wrapped, sink = recorded(ScriptedAEC(script, n))
+    play_aec(wrapped, turns)
+    return evidence_of(wrapped, sink).episode(0)
 
 
 @few
 @given(SCRIPTS)
 def test_rows_pay_each_agent_what_every_step_did(script: list[Turn]) -> None:
     """The sum of rewards over rows is the sum of `rewards` after each step, for everybody."""
-    face, sink = recorded(ScriptedAEC(script))
-    told = play_aec(face, 20)
-    steps = evidence_of(face, sink).agent_steps
+    wrapped, sink = recorded(ScriptedAEC(script))
+    told = play_aec(wrapped, 20)
+    steps = evidence_of(wrapped, sink).agent_steps
     table = steps.group_by("agent").aggregate([("reward", "sum")]).to_pydict()
     paid = dict(zip(table["agent"], table["reward_sum"], strict=True))
     for agent, amounts in told.paid.items():
@@ -53,22 +53,22 @@ def test_rows_pay_each_agent_what_every_step_did(script: list[Turn]) -> None:
 def test_row_of_who_acts_is_what_last_returned(script: list[Turn]) -> None:
     """Observation, received reward, flags and info of every turn, in the order of turns."""
     env = ScriptedAEC(script)
-    face, sink = recorded(env)
-    face.reset(seed=1)
+    wrapped, sink = recorded(env)
+    wrapped.reset(seed=1)
     seen: list[Any] = []
     for turn in range(20):
-        if not face.agents:
+        if not wrapped.agents:
             break
-        agent = face.agent_selection
-        observation, cumulative_reward, terminated, truncated, info = face.last()
+        agent = wrapped.agent_selection
+        observation, cumulative_reward, terminated, truncated, info = wrapped.last()
         seen.append(
             (agent, observation.tolist(), cumulative_reward, terminated, truncated, sorted(info))
         )
-        live = agent in face.agents
+        live = agent in wrapped.agents
         with contextlib.suppress(ScriptError):
-            face.step(None if terminated or truncated else np.int64(turn % 3))
+            wrapped.step(None if terminated or truncated else np.int64(turn % 3))
         assert live
-    turns = list(evidence_of(face, sink).episode(0).turns)
+    turns = list(evidence_of(wrapped, sink).episode(0).turns)
     for turn, (agent, observation, cumulative_reward, terminated, truncated, info) in zip(
         turns, seen, strict=False
     ):
@@ -86,18 +86,18 @@ def test_row_of_who_acts_is_what_last_returned(script: list[Turn]) -> None:
 @given(SCRIPTS)
 def test_roster_can_be_followed_from_rows_alone(script: list[Turn]) -> None:
     """Turn 0 lists the roster; whoever joins, leaves or ends has a row at the turn that follows."""
-    face, sink = recorded(ScriptedAEC(script))
-    face.reset(seed=1)
-    rosters = [set(face.agents)]
+    wrapped, sink = recorded(ScriptedAEC(script))
+    wrapped.reset(seed=1)
+    rosters = [set(wrapped.agents)]
     for turn in range(20):
-        if not face.agents:
+        if not wrapped.agents:
             break
-        over = any(face.last()[2:4])
+        over = any(wrapped.last()[2:4])
         with contextlib.suppress(ScriptError):
-            face.step(None if over else np.int64(turn % 3))
-        rosters.append(set(face.agents))
+            wrapped.step(None if over else np.int64(turn % 3))
+        rosters.append(set(wrapped.agents))
     known: set[Any] = set()
-    for turn in evidence_of(face, sink).episode(0).turns:
+    for turn in evidence_of(wrapped, sink).episode(0).turns:
         for agent in turn.agents:
             (known.add if agent in turn.live else known.discard)(agent)
         assert known == rosters[turn.index]
@@ -149,12 +149,12 @@ def test_end_of_everybody_is_an_end_whether_or_not_the_dead_step() -> None:
 
 def test_look_without_a_step_is_a_closing_row() -> None:
     """What was given last, and not acted on, stands in the last turn."""
-    face, sink = recorded(ScriptedAEC([Turn()]))
-    face.reset(seed=1)
-    face.last()
-    face.step(np.int64(0))
-    face.last()
-    closing = evidence_of(face, sink).episode(0).turns[-1]
+    wrapped, sink = recorded(ScriptedAEC([Turn()]))
+    wrapped.reset(seed=1)
+    wrapped.last()
+    wrapped.step(np.int64(0))
+    wrapped.last()
+    closing = evidence_of(wrapped, sink).episode(0).turns[-1]
     assert closing.agents == (B,)
     assert closing.order == ()
     assert closing.observations[B].tolist() == [1.0, 1.0]
@@ -170,13 +170,13 @@ def test_last_look_of_a_turn_counts() -> None:
             self.looks += 1
             return np.array([self.looks, 0], np.float32)
 
-    face, sink = recorded(Blink([Turn()]))
-    face.reset(seed=1)
+    wrapped, sink = recorded(Blink([Turn()]))
+    wrapped.reset(seed=1)
     for agent in (A, B, A, C):
-        face.observe(agent)
-    face.step(np.int64(0))
-    face.step(np.int64(0))
-    first, second = evidence_of(face, sink).episode(0).turns
+        wrapped.observe(agent)
+    wrapped.step(np.int64(0))
+    wrapped.step(np.int64(0))
+    first, second = evidence_of(wrapped, sink).episode(0).turns
     assert {k: v.tolist() for k, v in first.observations.items()} == {A: [3.0, 0.0]}
     assert dict(second.observations) == {}
     assert second.cumulative_reward == {B: 0.0}
@@ -222,11 +222,11 @@ def test_value_that_does_not_conform_is_kept_as_it_was(
     book: str, field: str, value: Any, type_name: str
 ) -> None:
     """What the agent in turn was given stands in `nonconforming` with its type."""
-    face, sink = recorded(Bare(lambda env: getattr(env, book).update({B: value})))
-    face.reset(seed=1)
-    face.step(np.int64(0))
-    face.step(np.int64(0))
-    turn = evidence_of(face, sink).episode(0).turns[1]
+    wrapped, sink = recorded(Bare(lambda env: getattr(env, book).update({B: value})))
+    wrapped.reset(seed=1)
+    wrapped.step(np.int64(0))
+    wrapped.step(np.int64(0))
+    turn = evidence_of(wrapped, sink).episode(0).turns[1]
     assert turn.nonconforming[B][field]["type"] == type_name
     assert np.array_equal(turn.nonconforming[B][field]["value"], value)
 
@@ -238,10 +238,10 @@ def test_payment_that_is_no_number_is_kept_as_it_was(value: Any) -> None:
     def pay(env: Any) -> None:
         env.rewards[A] = env.rewards[C] = value
 
-    face, sink = recorded(Bare(pay))
-    face.reset(seed=1)
-    face.step(np.int64(0))
-    turn = evidence_of(face, sink).episode(0).turns[0]
+    wrapped, sink = recorded(Bare(pay))
+    wrapped.reset(seed=1)
+    wrapped.step(np.int64(0))
+    turn = evidence_of(wrapped, sink).episode(0).turns[0]
     for agent in (A, C):
         assert turn.nonconforming[agent]["reward"]["type"] in (
             type(value).__name__,
@@ -254,14 +254,14 @@ def test_payment_that_is_no_number_is_kept_as_it_was(value: Any) -> None:
 @pytest.mark.parametrize("book", ["_cumulative_rewards", "terminations", "truncations", "infos"])
 def test_book_that_lacks_the_agent_is_nonconforming_and_stops_nothing(book: str) -> None:
     """Its type is `missing`."""
-    face, sink = recorded(Bare(lambda env: getattr(env, book).pop(B)))
-    face.reset(seed=1)
-    face.step(np.int64(0))
+    wrapped, sink = recorded(Bare(lambda env: getattr(env, book).pop(B)))
+    wrapped.reset(seed=1)
+    wrapped.step(np.int64(0))
     with pytest.raises(KeyError):  # the environment's own
-        face.last()
+        wrapped.last()
     with contextlib.suppress(KeyError):  # of the environment too, but for its infos
-        face.step(np.int64(0))
-    turn = evidence_of(face, sink).episode(0).turns[1]
+        wrapped.step(np.int64(0))
+    turn = evidence_of(wrapped, sink).episode(0).turns[1]
     assert list(turn.nonconforming[B].values()) == [{"type": "missing"}]
 
 
@@ -274,12 +274,12 @@ def test_flag_that_is_an_array_is_nonconforming_and_stops_nothing() -> None:
             self.terminations[C] = np.array([False, True])
             self.agent_selection = NAMES[(NAMES.index(self.agent_selection) + 1) % 3]
 
-    face, sink = recorded(Blind([Turn()]))
-    face.reset(seed=1)
+    wrapped, sink = recorded(Blind([Turn()]))
+    wrapped.reset(seed=1)
     for _ in range(4):
-        face.last()
-        face.step(np.int64(0))
-    turns = list(evidence_of(face, sink).episode(0).turns)
+        wrapped.last()
+        wrapped.step(np.int64(0))
+    turns = list(evidence_of(wrapped, sink).episode(0).turns)
     for turn in (turns[1], turns[2]):
         assert turn.nonconforming[C]["terminated"]["type"] == "numpy.ndarray"
         assert C not in turn.terminated
@@ -292,12 +292,12 @@ def test_books_behind_wrappers_are_read_where_they_are_kept() -> None:
         env: Any = ScriptedAEC([Turn(pays=((1, 1.0),)), Turn(ends=((0, True),))])
         if wrap:
             env = wrappers.OrderEnforcingWrapper(wrappers.AssertOutOfBoundsWrapper(env))
-        face, sink = recorded(env)
-        face.reset(seed=1)
-        for _ in face.agent_iter(12):
-            over = any(face.last()[2:4])
-            face.step(None if over else 1)
-        prints.append(evidence_of(face, sink).episode_table["fingerprint"].to_pylist())
+        wrapped, sink = recorded(env)
+        wrapped.reset(seed=1)
+        for _ in wrapped.agent_iter(12):
+            over = any(wrapped.last()[2:4])
+            wrapped.step(None if over else 1)
+        prints.append(evidence_of(wrapped, sink).episode_table["fingerprint"].to_pylist())
     assert prints[0] == prints[1]
 
 
@@ -309,14 +309,14 @@ def test_illegal_move_that_a_wrapper_ends_is_in_the_rows() -> None:
             return {"observation": self.look(agent), "action_mask": np.array([0, 1, 1], np.int8)}
 
     env = wrappers.TerminateIllegalWrapper(Masked([Turn()]), illegal_reward=-1)
-    face, sink = recorded(env)
-    face.reset(seed=1)
-    face.last()
-    face.step(0)
-    while face.agents:
-        face.last()
-        face.step(None)
-    evidence = evidence_of(face, sink)
+    wrapped, sink = recorded(env)
+    wrapped.reset(seed=1)
+    wrapped.last()
+    wrapped.step(0)
+    while wrapped.agents:
+        wrapped.last()
+        wrapped.step(None)
+    evidence = evidence_of(wrapped, sink)
     turns = list(evidence.episode(0).turns)
     assert turns[0].rewards == {A: -1.0}
     assert turns[1].terminated == {A: True, B: True, C: True}
@@ -335,15 +335,15 @@ def test_interrupt_in_the_environments_step_leaves_what_was_given() -> None:
 
     prints = []
     for cls in (ScriptedAEC, Slow):
-        face, sink = recorded(cls([Turn(pays=((1, 2.0),))]))
-        face.reset(seed=1)
-        face.last()
-        face.step(np.int64(0))
-        face.last()
+        wrapped, sink = recorded(cls([Turn(pays=((1, 2.0),))]))
+        wrapped.reset(seed=1)
+        wrapped.last()
+        wrapped.step(np.int64(0))
+        wrapped.last()
         if cls is Slow:
             with pytest.raises(KeyboardInterrupt):
-                face.step(np.int64(0))
-        evidence = evidence_of(face, sink)
+                wrapped.step(np.int64(0))
+        evidence = evidence_of(wrapped, sink)
         prints.append(evidence.fingerprint)
     assert prints[0] == prints[1]
     assert evidence.episode(0).turns[-1].cumulative_reward == {B: 2.0}
@@ -357,41 +357,41 @@ def test_interrupt_amid_the_books_loses_no_row(where: list[int], resumes: bool) 
     whole = ScriptedAEC(env.script, n=4)
     prints = []
     for game_env, places in ((env, where), (whole, None)):
-        face, sink = recorded(game_env)
-        game = face._game
-        face.reset(seed=1)
+        wrapped, sink = recorded(game_env)
+        capture = wrapped._capture
+        wrapped.reset(seed=1)
         for at in range(6):
-            if not face.agents:
+            if not wrapped.agents:
                 break
-            over = any(face.last()[2:4])
+            over = any(wrapped.last()[2:4])
             action = None if over else np.int64(1)
             if places is None or at >= len(places):
-                face.step(action)
+                wrapped.step(action)
             else:
                 with pytest.raises(KeyboardInterrupt):
-                    interrupted(game, places[at], action)
+                    interrupted(capture, places[at], action)
             if resumes:
-                face.last()
-        evidence = evidence_of(face, sink)
+                wrapped.last()
+        evidence = evidence_of(wrapped, sink)
         prints.append(evidence.episode_table["fingerprint"].to_pylist())
         assert sink.buffer.given == sink.buffer.done == []
     assert prints[0] == prints[1]
 
 
-def interrupted(game: Any, place: int, action: Any) -> None:
+def interrupted(capture: Any, place: int, action: Any) -> None:
     """Steps with Ctrl-C after (or amid) one of the parts of the game's books."""
     name = ("_pay", "_commit", "_crossed", "_note")[place]
-    whole = getattr(game, name)
+    whole = getattr(capture, name)
 
     def stop(*args: Any) -> None:
         if name == "_commit":  # rows are on the buffer, their mark isn't
-            game._buffer.given.extend(args[0])
+            capture._buffer.given.extend(args[0])
         else:
             whole(*args)
         raise KeyboardInterrupt
 
-    setattr(game, name, stop)
+    setattr(capture, name, stop)
     try:
-        game.step(action)
+        capture.step(action)
     finally:
-        delattr(game, name)
+        delattr(capture, name)

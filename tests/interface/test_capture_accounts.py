@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamekeeper.interface.aec_capture import AECCapture, BookkeptCapture
-from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.interface.turn_env import TurnEnv
 from gamekeeper.rollouts.memory import MemorySink
 
@@ -61,17 +61,17 @@ class Scripted(TurnEnv):
 def fingerprint(kind: type[AECCapture], script: list[tuple[str, int]]) -> str:
     """The fingerprint of 40 turns of a script, seen through one kind of game."""
     sink = MemorySink()
-    game = kind(Scripted(script), sink=sink)
-    game.reset(seed=3)
+    capture = kind(Scripted(script), sink=sink)
+    capture.reset(seed=3)
     for _ in range(40):
-        if not game.to_move:
+        if not capture.to_move:
             break
-        _, _, terminated, truncated, _ = game.last()
+        _, _, terminated, truncated, _ = capture.last()
         try:
-            game.step(None if terminated or truncated else 1)
+            capture.step(None if terminated or truncated else 1)
         except RuntimeError:
             continue
-    game.end_episode()
+    capture.end_episode()
     return sink.evidence({"name": "scripted_v0", "api": "aec", "kwargs": {}}).fingerprint
 
 
@@ -90,4 +90,4 @@ def test_door_over_books_writes_what_looking_gives(script: list[tuple[str, int]]
 @pytest.mark.parametrize("env", [Scripted([("add_reward", 0)])])
 def test_door_over_books_is_chosen_by_itself(env: Scripted) -> None:
     """A TurnEnv gets the door that reads its books."""
-    assert type(game_of(env)) is BookkeptCapture
+    assert type(capture_of(env)) is BookkeptCapture

@@ -53,12 +53,12 @@ class Crowd(AECEnv):  # type: ignore[type-arg, misc]
 def test_many_agents_cost_a_row_a_turn() -> None:
     """2,048 agents that die one a turn: turn 0 lists them all, then a row a turn."""
     n = 2048
-    face, sink = recorded(Crowd(n))
-    face.reset(seed=1)
+    wrapped, sink = recorded(Crowd(n))
+    wrapped.reset(seed=1)
     for _ in range(2 * n):
-        _, _, over, *_ = face.last()
-        face.step(None if over else 1)
-    evidence = evidence_of(face, sink)
+        _, _, over, *_ = wrapped.last()
+        wrapped.step(None if over else 1)
+    evidence = evidence_of(wrapped, sink)
     assert evidence.episode_table["turns"].to_pylist() == [2 * n]
     assert evidence.agent_steps.num_rows == (n - 1) + 2 * n
     assert evidence.episode_table["end"].to_pylist() == ["ended"]
@@ -66,10 +66,10 @@ def test_many_agents_cost_a_row_a_turn() -> None:
 
 def operations(n: int, turns: int) -> int:
     """How many bytecodes the door runs for some turns in which one agent after the other dies."""
-    face, _ = recorded(Crowd(n))
-    face.reset(seed=1)
-    face.step(1)  # turn 0 lists everybody
-    face.step(None)
+    wrapped, _ = recorded(Crowd(n))
+    wrapped.reset(seed=1)
+    wrapped.step(1)  # turn 0 lists everybody
+    wrapped.step(None)
     count = 0
     ours = sys.modules[AECCapture.__module__].__file__ or ""
     room = ours.rpartition("/")[0]
@@ -88,8 +88,8 @@ def operations(n: int, turns: int) -> int:
     sys.settrace(trace)
     try:
         for _ in range(turns):
-            _, _, over, *_ = face.last()
-            face.step(None if over else 1)
+            _, _, over, *_ = wrapped.last()
+            wrapped.step(None if over else 1)
     finally:
         sys.settrace(before)
     return count

@@ -22,7 +22,7 @@ HERE = "gymnasium:tests.interface.other_shapes:Tuples"
 
 
 def several(**given: Any) -> SeveralAgents:
-    """The fake environment behind its face."""
+    """The fake environment behind its wrapper."""
     env = open_env(HERE, **given).env
     assert isinstance(env, SeveralAgents)
     return env

@@ -30,9 +30,9 @@ few = settings(max_examples=40)
 
 def trace_of(script: list[Turn], ticks: int, n: int = 3) -> Episode:
     """The trace of an episode played from a script."""
-    face, sink = recorded(ScriptedParallel(script, n))
-    play_parallel(face, ticks)
-    return evidence_of(face, sink).episode(0)
+    wrapped, sink = recorded(ScriptedParallel(script, n))
+    play_parallel(wrapped, ticks)
+    return evidence_of(wrapped, sink).episode(0)
 
 
 def paid_in(evidence: Evidence) -> dict[str, float]:
@@ -45,9 +45,9 @@ def paid_in(evidence: Evidence) -> dict[str, float]:
 @given(SCRIPTS)
 def test_rows_pay_each_agent_what_every_step_did(script: list[Turn]) -> None:
     """The sum of rewards over rows is the sum of what every step returned."""
-    face, sink = recorded(ScriptedParallel(script))
-    told = play_parallel(face, 15)
-    paid = paid_in(evidence_of(face, sink))
+    wrapped, sink = recorded(ScriptedParallel(script))
+    told = play_parallel(wrapped, 15)
+    paid = paid_in(evidence_of(wrapped, sink))
     for agent, amounts in told.paid.items():
         assert float(sum(map(float, amounts))) == pytest.approx(paid.get(agent) or 0.0, abs=1e-6)
 
@@ -81,9 +81,9 @@ def test_rows_are_the_same_by_the_short_look_and_the_whole(script: list[Turn]) -
 
     rows = []
     for env in (ScriptedParallel(script), Other(script)):
-        face, sink = recorded(env)
-        play_parallel(face, 15)
-        rows.append(evidence_of(face, sink).agent_steps.to_pydict())
+        wrapped, sink = recorded(env)
+        play_parallel(wrapped, 15)
+        rows.append(evidence_of(wrapped, sink).agent_steps.to_pydict())
     assert repr(rows[0]) == repr(rows[1])
 
 
@@ -103,12 +103,12 @@ def test_turn_is_a_tick_with_a_last_row_for_the_end() -> None:
 
 def test_order_is_that_of_the_action_dictionary() -> None:
     """An agent's place is its action's place in the dictionary, whatever the roster says."""
-    face, sink = recorded(ScriptedParallel([Turn()]))
-    face.reset(seed=1)
-    face.step({C: np.int64(0), A: np.int64(1), B: np.int64(2)})
-    face.step({B: np.int64(0)})
-    face.step({A: np.int64(0), "stranger": np.int64(1)})
-    turns = list(evidence_of(face, sink).episode(0).turns)
+    wrapped, sink = recorded(ScriptedParallel([Turn()]))
+    wrapped.reset(seed=1)
+    wrapped.step({C: np.int64(0), A: np.int64(1), B: np.int64(2)})
+    wrapped.step({B: np.int64(0)})
+    wrapped.step({A: np.int64(0), "stranger": np.int64(1)})
+    turns = list(evidence_of(wrapped, sink).episode(0).turns)
     assert [turn.order for turn in turns] == [(C, A, B), (B,), (A, "stranger"), ()]
     assert dict(turns[0].actions) == {A: 1, B: 2, C: 0}
     assert turns[1].agents == (B, A, C)
@@ -131,9 +131,9 @@ def test_newcomer_is_paid_at_the_turn_that_brought_it() -> None:
                 {a: {} for a in self.agents},
             )
 
-    face, sink = recorded(Swap([Turn()]))
-    play_parallel(face, 1)
-    turn, closing = evidence_of(face, sink).episode(0).turns
+    wrapped, sink = recorded(Swap([Turn()]))
+    play_parallel(wrapped, 1)
+    turn, closing = evidence_of(wrapped, sink).episode(0).turns
     assert turn.rewards == {B: 0.0, C: 0.0, "late": 5.0}
     assert "late" not in turn.live
     assert closing.live == {B, C, "late"}
@@ -150,9 +150,9 @@ def test_missing_keys_are_told_from_values() -> None:
                 part.pop(B)
             return parts
 
-    face, sink = recorded(Partial([Turn()]))
-    play_parallel(face, 1)
-    closing = evidence_of(face, sink).episode(0).turns[-1]
+    wrapped, sink = recorded(Partial([Turn()]))
+    play_parallel(wrapped, 1)
+    closing = evidence_of(wrapped, sink).episode(0).turns[-1]
     fields = {"obs", "cumulative_reward", "terminated", "truncated", "info"}
     assert {name: {"type": "missing"} for name in fields} == closing.nonconforming[B]
     assert B in closing.live
@@ -194,9 +194,9 @@ def test_value_that_does_not_conform_is_kept_as_it_was(
             parts[part][A] = value
             return tuple(parts.values())
 
-    face, sink = recorded(Nonconforming([Turn()]))
-    play_parallel(face, 1)
-    first, closing = evidence_of(face, sink).episode(0).turns
+    wrapped, sink = recorded(Nonconforming([Turn()]))
+    play_parallel(wrapped, 1)
+    first, closing = evidence_of(wrapped, sink).episode(0).turns
     assert closing.nonconforming[A][field]["type"] == type_name
     assert type(closing.nonconforming[A][field]["value"]) is type(value)
     assert np.array_equal(closing.nonconforming[A][field]["value"], value)
@@ -223,11 +223,11 @@ def test_raise_is_told_and_the_same_decision_stands_again() -> None:
 
 def test_raise_that_nobody_plays_on_from_ends_the_episode_as_failed() -> None:
     """The traceback is kept with the episode."""
-    face, sink = recorded(ScriptedParallel([Turn(raises=True)]))
-    face.reset(seed=1)
+    wrapped, sink = recorded(ScriptedParallel([Turn(raises=True)]))
+    wrapped.reset(seed=1)
     with pytest.raises(ScriptError):
-        face.step({})
-    header = evidence_of(face, sink).episode_table.to_pylist()[0]
+        wrapped.step({})
+    header = evidence_of(wrapped, sink).episode_table.to_pylist()[0]
     assert header["end"] == "failed"
     assert "ScriptError: at 1" in header["error"]
 
@@ -241,12 +241,12 @@ def test_raise_in_reset_is_an_episode_without_turns() -> None:
                 raise ScriptError("no")
             return super().reset(seed, options)
 
-    face, sink = recorded(Reluctant([Turn()]))
-    play_parallel(face, 2)
+    wrapped, sink = recorded(Reluctant([Turn()]))
+    play_parallel(wrapped, 2)
     with pytest.raises(ScriptError):
-        face.reset(seed=2)
-    play_parallel(face, 2)
-    evidence = evidence_of(face, sink)
+        wrapped.reset(seed=2)
+    play_parallel(wrapped, 2)
+    evidence = evidence_of(wrapped, sink)
     assert evidence.episode_table["end"].to_pylist() == ["cut", "failed", "cut"]
     assert evidence.episode(1).steps.num_rows == 0
     prints = evidence.episode_table["fingerprint"].to_pylist()
@@ -263,10 +263,10 @@ def test_step_that_returns_something_else_passes_it_on(out: Any) -> None:
             super().step(actions)
             return out
 
-    face, sink = recorded(Other([Turn()]))
-    face.reset(seed=1)
-    assert face.step(dict.fromkeys(face.agents, np.int64(0))) is out
-    closing = evidence_of(face, sink).episode(0).turns[-1]
+    wrapped, sink = recorded(Other([Turn()]))
+    wrapped.reset(seed=1)
+    assert wrapped.step(dict.fromkeys(wrapped.agents, np.int64(0))) is out
+    closing = evidence_of(wrapped, sink).episode(0).turns[-1]
     assert closing.nonconforming[A]["obs"]["type"] in ("missing", "int", "str")
 
 
@@ -277,22 +277,22 @@ def test_reset_that_returns_no_pair_passes_it_on() -> None:
         def reset(self, seed: Any = None, options: Any = None) -> Any:
             return super().reset(seed, options)[0]
 
-    face, sink = recorded(Old([Turn()]))
-    assert set(NAMES[:3]) == set(face.reset(seed=1))
-    assert set(evidence_of(face, sink).episode(0).steps["agent"].to_pylist()) == set(NAMES[:3])
+    wrapped, sink = recorded(Old([Turn()]))
+    assert set(NAMES[:3]) == set(wrapped.reset(seed=1))
+    assert set(evidence_of(wrapped, sink).episode(0).steps["agent"].to_pylist()) == set(NAMES[:3])
     import copy
 
-    assert set(NAMES[:3]) == set(copy.deepcopy(face).reset(seed=1))
+    assert set(NAMES[:3]) == set(copy.deepcopy(wrapped).reset(seed=1))
 
 
 def test_action_of_another_whole_type_keeps_value_and_type() -> None:
     """Int after numpy.int64 and the other way round: the column has the value, odd the type."""
-    face, sink = recorded(ScriptedParallel([Turn()], n=1))
+    wrapped, sink = recorded(ScriptedParallel([Turn()], n=1))
     for first, second in ((1, np.int64(2)), (np.int64(1), 2)):
-        face.reset(seed=1)
+        wrapped.reset(seed=1)
         for action in (first, second, first, 2**70, "left", ACTIONS):
-            face.step({A: action})
-    evidence = evidence_of(face, sink)
+            wrapped.step({A: action})
+    evidence = evidence_of(wrapped, sink)
     for episode, kinds in enumerate(([int, np.int64, int], [np.int64, int, np.int64])):
         trace = evidence.episode(episode)
         turns = list(trace.turns)
@@ -307,15 +307,15 @@ def test_action_of_another_whole_type_keeps_value_and_type() -> None:
 def test_seeds_that_no_column_holds_are_refused_before_the_reset() -> None:
     """A seed that can't be handed over again would make a recording that lies."""
     env = ScriptedParallel([Turn()])
-    face, sink = recorded(env)
+    wrapped, sink = recorded(env)
     with pytest.raises(ValueError, match="seed can't be recorded"):
-        face.reset(seed=1 << 64)
+        wrapped.reset(seed=1 << 64)
     with pytest.raises(ValueError, match="seed can't be recorded"):
-        face.reset(seed="one")
+        wrapped.reset(seed="one")
     assert env.calls == []
-    face.reset(seed=np.int32(7))
-    face.reset()
-    episodes = evidence_of(face, sink).episode_table
+    wrapped.reset(seed=np.int32(7))
+    wrapped.reset()
+    episodes = evidence_of(wrapped, sink).episode_table
     assert episodes["seed"].to_pylist() == [7, None]
     assert episodes["since"].to_pylist() == [0, 0]
 
@@ -325,16 +325,16 @@ def test_seeds_that_no_column_holds_are_refused_before_the_reset() -> None:
 def test_interrupt_amid_the_books_loses_no_row(where: list[int], resumes: bool) -> None:
     """Ctrl-C inside the books loses no row: the turn is booked by whoever comes next."""
     env = ScriptedParallel([Turn(pays=((0, 1.0),))])
-    face, sink = recorded(env)
-    game = face._game
-    face.reset(seed=1)
+    wrapped, sink = recorded(env)
+    capture = wrapped._capture
+    wrapped.reset(seed=1)
     actions = {agent: np.int64(1) for agent in (A, B, C)}
     for place in where:
         with pytest.raises(KeyboardInterrupt):
-            interrupted(game, place, lambda: face.step(actions))
+            interrupted(capture, place, lambda: wrapped.step(actions))
         if resumes:
-            face.step(actions)
-    evidence = evidence_of(face, sink)
+            wrapped.step(actions)
+    evidence = evidence_of(wrapped, sink)
     trace = evidence.episode(0)
     turns = list(trace.turns)
     assert env.turn + 1 == len(turns)
@@ -344,20 +344,20 @@ def test_interrupt_amid_the_books_loses_no_row(where: list[int], resumes: bool) 
     assert sink.buffer.given == sink.buffer.done == []
 
 
-def interrupted(game: Any, place: int, call: Any) -> None:
+def interrupted(capture: Any, place: int, call: Any) -> None:
     """Makes `call` with Ctrl-C after (or amid) one of the steps of the game's books."""
     name = ("_pay", "_commit", "_crossed", "_give")[place]
-    whole = getattr(game, name)
+    whole = getattr(capture, name)
 
     def stop(*args: Any) -> None:
         if name == "_commit":  # rows are on the buffer, their mark isn't
-            game._buffer.given.extend(args[0])
+            capture._buffer.given.extend(args[0])
         else:
             whole(*args)
         raise KeyboardInterrupt
 
-    setattr(game, name, stop)
+    setattr(capture, name, stop)
     try:
         call()
     finally:
-        delattr(game, name)
+        delattr(capture, name)

@@ -17,7 +17,7 @@ from gamekeeper.episodes.buffer import LargePlace
 from gamekeeper.episodes.encoder import Encoder
 from gamekeeper.interface import packing as ring_module
 from gamekeeper.interface.packing import Ring, Rings
-from gamekeeper.interface.recorded_env import face_of, game_of
+from gamekeeper.interface.recorded_env import capture_of, recorded_of
 from gamekeeper.rollouts.memory import MemorySink
 from tests.interface.capture_games import (
     IDENTITY,
@@ -114,9 +114,9 @@ def test_run_through_rings_equals_the_run_in_memory(cls: Any) -> None:
     prints = []
     script = [Turn(), Turn(raises=True), Turn(ends=((1, True),)), Turn(pays=((0, np.float64(1)),))]
     for sink in (MemorySink(), RingSink()):
-        face = face_of(game_of(cls(script), sink=sink))
-        _play(face)
-        face._game.end_episode()
+        wrapped = recorded_of(capture_of(cls(script), sink=sink))
+        _play(wrapped)
+        wrapped._capture.end_episode()
         evidence = sink.evidence(IDENTITY)
         prints.append(evidence.fingerprint)
         for ring in sink.rings._rings if sink.rings is not None else ():
@@ -126,19 +126,19 @@ def test_run_through_rings_equals_the_run_in_memory(cls: Any) -> None:
     assert prints[0] == prints[1]
 
 
-def _play(face: Any) -> None:
-    face.reset(seed=1)
+def _play(wrapped: Any) -> None:
+    wrapped.reset(seed=1)
     for _ in range(8):
-        if not face.agents:
+        if not wrapped.agents:
             return
         try:
-            if isinstance(face.unwrapped, ScriptedParallel):
-                face.step(dict.fromkeys(face.agents, np.int64(1)))
+            if isinstance(wrapped.unwrapped, ScriptedParallel):
+                wrapped.step(dict.fromkeys(wrapped.agents, np.int64(1)))
             else:
                 for _ in range(2):
-                    seen = face.last()
-                face.observe(face.agents[-1])
-                face.step(None if seen[2] or seen[3] else np.int64(1))
+                    seen = wrapped.last()
+                wrapped.observe(wrapped.agents[-1])
+                wrapped.step(None if seen[2] or seen[3] else np.int64(1))
         except ScriptError:
             continue
 
@@ -156,9 +156,9 @@ def test_big_endian_images_are_no_oddity() -> None:
             return np.linspace(0, 1, 3000).astype(">f4")
 
     sink = RingSink()
-    face = face_of(game_of(Swapped([Turn()]), sink=sink))
-    face.reset(seed=1)
-    turn = evidence_of(face, sink).episode(0).turns[0]
+    wrapped = recorded_of(capture_of(Swapped([Turn()]), sink=sink))
+    wrapped.reset(seed=1)
+    turn = evidence_of(wrapped, sink).episode(0).turns[0]
     assert turn.nonconforming == {}
     assert turn.observations["agent_0"].dtype == np.dtype(">f4")
 
@@ -171,11 +171,11 @@ def test_turn_with_more_large_observations_than_slots_does_not_wait_for_itself(
     monkeypatch.setattr(ring_module, "FEWEST", 2)
 
     sink = RingSink()
-    face = face_of(game_of(DrawnParallel([Turn()]), sink=sink))
-    face.reset(seed=1)
+    wrapped = recorded_of(capture_of(DrawnParallel([Turn()]), sink=sink))
+    wrapped.reset(seed=1)
     whole, memory = recorded(DrawnParallel([Turn()]))
     whole.reset(seed=1)
-    assert evidence_of(face, sink).fingerprint == evidence_of(whole, memory).fingerprint
+    assert evidence_of(wrapped, sink).fingerprint == evidence_of(whole, memory).fingerprint
 
 
 def test_full_ring_holds_the_step_back_until_the_writer_frees_a_slot(
@@ -186,7 +186,7 @@ def test_full_ring_holds_the_step_back_until_the_writer_frees_a_slot(
     monkeypatch.setattr(ring_module, "FEWEST", 6)
 
     sink = RingSink()
-    face = face_of(game_of(DrawnParallel([Turn()]), sink=sink))
+    wrapped = recorded_of(capture_of(DrawnParallel([Turn()]), sink=sink))
     done = threading.Event()
 
     def write() -> None:
@@ -197,13 +197,13 @@ def test_full_ring_holds_the_step_back_until_the_writer_frees_a_slot(
     writer = threading.Thread(target=write)
     writer.start()
     try:
-        face.reset(seed=1)
+        wrapped.reset(seed=1)
         for _ in range(60):
-            face.step(dict.fromkeys(face.agents, np.int64(1)))
+            wrapped.step(dict.fromkeys(wrapped.agents, np.int64(1)))
     finally:
         done.set()
         writer.join()
-    evidence = evidence_of(face, sink)
+    evidence = evidence_of(wrapped, sink)
     whole, memory = recorded(DrawnParallel([Turn()]))
     whole.reset(seed=1)
     for _ in range(60):
@@ -223,7 +223,7 @@ def test_step_says_that_the_writer_failed_where_it_waits_for_a_slot(
         def keep_up(self) -> None:
             raise OSError("no space left")
 
-    face = face_of(game_of(DrawnParallel([Turn()]), sink=Broken()))
-    face.reset(seed=1)
+    wrapped = recorded_of(capture_of(DrawnParallel([Turn()]), sink=Broken()))
+    wrapped.reset(seed=1)
     with pytest.raises(OSError, match="no space left"):
-        face.step(dict.fromkeys(face.agents, np.int64(1)))
+        wrapped.step(dict.fromkeys(wrapped.agents, np.int64(1)))

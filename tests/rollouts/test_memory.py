@@ -9,7 +9,7 @@ import pytest
 from gymnasium.spaces import Box, Discrete
 
 from gamekeeper.episodes import block
-from gamekeeper.interface.recorded_env import face_of, game_of
+from gamekeeper.interface.recorded_env import capture_of, recorded_of
 from gamekeeper.rollouts import memory
 from gamekeeper.rollouts.memory import MemorySink
 from tests.episodes.buffers import IDENTITY, Given, record
@@ -49,11 +49,11 @@ def test_frames_are_copies() -> None:
 def test_evidence_can_be_taken_twice_and_has_each_episode_once() -> None:
     """What was handed over is gone from the sink."""
     sink = MemorySink()
-    face: Any = face_of(game_of(Given({"a": [0]}, {"a": Discrete(2)}), sink=sink))
+    wrapped: Any = recorded_of(capture_of(Given({"a": [0]}, {"a": Discrete(2)}), sink=sink))
     for _ in range(2):
-        face.reset(seed=1)
-        face.step({"a": np.int64(0)})
-        face._game.end_episode()
+        wrapped.reset(seed=1)
+        wrapped.step({"a": np.int64(0)})
+        wrapped._capture.end_episode()
         assert sink.evidence(IDENTITY).episode_table.num_rows == 1
     assert sink.evidence(IDENTITY).episode_table.num_rows == 0
 
@@ -61,9 +61,9 @@ def test_evidence_can_be_taken_twice_and_has_each_episode_once() -> None:
 def test_manifest_says_what_was_declared() -> None:
     """Agents, spaces, level, terms, seed."""
     sink = MemorySink(terms=("delivery",))
-    face: Any = face_of(game_of(Given({"a": [0]}, {"a": Discrete(2)}), sink=sink))
-    face.reset(seed=1)
-    face._game.end_episode()
+    wrapped: Any = recorded_of(capture_of(Given({"a": [0]}, {"a": Discrete(2)}), sink=sink))
+    wrapped.reset(seed=1)
+    wrapped._capture.end_episode()
     manifest = sink.evidence(IDENTITY, run_seed=5).manifest
     assert manifest["agents"] == ["a"]
     assert manifest["terms"] == ["delivery"]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from gymnasium.spaces import Discrete
 
-from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.randomness.seeds import episode_seed
 from gamekeeper.rollouts.episode_loop import play
 from gamekeeper.rollouts.memory import MemorySink
@@ -37,7 +37,7 @@ def test_episode_k_is_reset_with_its_own_seed(cls: Any) -> None:
     env, cast, sink = cls([Turn()]), Noting(), MemorySink()
     done: list[int] = []
     play(
-        game_of(env, sink=sink),
+        capture_of(env, sink=sink),
         cast,
         [3, 1],
         seed=7,
@@ -63,8 +63,8 @@ def test_long_episodes_are_cut_and_others_end(cls: Any) -> None:
         def tick(ticked: list[int] = ticked) -> None:
             ticked[0] += 1
 
-        game = game_of(cls(script), sink=sink)
-        play(game, Noting(), [0], seed=1, most_turns=turns or 99, after_turn=tick)
+        capture = capture_of(cls(script), sink=sink)
+        play(capture, Noting(), [0], seed=1, most_turns=turns or 99, after_turn=tick)
         episode = sink.evidence(IDENTITY).episode_table.to_pylist()[0]
         assert episode["end"] == end
         assert ticked[0] == episode["turns"]
@@ -74,11 +74,11 @@ def test_long_episodes_are_cut_and_others_end(cls: Any) -> None:
 def test_everybody_live_is_asked_with_what_it_was_given() -> None:
     """Parallel: all of the roster; AEC: who is in turn, the ended not."""
     cast = Noting()
-    play(game_of(ScriptedParallel([Turn()])), cast, [0], seed=1, most_turns=2)
+    play(capture_of(ScriptedParallel([Turn()])), cast, [0], seed=1, most_turns=2)
     assert [agent for agent, *_ in cast.asked] == ["agent_0", "agent_1", "agent_2"] * 2
     assert [float(seen[0]) for _, seen, _ in cast.asked] == [0.0] * 3 + [1.0] * 3
     cast = Noting()
-    play(game_of(ScriptedAEC([Turn(ends=((1, True),))])), cast, [0], seed=1, most_turns=3)
+    play(capture_of(ScriptedAEC([Turn(ends=((1, True),))])), cast, [0], seed=1, most_turns=3)
     assert [agent for agent, *_ in cast.asked] == ["agent_0", "agent_2"]
 
 
@@ -91,7 +91,7 @@ def test_environment_that_gives_no_dictionaries_is_played_on() -> None:
             return None, None
 
     cast = Noting()
-    play(game_of(Mute({"a": [0]}, {"a": Discrete(2)})), cast, [0], seed=1, most_turns=1)
+    play(capture_of(Mute({"a": [0]}, {"a": Discrete(2)})), cast, [0], seed=1, most_turns=1)
     assert cast.asked == [("a", None, None)]
 
 
@@ -100,6 +100,6 @@ def test_play_needs_no_recorder_and_plays_the_same() -> None:
     calls = []
     for sink in (None, MemorySink()):
         env = ScriptedAEC([Turn(), Turn(joins=1), Turn(ends=((0, True),))])
-        play(game_of(env, sink=sink), Noting(), [0, 1], seed=1, most_turns=9)
+        play(capture_of(env, sink=sink), Noting(), [0, 1], seed=1, most_turns=9)
         calls.append([call for call in env.calls if call != "state"])
     assert calls[0] == calls[1]

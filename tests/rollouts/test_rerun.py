@@ -10,7 +10,7 @@ import gamekeeper as gk
 from gamekeeper.episodes.divergence import compare
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.errors import EvidenceError
-from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.rollouts.episode_loop import play
 from gamekeeper.rollouts.interventions.tick_order import ActionOrder
 from gamekeeper.rollouts.memory import MemorySink
@@ -23,11 +23,11 @@ from tests.runs.walks import Turns, Walk
 def rerun(trace: Episode, env: Any, **options: Any) -> Episode:
     """What a trace comes to, played again in an environment."""
     sink = MemorySink()
-    game = game_of(env, sink=sink)
-    game.episode = trace.episode - 1
+    capture = capture_of(env, sink=sink)
+    capture.episode = trace.episode - 1
     agents = {str(agent): agent for agent in env.possible_agents}
-    replay_trace(trace, game, agents=agents, **options)
-    return sink.evidence({"name": "x", "api": game.api, "kwargs": {}}).episodes[0]
+    replay_trace(trace, capture, agents=agents, **options)
+    return sink.evidence({"name": "x", "api": capture.api, "kwargs": {}}).episodes[0]
 
 
 @pytest.mark.parametrize("kind", [Walk, Turns])
@@ -102,8 +102,8 @@ def test_rerun_knows_agents_whatever_they_are(names: list[Any]) -> None:
 def test_rerun_of_nothing_resets_once() -> None:
     """A trace without turns is a reset without turns."""
     env, sink = Walk(), MemorySink()
-    game = game_of(env, sink=sink)
-    play(game, cast_of("random", env, None), range(1), seed=0, most_turns=0)
+    capture = capture_of(env, sink=sink)
+    play(capture, cast_of("random", env, None), range(1), seed=0, most_turns=0)
     trace = sink.evidence({"name": "x", "api": "parallel", "kwargs": {}}).episodes[0]
 
     assert compare(trace, rerun(trace, Walk())).is_exact

@@ -48,8 +48,10 @@ def test_warm_worker_tells_how_a_fork_ended(worker: WarmWorker) -> None:
 
 
 def test_warm_worker_says_that_a_module_is_missing() -> None:
-    """Nothing runs where the modules can't be imported."""
+    """A module that can't be imported is named by the task that needs it, and by no other."""
     with WarmWorker(["no_such_module"]) as worker:
-        outcome = worker.run(f"{TASKS}count_calls", {})
+        outcome = worker.run("no_such_module:task", {})
+        other = worker.run(f"{TASKS}count_calls", {})
     assert outcome.status == "raised"
     assert "no_such_module" in (outcome.error or "")
+    assert other.status == "done"

@@ -26,15 +26,19 @@ WORDS = set(re.findall(r"`([^`\n]+)`", PAGE))
 """All that stands as code on the page."""
 
 
-def small(folder: Path, *, close: bool = True) -> Path:
-    """A run that drops episodes, with resets without a seed and an attribute that was set."""
+def dropping(folder: Path) -> Any:
+    """An environment whose run drops episodes: unseeded resets, and an attribute that was set."""
     path = write_env(folder)
     env = record(open_env(f"{path}:Walk").env, folder / "run", level="actions", keep="last 2")
     env.turns = 4
     for seed in (1, None, None, None):
         step_through(env, seed=seed)
-    if close:
-        env.close()
+    return env
+
+
+def small(folder: Path) -> Path:
+    """The run of `dropping`, finalized."""
+    dropping(folder).close()
     return folder / "run"
 
 
@@ -103,8 +107,9 @@ def of_keep(keep: Any) -> set[str]:
 
 def test_every_key_of_an_open_run_and_of_openings_stands_on_the_page(tmp_path: Path) -> None:
     """A run that drops episodes says where its streams begin; openings say what states are."""
-    run = small(tmp_path, close=False)
-    manifest = json.loads((run / "manifest.json").read_bytes())
+    env = dropping(tmp_path)
+    manifest = json.loads((tmp_path / "run" / "manifest.json").read_bytes())
+    env.close()
     header = list(load(small_closed(tmp_path)).headers)[-1]
     opening = json.loads(header["opening"])
 

@@ -77,7 +77,7 @@ def test_recorder_holds_the_step_back(tmp_path: Path, monkeypatch: pytest.Monkey
 
     monkeypatch.setattr(RunStore, "append", slow)
     env = record(Walk(turns=100_000), tmp_path / "run")
-    buffer = env._game.sink.buffer
+    buffer = env._capture.sink.buffer
     env.reset(seed=1)
     turns = 3 * MOST_TURNS
     for _ in range(turns):
@@ -246,7 +246,7 @@ def test_recorder_names_spaces_while_it_records(tmp_path: Path) -> None:
     env = record(Walk(), tmp_path / "run")
     env.reset(seed=1)
     env.step({"a": np.int64(1), "b": 2})
-    (one,) = recorders._OPEN
+    (one,) = (each for each in recorders._OPEN if each.path == tmp_path / "run")
     one._wake.set()
     deadline = time.monotonic() + 60
     actions: Any = {}

@@ -27,10 +27,10 @@ def die(one: RunRecorder) -> None:
 def torn(run: Path, *, env: Any = None, turns: int = 3, level: str = "full") -> None:
     """A run whose recorder died in its second episode, after `turns` turns."""
     before = set(recorder._OPEN)
-    face = record(env or Walk(), run, level=level)
+    wrapped = record(env or Walk(), run, level=level)
     (one,) = set(recorder._OPEN) - before
-    step_through(face, seed=1)
-    step_through(face, seed=2, turns=turns)
+    step_through(wrapped, seed=1)
+    step_through(wrapped, seed=2, turns=turns)
     die(one)
 
 
@@ -60,9 +60,9 @@ def test_recover_of_a_run_without_timings(tmp_path: Path, turns: int, kept: int)
     """A run that was killed within its first flush counts the turns in which somebody acted."""
     write_env(tmp_path)
     before = set(recorder._OPEN)
-    face = record(Walk(), tmp_path / "run")
+    wrapped = record(Walk(), tmp_path / "run")
     (one,) = set(recorder._OPEN) - before
-    step_through(face, seed=1, turns=turns)
+    step_through(wrapped, seed=1, turns=turns)
     die(one)
     for path in (tmp_path / "run").glob("timings-*"):
         path.unlink()
@@ -80,10 +80,10 @@ def test_recover_of_a_run_without_timings(tmp_path: Path, turns: int, kept: int)
 def test_recover_of_a_run_without_rows(tmp_path: Path, begun: bool) -> None:
     """A run that died before any row was written is read, recovered as failed, and verified."""
     before = set(recorder._OPEN)
-    face = record(Walk(), tmp_path / "run")
+    wrapped = record(Walk(), tmp_path / "run")
     (one,) = set(recorder._OPEN) - before
     if begun:
-        face.reset(seed=1)
+        wrapped.reset(seed=1)
     die(one)
     for path in [*(tmp_path / "run").glob("agent_steps-*"), *(tmp_path / "run").glob("timings-*")]:
         path.unlink()
@@ -132,12 +132,12 @@ def test_recover_of_turns_one_after_the_other(tmp_path: Path) -> None:
     """A killed AEC run replays up to its last whole turn."""
     write_env(tmp_path)
     before = set(recorder._OPEN)
-    face = record(Turns(), tmp_path / "run")
+    wrapped = record(Turns(), tmp_path / "run")
     (one,) = set(recorder._OPEN) - before
-    face.reset(seed=1)
+    wrapped.reset(seed=1)
     for _ in range(3):
-        face.last()
-        face.step(1)
+        wrapped.last()
+        wrapped.step(1)
     die(one)
 
     finalized = recover(tmp_path / "run")

@@ -1,4 +1,4 @@
-"""The kernel engine: what the serial engine gives over a kernel's face, from one batch."""
+"""The kernel engine: what the serial engine gives over a kernel's environments, from one batch."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.outcome import failed, failures, outcome_of
 from gamekeeper.episodes.outcome import failed as told_failed
 from gamekeeper.errors import EvidenceError
-from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.randomness.seeds import episode_seed
 from gamekeeper.rollouts.episode_loop import EpisodeResult, play
 from gamekeeper.rollouts.interventions.action_substitutes import Reenacted
@@ -114,12 +114,12 @@ def keep(
             volatile=contract.volatile_infos(),
         )
         try:
-            game = game_of(stage.env, sink=sink)
-            game.policies = stage.described
+            capture = capture_of(stage.env, sink=sink)
+            capture.policies = stage.described
             for episode in range(episodes):
                 options = setup.options[episode % len(setup.options)]
                 play(
-                    game,
+                    capture,
                     stage.cast,
                     [episode],
                     seed=run_seed,

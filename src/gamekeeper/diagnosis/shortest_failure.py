@@ -16,7 +16,7 @@ from gamekeeper.episodes.outcome import TEAM, Outcome, failed, failures
 from gamekeeper.errors import EvidenceError
 from gamekeeper.interface.identity import spec_of
 from gamekeeper.interface.opening import Opened, open_env, reopen
-from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.rollouts.episode_loop import Actions, EpisodeLoop, EpisodePlan
 from gamekeeper.rollouts.intervention import Hooks
 from gamekeeper.rollouts.reruns import play_of, shrink
@@ -228,8 +228,8 @@ def _keep(opened: Opened, play: EpisodePlan, folder: Path, contract: Contract) -
         volatile=contract.volatile_infos(),
     )
     try:
-        game = game_of(opened.env, sink=sink)
-        EpisodeLoop(play, game, None, Hooks(), None, lambda: None, contract).run()
-        game.end_episode()
+        capture = capture_of(opened.env, sink=sink)
+        EpisodeLoop(play, capture, None, Hooks(), None, lambda: None, contract).run()
+        capture.end_episode()
     finally:
         sink.close()

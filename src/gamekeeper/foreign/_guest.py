@@ -1,4 +1,4 @@
-"""`ForeignEnv`: what every environment of another shape has in common behind the Parallel face."""
+"""`ForeignEnv`: what every environment of another shape has in common behind the Parallel API."""
 
 from __future__ import annotations
 

@@ -27,13 +27,13 @@ def locate(spec: str, api: str | None) -> Source:
 
     Raises:
         DependencyError: a package is missing.
-        SpecError: there is no such task, or it is the soccer, which Shimmy's face can't step: it
+        SpecError: there is no such task, or it is the soccer, which Shimmy can't step: it
             hands a view of a dictionary on as actions, and no seed.
     """
     name = named.rest(spec, WORD) or ""
     if name == SOCCER:
         raise SpecError(
-            "soccer has no face that can be stepped and seeded",
+            "soccer has no environment that can be stepped and seeded",
             where=spec,
             expected="a task of one agent",
             actual="Shimmy 2.0.1: hands a view of a dictionary on as actions, and no seed",

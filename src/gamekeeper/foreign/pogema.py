@@ -81,7 +81,7 @@ def matches(spec: object) -> bool:
 def locate(spec: str, api: str | None) -> Source:
     """The grid; keyword arguments are GridConfig's fields (`size`, `num_agents`, `on_target`, ...).
 
-    POGEMA's own lists are opened: its PettingZoo face, and its factory, ask Gymnasium for a way
+    POGEMA's own lists are opened: its environment, and its factory, ask Gymnasium for a way
     through wrappers that Gymnasium 1.0 took away.
     """
     name = named.rest(spec, WORD) or ""

@@ -13,7 +13,7 @@ from gamekeeper.interface.packing import MISSING, REALS, flag_of, nonconforming,
 from gamekeeper.interface.slim_aec import SlimAEC
 
 AgentId = Hashable
-# wrappers of PettingZoo, and the face in their place, keep no books of their own: those are read
+# wrappers of PettingZoo, and the one in their place, keep no books of their own: those are read
 # where they are kept, since an attribute costs 0.65 us for each wrapper that it falls through
 TRANSPARENT: Final = (
     wrappers.BaseWrapper,

@@ -1,7 +1,7 @@
 """Environments as they ship, without the wrappers that make them slow.
 
 PettingZoo documents a stack of wrappers, each of which hands every attribute through, and a
-converter that computes an observation for each agent-step and drops it. Here one face stands around
+converter that computes an observation for each agent-step and drops it. Here one wrapper is around
 the raw rules in their place, with the same promises and the same rows.
 """
 
@@ -42,7 +42,7 @@ KEPT: Final = {
 
 
 def slim(env: Any) -> Any:
-    """The same environment with one face in the place of PettingZoo's wrappers and converters.
+    """The same environment with one wrapper in the place of PettingZoo's wrappers and converters.
 
     Every row is what the environment as shipped gives, bit for bit; where nothing can be replaced,
     it is handed back as it is. Only wrappers of exactly PettingZoo's own classes are replaced, from

@@ -1,4 +1,4 @@
-"""One face in the place of the wrappers that AEC environments ship in."""
+"""One wrapper in the place of the wrappers that AEC environments ship in."""
 
 from __future__ import annotations
 
@@ -294,10 +294,10 @@ def _too_early(call: str) -> CallError:
 def _book(name: str) -> property:
     """A property that hands out one of the environment's own books, once there was a reset."""
 
-    def read(face: SlimAEC) -> Any:
-        if not face._is_ready:
+    def read(wrapped: SlimAEC) -> Any:
+        if not wrapped._is_ready:
             raise _too_early(name)
-        return getattr(face.env, name)
+        return getattr(wrapped.env, name)
 
     return property(read, doc=f"The environment's own `{name}`.")
 

@@ -1,4 +1,4 @@
-"""The faces of a kernel towards PettingZoo: one copy as a ParallelEnv or an AECEnv.
+"""A kernel as a PettingZoo environment: one copy as a ParallelEnv or an AECEnv.
 
 Books, errors, seeds and copies are those of `TickEnv` and `TurnEnv`; the rules are the kernel's.
 """
@@ -251,7 +251,7 @@ def kernel_env(kernel: Kernel, *, render_mode: str | None = None, debug: bool = 
 
     Args:
         kernel: whose rules.
-        render_mode: None; who wants pictures writes a class on one of the faces, with `render`.
+        render_mode: None; who wants pictures writes a class on one of these, with `render`.
         debug: plain Python, for breakpoints in the rules.
     """
     kinds = (KernelTurns, MaskedTurns) if kernel.api == "aec" else (KernelTicks, MaskedTicks)
@@ -271,7 +271,7 @@ class CopyArrays:
     Attributes:
         records: the state, an array of one record.
         arrays: what is shown, done and paid.
-        ties: what a face calls, once it has asked; never copied.
+        ties: what an environment calls, once it has asked; never copied.
     """
 
     __slots__ = ("arrays", "records", "ties")

@@ -95,7 +95,7 @@ class _StandingEpisode:
     def seek(self) -> list[Any]:
         """Looks for the generators, which may take longer than an episode."""
         assert isinstance(self.episode.cast, JointPolicy)
-        held = (self.episode.game.env, self.episode.cast.policies())
+        held = (self.episode.capture.env, self.episode.cast.policies())
         return [*generators(held)][2:]  # the global ones are seeded by themselves
 
     def draw_anew(self, number: int) -> None:
@@ -109,10 +109,10 @@ class _StandingEpisode:
 
     def mark(self) -> Any:
         """Marks of its place, equal at every time: agents that act, rewards, observations."""
-        game = self.episode.game
-        seen = {} if isinstance(game, AECCapture) else game.observations
+        capture = self.episode.capture
+        seen = {} if isinstance(capture, AECCapture) else capture.observations
         returns = dict(self.episode.count.returns)
-        return [list(game.to_move), returns, [array.copy() for array in arrays(seen)]]
+        return [list(capture.to_move), returns, [array.copy() for array in arrays(seen)]]
 
 
 class Continuations:
@@ -216,7 +216,7 @@ class Continuations:
                 standing.draw_anew(number)
             standing.hooks.held = held or {}
             standing.episode.run()
-            standing.episode.game.end_episode()
+            standing.episode.capture.end_episode()
         return standing.episode.outcome()
 
     def is_settled(self, turn: int, numbers: Iterable[int]) -> bool:
@@ -258,11 +258,11 @@ class Continuations:
     def inputs(self, turn: int) -> dict[AgentId, tuple[Any, Any]]:
         """Observation and info of each agent that acts at a turn."""
         with kept_global_generators():
-            game = self._at(turn).episode.game
-            if isinstance(game, AECCapture):
-                observation, _, _, _, info = game.last()
-                return dict.fromkeys(game.to_move, (observation, info))
-            return {a: (game.observations.get(a), game.infos.get(a)) for a in game.to_move}
+            capture = self._at(turn).episode.capture
+            if isinstance(capture, AECCapture):
+                observation, _, _, _, info = capture.last()
+                return dict.fromkeys(capture.to_move, (observation, info))
+            return {a: (capture.observations.get(a), capture.infos.get(a)) for a in capture.to_move}
 
     def _begun(self, *, is_noting: bool = False, sink: Any = None) -> _StandingEpisode:
         """The episode before its reset; `sink` takes its rows."""
@@ -364,5 +364,5 @@ def _copied(standing: _StandingEpisode) -> _StandingEpisode:
     """A copy that goes on by itself; spaces are shared, as copying them takes longest."""
     if standing.generators is None:
         standing.generators = standing.seek()
-    shared = spaces_in(standing.episode.game.env)
+    shared = spaces_in(standing.episode.capture.env)
     return copy.deepcopy(standing, {id(each): each for each in shared})

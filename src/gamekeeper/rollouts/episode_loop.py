@@ -18,12 +18,12 @@ from gamekeeper.interface.capture import AgentId
 from gamekeeper.interface.openings import Opening
 from gamekeeper.interface.packing import type_name_of
 from gamekeeper.interface.parallel_capture import ParallelCapture
-from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.randomness.seeds import episode_seed
 from gamekeeper.rollouts.intervention import Hooks, Intervention
 from gamekeeper.rollouts.memory import MemorySink
 
-# -- Plays episodes: the one loop over a game, the same for both APIs
+# -- Plays episodes: the one loop over a capture, the same for both APIs
 
 
 class ActionChooser(Protocol):
@@ -37,7 +37,7 @@ class ActionChooser(Protocol):
 
 
 def play(
-    game: ParallelCapture | AECCapture,
+    capture: ParallelCapture | AECCapture,
     cast: ActionChooser,
     episodes: Iterable[int],
     *,
@@ -50,47 +50,47 @@ def play(
     """Plays the episodes numbered in `episodes`, each from its own seed.
 
     Args:
-        game: an open game; whatever it records, it records.
+        capture: an open capture; whatever it records, it records.
         episodes: numbers of episodes in the run; episode k is reset with `episode_seed(seed, k)`.
         options: handed to every reset.
         most_turns: an episode that is longer is cut.
         after_turn: called after every turn, for progress and signs of life.
         after_episode: called after every episode with how many have been played.
     """
-    turn = _tick_of(game) if isinstance(game, ParallelCapture) else _turn_of(game)
+    turn = _tick_of(capture) if isinstance(capture, ParallelCapture) else _turn_of(capture)
     for done, episode in enumerate(episodes, start=1):
         cast.begin(seed, episode)
-        game.reset(episode_seed(seed, episode), options)
+        capture.reset(episode_seed(seed, episode), options)
         for _ in range(most_turns):
             if not turn(cast):
                 break
             if after_turn is not None:
                 after_turn()
-        game.end_episode()
+        capture.end_episode()
         if after_episode is not None:
             after_episode(done)
 
 
-def _tick_of(game: ParallelCapture) -> Callable[[ActionChooser], bool]:
+def _tick_of(capture: ParallelCapture) -> Callable[[ActionChooser], bool]:
     def tick(cast: ActionChooser) -> bool:
-        movers = game.to_move
+        movers = capture.to_move
         if not movers:
             return False
-        seen, infos, act = game.observations, game.infos, cast.act
-        game.step({agent: act(agent, seen.get(agent), infos.get(agent)) for agent in movers})
+        seen, infos, act = capture.observations, capture.infos, cast.act
+        capture.step({agent: act(agent, seen.get(agent), infos.get(agent)) for agent in movers})
         return True
 
     return tick
 
 
-def _turn_of(game: AECCapture) -> Callable[[ActionChooser], bool]:
+def _turn_of(capture: AECCapture) -> Callable[[ActionChooser], bool]:
     def turn(cast: ActionChooser) -> bool:
-        movers = game.to_move
+        movers = capture.to_move
         if not movers:
             return False
-        observation, _, terminated, truncated, info = game.last()
+        observation, _, terminated, truncated, info = capture.last()
         agent = movers[0]
-        game.step(None if terminated or truncated else cast.act(agent, observation, info))
+        capture.step(None if terminated or truncated else cast.act(agent, observation, info))
         return True
 
     return turn
@@ -221,17 +221,17 @@ def perform(
     declared = contract or Contract()
     named = tuple(declared.rewards) if keep.terms is None else keep.terms
     sink = MemorySink(terms=named, volatile=declared.volatile_infos())
-    game = game_of(env, sink=sink, state=keep.state)
-    game.episode = keep.number - 1
+    capture = capture_of(env, sink=sink, state=keep.state)
+    capture.episode = keep.number - 1
     hooks = _IDLE if change is None else change.start(np.random.default_rng([7, play.stream]))
-    course = EpisodeLoop(play, game, cast, hooks, watch, on_step or _nothing, declared)
+    course = EpisodeLoop(play, capture, cast, hooks, watch, on_step or _nothing, declared)
     if cast is not None and play.actions is None:
         cast.begin(cast_seed, play.stream)
     try:
         failed = course.run()
     finally:
         hooks.after(env)
-    game.end_episode()
+    capture.end_episode()
     trace = sink.episode()
     trace = replace(
         trace,
@@ -249,7 +249,7 @@ class EpisodeLoop:
     def __init__(
         self,
         play: EpisodePlan,
-        game: Any,
+        capture: Any,
         cast: ActionChooser | None,
         hooks: Hooks,
         watch: StepHook | None,
@@ -257,10 +257,10 @@ class EpisodeLoop:
         contract: Contract | None = None,
     ) -> None:
         self.taken: list[Actions] = []
-        self._play, self._game, self._cast = play, game, cast
+        self._play, self._capture, self._cast = play, capture, cast
         self._opening = Opening.from_text(play.opening)
         self._hooks, self._watch, self._on_step = hooks, watch, on_step
-        self._is_parallel = isinstance(game, ParallelCapture)
+        self._is_parallel = isinstance(capture, ParallelCapture)
         self._contract, self._is_told = contract or Contract(), hooks.wants_given
         self._call, self._is_begun = "reset", False
 
@@ -277,7 +277,7 @@ class EpisodeLoop:
             if self._play.actions is not None:
                 turns = min(turns, len(self._play.actions))
             for turn in range(len(self.taken), turns if until is None else min(until, turns)):
-                if not self._game.to_move:
+                if not self._capture.to_move:
                     break
                 if self._is_off_paper(turn):
                     break
@@ -292,32 +292,32 @@ class EpisodeLoop:
                 raise
             text = traceback_text(error, limit=-12)
             kind = type_name_of(type(error))
-            return FailedCall(self._call, self._game.turn, kind, message(error)[:500], text)
+            return FailedCall(self._call, self._capture.turn, kind, message(error)[:500], text)
         return None
 
     def _begin(self) -> None:
         self._hooks.declared(self._contract)
-        self._hooks.before_reset(self._game.env)
-        self._opening.begin(self._game.env, was_reset=self._game.was_reset)
-        out = self._game.reset(self._play.seed, self._play.options)
+        self._hooks.before_reset(self._capture.env)
+        self._opening.begin(self._capture.env, was_reset=self._capture.was_reset)
+        out = self._capture.reset(self._play.seed, self._play.options)
         self._look(0, out)
         self._is_begun = True
 
     def _turn(self, turn: int) -> None:
         if self._opening.later:
-            self._opening.set_at(turn, self._game.env)
+            self._opening.set_at(turn, self._capture.env)
         if self._is_parallel:
             actions = self._hooks.acts(turn, self._chosen_by_all(turn))
             self.taken.append(_copied(actions))
             self._call = "step"
-            out = self._game.step(actions)
+            out = self._capture.step(actions)
         else:
             out = None
             agent, action = self._chosen_in_turn(turn)
             action = self._hooks.acts(turn, {agent: action}).get(agent)
             self.taken.append(_copied({agent: action}))
             self._call = "step"
-            self._game.step(action)
+            self._capture.step(action)
         self._look(turn + 1, out)
 
     def _is_off_paper(self, turn: int) -> bool:
@@ -327,24 +327,24 @@ class EpisodeLoop:
         if next(iter(self._play.actions[turn].values()), None) is not None:
             return False
         self._call = "last"
-        _, _, terminated, truncated, _ = self._game.last()
+        _, _, terminated, truncated, _ = self._capture.last()
         return not (terminated or truncated)
 
     def _last_look(self) -> None:
         """Asks for the last observation of the agent in turn where the episode is cut."""
-        if self._play.looks_last and not self._is_parallel and self._game.to_move:
+        if self._play.looks_last and not self._is_parallel and self._capture.to_move:
             self._call = "last"
-            self._game.last()
+            self._capture.last()
 
     def _look(self, turn: int, out: Any) -> None:
         self._call = "look"
-        self._hooks.between(turn, self._game.env)
+        self._hooks.between(turn, self._capture.env)
         if self._watch is not None:
-            self._watch(turn, self._game.env, out)
+            self._watch(turn, self._capture.env, out)
 
     def _chosen_by_all(self, turn: int) -> dict[AgentId, Any]:
-        game, movers = self._game, self._game.to_move
-        seen, infos, sees = game.observations, game.infos, self._hooks.sees
+        capture, movers = self._capture, self._capture.to_move
+        seen, infos, sees = capture.observations, capture.infos, self._hooks.sees
         if self._is_told:
             for agent in movers:
                 self._hooks.given(turn, agent, seen.get(agent), infos.get(agent))
@@ -355,8 +355,8 @@ class EpisodeLoop:
 
     def _chosen_in_turn(self, turn: int) -> tuple[AgentId, Any]:
         self._call = "last"
-        observation, _, terminated, truncated, info = self._game.last()
-        agent = self._game.to_move[0]
+        observation, _, terminated, truncated, info = self._capture.last()
+        agent = self._capture.to_move[0]
         if self._is_told and not (terminated or truncated):
             self._hooks.given(turn, agent, observation, info)
         if self._play.actions is not None:

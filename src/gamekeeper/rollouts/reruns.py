@@ -119,7 +119,7 @@ def play_of(trace: Episode, env: Any, types: Mapping[str, str] | None = None) ->
 
 def replay_trace(
     trace: Episode,
-    game: ParallelCapture | AECCapture,
+    capture: ParallelCapture | AECCapture,
     *,
     agents: Mapping[str, Any],
     types: Mapping[str, str] | None = None,
@@ -128,7 +128,7 @@ def replay_trace(
     after_turn: Callable[[], None] | None = None,
     turns: Iterable[Turn] | None = None,
 ) -> None:
-    """Plays `trace` again in `game`: its reset, its actions in their order.
+    """Plays `trace` again in `capture`: its reset, its actions in their order.
 
     An environment that raises where it raised before is taken at its word and played on; one that
     raises elsewhere ends the episode as failed. Whether the rows came out the same is for a
@@ -146,22 +146,22 @@ def replay_trace(
         cast.begin(run_seed, trace.episode)
     played, types = env_steps(trace), trace.action_types or types or {}
     opening = Opening.from_text(trace.header.get("opening"))
-    opening.begin(game.env, was_reset=game.was_reset)
+    opening.begin(capture.env, was_reset=capture.was_reset)
     try:
-        game.reset(trace.seed, trace.options)
+        capture.reset(trace.seed, trace.options)
     except KeyboardInterrupt:
         raise
     except BaseException:  # it ended there as failed, and perhaps it did so before
         return
     for turn in trace.turns if turns is None else turns:
-        if turn.index >= played or not game.env.agents:
-            _look_once_more(game, trace, turn)
+        if turn.index >= played or not capture.env.agents:
+            _look_once_more(capture, trace, turn)
             break
-        if cast is not None and not game.to_move:
+        if cast is not None and not capture.to_move:
             break
-        opening.set_at(turn.index, game.env)
+        opening.set_at(turn.index, capture.env)
         try:
-            _step(game, trace, turn, agents=agents, cast=cast, types=types)
+            _step(capture, trace, turn, agents=agents, cast=cast, types=types)
         except (PolicyError, EvidenceError, KeyboardInterrupt):  # not the environment's
             raise
         except BaseException:  # the rows tell; only a recorded raise is played on from
@@ -169,11 +169,11 @@ def replay_trace(
                 break
         if after_turn is not None:
             after_turn()
-    game.end_episode()
+    capture.end_episode()
 
 
 def _step(
-    game: ParallelCapture | AECCapture,
+    capture: ParallelCapture | AECCapture,
     trace: Episode,
     turn: Turn,
     *,
@@ -181,40 +181,40 @@ def _step(
     cast: ActionChooser | None,
     types: Mapping[str, str],
 ) -> None:
-    if isinstance(game, ParallelCapture):
+    if isinstance(capture, ParallelCapture):
         if cast is None:
             actions = {
-                _agent(game, agents, name): _action(turn, name, types) for name in turn.order
+                _agent(capture, agents, name): _action(turn, name, types) for name in turn.order
             }
         else:
-            seen, infos = game.observations, game.infos
-            actions = {a: cast.act(a, seen.get(a), infos.get(a)) for a in game.to_move}
-        game.step(actions)
+            seen, infos = capture.observations, capture.infos
+            actions = {a: cast.act(a, seen.get(a), infos.get(a)) for a in capture.to_move}
+        capture.step(actions)
         return
     name = turn.order[0]
     if cast is not None or _was_seen(turn, name, trace):
-        observation, _, terminated, truncated, info = game.last()
+        observation, _, terminated, truncated, info = capture.last()
     if cast is None:
-        game.step(_action(turn, name, types))
+        capture.step(_action(turn, name, types))
     else:
-        agent = game.to_move[0]
-        game.step(None if terminated or truncated else cast.act(agent, observation, info))
+        agent = capture.to_move[0]
+        capture.step(None if terminated or truncated else cast.act(agent, observation, info))
 
 
-def _agent(game: ParallelCapture | AECCapture, agents: Mapping[str, Any], name: str) -> Any:
+def _agent(capture: ParallelCapture | AECCapture, agents: Mapping[str, Any], name: str) -> Any:
     """Agent of this name: one of `agents`, or one that joined since; else the name itself."""
     if name in agents:
         return agents[name]
-    return next((agent for agent in game.env.agents if agent_name(agent) == name), name)
+    return next((agent for agent in capture.env.agents if agent_name(agent) == name), name)
 
 
-def _look_once_more(game: ParallelCapture | AECCapture, trace: Episode, turn: Turn) -> None:
+def _look_once_more(capture: ParallelCapture | AECCapture, trace: Episode, turn: Turn) -> None:
     """An AEC episode may end with a look that no action followed; its row has the observation."""
-    if not isinstance(game, AECCapture) or not game.env.agents:
+    if not isinstance(capture, AECCapture) or not capture.env.agents:
         return
     if any(_was_seen(turn, name, trace) for name in turn.agents):
         try:
-            game.last()
+            capture.last()
         except KeyboardInterrupt:
             raise
         except BaseException:

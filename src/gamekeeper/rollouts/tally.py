@@ -11,7 +11,7 @@ from gamekeeper.contract import Contract
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.outcome import Outcome, plain_numbers
 from gamekeeper.interface.parallel_capture import ParallelCapture
-from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.rollouts.episode_loop import (
     ActionChooser,
     Actions,
@@ -54,7 +54,7 @@ class TalliedEpisode:
     """An episode under way of which only the figures are kept; a deep copy of it goes on alone.
 
     Attributes:
-        game: plays it.
+        capture: plays it.
         cast: its policies.
         count: the figures so far.
         failed: the call that raised, if one did.
@@ -77,12 +77,12 @@ class TalliedEpisode:
         Args:
             sink: takes the rows as well, where one is given.
         """
-        self.game, self.cast, self._play = game_of(env, sink=sink), cast, play
+        self.capture, self.cast, self._play = capture_of(env, sink=sink), cast, play
         volatile = () if contract is None else contract.volatile_infos()
-        is_parallel = isinstance(self.game, ParallelCapture)
+        is_parallel = isinstance(self.capture, ParallelCapture)
         self.count = _Ticks(volatile) if is_parallel else _Turns(volatile)
         self._loop = EpisodeLoop(
-            play, self.game, cast, hooks, self.count, on_step or _nothing, contract
+            play, self.capture, cast, hooks, self.count, on_step or _nothing, contract
         )
         self.failed: FailedCall | None = None
         if cast is not None and play.actions is None:
@@ -104,16 +104,16 @@ class TalliedEpisode:
 
     def outcome(self) -> Outcome:
         """Outcome of the episode, as far as it was played."""
-        failed, game = self.failed, self.game
-        is_over = failed is None and not game.to_move
+        failed, capture = self.failed, self.capture
+        is_over = failed is None and not capture.to_move
         error = None if failed is None else f"{failed.kind}: {failed.text}"
         return self.count.outcome(
-            self._play.seed, game.env, self.turns, is_over=is_over, error=error
+            self._play.seed, capture.env, self.turns, is_over=is_over, error=error
         )
 
 
 class _Count:
-    """Adds up what a game gives, as a watch over the course of an episode."""
+    """Adds up what a capture gives, as a watch over the course of an episode."""
 
     def __init__(self, volatile: Any) -> None:
         self._volatile = volatile

@@ -127,7 +127,7 @@ def serve(report: Any, *, modules: Sequence[str]) -> None:
 
     Args:
         report: the channel; a fork writes its signs of life and its answer into it.
-        modules: names of the modules.
+        modules: names of the modules; one that is missing is left to the task that needs it.
     """
     perform: Callable[..., bytes] = sys.modules["__main__"].__dict__["perform"]
     for name in modules:

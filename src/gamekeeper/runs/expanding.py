@@ -17,7 +17,7 @@ from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import DivergenceError, EvidenceError, GamekeeperError, RunError
 from gamekeeper.interface.found_again import ASSUMED
 from gamekeeper.interface.openings import GLOBALS, SameOpenings
-from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.rollouts.process_randomness import states
 from gamekeeper.rollouts.reruns import replay_trace
 from gamekeeper.rollouts.workers import run_task
@@ -282,25 +282,25 @@ def play_whole(
         opened.env.close()
         raise
     frames, state = was_rendered(evidence), evidence.tables.has("states")
-    game = game_of(opened.env, sink=recorder, frames=frames, state=state)
-    game.openings = openings = SameOpenings()
+    capture = capture_of(opened.env, sink=recorder, frames=frames, state=state)
+    capture.openings = openings = SameOpenings()
     total = evidence.episode_table.num_rows
     try:
         for done, header in enumerate(evidence.headers, 1):
-            game.episode, game.policies = header["episode"] - 1, header["policies"]
+            capture.episode, capture.policies = header["episode"] - 1, header["policies"]
             openings.text = header.get("opening")
             replay_trace(
                 evidence.episode_of(header),
-                game,
+                capture,
                 agents={each.name: agent for agent, each in recorder.layout.seats.items()},
                 types=manifest.get("action_types"),
                 after_turn=report,
             )
             report(episode=done, episodes=total)
     finally:
-        game.end_episode()
+        capture.end_episode()
         recorder.close()
-        game.close()
+        capture.close()
 
 
 def _origin(evidence: Evidence) -> Mapping[str, Any]:

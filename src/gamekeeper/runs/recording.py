@@ -22,7 +22,7 @@ from gamekeeper.interface.opening import Opened, open_env
 from gamekeeper.interface.openings import Openings, seed_each_reset
 from gamekeeper.interface.parallel_capture import ParallelCapture
 from gamekeeper.interface.policy import EVERYONE, check_words, resolve
-from gamekeeper.interface.recorded_env import face_of, game_of
+from gamekeeper.interface.recorded_env import capture_of, recorded_of
 from gamekeeper.rollouts.episode_loop import play
 from gamekeeper.rollouts.memory import MemorySink
 from gamekeeper.rollouts.rollout_plan import MOST_TURNS, RolloutPlan
@@ -89,8 +89,8 @@ class FirstEnding:
     An episode that is cut isn't enough: an environment may report at the end alone.
     """
 
-    def __init__(self, game: Any, contract: Contract | None) -> None:
-        self._game, self._contract = game, contract or Contract()
+    def __init__(self, capture: Any, contract: Contract | None) -> None:
+        self._capture, self._contract = capture, contract or Contract()
         self._infos: dict[str, dict[str, float]] = {}
         self._seen: dict[str, int] = {}
         self._is_open = bool(self._contract.failure)
@@ -103,18 +103,22 @@ class FirstEnding:
         """
         if not self._is_open:
             return
-        game = self._game
-        infos = game.infos if isinstance(game, ParallelCapture) else getattr(game.env, "infos", {})
+        capture = self._capture
+        infos = (
+            capture.infos
+            if isinstance(capture, ParallelCapture)
+            else getattr(capture.env, "infos", {})
+        )
         for agent, info in dict(infos).items():
             numbers = plain_numbers(info)
             if numbers:
                 name = agent_name(agent)
-                self._infos[name], self._seen[name] = numbers, game.turn
-        if not game.to_move:
+                self._infos[name], self._seen[name] = numbers, capture.turn
+        if not capture.to_move:
             self._is_open = False
-            roster = map(agent_name, getattr(game.env, "possible_agents", None) or ())
+            roster = map(agent_name, getattr(capture.env, "possible_agents", None) or ())
             agents = dict.fromkeys([*roster, *self._infos])
-            has_terms = isinstance(getattr(game.env, "terms", None), dict)
+            has_terms = isinstance(getattr(capture.env, "terms", None), dict)
             outcome = Outcome(
                 returns=dict.fromkeys(agents, 0.0),
                 terms={agent: {} for agent in agents} if has_terms else {},
@@ -189,14 +193,14 @@ def record(
         ring=_ring(keep, declared, failed),
         **_declared(declared),
     )
-    game = game_of(opened.env, sink=recorder, frames=frames, state=state)
-    recorder.at_end = game.end_episode
+    capture = capture_of(opened.env, sink=recorder, frames=frames, state=state)
+    recorder.at_end = capture.end_episode
     if seed_resets:
-        seed_each_reset(game)
+        seed_each_reset(capture)
     if keep is None:
-        return face_of(game, on_close=recorder.close)
-    game.openings = Openings(game.env)
-    return face_of(game, on_close=_closing(recorder, game.openings, check=check))
+        return recorded_of(capture, on_close=recorder.close)
+    capture.openings = Openings(capture.env)
+    return recorded_of(capture, on_close=_closing(recorder, capture.openings, check=check))
 
 
 def _vector_of(env: Any) -> Any:
@@ -382,15 +386,15 @@ def record_rollout(
     except BaseException:
         opened.env.close()
         raise
-    game = game_of(opened.env, sink=sink, frames=plan.frames)
-    game.episode = plan.first - 1
-    game.policies = to_json(policies.described(list(getattr(opened.env, "possible_agents", ()))))
+    capture = capture_of(opened.env, sink=sink, frames=plan.frames)
+    capture.episode = plan.first - 1
+    capture.policies = to_json(policies.described(list(getattr(opened.env, "possible_agents", ()))))
     try:
-        _play(plan, game, policies, sink, FirstEnding(game, declared), progress)
+        _play(plan, capture, policies, sink, FirstEnding(capture, declared), progress)
     except (GamekeeperError, KeyboardInterrupt):
         raise
     except BaseException as error:  # an environment must not end this process
-        raise _broken(error, game) from error
+        raise _broken(error, capture) from error
     if isinstance(sink, RunRecorder):
         with progress.while_finalizing():
             return replace(load(sink.path), path=Path(str(out)))
@@ -399,7 +403,7 @@ def record_rollout(
 
 def _play(
     plan: RolloutPlan,
-    game: Any,
+    capture: Any,
     policies: JointPolicy,
     sink: RunRecorder | MemorySink,
     ending: FirstEnding,
@@ -413,9 +417,9 @@ def _play(
     small = sink if isinstance(sink, RunRecorder) and sink.level == SMALL else None
 
     def take_episode(done: int) -> None:
-        is_first = not (plan.first or checks or game.to_move)
+        is_first = not (plan.first or checks or capture.to_move)
         if small is not None and plan.check and is_first:
-            checks.append(FirstCheck(str(small.path), game.episode))
+            checks.append(FirstCheck(str(small.path), capture.episode))
         if progress.after_episode is not None:
             progress.after_episode(done)
 
@@ -427,7 +431,7 @@ def _play(
     try:
         try:
             play(
-                game,
+                capture,
                 policies,
                 range(plan.first, plan.first + plan.episodes),
                 seed=plan.seed,
@@ -439,10 +443,10 @@ def _play(
         except (GamekeeperError, KeyboardInterrupt):
             raise
         except BaseException as error:  # also where no step raised: last(), state(), render()
-            game.fail_at_last(traceback_text(error))
+            capture.fail_at_last(traceback_text(error))
             raise
         finally:
-            game.end_episode()
+            capture.end_episode()
     finally:
         try:
             if small is not None and checks:
@@ -451,7 +455,7 @@ def _play(
                 with progress.while_finalizing():
                     sink.close()
         finally:
-            game.close()
+            capture.close()
 
 
 def _first_entry(level: str, why: str) -> dict[str, Any]:
@@ -494,13 +498,13 @@ def _with_own(policies: Choices, env: Any) -> Choices:
     return {**whole, **found} if found else policies
 
 
-def _broken(error: BaseException, game: Any) -> EnvError:
+def _broken(error: BaseException, capture: Any) -> EnvError:
     raised = f"raised {said_by(error)}"
     if issubclass(type(error), SystemExit):
         raised = f"called sys.exit({shown(vars(SystemExit)['code'].__get__(error))})"
-    turn = game.turn if game.failed_at is None else game.failed_at
+    turn = capture.turn if capture.failed_at is None else capture.failed_at
     return EnvError(
         f"the environment {raised}",
-        where=f"episode {game.episode}, turn {turn}",
+        where=f"episode {capture.episode}, turn {turn}",
         fix="the traceback stands above and in the run; the rows up to there were kept",
     )

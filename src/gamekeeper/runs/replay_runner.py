@@ -26,7 +26,7 @@ from gamekeeper.interface.aec_capture import AECCapture
 from gamekeeper.interface.env_source import Opened
 from gamekeeper.interface.opening import open_env, reopen
 from gamekeeper.interface.parallel_capture import ParallelCapture
-from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.rollouts.episode_loop import ActionChooser
 from gamekeeper.rollouts.memory import MemorySink
 from gamekeeper.rollouts.reruns import replay_trace
@@ -46,19 +46,19 @@ class ReplayedEpisode:
 
     Args:
         recorded: the episode.
-        game: plays it.
-        sink: takes what `game` puts on the buffer.
+        capture: plays it.
+        sink: takes what `capture` puts on the buffer.
         look: gets every range of turns once it was replayed.
     """
 
     def __init__(
         self,
         recorded: EpisodeChunks,
-        game: ParallelCapture | AECCapture,
+        capture: ParallelCapture | AECCapture,
         sink: MemorySink,
         look: Look | None = None,
     ) -> None:
-        self._game, self._sink, self._look = game, sink, look
+        self._capture, self._sink, self._look = capture, sink, look
         self._number = recorded.episode
         self._rows: dict[str, RowReader] = {}
         self._header: Mapping[str, Any] = {}
@@ -78,7 +78,7 @@ class ReplayedEpisode:
             if before is None:  # the closing rows are still to be replayed
                 return
             self._advance()
-            self._compare(self._game.turn)
+            self._compare(self._capture.turn)
             if not self._goes_on:
                 return
 
@@ -107,7 +107,7 @@ class ReplayedEpisode:
         """Compares the turns behind that have been replayed whole.
 
         Args:
-            played: turns of the game that are whole; None: it is over.
+            played: turns of it that are whole; None: it is over.
         """
         while self._goes_on and self._behind:
             trace, before = self._behind[0]
@@ -204,7 +204,7 @@ class ReplayRunner:
             volatile=evidence.contract.volatile_infos(),
             prints=evidence.manifest.get("level"),
         )
-        self._game = game_of(
+        self._capture = capture_of(
             opened.env,
             sink=self._sink,
             frames=was_rendered(evidence),
@@ -228,7 +228,7 @@ class ReplayRunner:
         """
         if chooser is None:
             _check_actions(self._evidence, header)
-        episode = ReplayedEpisode(self._evidence.chunks(header), self._game, self._sink, look)
+        episode = ReplayedEpisode(self._evidence.chunks(header), self._capture, self._sink, look)
         self._replay(episode.head, chooser, episode.turns())
         again = self._kept()
         episode.finish(again)
@@ -253,10 +253,10 @@ class ReplayRunner:
 
     def _replay(self, trace: Episode, chooser: ActionChooser | None, turns: Iterable[Turn]) -> None:
         """Plays turns of an episode again."""
-        self._game.episode = trace.episode - 1
+        self._capture.episode = trace.episode - 1
         replay_trace(
             trace,
-            self._game,
+            self._capture,
             agents={each.name: agent for agent, each in self._sink.layout.seats.items()},
             types=self._evidence.manifest.get("action_types"),
             cast=chooser,
@@ -267,8 +267,8 @@ class ReplayRunner:
 
     def returned(self) -> tuple[Mapping[Any, Any], Mapping[Any, Any]]:
         """Observations and infos that the last step of a ParallelEnv returned; else empty."""
-        if isinstance(self._game, ParallelCapture):
-            return self._game.observations, self._game.infos
+        if isinstance(self._capture, ParallelCapture):
+            return self._capture.observations, self._capture.infos
         return {}, {}
 
     def manifest(self) -> Mapping[str, Any]:
@@ -277,7 +277,7 @@ class ReplayRunner:
 
     def close(self) -> None:
         """Closes the environment."""
-        self._game.close()
+        self._capture.close()
 
     def _kept(self) -> Evidence:
         """Evidence of the replay since the last call, but for rows that were taken off by then."""

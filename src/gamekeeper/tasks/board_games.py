@@ -1,4 +1,4 @@
-"""Rules and face that tic-tac-toe and Connect Four share: two players mark the cells of a board.
+"""Rules and class of tic-tac-toe and Connect Four: two players mark the cells of a board.
 
 `s.board` holds the cells row by row, 0 free, 1 and 2 marked by the first and the second player. An
 action is refused where `s.board[action]` is marked: of Connect Four that is the column's top cell.
@@ -129,7 +129,7 @@ def lazy(observation: Seen, agent: str, info: Mapping[str, Any], rng: Generator)
 
 
 class BoardGame(Pictured, MaskedTurns):
-    """Face of a board game; a game adds its kernel, policies and pixels."""
+    """Environment of a board game; a game adds its kernel, policies and pixels."""
 
     not_batched = ""
 

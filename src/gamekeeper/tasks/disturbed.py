@@ -1,8 +1,8 @@
-"""Faces whose knobs disturb what reaches the rules and what leaves them.
+"""Environments whose knobs disturb what reaches the rules and what leaves them.
 
-The rules know of no knobs. Where one is on, the face hands them other actions than those that were
+The rules know of no knobs. Where one is on, it hands them other actions than those that were
 chosen, and agents other observations than those that the rules show; where none is, it does
-nothing. Of a kernel's batches, which have no face, nothing is disturbed: see `not_batched`.
+nothing. Of a kernel's batches nothing is disturbed: see `not_batched`.
 
 A task stands on one of these (and on `MaskedTicks` behind it where its kernel has a mask), and
 calls `disturb` at the end of its `__init__`.
@@ -26,7 +26,7 @@ class Disturbed(KernelRules):
 
     Attributes:
         disturbances: what the knobs do; None where they all are at their ideal.
-        not_batched: why a batch of the kernel wouldn't play as this face does; empty where it does.
+        not_batched: why a batch of the kernel plays otherwise than this class; empty if it agrees.
     """
 
     disturbances: Disturbances | None

@@ -59,7 +59,7 @@ class Canvas:
 class Pictured:
     """A task that writes `letters` and `pixels`, and renders one of them by its mode.
 
-    It stands before the face of the kernel among a task's bases.
+    It stands before the kernel's environment class among a task's bases.
     """
 
     render_mode: str | None

@@ -270,7 +270,7 @@ class KernelEngine:
                 found[absent] = 0
                 final[ended] = found
 
-    # -- infos, as faces give them
+    # -- infos, as its environments give them
 
     def _tell(self, said: Said, *, is_reset: bool) -> None:
         a = self._batch.arrays

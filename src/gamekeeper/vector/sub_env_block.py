@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final, Literal, TypeAlias
 
 from gamekeeper.interface.capture import AgentId, Capture
-from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.randomness.seeds import EpisodeSeeds
 from gamekeeper.rollouts.interrupts import HeldInterrupt
 from gamekeeper.vector.vector_form import Arrays, VectorForm, VectorGroup, built
@@ -94,7 +94,7 @@ class SubEnvBlock:
         """Every copy's rows go to `out` from its next episode on."""
         self._shelf = recording.shelf(out)
         envs = [bare(door) for door in self.doors]
-        self.doors = [game_of(env, sink=SlotSink(self._shelf)) for env in envs]
+        self.doors = [capture_of(env, sink=SlotSink(self._shelf)) for env in envs]
 
     def end_recording(self) -> None:
         """Ends the episodes in progress, as *cut*; what is on the shelf goes out."""

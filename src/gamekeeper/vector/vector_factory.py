@@ -11,7 +11,7 @@ from gamekeeper.episodes.layout import Layout
 from gamekeeper.errors import SpecError
 from gamekeeper.interface.declared_contract import declared_contract
 from gamekeeper.interface.opening import Opened, open_env
-from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.interface.slim import slim
 from gamekeeper.vector.serial_engine import SerialEngine
 from gamekeeper.vector.sub_env_block import AUTORESETS, Autoreset
@@ -122,7 +122,7 @@ def seen_form(opened: Opened, contract: Contract | None) -> tuple[VectorForm, La
     """The form of an open environment and the columns of its evidence; it is reset for them."""
     terms = () if contract is None else tuple(contract.rewards)
     shelf = Recording(terms=terms).shelf(lambda batches: None)
-    given: Any = game_of(opened.env, sink=SlotSink(shelf)).reset(seed=0)
+    given: Any = capture_of(opened.env, sink=SlotSink(shelf)).reset(seed=0)
     infos = given[1] if opened.api == "parallel" else opened.env.infos
     return form_of(opened.env, opened.api, contract, infos), shelf.layout
 

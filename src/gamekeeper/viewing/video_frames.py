@@ -13,7 +13,7 @@ from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import EnvError, GamekeeperError, SpecError
 from gamekeeper.interface.env_source import Opened
 from gamekeeper.interface.identity import spec_of
-from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.rollouts.memory import MemorySink
 from gamekeeper.rollouts.reruns import replay_trace
 from gamekeeper.rollouts.workers import run_task
@@ -163,20 +163,20 @@ def _played(
     )
     sink.folder, sink.wanted = out, episode
     has_state = evidence.tables.table("states") is not None
-    game = game_of(opened.env, sink=sink, frames=True, state=has_state)
+    capture = capture_of(opened.env, sink=sink, frames=True, state=has_state)
     try:
         for number in (*chain, episode):
             trace = evidence.episode(number)
-            game.episode = number - 1
+            capture.episode = number - 1
             replay_trace(
                 trace,
-                game,
+                capture,
                 agents={seat.name: agent for agent, seat in sink.layout.seats.items()},
                 types=evidence.manifest.get("action_types"),
                 after_turn=report,
             )
             again = sink.evidence(opened.identity, contract=evidence.contract)
     finally:
-        game.close()
+        capture.close()
     found = compare(trace, again.episodes[0], volatile=evidence.contract.volatile_infos())
     return None if found.divergence is None else str(found.divergence)

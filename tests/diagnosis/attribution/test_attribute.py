@@ -255,16 +255,16 @@ def test_text_tells_which_baseline_played_and_keeps_to_the_terminal() -> None:
 
 def _by_hand(episodes: int):
     env = games.Shoving()
-    from gamekeeper.interface.recorded_env import game_of
+    from gamekeeper.interface.recorded_env import capture_of
     from gamekeeper.rollouts.memory import MemorySink
 
     sink = MemorySink(terms=tuple(games.SHOVING.rewards))
-    game = game_of(env, sink=sink)
+    capture = capture_of(env, sink=sink)
     for seed in range(episodes):
-        game.reset(seed)
-        while game.to_move:
-            game.step(dict.fromkeys(game.to_move, games.STEP))
-        game.end_episode()
+        capture.reset(seed)
+        while capture.to_move:
+            capture.step(dict.fromkeys(capture.to_move, games.STEP))
+        capture.end_episode()
     return sink.evidence({"api": "parallel", "kind": "object"}, contract=games.SHOVING)
 
 

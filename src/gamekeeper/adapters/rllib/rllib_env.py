@@ -304,10 +304,10 @@ def multi_agent_env(
         ContractError: see *refused*.
     """  # noqa: E501  # a row of a table is one line
     checked(spec, check, env_kwargs=env_kwargs)
-    game = opened_game(
+    capture = opened_game(
         spec, role=role, others=others, masks=masks, flatten=flatten, env_kwargs=env_kwargs
     )
-    return AgentsEnv(game, seed=seed, episodes=episodes)
+    return AgentsEnv(capture, seed=seed, episodes=episodes)
 
 
 class AgentsEnv(MultiAgentEnv):
@@ -320,18 +320,20 @@ class AgentsEnv(MultiAgentEnv):
         returns: by agent, learners and others, its return so far, under RLlib's names.
     """
 
-    def __init__(self, game: RLlibGame, *, seed: int, episodes: Iterator[int] | None) -> None:
-        self.possible_agents = list(game.sights)
+    def __init__(self, capture: RLlibGame, *, seed: int, episodes: Iterator[int] | None) -> None:
+        self.possible_agents = list(capture.sights)
         self.agents: list[str] = []
-        self.observation_spaces = {a: one.observation_space for a, one in game.sights.items()}
-        self.action_spaces = {a: one.action_space for a, one in game.sights.items()}
-        self.metadata = dict(getattr(game.env, "metadata", None) or {})  # RLlib writes into it
-        self.render_mode = getattr(game.env, "render_mode", None)
+        self.observation_spaces = {a: one.observation_space for a, one in capture.sights.items()}
+        self.action_spaces = {a: one.action_space for a, one in capture.sights.items()}
+        self.metadata = dict(getattr(capture.env, "metadata", None) or {})  # RLlib writes into it
+        self.render_mode = getattr(capture.env, "render_mode", None)
         super().__init__()
-        self.env, self.role_of, self.episode = game.env, dict(game.role_of), -1
-        self._game = game
-        kind = Turns if game.api == "aec" else Ticks
-        self._world = kind(game.env, [game.agent_of[name] for name in game.sights], game.policies)
+        self.env, self.role_of, self.episode = capture.env, dict(capture.role_of), -1
+        self._capture = capture
+        kind = Turns if capture.api == "aec" else Ticks
+        self._world = kind(
+            capture.env, [capture.agent_of[name] for name in capture.sights], capture.policies
+        )
         self._run, self._seeds = seed, EpisodeSeeds(seed)
         self._is_shared = episodes is not None
         self._episodes: Iterator[int] = itertools.count() if episodes is None else episodes
@@ -342,7 +344,7 @@ class AgentsEnv(MultiAgentEnv):
     def returns(self) -> dict[str, float]:
         """Return of each agent in the episode, learner or not; 0 of an agent that wasn't in it."""
         paid = self._world.paid
-        return {name: paid.get(self._game.agent_of[name], 0.0) for name in self.role_of}
+        return {name: paid.get(self._capture.agent_of[name], 0.0) for name in self.role_of}
 
     def reset(
         self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
@@ -356,8 +358,8 @@ class AgentsEnv(MultiAgentEnv):
             self._seeds, self._episodes = EpisodeSeeds(seed), itertools.count()
         if not is_look:
             number = self.episode = next(self._episodes)
-        if self._game.policies is not None:
-            self._game.policies.begin(run, number)
+        if self._capture.policies is not None:
+            self._capture.policies.begin(run, number)
         seeds = EpisodeSeeds(run) if is_look else self._seeds
         told = self._named(self._world.begin(seeds[number], options))
         self._known, self._held = set(told), {}
@@ -366,7 +368,7 @@ class AgentsEnv(MultiAgentEnv):
 
     def step(self, action_dict: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
         """Plays on to the next decision; returns observations, rewards, both flags, infos."""
-        sights, agent_of = self._game.sights, self._game.agent_of
+        sights, agent_of = self._capture.sights, self._capture.agent_of
         told = self._named(
             self._world.act(
                 {agent_of[name]: sights[name].meant(act) for name, act in action_dict.items()}
@@ -392,7 +394,7 @@ class AgentsEnv(MultiAgentEnv):
         self.env.close()
 
     def _named(self, told: Mapping[Any, StepOutput]) -> dict[str, StepOutput]:
-        return {self._game.name_of[agent]: one for agent, one in told.items()}
+        return {self._capture.name_of[agent]: one for agent, one in told.items()}
 
     def _tellable(self, told: dict[str, StepOutput], *, is_over: bool) -> dict[str, StepOutput]:
         """Returns outputs that RLlib can take now.
@@ -402,7 +404,7 @@ class AgentsEnv(MultiAgentEnv):
         """
         told = {**self._held, **told}
         self._held = {}
-        goes_on = any(self._game.agent_of[name] in self._world.live for name in self._known)
+        goes_on = any(self._capture.agent_of[name] in self._world.live for name in self._known)
         if not is_over and not goes_on:
             self._held = {name: one for name, one in told.items() if one.ended}
             told = {name: one for name, one in told.items() if not one.ended}
@@ -410,7 +412,7 @@ class AgentsEnv(MultiAgentEnv):
         return {name: told[name] for name in self.possible_agents if name in told}
 
     def _observations(self, told: Mapping[str, StepOutput]) -> dict[str, Any]:
-        sights = self._game.sights
+        sights = self._capture.sights
         return {name: sights[name].shown(one.observation, one.info) for name, one in told.items()}
 
     def _infos(self, told: Mapping[str, StepOutput]) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from gamekeeper.checks.probe_evidence import ProbeCounterfactual
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.layout import agent_name
-from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.rollouts.episode_loop import EpisodePlan
 from gamekeeper.rollouts.memory import MemorySink
 from gamekeeper.rollouts.process_randomness import held
@@ -134,12 +134,12 @@ def _replayed(lab: ProbeSession, trace: Episode, env: Any, agents: dict[str, Any
     """The trace of a replay; what was said where an action couldn't be built from its text."""
     declared: Contract = lab.contract
     sink = MemorySink(terms=tuple(declared.rewards), volatile=declared.volatile_infos())
-    game = game_of(env, sink=sink)
-    game.episode = trace.episode - 1
+    capture = capture_of(env, sink=sink)
+    capture.episode = trace.episode - 1
     lab.meter.count(RESET_STEPS)
     count = lab.meter.count
     with held():  # as the play itself was: generators of the whole process are for other probes
-        done = lab.call("replay", replay_trace, trace, game, agents=agents, after_turn=count)
+        done = lab.call("replay", replay_trace, trace, capture, agents=agents, after_turn=count)
     if done.failed is not None:
         return done.failed.text
     return sink.episode()

@@ -18,7 +18,7 @@ from gamekeeper.episodes.layout import role as role_in_name
 from gamekeeper.errors import EnvError, PolicyError
 from gamekeeper.interface.capture import AgentId
 from gamekeeper.interface.opening import open_env
-from gamekeeper.interface.recorded_env import game_of
+from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.randomness.seeds import episode_seed
 from gamekeeper.rollouts.episode_loop import ActionChooser, EpisodeLoop, EpisodePlan
 from gamekeeper.rollouts.intervention import Hooks
@@ -257,7 +257,7 @@ class ReplacementRunner:
 
     def _filmed(self, film: SomeFilm, play: EpisodePlan) -> SomeFilm:
         course = EpisodeLoop(
-            play, game_of(self.env), film, Hooks(), film, self._count, self.contract
+            play, capture_of(self.env), film, Hooks(), film, self._count, self.contract
         )
         film.begin(self.task.run_seed, play.stream)
         failed = course.run()

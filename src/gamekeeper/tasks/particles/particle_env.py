@@ -39,7 +39,7 @@ class ParticleArguments(TypedDict, total=False):
 
 
 class ParticleTicks(Pictured, KernelTicks):
-    """A face of a kernel with the fields of `particles.bodies`.
+    """An environment over a kernel with the fields of `particles.bodies`.
 
     Args:
         kernel: whose rules.

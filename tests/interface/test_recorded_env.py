@@ -16,7 +16,12 @@ from pettingzoo.utils import wrappers
 
 from gamekeeper.interface.aec_capture import AECCapture
 from gamekeeper.interface.parallel_capture import ParallelCapture
-from gamekeeper.interface.recorded_env import RecordedAECEnv, RecordedParallelEnv, face_of, game_of
+from gamekeeper.interface.recorded_env import (
+    RecordedAECEnv,
+    RecordedParallelEnv,
+    capture_of,
+    recorded_of,
+)
 from gamekeeper.rollouts.memory import MemorySink
 from tests.interface.capture_games import (
     NAMES,
@@ -45,33 +50,33 @@ def test_faces_are_of_pettingzoos_classes() -> None:
 @pytest.mark.parametrize("make", [tictactoe_v3.env, rps_v2.env, simple_spread_v3.env])
 def test_aec_face_passes_pettingzoos_api_test(make: Any) -> None:
     """With the wrapper stack of the environment's own `env()` behind it."""
-    face, sink = recorded(make())
-    api_test(face, num_cycles=20)
-    assert evidence_of(face, sink).episode_table.num_rows > 0
+    wrapped, sink = recorded(make())
+    api_test(wrapped, num_cycles=20)
+    assert evidence_of(wrapped, sink).episode_table.num_rows > 0
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
 @pytest.mark.parametrize("make", [rps_v2.parallel_env, simple_spread_v3.parallel_env])
 def test_parallel_face_passes_pettingzoos_api_test(make: Any) -> None:
     """Over a converter of PettingZoo too."""
-    face, sink = recorded(make())
-    parallel_api_test(face, num_cycles=20)
-    assert evidence_of(face, sink).episode_table.num_rows > 0
+    wrapped, sink = recorded(make())
+    parallel_api_test(wrapped, num_cycles=20)
+    assert evidence_of(wrapped, sink).episode_table.num_rows > 0
 
 
 def test_faces_go_into_pettingzoos_wrappers() -> None:
-    """A wrapper around a recorded face records what goes through it."""
-    face, sink = recorded(ScriptedAEC([Turn()]))
-    told = play_aec(wrappers.OrderEnforcingWrapper(face), 5)
+    """A wrapper around a recorded environment records what goes through it."""
+    wrapped, sink = recorded(ScriptedAEC([Turn()]))
+    told = play_aec(wrappers.OrderEnforcingWrapper(wrapped), 5)
     assert told.lines == play_aec(ScriptedAEC([Turn()]), 5).lines
-    assert evidence_of(face, sink).episode(0).header["turns"] == 5
+    assert evidence_of(wrapped, sink).episode(0).header["turns"] == 5
 
 
 def test_books_of_an_aec_face_are_the_environments_own_objects() -> None:
     """The very dictionaries, so that who writes into them writes into the environment."""
     env = ScriptedAEC([Turn()])
-    face, _ = recorded(env)
-    face.reset(seed=1)
+    wrapped, _ = recorded(env)
+    wrapped.reset(seed=1)
     for book in (
         "rewards",
         "_cumulative_rewards",
@@ -80,57 +85,59 @@ def test_books_of_an_aec_face_are_the_environments_own_objects() -> None:
         "infos",
         "agents",
     ):
-        assert getattr(face, book) is getattr(env, book)
-    assert face.agent_selection == env.agent_selection
-    assert face.unwrapped is env
-    assert str(face) == str(env)
-    assert face.num_agents == env.num_agents
-    assert face.metadata is env.metadata
+        assert getattr(wrapped, book) is getattr(env, book)
+    assert wrapped.agent_selection == env.agent_selection
+    assert wrapped.unwrapped is env
+    assert str(wrapped) == str(env)
+    assert wrapped.num_agents == env.num_agents
+    assert wrapped.metadata is env.metadata
 
 
 def test_books_are_not_there_before_the_first_reset() -> None:
     """As in the environment itself: hasattr says no."""
-    bare, (face, _) = ScriptedAEC([Turn()]), recorded(ScriptedAEC([Turn()]))
+    bare, (wrapped, _) = ScriptedAEC([Turn()]), recorded(ScriptedAEC([Turn()]))
     for name in ("agents", "rewards", "agent_selection", "no_such_thing", "_private"):
-        assert hasattr(bare, name) == hasattr(face, name)
+        assert hasattr(bare, name) == hasattr(wrapped, name)
 
 
 def test_what_is_set_on_a_face_is_set_on_the_environment() -> None:
     """Trainers set max_cycles, render_mode and such on what they hold."""
     env = ScriptedParallel([Turn()])
-    face, _ = recorded(env)
-    face.max_cycles = 7
-    face.agents = [NAMES[0]]
+    wrapped, _ = recorded(env)
+    wrapped.max_cycles = 7
+    wrapped.agents = [NAMES[0]]
     assert env.max_cycles == 7
     assert env.agents == [NAMES[0]]
-    assert "max_cycles" not in vars(face)
+    assert "max_cycles" not in vars(wrapped)
 
 
 @pytest.mark.parametrize("cls", [ScriptedParallel, ScriptedAEC])
 @pytest.mark.parametrize(
-    "copied", [copy.deepcopy, lambda face: pickle.loads(pickle.dumps(face))], ids=["copy", "pickle"]
+    "copied",
+    [copy.deepcopy, lambda wrapped: pickle.loads(pickle.dumps(wrapped))],
+    ids=["copy", "pickle"],
 )
 def test_copy_of_a_face_plays_on_by_itself_and_is_not_recorded(cls: Any, copied: Any) -> None:
     """In the middle of an episode; the recording of the first goes on undisturbed."""
     play = play_parallel if cls is ScriptedParallel else play_aec
-    face, sink = recorded(cls([Turn(pays=((0, 1.0),))]))
-    play(face, 3)
-    counterfactual = copied(face)
-    assert type(counterfactual) is type(face)
-    assert counterfactual.unwrapped is not face.unwrapped
-    assert counterfactual.agents == face.agents
+    wrapped, sink = recorded(cls([Turn(pays=((0, 1.0),))]))
+    play(wrapped, 3)
+    counterfactual = copied(wrapped)
+    assert type(counterfactual) is type(wrapped)
+    assert counterfactual.unwrapped is not wrapped.unwrapped
+    assert counterfactual.agents == wrapped.agents
     assert play(counterfactual, 4).lines == play(cls([Turn(pays=((0, 1.0),))]), 4).lines
-    assert evidence_of(face, sink).episode_table["turns"].to_pylist() == [3]
+    assert evidence_of(wrapped, sink).episode_table["turns"].to_pylist() == [3]
 
 
 def test_game_of_a_face_that_records_nothing_is_a_game_of_its_environment() -> None:
-    """Faces over faces would cost a layer each; one that records is kept."""
+    """Recorded environments over each other would cost a layer each; one that records is kept."""
     env = ScriptedParallel([Turn()])
-    plain = face_of(ParallelCapture(env))
-    assert game_of(plain).env is env
-    face, _ = recorded(env)
-    assert game_of(face).env is face
-    assert isinstance(game_of(ScriptedAEC([Turn()])), AECCapture)
+    plain = recorded_of(ParallelCapture(env))
+    assert capture_of(plain).env is env
+    wrapped, _ = recorded(env)
+    assert capture_of(wrapped).env is wrapped
+    assert isinstance(capture_of(ScriptedAEC([Turn()])), AECCapture)
 
 
 def test_recording_a_recorded_face_gives_both_the_same_rows() -> None:
@@ -139,7 +146,8 @@ def test_recording_a_recorded_face_gives_both_the_same_rows() -> None:
     outer, second = recorded(inner)
     play_aec(outer, 6)
     prints = [
-        evidence_of(face, sink).fingerprint for face, sink in ((outer, second), (inner, first))
+        evidence_of(wrapped, sink).fingerprint
+        for wrapped, sink in ((outer, second), (inner, first))
     ]
     assert prints[0] == prints[1]
 
@@ -148,10 +156,12 @@ def test_close_closes_the_environment_and_calls_back_once() -> None:
     """As often as it is called, the environment hears it; the recording is closed once."""
     closed: list[str] = []
     env = ScriptedParallel([Turn()])
-    face = face_of(game_of(env, sink=MemorySink()), on_close=lambda: closed.append("closed"))
-    play_parallel(face, 2)
-    face.close()
-    face.close()
+    wrapped = recorded_of(
+        capture_of(env, sink=MemorySink()), on_close=lambda: closed.append("closed")
+    )
+    play_parallel(wrapped, 2)
+    wrapped.close()
+    wrapped.close()
     assert env.calls.count("close") == 2
     assert closed == ["closed"]
 
@@ -164,17 +174,17 @@ def test_close_closes_the_environment_where_the_sink_fails() -> None:
             raise OSError("full")
 
     env = ScriptedParallel([Turn()])
-    face = face_of(game_of(env, sink=Full()))
-    face.reset(seed=1)
+    wrapped = recorded_of(capture_of(env, sink=Full()))
+    wrapped.reset(seed=1)
     with pytest.raises(OSError, match="full"):
-        face.close()
+        wrapped.close()
     assert env.calls[-1] == "close"
 
 
 def test_step_before_reset_is_the_environments_own_error() -> None:
     """The door adds no rule of its own."""
-    face, _ = recorded(wrappers.OrderEnforcingWrapper(ScriptedAEC([Turn()])))
+    wrapped, _ = recorded(wrappers.OrderEnforcingWrapper(ScriptedAEC([Turn()])))
     with pytest.raises(AttributeError, match="cannot be accessed before reset"):
-        _ = face.agents
+        _ = wrapped.agents
     with pytest.raises(Exception, match="reset"):
-        face.step(np.int64(0))
+        wrapped.step(np.int64(0))
