@@ -195,7 +195,7 @@ def main() -> int:
     arguments.add_argument("--seed", type=int, default=0)
     arguments.add_argument("--only", nargs="*", choices=SHARES, default=())
     arguments.add_argument("--each", type=int, help="inputs of each target, whatever its share")
-    arguments.add_argument("--corpus", type=Path, default=Path("fuzz-corpus"))
+    arguments.add_argument("--corpus", type=Path, default=Path("build/fuzz"))
     asked = arguments.parse_args()
     is_clean = True
     with tempfile.TemporaryDirectory() as folder:

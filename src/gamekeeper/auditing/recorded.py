@@ -37,7 +37,10 @@ NEEDS_RERUNS: Final = "it needs reruns: `gamekeeper audit ENV` makes them"
 
 def is_run(spec: str | PathLike[str]) -> bool:
     """Tells whether it names the folder of a run, and no environment."""
-    return Path(spec, MANIFEST).is_file()
+    try:
+        return Path(spec, MANIFEST).is_file()
+    except OSError:  # a name that is no path, such as one that is too long
+        return False
 
 
 def audit_run(
