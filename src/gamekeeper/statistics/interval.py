@@ -220,9 +220,9 @@ def no_spread(value: float, n: int, unit: str, *, where: str) -> EvidenceError:
     Source: Hanley & Lippman-Hand 1983, "If nothing goes wrong, is everything all right?"
     """
     rare = n // RULE_OF_THREE
-    missed = f": one that comes once in {rare}, or more rarely, may not be among them"
+    missed = f": another that comes once in {rare}, or more rarely, may not be among them"
     return EvidenceError(
-        f"all {n} {unit} have the same value, so they say nothing of its spread"
+        f"all {n} {unit} have the same value, so nothing is known of its spread"
         f"{missed if rare > 1 else ''}",
         where=where,
         expected="values that differ",
