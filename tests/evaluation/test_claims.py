@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import shutil
+import subprocess
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -272,6 +274,48 @@ def test_broken_entries_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert found.ok is False
     named = {each.partition(":")[0] for each in found.damage}
     assert {each.filename for each in entries} <= named
+
+
+@pytest.fixture
+def keys(tmp_path: Path) -> Path:
+    """A folder with two SSH keys, and a file that allows the first."""
+    program = shutil.which("ssh-keygen")
+    if program is None:
+        pytest.skip("OpenSSH's ssh-keygen isn't installed")
+    for name in ("ada", "eve"):
+        line = [program, "-q", "-t", "ed25519", "-N", "", "-f", str(tmp_path / name)]
+        subprocess.run(line, check=True)
+    public = (tmp_path / "ada.pub").read_text()
+    (tmp_path / "signers").write_text(f"ada@example.org {public}")
+    return tmp_path
+
+
+def test_signed_claim_names_its_signer(tmp_path: Path, keys: Path) -> None:
+    """An allowed signer over these bytes is named; another key or byte is refused unread."""
+    played(tmp_path)
+    packed = pack([tmp_path / "run"], tmp_path / "claim.zip", sign=keys / "ada")
+    assert packed.signature == f"{tmp_path / 'claim.zip'}.sig"
+    assert checked(tmp_path, signers=keys / "signers").signer == "ada@example.org"
+
+    with (tmp_path / "claim.zip").open("ab") as file:
+        file.write(b"x")
+    with pytest.raises(RunError, match="isn't one of an allowed signer"):
+        reproduce(tmp_path / "claim.zip", tmp_path / "altered", signers=keys / "signers")
+    assert not (tmp_path / "altered").exists()
+
+
+def test_claim_of_another_signer_is_refused(tmp_path: Path, keys: Path) -> None:
+    """A key that isn't in the file, no signature, and a key that isn't there."""
+    played(tmp_path)
+    claim = tmp_path / "claim.zip"
+    pack([tmp_path / "run"], claim, sign=keys / "eve")
+    with pytest.raises(RunError, match="isn't one of an allowed signer"):
+        checked(tmp_path, signers=keys / "signers")
+    Path(f"{claim}.sig").unlink()
+    with pytest.raises(RunError, match="no signature"):
+        checked(tmp_path, signers=keys / "signers")
+    with pytest.raises(RunError, match="can't be signed"):
+        pack([tmp_path / "run"], tmp_path / "other.zip", sign=keys / "nobody")
 
 
 def test_source_that_changed_since_is_not_packed(tmp_path: Path) -> None:

@@ -30,10 +30,24 @@ WithOption = Annotated[
         "Repeatable (default: none).",
     ),
 ]
+SignOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--sign",
+        metavar="KEY",
+        help="SSH key, such as ~/.ssh/id_ed25519, that signs the claim into FILE.sig "
+        "(default: not signed).",
+        show_default=False,
+    ),
+]
 
 
 def command(
-    screen: Screen, runs: RunsArgument, out: OutOption, more: WithOption = None
+    screen: Screen,
+    runs: RunsArgument,
+    out: OutOption,
+    more: WithOption = None,
+    sign: SignOption = None,
 ) -> CommandResult:
     """Packs runs into a claim that others can check: evidence, source, packages, figures.
 
@@ -45,10 +59,12 @@ def command(
     """
     from gamekeeper.evaluation.claim_pack import pack
 
-    packed = pack(runs, out, files=more or ())
+    packed = pack(runs, out, files=more or (), sign=sign)
     screen.show(
         f"{packed.path}: {len(packed.runs)} run{'s' * (len(packed.runs) != 1)}, "
         f"{len(packed.source)} source files, {packed.size_bytes:,} bytes\ndigest {packed.digest}"
     )
+    if packed.signature is not None:
+        screen.show(f"signed: {packed.signature}")
     screen.note(f"to check it: gamekeeper reproduce {packed.path}")
     return CommandResult(packed.to_json())

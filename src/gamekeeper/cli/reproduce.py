@@ -39,6 +39,16 @@ OutOption = Annotated[
         show_default=False,
     ),
 ]
+SignersOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--signers",
+        metavar="FILE",
+        help="Allowed signers, a name and a public SSH key on each line; CLAIM.sig has to be by "
+        "one of them (default: signatures aren't looked at).",
+        show_default=False,
+    ),
+]
 
 
 def command(
@@ -47,6 +57,7 @@ def command(
     out: OutOption = None,
     env: ReopenOption = None,
     allow_import: ImportOption = False,
+    signers: SignersOption = None,
     timeout: TimeoutOption = SILENCE_S,
 ) -> CommandResult:
     """Checks a claim: says what differs here, plays its runs again, and ticks each figure.
@@ -63,7 +74,9 @@ def command(
 
     place: Any = tempfile.TemporaryDirectory() if out is None else nullcontext(str(out))
     with place as folder:
-        found = reproduce(claim, folder, env=env, allow_import=allow_import, timeout_s=timeout)
+        found = reproduce(
+            claim, folder, env=env, allow_import=allow_import, signers=signers, timeout_s=timeout
+        )
     _show(screen, found)
     return CommandResult(found.to_json(), CODES[found.ok])
 
@@ -74,6 +87,8 @@ def _show(screen: Screen, found: CheckedClaim) -> None:
     from gamekeeper.reporting.text_columns import column_lines, wrapped
 
     screen.show(f"digest {found.digest}")
+    if found.signer is not None:
+        screen.show(f"signed by {found.signer}")
     for each in found.damage:
         screen.verdict(f"damaged: {each}", "bad")
     others = [each for each in found.differs if each.here != ABSENT]

@@ -34,6 +34,7 @@ from gamekeeper.evaluation.claim_pack import (
     installed_packages,
     source_module,
 )
+from gamekeeper.evaluation.claim_signature import signer_of
 from gamekeeper.evaluation.continuation import document_in
 from gamekeeper.import_guard import guarded, unguarded
 from gamekeeper.rollouts.executors.storage import Storage
@@ -85,6 +86,7 @@ class CheckedClaim:
         figures: every figure of runs and evaluations, ticked or not.
         replays: by run, the replay; without one, the reason.
         reasons: by run, why it wasn't played again.
+        signer: name of the allowed signer; None where nothing was asked.
     """
 
     claim: str
@@ -94,6 +96,7 @@ class CheckedClaim:
     figures: tuple[ClaimFigure, ...]
     replays: Mapping[str, Replay]
     reasons: Mapping[str, str]
+    signer: str | None = None
 
     @property
     def ok(self) -> bool | None:
@@ -113,6 +116,7 @@ class CheckedClaim:
             "figures": [asdict(each) for each in self.figures],
             "replays": {name: each.to_json() for name, each in self.replays.items()},
             "reasons": dict(self.reasons),
+            "signer": self.signer,
         }
 
 
@@ -122,6 +126,7 @@ def reproduce(
     *,
     env: str | None = None,
     allow_import: bool = False,
+    signers: str | PathLike[str] | None = None,
     timeout_s: float | None = SILENCE_S,
 ) -> CheckedClaim:
     """Unpacks a claim, says what differs here, plays its runs again and ticks each figure.
@@ -131,10 +136,13 @@ def reproduce(
         folder: a new or empty folder, into which it is unpacked.
         env: environment to play in place of those that the runs name.
         allow_import: run the claim's own source, and whatever its runs name.
+        signers: file of allowed signers; CLAIM.sig has to be by one of them, else nothing is read.
         timeout_s: longest time without a turn.
     Raises:
-        RunError: the file is no claim.
+        RunError: the file is no claim, or isn't signed by an allowed signer.
+        DependencyError: there are signers, and no ssh-keygen.
     """
+    signer = None if signers is None else signer_of(Path(claim), Path(signers))
     document, text = _read(Path(claim))
     place = Path(folder)
     damage = _unpack(Path(claim), place, document["files"])
@@ -163,7 +171,14 @@ def reproduce(
         figures += _evaluated(place, evaluation, replays)
     differs = (*_other_packages(document), *_other_source(place, document, replays))
     return CheckedClaim(
-        str(claim), digest_of(text), tuple(damage), differs, tuple(figures), replays, reasons
+        str(claim),
+        digest_of(text),
+        tuple(damage),
+        differs,
+        tuple(figures),
+        replays,
+        reasons,
+        signer,
     )
 
 

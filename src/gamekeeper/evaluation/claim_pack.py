@@ -18,7 +18,7 @@ import shutil
 import zipfile
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import blake2b, file_digest
 from importlib import metadata
 from os import PathLike
@@ -29,6 +29,7 @@ from gamekeeper.contract import Contract
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import ContractError, RunError
 from gamekeeper.evaluation.claim_figures import policy_files, runs_of
+from gamekeeper.evaluation.claim_signature import sign as signed
 from gamekeeper.evaluation.continuation import RESULT, document_in
 from gamekeeper.evaluation.worker_tasks import EPISODES
 from gamekeeper.import_guard import guarded
@@ -62,6 +63,7 @@ class Packed:
     source: tuple[str, ...]
     files: int
     size_bytes: int
+    signature: str | None = None
 
     def to_json(self) -> dict[str, Any]:
         """The document that `gamekeeper pack --json` prints."""
@@ -72,6 +74,7 @@ class Packed:
             "source": list(self.source),
             "files": self.files,
             "size_bytes": self.size_bytes,
+            "signature": self.signature,
         }
 
 
@@ -80,6 +83,7 @@ def pack(
     out: str | PathLike[str],
     *,
     files: Iterable[str | PathLike[str]] = (),
+    sign: str | PathLike[str] | None = None,
 ) -> Packed:
     """Writes a claim over runs and evaluations: evidence, source, packages, figures.
 
@@ -87,9 +91,11 @@ def pack(
         runs: folders of finalized, undamaged runs, and of evaluations that recorded theirs.
         out: the file to write; it must not exist.
         files: more files and folders: checkpoints, an evaluation and its specification.
+        sign: an SSH key, by which OpenSSH signs the claim into OUT.sig.
     Raises:
         RunError: a run is open or damaged, an evaluation recorded none, there is none, the file
-            exists, or two sources that differ have one name.
+            exists, two sources that differ have one name, or the key can't sign.
+        DependencyError: there is a key, and no ssh-keygen.
     """
     named = [Path(each) for each in runs]
     evaluations = [each for each in named if (each / RESULT).is_file()]
@@ -119,7 +125,8 @@ def pack(
     packages = installed_packages()
     contents[LOCK] = "".join(f"{name}=={v}\n" for name, v in packages.items()).encode()
     claim = {"runs": claimed, "evaluations": judged, "packages": packages}
-    return _written(target, claim, contents)
+    packed = _written(target, claim, contents)
+    return packed if sign is None else replace(packed, signature=str(signed(target, Path(sign))))
 
 
 def _runs(folders: list[Path]) -> tuple[list[dict[str, Any]], dict[str, Content]]:
