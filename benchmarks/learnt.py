@@ -27,11 +27,10 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent))
 
 from learnt_policies import LearntCause, causes, holds
-from undo import CAUSES, ORDER, read
+from undo import CAUSES, ORDER, read, shares
 from undo_causes import Faulty
 
 import gamekeeper as gk
-from gamekeeper.statistics.significance import wilson
 
 
 def diagnosed(cause: LearntCause, *, episodes: int, seed: int, is_beside: bool) -> dict[str, Any]:
@@ -76,12 +75,7 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
         "label right": (sum(row["said"] == row["labels"] for row in labelled), len(labelled)),
         "healthy accused": (sum(row["answer"] in CAUSES for row in sound), len(sound)),
     }
-    found: dict[str, Any] = {}
-    for name, (hits, of) in counts.items():
-        share = wilson(hits, of) if of else None
-        interval = None if share is None else [round(share.low, 3), round(share.high, 3)]
-        found[name] = {"hits": hits, "of": of, "interval": interval}
-    return found
+    return shares(counts)
 
 
 def main() -> None:

@@ -31,10 +31,9 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent))
 
 from message_causes import FAILED, MessageCause, causes, holds
-from undo import CAUSES, ORDER, read
+from undo import CAUSES, ORDER, read, shares
 
 import gamekeeper as gk
-from gamekeeper.statistics.significance import wilson
 
 
 def diagnosed(cause: MessageCause, *, episodes: int, seed: int) -> dict[str, Any]:
@@ -93,15 +92,7 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
         "label right": (sum(row["said"] == row["labels"] for row in labelled), len(labelled)),
         "healthy accused": (sum(row["answer"] in CAUSES for row in sound), len(sound)),
     }
-    shares = {name: wilson(hits, of) if of else None for name, (hits, of) in counts.items()}
-    return {
-        name: {
-            "hits": hits,
-            "of": of,
-            "interval": [round(share.low, 3), round(share.high, 3)] if share else None,
-        }
-        for (name, (hits, of)), share in zip(counts.items(), shares.values(), strict=True)
-    }
+    return shares(counts)
 
 
 def main() -> None:

@@ -27,7 +27,7 @@ import random
 import sys
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -93,6 +93,16 @@ def play(cases: Sequence[Planted], keep: Path, *, episodes: int, seed: int) -> N
             file.write(json.dumps(row) + "\n")
 
 
+def shares(counts: Mapping[str, tuple[int, int]]) -> dict[str, Any]:
+    """Hits of so many, by name, with Wilson intervals."""
+    found: dict[str, Any] = {}
+    for name, (hits, of) in counts.items():
+        share = wilson(hits, of) if of else None
+        interval = None if share is None else [round(share.low, 3), round(share.high, 3)]
+        found[name] = {"hits": hits, "of": of, "interval": interval}
+    return found
+
+
 def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """The shares, with Wilson intervals."""
     undone = [row for row in rows if row["kind"] == "undoable"]
@@ -113,12 +123,7 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
         "label right": (sum(row["said"] == row["labels"] for row in labelled), len(labelled)),
         "healthy accused": (sum(row["answer"] in CAUSES for row in sound), len(sound)),
     }
-    found: dict[str, Any] = {}
-    for name, (hits, of) in counts.items():
-        share = wilson(hits, of) if of else None
-        interval = None if share is None else [round(share.low, 3), round(share.high, 3)]
-        found[name] = {"hits": hits, "of": of, "interval": interval}
-    return found
+    return shares(counts)
 
 
 def main() -> None:

@@ -37,7 +37,7 @@ class Auction(AECEnv):
     def action_space(self, agent):
         return self.action_spaces[agent]
 
-    def reset(self, seed=None, options={}):  # noqa: B006
+    def reset(self, seed=None, options={}):  # noqa: B006  # as strangers write it
         self.rng = np.random.default_rng(seed)
         self.agents = self.possible_agents[:]
         self.rewards = dict.fromkeys(self.agents, 0)

@@ -1,6 +1,6 @@
 """Audits of small environments written as strangers write them: what is planted, what is told.
 
-    python -m benchmarks.strangers.audit [--budget 3000] [--only WORD ...]
+    python benchmarks/strangers/audit.py [--budget 3000] [--only WORD ...]
 
 The environments and what is planted in them were committed before any audit of them. A planted
 fault is given by the checks of which one must be told, as a cause; a cause of severity high or
@@ -15,7 +15,10 @@ import json
 import os
 import sys
 from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Final
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from gamekeeper.auditing.audit_process import audit
 

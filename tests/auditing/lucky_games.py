@@ -124,7 +124,7 @@ class Drifts(Sound):
 class Remembers(Sound):
     """A default argument is filled by the first reset, and every later instance finds it so."""
 
-    def reset(self, seed: int | None = None, options: Any = None, kept: Any = []) -> Any:  # noqa: B006
+    def reset(self, seed: int | None = None, options: Any = None, kept: Any = []) -> Any:  # noqa: B006  # the fault
         """Begins with what is there."""
         self.begun = float(bool(kept))
         kept.append(seed)

@@ -29,7 +29,7 @@ WORDS = 5
 class Post(gk.TickEnv):
     """A writer sees a number and says it; a reader has to repeat what it was told."""
 
-    metadata = {"name": "post_v0", "render_modes": []}  # noqa: RUF012
+    metadata = {"name": "post_v0", "render_modes": []}  # noqa: RUF012  # as PettingZoo has it
     late: ClassVar[int] = 0
 
     def __init__(self, render_mode: str | None = None) -> None:
