@@ -128,7 +128,7 @@ def test_ring_replays_and_expands_under_the_numbers_of_the_training(tmp_path: Pa
 def ring_of(folder: Path, rule: KeepRule) -> RingStore:
     """An open run that retains what `rule` says."""
     facts = {"environment": {}, "level": "actions", "spaces": {}}
-    return create_ring(folder, facts, RingLedger(rule, {}, Contract()))
+    return create_ring(folder, facts, RingLedger(rule, {}, Contract(), must_measure=False))
 
 
 def poured(source: Path, ring: RingStore, *, rounds: int, after: Callable[[], None]) -> None:
@@ -228,10 +228,11 @@ def test_ring_asks_for_a_condition_that_is_measured(tmp_path: Path) -> None:
     with pytest.raises(EvidenceError, match="don't go together"):
         record(Walk(), tmp_path / "none", failed="return < 3")
     assert not (tmp_path / "none").exists()
-    env = record(Walk(), tmp_path / "run", level="actions", keep="failed", failed="missing < 3")
-    trained(env, 1)
-    with pytest.raises(ContractError, match="'missing'"):
-        env.close()
+    for keep in ("failed", "last 3"):
+        env = record(Walk(), tmp_path / keep, level="actions", keep=keep, failed="missing < 3")
+        trained(env, 1)
+        with pytest.raises(ContractError, match="'missing'"):
+            env.close()
 
 
 def test_ring_reads_infos_of_ended_agents_at_level_actions(tmp_path: Path) -> None:

@@ -139,7 +139,7 @@ def failures(contract: Contract, condition: str | None = None) -> Mapping[str, F
             where="failure",
             expected="[failure] in the contract",
             actual="none",
-            fix="give a condition, as --failed 'return < 0.5'",
+            fix="give a condition: failed='return < 0.5', --failed on the command line",
         )
     return contract.failure
 

@@ -174,17 +174,23 @@ class RingLedger:
         rule: says which episodes stay.
         conditions: say when an episode failed; without any, where the environment raised.
         contract: names roles and terms.
+        must_measure: the first episode that ends has every figure that a condition names.
     """
 
     def __init__(
-        self, rule: KeepRule, conditions: Mapping[str, Failure], contract: Contract
+        self,
+        rule: KeepRule,
+        conditions: Mapping[str, Failure],
+        contract: Contract,
+        *,
+        must_measure: bool,
     ) -> None:
         self.rule, self._conditions, self._contract = rule, conditions, contract
         self._open: dict[int, RingEpisode] = {}
         self._ended: dict[int, RingEpisode] = {}
         self._dropped = DroppedSums()
         self._marks: dict[str, RingEpisode] = {}
-        self._is_checked = not rule.has_failed
+        self._is_checked = not must_measure
         self._unjudged = 0
         names = {name for each in conditions.values() for name in each.names}
         self._asks_infos = any(name.rpartition(".")[2] not in MEASURED for name in names)
@@ -340,7 +346,8 @@ def ring_ledger(rule: KeepRule, contract: Contract | None, condition: str | None
     conditions: Mapping[str, Failure] = {}
     if condition is not None or rule.has_failed or declared.failure:
         conditions = failures(declared, condition)
-    return RingLedger(rule, conditions, declared)
+    must_measure = rule.has_failed or condition is not None
+    return RingLedger(rule, conditions, declared, must_measure=must_measure)
 
 
 def with_recovered(keep: Any, episodes: int) -> Any:
