@@ -12,7 +12,7 @@ import inspect
 import random
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -386,6 +386,40 @@ def still_entropy() -> Iterator[None]:
         yield
     finally:
         put_back()
+
+
+class ClassState:
+    """What the classes of an environment and its wrappers keep, as it was before any play.
+
+    That is what stands in their attributes, and in default arguments of their functions.
+    """
+
+    __slots__ = ("_values",)
+
+    def __init__(self, env: Any) -> None:
+        self._values: list[tuple[Any, str, Any]] = []
+        for owner, name, value in _kept_by_classes(env):
+            with suppress(Exception):  # what can't be copied stays as it is
+                self._values.append((owner, name, copy.deepcopy(value)))
+
+    def restore(self) -> None:
+        """Puts copies of it back."""
+        for owner, name, value in self._values:
+            setattr(owner, name, copy.deepcopy(value))
+
+
+def _kept_by_classes(env: Any) -> Iterator[tuple[Any, str, Any]]:
+    kinds = dict, list, set, np.ndarray, np.random.Generator, np.random.RandomState, random.Random
+    while env is not None:
+        for cls in type(env).__mro__:
+            for name, value in vars(cls).items():
+                if inspect.isfunction(value):
+                    if any(isinstance(each, kinds) for each in value.__defaults__ or ()):
+                        yield value, "__defaults__", value.__defaults__
+                elif isinstance(value, kinds) and not name.startswith("__"):
+                    yield cls, name, value
+        inside = getattr(env, "__dict__", {})
+        env = next((inside[name] for name in ("env", "aec_env", "par_env") if name in inside), None)
 
 
 @dataclass(frozen=True, slots=True)
