@@ -6,13 +6,14 @@ import itertools
 import time
 from typing import Any, ClassVar
 
+import numpy as np
 import pytest
 
 from gamekeeper.auditing import elsewhere
 from gamekeeper.auditing.audit import AuditAttempt, audit_here
 from gamekeeper.auditing.audit_process import AuditInterruptedError, audit
 from gamekeeper.auditing.confirm import TRIES, Confirmation, _share_until
-from gamekeeper.auditing.holds import ClassState
+from gamekeeper.auditing.holds import ClassState, calls_of_class, globals_held
 from gamekeeper.auditing.probe_session import ProbeSession, TimeUpError
 from gamekeeper.auditing.probes import isolation
 from gamekeeper.auditing.result import AuditResult
@@ -107,7 +108,7 @@ def test_second_fault_is_shown_with_the_first_held_still(select: tuple[str, ...]
     verdict = audited("Written", *select).of("GK620")
     assert (verdict.outcome, verdict.follows_from) == ("failed", None)
     assert verdict.reproduced == Reproduced(TRIES, TRIES, True)
-    assert "make = globals_held(make)" in verdict.findings[0].reproducer
+    assert "make = globals_held(" in verdict.findings[0].reproducer
 
 
 def test_game_that_a_seed_does_not_settle_is_not_measured_as_deterministic() -> None:
@@ -262,3 +263,14 @@ def test_hash_seeds_turn_every_two_names(monkeypatch: pytest.MonkeyPatch) -> Non
 
     monkeypatch.setattr(elsewhere, "_orders", orders)
     assert elsewhere.hash_seeds.__wrapped__(("a", "b", "c")) == (2, 4)
+
+
+def test_calls_that_an_instance_keeps_are_held_too() -> None:
+    """A wrapper that takes its inner environment's `reset` for its own attribute."""
+
+    class Wrapper:
+        def __init__(self) -> None:
+            self.reset = np.random.random
+
+    make = globals_held(calls_of_class(Wrapper))
+    assert make().reset() == make().reset()

@@ -35,6 +35,25 @@ def with_class(env: Any, **methods: Any) -> Any:
     return env
 
 
+def calls_of_class(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Puts calls that an instance has as attributes of its own where a class can replace them."""
+    names = "reset", "step", "observe", "state", "render"
+
+    def built() -> Any:
+        env = make()
+        own = {name: env.__dict__.pop(name) for name in names if name in vars(env)}
+        if not own:
+            return env
+        env.__dict__["own_calls"] = own
+
+        def called(name: str) -> Callable[..., Any]:
+            return lambda self, *args, **kwargs: self.__dict__["own_calls"][name](*args, **kwargs)
+
+        return with_class(env, **{name: called(name) for name in own})
+
+    return built
+
+
 def globals_held(make: Callable[[], Any]) -> Callable[[], Any]:
     """Seeds the global generators before each call by its number within the episode."""
 
@@ -497,10 +516,14 @@ HOLDS: Final = {
 def held_still(program: str, hold: Hold) -> str:
     """The program with a cause held still in every environment that it builds."""
     text, modules = text_of(hold.function)
+    make = "make"
+    if with_class.__name__ in text:
+        own, _ = text_of(calls_of_class)
+        text, make = f"{own}\n{text}", f"{calls_of_class.__name__}(make)"
     imports = "".join(f"import {name}\n" for name in modules)
     head, found, rest = program.partition(MAKE)
     body, seed, tail = rest.partition(SEED)
     if not found or not seed:
         return program
-    replaced = f"\n{text}\nmake = {hold.function.__name__}(make)\n"
+    replaced = f"\n{text}\nmake = {hold.function.__name__}({make})\n"
     return f"{head}\n{imports}{MAKE}{body}{replaced}{seed}{tail}"
