@@ -49,7 +49,7 @@ FAULTY: Final[Mapping[str, Sequence[Collection[str]]]] = {
     "later_parallel_envs:Drones": [{"GK604"}],  # half-empty batteries stay as they are
     "later_parallel_envs:Quarry": [
         {"GK311"}
-    ],  # who takes the last stone is whose action comes first
+    ],  # the first action of the dictionary takes the last stone
     "later_parallel_envs:Kiln": [{"GK604"}],  # burns on over resets, and out of its Box
     "later_parallel_envs:Ferry": [{"GK817"}],  # state() is noted before the moves
     "later_aec_envs:Nim": [{"GK235"}],  # the mask is that of the player before

@@ -65,7 +65,8 @@ class Nim(AECEnv):
     def step(self, action):
         agent = self.agent_selection
         if self.terminations[agent] or self.truncations[agent]:
-            return self._was_dead_step(action)
+            self._was_dead_step(action)
+            return
         if action == self.taken[agent] and self.stones > 1:
             raise ValueError(f"{agent} took {action + 1} last time")
         self._cumulative_rewards[agent] = 0
