@@ -35,7 +35,6 @@ def test_broken_promises_stand_by_severity() -> None:
     assert high.splitlines()[0] == "  GK402  breaks the rule: The promise of GK402."
     for word in ("rollout/7, turn 8", "expected  0.0", "actual    0.5", "30 of 260 cases"):
         assert word in high
-    assert list(dict(failed_blocks(mixed(), width=80, least="high"))) == ["Failed: high severity"]
 
 
 def test_consequences_stand_after_their_cause_in_a_line_each() -> None:
@@ -51,15 +50,14 @@ def test_consequences_stand_after_their_cause_in_a_line_each() -> None:
     assert "GK601" not in blocks["Failed: high severity"]
 
 
-@pytest.mark.parametrize("least", ["low", "high"])
-def test_cause_stands_where_the_worst_of_its_consequences_would(least: str) -> None:
-    """A medium cause of a high consequence is of high severity, also where only these are shown."""
+def test_cause_stands_where_the_worst_of_its_consequences_would() -> None:
+    """A medium cause of a high consequence is of high severity."""
     cause = {"id": "GK106", "held_still": "entries deleted"}
     document = audit(
         verdict("GK106", "failed", severity="medium"),
         verdict("GK402", "failed", follows_from=cause, reproduced=None),
     )
-    blocks = dict(failed_blocks(document, width=120, least=least))
+    blocks = dict(failed_blocks(document, width=120))
     assert "GK106" in blocks["Failed: high severity"]
     assert "GK402" in blocks["Failed: consequences of these"]
 

@@ -133,11 +133,11 @@ def show_audit(screen: Screen, document: Mapping[str, Any]) -> None:
             screen.show(f"\n{part}")
 
 
-def show_failed(screen: Screen, document: Mapping[str, Any], *, least: Severity = "low") -> None:
+def show_failed(screen: Screen, document: Mapping[str, Any]) -> None:
     """Shows the failed checks, grouped by severity."""
     from gamekeeper.reporting.audit_text import failed_blocks
 
-    for heading, text in failed_blocks(document, width=screen.width, least=least):
+    for heading, text in failed_blocks(document, width=screen.width):
         screen.show("")
         screen.verdict(heading, MANNERS[heading.split()[1]])
         screen.show(text)
