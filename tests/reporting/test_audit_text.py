@@ -10,7 +10,6 @@ from gamekeeper.reporting.audit_text import (
     not_exercised_text,
     program_of,
     suspected_text,
-    timings_text,
     title_text,
     waived_text,
 )
@@ -160,13 +159,6 @@ def test_passed_checks_with_few_cases_say_what_they_could_miss() -> None:
 def test_errors_show_the_last_line_of_the_traceback() -> None:
     """What a check raised is told in a line."""
     assert "GK502  NameError: name 'x' is not defined" in errors_text(mixed(), width=80)
-
-
-def test_timings_begin_with_the_longest() -> None:
-    """Probes by the time they took, then the whole with its steps."""
-    lines = timings_text(mixed(), width=80).splitlines()
-    assert [line.split()[0] for line in lines] == ["Timings", "rollout", "judging", "total"]
-    assert lines[-1].endswith("3,000 steps")
 
 
 def test_brief_rows_count_what_they_leave_out() -> None:

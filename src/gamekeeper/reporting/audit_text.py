@@ -266,14 +266,6 @@ def errors_text(audit: Document, *, width: int) -> str:
     return _section("Checks with an error", rows, width)
 
 
-def timings_text(audit: Document, *, width: int) -> str:
-    """Seconds by probe, the longest first, and steps of the environment."""
-    timed = sorted(audit["timings"].items(), key=lambda pair: -pair[1])
-    rows = [(name, f"{seconds:8.2f} s") for name, seconds in timed]
-    rows.append(("total", f"{audit['seconds']:8.2f} s, {audit['steps']:,} steps"))
-    return _section("Timings", rows, width)
-
-
 def _section(title: str, rows: Sequence[Row], width: int) -> str:
     """A heading and its rows; nothing where there are none."""
     return "\n".join([title, *table_lines(rows, width=width)]) if rows else ""
