@@ -154,8 +154,9 @@ FEWEST_RUNS_EACH: Final = 3
 """Training runs in each of several environments."""
 FEWEST_RUNS_FOR_MEDIANS: Final = 30
 """Training runs in each environment for the median over environments of their means."""
-FEWEST_PAIRS: Final = 50
-"""Pairs of episodes for the probability that one beats the other."""
+MANY_PAIRS: Final = 50
+"""Pairs of episodes from which on Tango's interval of who beats whom covers; of fewer an exact one
+is given."""
 
 RULE_OF_THREE: Final = 3
 """An outcome of a chance over 3 / n is seen in 95 of 100 samples of n."""
