@@ -77,7 +77,7 @@ def test_pair_has_one_first_difference(open_page: Open) -> None:
     told = page.locator(".parted").inner_text()
     assert told == "First difference: turn 32, carrier_0, obs 0.1 against 0.2."
     assert page.locator(".jump-divergence").all_inner_texts() == [
-        "◆ 32 divergence, carrier_0, obs differs"
+        "◆ turn 32: divergence, carrier_0, obs differs"
     ]
 
 
@@ -91,7 +91,7 @@ def test_episodes_beside_each_other_begin_where_they_part(open_page: Open) -> No
     assert (
         told == f"First difference: turn 33, carrier_0, action {actions[0]} against {actions[1]}."
     )
-    assert page.get_by_role("button", name="33 divergence, carrier_0").count() == 1
+    assert page.get_by_role("button", name="turn 33: divergence, carrier_0").count() == 1
     assert page.locator("td.differs").count() == 2
     assert (
         page.locator("article").nth(1).inner_text().count("A counterfactual of a, episode 0") == 1

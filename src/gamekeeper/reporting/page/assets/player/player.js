@@ -244,13 +244,13 @@ gk.Player = class {
     this.curve.draw(one ? this.decks[0].episode : null, { wide, at });
   }
 
-  // A pair begins at its first difference, what broke off where it did, a failure in the midst of an episode where it is, anything else at its beginning.
+  // A pair begins at its first difference, what broke off where it did, a lost one at the turn that lost it, a failure in the midst of an episode where it is, anything else at its beginning.
   #start() {
     if (this.decks.length > 1) return Math.min(this.last, this.part?.turn ?? 0);
     const found = (kind) => this.marks.find((mark) => mark.kind === kind)?.turn;
     if (this.decks[0].episode.end === "open") return this.last;
     const failure = found("failure");
-    return found("error") ?? (failure < this.last ? failure : 0);
+    return found("error") ?? found("pivot") ?? (failure < this.last ? failure : 0);
   }
 
   #sayPart(episodes) {
@@ -268,7 +268,7 @@ gk.Player = class {
       ...named.map((mark) => {
         const side = several && !mark.both ? `${mark.side}: ` : "";
         const sign = gk.node("span", { "aria-hidden": "true", class: "sign", text: gk.markSign(mark) });
-        const made = gk.node("button", { type: "button", class: `jump jump-${gk.own(gk.MARKS, mark.kind) ? mark.kind : "other"}` }, sign, ` ${mark.turn} `, gk.name(`${side}${wording(mark)}`));
+        const made = gk.node("button", { type: "button", class: `jump jump-${gk.own(gk.MARKS, mark.kind) ? mark.kind : "other"}`, title: wording(mark) }, sign, ` turn ${mark.turn}: `, gk.name(`${side}${wording(mark)}`));
         made.addEventListener("click", () => {
           this.to(mark.turn);
           if (mark.agent) this.decks.forEach((deck) => deck.lanes.reveal(mark.agent));
