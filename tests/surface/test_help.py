@@ -6,7 +6,7 @@ from typing import Any, Final
 import pytest
 import typer
 
-from gamekeeper.cli._app import build_app
+from gamekeeper.cli._app import build_app, run_line
 
 COMMANDS: Final[dict[str, Any]] = dict(typer.main.get_command(build_app()).commands)  # type: ignore[attr-defined]
 SHOWN: Final = [
@@ -83,6 +83,15 @@ def test_command_has_a_verb_and_an_example(name: str) -> None:
     assert re.match(r"[A-Z][a-z]+s\b.*\.$", first), first
     assert last.startswith(f"Example: gamekeeper {name} "), last
     assert DIALECT.search(COMMANDS[name].help) is None
+
+
+def test_help_names_no_type_of_python(capfd: pytest.CaptureFixture[str]) -> None:
+    """An argument is its name: `RUN`, and neither `RUN <list[Path]>` nor `{RUN}`."""
+    for name in COMMANDS:
+        run_line([name, "--help"])
+        out, _ = capfd.readouterr()
+        assert re.search(r"<(str|int|path|list\[)", out) is None, out
+        assert "{" not in out.partition("\n")[0], out
 
 
 @pytest.mark.parametrize("name", COMMANDS)
