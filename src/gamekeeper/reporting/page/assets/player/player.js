@@ -66,7 +66,7 @@ gk.Player = class {
     this.slider.addEventListener("input", () => this.to(Number(this.slider.value)));
     this.ranging = gk.node("button", { type: "button", class: "ranging", "aria-pressed": "false", title: "Totals from this turn on (R)", text: "Range" });
     this.ranging.addEventListener("click", () => this.mark(this.anchor === null ? this.turn : null));
-    this.curve = new gk.SuccessCurve();
+    this.curve = new gk.SliderCurve();
     this.where = gk.node("output", { class: "where", "aria-hidden": "true" });
     this.faster(0);
     return gk.node(
@@ -213,6 +213,7 @@ gk.Player = class {
     this.#choosePair();
     this.part = episodes.length < 2 ? null : this.known ? this.known.divergence : gk.firstDifference(...episodes);
     if (episodes.length > 1) this.decks.forEach((deck) => deck.mark(this.partMarks()));
+    this.found = episodes.length > 1 ? gk.gapCurve(...episodes) : gk.successCurve(episodes[0]);
     this.stage.classList.toggle("two", episodes.length > 1);
     this.stage.replaceChildren(...this.decks.map((deck) => deck.root));
     this.slider.max = String(this.last);
@@ -241,7 +242,7 @@ gk.Player = class {
     const penalties = this.decks.flatMap((deck) => deck.episode.penalties);
     const at = (turn) => half + turn * shape.perTurn;
     gk.drawMarks(ink, [...this.marks, ...penalties], { ...shape, at });
-    this.curve.draw(one ? this.decks[0].episode : null, { wide, at });
+    this.curve.draw(this.found, { wide, at });
   }
 
   // A pair begins at its first difference, what broke off where it did, a lost one at the turn that lost it, a failure in the midst of an episode where it is, anything else at its beginning.
