@@ -239,9 +239,8 @@ gk.Player = class {
     const ink = gk.sized(this.ticks, wide, TICKS);
     ink.clearRect(0, 0, wide, TICKS);
     const shape = { first: 0, perTurn: (wide - THUMB) / Math.max(1, this.last), past: this.last + 1, width: wide };
-    const penalties = this.decks.flatMap((deck) => deck.episode.penalties);
     const at = (turn) => half + turn * shape.perTurn;
-    gk.drawMarks(ink, [...this.marks, ...penalties], { ...shape, at });
+    gk.drawMarks(ink, [...this.marks, ...this.decks.flatMap((deck) => deck.episode.penalties)], { ...shape, at });
     this.curve.draw(this.found, { wide, at });
   }
 
