@@ -83,3 +83,4 @@ def test_search_finds_by_title(words: str, found: str) -> None:
         for page, _ in places
     ]
     assert found in pages
+    assert "score + 100" in (BUILT / "_static" / "language_data.js").read_text(encoding="utf-8")
