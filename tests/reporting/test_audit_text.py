@@ -22,7 +22,8 @@ def test_title_counts_what_the_audit_came_to() -> None:
         "rovers.py:make (Parallel): 1 passed, 1 waived, 1 not exercised, 1 not applicable, "
         "1 error, 2 failed (1 high, 1 low)"
     )
-    assert expected == title_text(mixed())
+    assert expected == title_text(mixed(), width=130)
+    assert all(len(line) <= 80 for line in title_text(mixed(), width=80).splitlines())
     assert counts_text(audit()) == "0 passed, 0 failed"
 
 

@@ -102,7 +102,7 @@ def show_audit(screen: Screen, document: Mapping[str, Any]) -> None:
     from gamekeeper.reporting.measured_text import measured_text
 
     width = screen.width
-    screen.verdict(title_text(document), _manner(document))
+    screen.verdict(title_text(document, width=screen.width), _manner(document))
     if document["stopped"]:
         screen.show(f"This audit is incomplete: {document['stopped']}.")
     source = document.get("source") or {}

@@ -11,7 +11,7 @@ from typing import Any, Final
 from gamekeeper.checks.verdict import LOW, MINOR, NO_CASE, SEVERITIES
 from gamekeeper.contract.validation import one_line
 from gamekeeper.reporting.results_text import table_lines
-from gamekeeper.reporting.text_columns import wrapped
+from gamekeeper.reporting.text_columns import columns_of, wrapped
 
 Document = Mapping[str, Any]
 Row = tuple[str, str]
@@ -41,10 +41,13 @@ def verdicts_of(audit: Document, *outcomes: str) -> list[Document]:
     return sorted(found, key=lambda each: (SEVERITIES.index(each["severity"]), each["id"]))
 
 
-def title_text(audit: Document) -> str:
-    """The environment and the result of its audit, in one line."""
+def title_text(audit: Document, *, width: int) -> str:
+    """The environment and the result of its audit, in one line where it fits."""
     api = {"aec": " (AEC)", "parallel": " (Parallel)"}.get(audit["api"], "")
-    return f"{one_line(audit['environment'])}{api}: {counts_text(audit)}"
+    name, counts = f"{one_line(audit['environment'])}{api}:", counts_text(audit)
+    if columns_of(name) + columns_of(counts) < width:
+        return f"{name} {counts}"
+    return "\n".join([name, *wrapped(counts, width, first=INDENT, rest=INDENT)])
 
 
 def counts_text(audit: Document) -> str:
@@ -253,7 +256,7 @@ def chances_text(audit: Document, *, width: int) -> str:
                 each["id"]
             )
     rows = [(cases, ", ".join(ids)) for cases, ids in by_share.items()]
-    title = "Passed on few cases (could miss a fault that shows in fewer than this share of cases)"
+    title = "Passed on few cases (could miss a fault seen in fewer than this share)"
     return _section(title, rows, width)
 
 

@@ -76,10 +76,11 @@ def _falls(each: Mapping[str, Any], has_blocks: bool) -> Iterator[tuple[str, str
     for pivot in each["pivots"]:
         yield from _pivot(pivot)
     if not each["pivots"]:
-        yield _without(each), INDENT
+        yield no_pivot_text(each), INDENT
 
 
-def _without(each: Mapping[str, Any]) -> str:
+def no_pivot_text(each: Mapping[str, Any]) -> str:
+    """The reason why no turn of an episode is named."""
     if each["not_tried"]:
         return "no fall at one turn was shown as far as the budget went"
     curve = each["curve"]
