@@ -176,10 +176,10 @@ def test_peers_and_named_policies_are_tried_in_an_agents_place() -> None:
     setup = Setup("env", policies={"picker_0": "a:b", "picker_1": "c:d", "carrier_0": "e:f"})
     agents = ["picker_0", "picker_1", "carrier_0"]
     found = {one.name: one for one in peers_of(setup, Contract(), agents)}
-    assert list(found) == ["policy[picker_0] = picker_1's", "policy[picker_1] = picker_0's"]
-    assert found["policy[picker_0] = picker_1's"].applied(setup).policies["picker_0"] == "c:d"
+    assert list(found) == ["giving picker_0 picker_1's policy", "giving picker_1 picker_0's policy"]
+    assert found["giving picker_0 picker_1's policy"].applied(setup).policies["picker_0"] == "c:d"
     named = [one.name for one in swaps_of({"picker": "x:y"}, Contract(), agents)]
-    assert named == ["policy[picker_0] = x:y", "policy[picker_1] = x:y"]
+    assert named == ["giving picker_0 the policy x:y", "giving picker_1 the policy x:y"]
     with pytest.raises(EvidenceError, match="'pickr', which is no agent and no role here"):
         list(swaps_of({"pickr": "x:y"}, Contract(), agents))
 
