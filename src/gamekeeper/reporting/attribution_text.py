@@ -29,8 +29,9 @@ REPEATED: Final = (
     "one action: mean team return that is lost if {stand_in} replaces one of the agent's actions; "
     "as nobody reacts, it may be more than the difference above",
     "all actions: the same if all of them are replaced",
-    "an action that isn't legal any more gives way to {stand_in}",
+    "an action that isn't legal any more gives way to {stand_in}{or_else}",
 )
+NOOP: Final = "the noop"
 HARMFUL: Final = "Harmful: the team has more where it does nothing"
 LAZY: Final = (
     "Lazy: brings significantly less than half of what others of its role bring on average (a "
@@ -117,7 +118,8 @@ def _repeated(document: Mapping[str, Any], width: int) -> str:
     title = f"Actions of one agent replaced, while the others repeat theirs: {which}"
     absent = "-: the agent had no action to replace"
     stand_in = _stand_in(parts)
-    repeated = [each.format(stand_in=stand_in) for each in REPEATED]
+    or_else = ", or else to the first legal action" if stand_in == NOOP else ""
+    repeated = [each.format(stand_in=stand_in, or_else=or_else) for each in REPEATED]
     legend = [*repeated, *_signs(parts, absent), *_stand_ins(document, stand_in)]
     return _group(title, rows, legend, width)
 
@@ -188,12 +190,12 @@ def _stand_in(parts: Sequence[Mapping[str, Any] | None]) -> str:
     played = {part["baseline"] for part in parts if part is not None}
     if played == {"first-legal"}:
         return "the agent's first legal action (no noop is declared)"
-    return "the noop"
+    return NOOP
 
 
 def _stand_ins(document: Mapping[str, Any], stand_in: str) -> list[str]:
     """Names those of some agents that declare no noop, where others do."""
-    if stand_in != "the noop":
+    if stand_in != NOOP:
         return []
     names = [
         name
