@@ -106,13 +106,10 @@ class Pivot:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        return {
-            "turn": self.turn,
+        return {name: getattr(self, name) for name in self.__slots__} | {
             "fall": self.fall,
             "before": self.before.to_json(),
             "after": self.after.to_json(),
-            "p": self.p,
-            "loss": self.loss,
             "agents": list(self.agents),
             "tried": [each.to_json() for each in self.tried],
         }
@@ -146,15 +143,9 @@ class EpisodePivots:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        return {
-            "episode": self.episode,
-            "scope": self.scope,
-            "turns": self.turns,
-            "question": self.question,
+        return {name: getattr(self, name) for name in self.__slots__} | {
             "curve": [each.to_json() for each in self.curve],
             "pivots": [each.to_json() for each in self.pivots],
-            "steps": self.steps,
-            "by_copies": self.by_copies,
             "not_tried": list(self.not_tried),
         }
 

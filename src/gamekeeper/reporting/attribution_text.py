@@ -29,9 +29,8 @@ REPEATED: Final = (
     "one action: mean team return that is lost if {stand_in} replaces one of the agent's actions; "
     "as nobody reacts, it may be more than the difference above",
     "all actions: the same if all of them are replaced",
-    "an action that isn't legal any more gives way to {stand_in}{or_else}",
+    "an action that isn't legal any more gives way to the noop, or else to the first legal action",
 )
-NOOP: Final = "the noop"
 HARMFUL: Final = "Harmful: the team has more where it does nothing"
 LAZY: Final = (
     "Lazy: brings significantly less than half of what others of its role bring on average (a "
@@ -117,10 +116,8 @@ def _repeated(document: Mapping[str, Any], width: int) -> str:
         which = f"{recorded:,} recorded and {_episodes(every - recorded, 'new')}{_named(document)}"
     title = f"Actions of one agent replaced, while the others repeat theirs: {which}"
     absent = "-: the agent had no action to replace"
-    stand_in = _stand_in(parts)
-    or_else = ", or else to the first legal action" if stand_in == NOOP else ""
-    repeated = [each.format(stand_in=stand_in, or_else=or_else) for each in REPEATED]
-    legend = [*repeated, *_signs(parts, absent), *_stand_ins(document, stand_in)]
+    repeated = [each.format(stand_in=_stand_in(parts)) for each in REPEATED]
+    legend = [*repeated, *_signs(parts, absent)]
     return _group(title, rows, legend, width)
 
 
@@ -188,23 +185,11 @@ def _baseline(document: Mapping[str, Any]) -> str:
 def _stand_in(parts: Sequence[Mapping[str, Any] | None]) -> str:
     """The action that replaces others: the noop, or where none is declared the first legal one."""
     played = {part["baseline"] for part in parts if part is not None}
-    if played == {"first-legal"}:
+    if "first-legal" not in played:
+        return "the noop"
+    if len(played) == 1:
         return "the agent's first legal action (no noop is declared)"
-    return NOOP
-
-
-def _stand_ins(document: Mapping[str, Any], stand_in: str) -> list[str]:
-    """Names those of some agents that declare no noop, where others do."""
-    if stand_in != NOOP:
-        return []
-    names = [
-        name
-        for name, part in document["agents"].items()
-        if (part["turn"]["all"] or {}).get("baseline") == "first-legal"
-    ]
-    if not names:
-        return []
-    return [f"for {', '.join(names)}, which declare no noop, the first legal action stands for it"]
+    return "the noop (where none is declared, the first legal action)"
 
 
 def _verdict(document: Mapping[str, Any], width: int, key: str, title: str) -> str:

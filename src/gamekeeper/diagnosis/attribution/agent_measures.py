@@ -42,17 +42,6 @@ class Measured:
     n: int
     baseline: str
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain data."""
-        return {
-            "value": self.value,
-            "low": self.low,
-            "high": self.high,
-            "p": self.p,
-            "n": self.n,
-            "baseline": self.baseline,
-        }
-
 
 def measured(
     values: NDArray[np.float64], *, baseline: str, rng: Generator, unit: float = 1.0
