@@ -200,6 +200,7 @@ def _attributed(
 ) -> Attribution:
     rng = np.random.default_rng([12, task.seed])
     shapley, differences = _closed(task, found, rng)
+    method: Any = "exact" if len(task.players) <= MOST_EXACT else "sampled"
     sure = [each for each in found.scans if each["noise"] is None]
     whole = everyone(len(task.players))
     agents, harm = {}, harms(differences, shapley)
@@ -234,7 +235,7 @@ def _attributed(
         loop="closed" if task.is_closed else "open",
         policies=other_policies(evidence, task.setup),
         baseline=baseline,
-        method=None if not shapley else _method(task),
+        method=method if shapley else None,
         everyone=_mean([values[whole] for values in found.closed.values()]),
         nobody=_mean([values[0] for values in found.closed.values()]),
         agents=agents,
@@ -258,10 +259,6 @@ def _with_terms(owns: Mapping[str, Own], found: ContributionData, episodes: int)
             sums[name].update(terms)
     means = {name: {term: x / counts[name] for term, x in sums[name].items()} for name in owns}
     return {name: replace(own, terms=means[name]) for name, own in owns.items()}
-
-
-def _method(task: ReplacementTask) -> Any:
-    return "exact" if len(task.players) <= MOST_EXACT else "sampled"
 
 
 def _closed(
