@@ -174,7 +174,11 @@ def test_parts_of_a_dict_are_exchanged_as_wholes_and_pixels_need_bounds_of_pixel
         for box in (two, Box(0.0, 1.0, (2,)), Box(0.0, 255.0, (2,)))
     ]
     assert [255.0 in each for each in factors] == [False, True, False]
-    assert [1 / 255 in each for each in factors] == [False, False, True]
+    enlarged = undone(BoundaryUndo(("a",), "rescale fields", amount=10.0))
+    assert (enlarged.labels, enlarged.shown) == (
+        (),
+        "a's gain, from what is observed to what is done",
+    )
 
 
 def test_an_undo_of_one_agent_goes_before_that_of_several_and_before_a_whole_policy() -> None:

@@ -34,6 +34,8 @@ ENVIRONMENT: Final = "environment"
 LONGER: Final = 4
 """Times as long as before an episode is, where the environment's own cut-off is moved."""
 CUT_OFF: Final = "cut-off"
+PIXELS: Final = 255.0
+"""A factor of an observation that is one of units, of pixels."""
 COMPONENTS: Final = (*LABELS, POLICY, MEMORY, DRAWS, MESSAGES, ENVIRONMENT, CUT_OFF)
 """Components that are made ideal: a label where one boundary is touched; a whole policy, and all
 that it keeps between turns, have none, as several of their parts could be at fault."""
@@ -79,9 +81,19 @@ class IdealSubstitute:
         return tuple(leaf for part in self.parts for leaf in part.leaves) or (self,)
 
     @property
+    def is_gain(self) -> bool:
+        """Tells whether it enlarges all of an observation, and so drowns what is added to it.
+
+        That makes up for other units, for an error in what is computed with it, and for weak
+        actions alike.
+        """
+        undo = self.undo
+        return undo is not None and undo.way == "rescale fields" and 1 < undo.amount < PIXELS
+
+    @property
     def labels(self) -> tuple[str, ...]:
         """The failures that it cures; none of a component that has several parts."""
-        if self.between:
+        if self.between or self.is_gain:
             return ()
         return tuple(each for each in self.component.split(" + ") if each in LABELS)
 
@@ -106,6 +118,8 @@ class IdealSubstitute:
         if self.component == ENVIRONMENT:
             return f"the environment's {self.steps[0][2]}"
         whose = f"{_joined(self.agents)}'s " if self.agents else ""
+        if self.is_gain:
+            return f"{whose}gain, from what is observed to what is done"
         if self.between:
             text = f"messages from {self.between[0]} to {_joined(self.between[1:])}"
             return f"{whose}{self.component} or {text}" if self.agents == self.between[:1] else text

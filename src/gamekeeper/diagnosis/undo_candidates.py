@@ -25,9 +25,9 @@ MOST_SCALED: Final = 1_000
 """Fields of an observation up to which it is rescaled."""
 MOST_VALUES: Final = 10
 """Values of an axis up to which pairs of them are exchanged."""
-FACTORS: Final = (0.5, 2.0, 0.1, 10.0)
-PIXEL: Final = 255.0
-"""Range of a pixel: a factor where bounds are those of pixels, or of what these become."""
+FACTORS: Final = (0.5, 2.0, 0.1, 10.0, 1 / 255, 255.0)
+"""The last one, from 1 to the range of pixels, only where bounds don't contradict it: elsewhere it
+drives every action to its bound, which may do for a success."""
 MOST_LAG: Final = 20
 """Decisions up to which a policy's slowest reactions are settled."""
 HOLDS: Final = (2, 4)
@@ -59,25 +59,14 @@ def observation_undos(
                     yield 1, replace(pair, way="turn fields", amount=float(quarters))
     yield from _part_undos(agents, shown, deaf)
     if fields and len(fields) <= MOST_SCALED and not any(each.is_whole for each in fields):
-        for factor in (*FACTORS, *_pixel_factors(fields)):
+        most = max(abs(end) for each in fields for end in (each.low, each.high))
+        for factor in FACTORS if most <= 1 or most == np.inf else FACTORS[:-1]:
             yield 0, BoundaryUndo(agents, "rescale fields", amount=factor)
         if all(
             np.isfinite([each.low, each.high]).all() and each.low < each.high for each in fields
         ):
             for bottom in (0.0, -1.0):
                 yield 0, BoundaryUndo(agents, "normalize fields", amount=bottom)
-
-
-def _pixel_factors(fields: Sequence[NumberField]) -> Iterator[float]:
-    """Factors from and to the range of pixels, where the bounds don't contradict them.
-
-    Elsewhere so large a factor only drives every action to its bound, which may do for a success.
-    """
-    most = max(abs(end) for each in fields for end in (each.low, each.high))
-    if most <= 1 or most == np.inf:
-        yield PIXEL
-    if most >= PIXEL:
-        yield 1 / PIXEL
 
 
 def _part_undos(
@@ -114,7 +103,7 @@ def action_undos(agents: tuple[str, ...], axes: Sequence[NumberField]) -> Iterat
         name, tier = ("", 0) if is_only else (f"axis {one.place}", 2)
         yield from _value_undos(agents, one, "exchange actions", name, tier=tier)
     if axes and not any(each.is_whole for each in axes):
-        for factor in FACTORS:
+        for factor in FACTORS[:4]:
             yield 0, BoundaryUndo(agents, "rescale axes", amount=factor)
 
 
