@@ -291,10 +291,13 @@ class RunRecorder:
         the rows of a killed run couldn't be decoded.
         """
         agents = list(self.layout.order)
-        types = {each.name: type_name_of(each.action_type) for each in agents if each.action_type}
-        known = len(agents), self.layout.state is None, not types
+        has_types = any(each.action_type for each in agents)  # most often the first has one
+        known = len(agents), self.layout.state is None, has_types
         if known != self._described:
             self._described = known
+            types = {
+                each.name: type_name_of(each.action_type) for each in agents if each.action_type
+            }
             self._store.describe({**manifest_of(**self._facts), "action_types": types})
 
     def _let_go(self) -> None:
