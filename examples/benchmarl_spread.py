@@ -3,9 +3,9 @@
     python examples/benchmarl_spread.py --seed 0
 
 Needs BenchMARL (`pip install 'gamekeeper[benchmarl,fast]'`). Learns half of its steps, saves them
-as BenchMARL does, goes on in an experiment that is read from the file, and plays 100 episodes out of
-the last file, which are recorded and replayed. Prints one line of JSON; exits with 1 if what was
-learnt isn't good enough.
+as BenchMARL does, goes on in an experiment that is read from the file, and plays 100 episodes out
+of the last file, which are recorded and replayed. Prints one line of JSON; exits with 1 if what
+was learnt isn't good enough.
 
 Source: Bettini et al. 2024, "BenchMARL"; Yu et al. 2022, "The Surprising Effectiveness of PPO in
 Cooperative Multi-Agent Games" (MAPPO: the critic sees the state).
