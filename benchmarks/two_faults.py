@@ -53,7 +53,7 @@ BOTH = _both()
 
 def judged(name: str, budget: int) -> dict[str, Any]:
     """The causes and the consequences that the audit of one of them gives."""
-    failed = audit(f"{__spec__.name}:{name}", budget=budget).failed
+    failed = audit(f"benchmarks.two_faults:{name}", budget=budget).failed
     causes = [each.id for each in failed if each.follows_from is None]
     return {
         "name": name,
