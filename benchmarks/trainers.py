@@ -28,7 +28,7 @@ FIGURE: Final = "trainers"
 ROOT: Final = Path(__file__).parent.parent
 LISTS: Final = ROOT / "requirements" / "trainers"
 ADAPTERS: Final = ROOT / "src" / "gamekeeper" / "adapters"
-DISTRIBUTION: Final = {"sb3": "stable-baselines3", "rllib": "ray"}
+DISTRIBUTION: Final = {"sb3": "stable-baselines3", "rllib": "ray", "rerun": "rerun-sdk"}
 """What a trainer is called on the index, where its list is called otherwise."""
 FIELDS: Final = ("kept", "changed", "lost", "refused")
 
