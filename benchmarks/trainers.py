@@ -27,7 +27,7 @@ FIGURE: Final = "trainers"
 ROOT: Final = Path(__file__).parent.parent
 LOCKS: Final = ROOT / "requirements" / "trainers"
 ADAPTERS: Final = ROOT / "src" / "gamekeeper" / "adapters"
-DISTRIBUTION: Final = {"sb3": "stable-baselines3", "rllib": "ray", "rerun": "rerun-sdk"}
+DISTRIBUTION: Final = {"sb3": "stable-baselines3", "rllib": "ray"}
 """What a trainer is called on the index, where its lock is called otherwise."""
 FIELDS: Final = ("passed", "changed", "lost", "refused")
 

@@ -63,7 +63,7 @@ def counts_text(audit: Document) -> str:
     return f"{text} ({severities})" if severities else text
 
 
-def failed_blocks(audit: Document, *, width: int, least: str = "low") -> Iterator[tuple[str, str]]:
+def failed_blocks(audit: Document, *, width: int) -> Iterator[tuple[str, str]]:
     """The failed checks: causes by severity, in full; consequences and minor ones in a line each.
 
     A cause stands where the worst of what follows from it would.
@@ -71,12 +71,10 @@ def failed_blocks(audit: Document, *, width: int, least: str = "low") -> Iterato
     Args:
         audit: the document.
         width: columns that no line exceeds, as far as words allow.
-        least: severity below which nothing is shown.
     """
-    bad = SEVERITIES[: SEVERITIES.index(least) + 1]
     failed = verdicts_of(audit, "failed")
     causes = [each for each in failed if not each["follows_from"]]
-    for severity in bad:
+    for severity in SEVERITIES:
         found = [each for each in causes if _worst(each, failed) == severity]
         if found and severity == LOW:
             yield "Failed: low severity", "\n".join(_row_lines([_minor(x) for x in found], width))
@@ -85,7 +83,7 @@ def failed_blocks(audit: Document, *, width: int, least: str = "low") -> Iterato
                 f"Failed: {severity} severity",
                 "\n\n".join(_finding(each, width) for each in found),
             )
-    follow = [each for each in failed if each["follows_from"] and each["severity"] in bad]
+    follow = [each for each in failed if each["follows_from"]]
     rows = [_consequence(each) for each in follow]
     if rows:
         yield "Failed: consequences of these", "\n".join(_row_lines(rows, width))
@@ -269,14 +267,6 @@ def errors_text(audit: Document, *, width: int) -> str:
         for each in verdicts_of(audit, "error")
     ]
     return _section("Checks with an error", rows, width)
-
-
-def timings_text(audit: Document, *, width: int) -> str:
-    """Seconds by probe, the longest first, and steps of the environment."""
-    timed = sorted(audit["timings"].items(), key=lambda pair: -pair[1])
-    rows = [(name, f"{seconds:8.2f} s") for name, seconds in timed]
-    rows.append(("total", f"{audit['seconds']:8.2f} s, {audit['steps']:,} steps"))
-    return _section("Timings", rows, width)
 
 
 def _section(title: str, rows: Sequence[Row], width: int) -> str:
