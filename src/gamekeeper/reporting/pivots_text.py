@@ -56,7 +56,8 @@ def pivots_text(document: Mapping[str, Any], *, width: int, has_blocks: bool = T
 
 def _episode(each: Mapping[str, Any], has_blocks: bool) -> Iterator[tuple[str, str]]:
     """Lines of an episode, each with its indent."""
-    yield f"Episode {each['episode']} failed for {each['scope']} after {each['turns']} turns", ""
+    who = "the team" if each["scope"] == "team" else each["scope"]
+    yield f"Episode {each['episode']}: {who} failed after {each['turns']} turns", ""
     if each["question"] == "last action":
         yield from _last_action(each)
     else:
