@@ -8,6 +8,7 @@ from gamekeeper.errors import EvidenceError
 from gamekeeper.rollouts.continuations import RecordedCourse
 from gamekeeper.rollouts.reruns import play_of
 from gamekeeper.runs.replay_runner import ReplayRunner
+from gamekeeper.runs.standing import choices_in
 
 
 def course_of(evidence: Evidence, stage: OpenSetup, number: int) -> RecordedCourse:
@@ -39,4 +40,5 @@ def course_of(evidence: Evidence, stage: OpenSetup, number: int) -> RecordedCour
         evidence.manifest.get("seed") or 0,
         stage.contract,
         stage.setup.most_turns,
+        dict(stage.setup.policies) == choices_in(header["policies"]),
     )
