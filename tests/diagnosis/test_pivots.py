@@ -98,6 +98,20 @@ def test_pivots_where_nothing_is_drawn_looks_for_the_last_action() -> None:
     found = gk.pivots(evidence, failed="return < 1", policies=policies).episodes[0]
     assert found.question == "last action"
     assert [(pivot.turn, pivot.agents) for pivot in found.pivots] == [(7, ("left",))]
+    assert sum(point.n for point in found.curve) == 8 * 24  # the vault draws, to no effect
+
+
+def seldom(observation: Any, agent: Any, info: Any, rng: Any) -> int:
+    """Lets go at the first turn, but for one time in eight."""
+    return int(observation == 0 and agent == "left" and rng.random() > 0.125)
+
+
+def test_pivots_of_few_continuations_that_are_alike_do_not_show_that_nothing_draws() -> None:
+    """Three continuations that fail alike are asked again, as the policy draws."""
+    evidence = gk.rollout(Vault, policies=seldom, episodes=1, seed=1)
+    found = gk.pivots(evidence, failed="return < 1", policies={"*": seldom}, seed=0).episodes[0]
+    assert found.question == "falls"
+    assert [pivot.agents for pivot in found.pivots] in ([], [("left",)])
 
 
 def test_pivots_tells_bad_luck_from_an_action() -> None:

@@ -24,6 +24,7 @@ LOSSES: Final = {
     "not tried": "other actions: not tried, the budget is spent",
 }
 """The reason why success was lost, where no agent's other action keeps it."""
+LAST_TURN: Final = "the last turn from which another action of one agent succeeds"
 LONGEST: Final = 60
 """Characters of an action."""
 
@@ -115,11 +116,7 @@ def kept_by(pivot: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _last_action(each: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    yield (
-        "nothing draws anything, so the policies fail again from every turn; looked for: the last "
-        "turn from which another action of one agent succeeds",
-        INDENT,
-    )
+    yield f"{_all_fail(each['curve'])}; looked for: {LAST_TURN}", INDENT
     for pivot in each["pivots"]:
         yield f"turn {pivot['turn']} is the last one", INDENT
         for text in kept_by(pivot):
@@ -127,6 +124,13 @@ def _last_action(each: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     if not each["pivots"]:
         rest = "was tried so far" if each["not_tried"] else "was tried at any turn"
         yield f"no other action of one agent that {rest} succeeds", INDENT
+
+
+def _all_fail(curve: list[Mapping[str, Any]]) -> str:
+    count = sum(point["n"] for point in curve)
+    if count:
+        return f"all {count} continuations on fresh draws that were tried failed"
+    return "no generator was seen to be drawn from, and the policies fail again from every turn"
 
 
 def _action(tried: Mapping[str, Any]) -> str:
