@@ -27,8 +27,8 @@ from gamekeeper.rollouts.intervention import Intervention
 from gamekeeper.rollouts.rollout_plan import MOST_TURNS, NAMES, object_of_this_process
 from gamekeeper.rollouts.tally import tally
 from gamekeeper.runs.consent import Consent, consented
+from gamekeeper.runs.recorded_policies import choices_of
 from gamekeeper.runs.recording import cast_of
-from gamekeeper.runs.standing import choices_of
 
 CUT: Final = "cut"
 
@@ -216,7 +216,9 @@ def other_policies(evidence: Evidence, setup: Setup) -> dict[str, str]:
     """The policies of a set-up that the run doesn't name for the same players."""
     recorded = choices_of(evidence)
     return {
-        place: str(name) for place, name in setup.policies.items() if recorded.get(place) != name
+        place: name if isinstance(name, str) else f"your {type(name).__name__}"
+        for place, name in setup.policies.items()
+        if recorded.get(place) != name
     }
 
 

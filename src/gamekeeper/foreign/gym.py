@@ -27,10 +27,11 @@ from gamekeeper.foreign._guest import (
 from gamekeeper.foreign._spaces import as_gymnasium, idle, several
 from gamekeeper.interface import named
 from gamekeeper.interface.env_source import Source
-from gamekeeper.interface.old_gym import TRUNCATED
 
+TRUNCATED: Final = "TimeLimit.truncated"
+"""Key by which the old Gym's TimeLimit says that it, and no rule, ended the episode."""
 EACH: Final = "truncated"
-"""Key by which our own environments, in this shape, say truncation of each agent."""
+"""Key of a list that says truncation of each agent."""
 SEEDS: Final = 2**32
 """Old environments hand their seed to numpy.random.seed, which takes no more."""
 
@@ -214,12 +215,4 @@ def _source(
             )
         return OldGym(env, name=text.rpartition(":")[2])
 
-    return Source(
-        kind=WORD,
-        factory=build,
-        spec=f"{WORD}:{text}",
-        entry_point=f"{WORD}:{text}",
-        accepts=accepts,
-        pip=f"pip install {pip.partition('.')[0]}",
-        facts=facts,
-    )
+    return named.source(WORD, text, build, accepts=accepts, pip=pip.partition(".")[0], facts=facts)
