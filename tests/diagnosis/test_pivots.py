@@ -148,3 +148,23 @@ def test_pivots_refuses_an_episode_that_did_not_fail() -> None:
     assert "None of 1 episodes failed" in pivots_text(
         gk.pivots(evidence, failed="return < 1", policies={"*": steady}).to_json(), width=80
     )
+
+
+class Leaking(Vault):
+    """A vault whose time of day goes on from one episode to the next."""
+
+    day = 0
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        self.day += 1
+        _, infos = super().reset(seed, options)
+        return dict.fromkeys(self.agents, min(self.day, 3)), infos
+
+
+@pytest.mark.parametrize("ask", [gk.diagnose, gk.attribute, gk.pivots])
+def test_runs_whose_episodes_depend_on_those_before_are_refused(ask: Any) -> None:
+    """Fresh episodes of such a run tell nothing of it, whatever is asked."""
+    evidence = gk.rollout(Leaking, policies=guard, episodes=3, seed=1)
+    options = {} if ask is gk.attribute else {"failed": "return < 99"}
+    with pytest.raises(EvidenceError, match="played again by itself"):
+        ask(evidence, policies={"*": guard}, **options)
