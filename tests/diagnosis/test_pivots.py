@@ -168,3 +168,14 @@ def test_runs_whose_episodes_depend_on_those_before_are_refused(ask: Any) -> Non
     options = {} if ask is gk.attribute else {"failed": "return < 99"}
     with pytest.raises(EvidenceError, match="played again by itself"):
         ask(evidence, policies={"*": guard}, **options)
+
+
+def test_pivots_text_says_once_what_holds_of_several_episodes() -> None:
+    """Episodes without a turn to name are listed by their numbers."""
+    policies = {"*": Blunder(7, "left")}
+    found = gk.pivots(with_blunder(7, "left"), failed="return < 1", policies=policies).to_json()
+    blank = {**found["episodes"][0], "pivots": []}
+    episodes = [{**blank, "episode": number} for number in (1, 4)]
+    text = pivots_text({**found, "episodes": episodes}, width=90)
+    assert "2 episodes failed, and no turn of them is named: 1, 4" in text
+    assert text.count("no other action") == 1
