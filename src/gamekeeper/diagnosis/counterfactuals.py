@@ -25,8 +25,8 @@ from gamekeeper.rollouts.episode_loop import EpisodeResult, play
 from gamekeeper.rollouts.interventions.action_substitutes import Reenacted
 from gamekeeper.rollouts.snapshots import is_same, snapshot
 from gamekeeper.runs.load_run import load
-from gamekeeper.runs.recorded_policies import choices_of
 from gamekeeper.runs.recorder import RunRecorder
+from gamekeeper.runs.standing import choices_of
 
 MOST: Final = 3
 """Failing episodes of a run that are compared with their counterfactuals."""
