@@ -30,7 +30,7 @@ LISTS: Final = ROOT / "requirements" / "trainers"
 ADAPTERS: Final = ROOT / "src" / "gamekeeper" / "adapters"
 DISTRIBUTION: Final = {"sb3": "stable-baselines3", "rllib": "ray", "rerun": "rerun-sdk"}
 """What a trainer is called on the index, where its list is called otherwise."""
-FIELDS: Final = ("passed", "changed", "lost", "refused")
+FIELDS: Final = ("kept", "changed", "lost", "refused")
 
 
 def names() -> list[str]:

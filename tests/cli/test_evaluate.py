@@ -106,9 +106,12 @@ def test_evaluate_takes_an_environment_and_policies(
         "1",
         "--kwargs",
         '{"horizon": 9}',
+        "--marl-eval",
+        tmp_path / "m.json",
     )
     assert code == 0
     assert list(found["policies"]) == ["random", "still"]
+    assert {"two_robot_line"} == json.loads((tmp_path / "m.json").read_text()).keys()
 
 
 def test_evaluate_lines_of_one_name_play_together(
@@ -132,6 +135,23 @@ def test_evaluate_lines_of_one_name_play_together(
     )
     assert code == 0
     assert found["policies"]["mixed"]["choices"] == [{"picker": "noop", "carrier": "random"}]
+
+
+def test_evaluate_pins_what_is_installed(
+    path: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """--pin writes digests; another policy is refused then, unless one goes on all the same."""
+    code, told = document(capfd, "evaluate", path, "--pin")
+    assert code == 0
+    assert told["environments"]["line"] in path.read_text()
+    (tmp_path / "mine.py").write_text(POLICY.replace("3", "2"))
+    line = ("evaluate", path, "--episodes", "2", "--out", tmp_path / "e", "--workers", "1")
+    code, told = document(capfd, *line)
+    assert code == 2
+    assert "policy mine" in told["error"]["actual"]
+    code, found = document(capfd, *line, "--unpinned")
+    assert code == 0
+    assert "Not the suite as it was pinned" in found["notes"][0]
 
 
 def test_evaluate_exits_with_1_where_episodes_break_off_and_2_where_it_is_told_to(
@@ -180,6 +200,7 @@ def test_evaluate_of_an_unknown_agent_names_those_there_are_and_lines_that_work(
         (("two_robot_line", "--policy", "a:=random", "--policy", "a:=noop"), "two policies for"),
         (("two_robot_line", "--policy", "picker=x:chase"), "--policy chase:=picker=x:chase"),
         (("two_robot_line", "--policy", "picker=x:chase"), "--policy picker:=x:chase"),
+        (("gk-tasks-2", "--pin"), "only a file can be pinned"),
     ],
 )
 def test_evaluate_used_wrongly_exits_with_2(

@@ -107,7 +107,7 @@ def test_export_replaces_an_earlier_file_and_keeps_evidence(
     assert found["error"]["fix"] == "--out line.npz in another folder"
 
 
-@pytest.mark.parametrize(("form", "package"), [("minari", "minari")])
+@pytest.mark.parametrize(("form", "package"), [("minari", "minari"), ("rerun", "rerun")])
 def test_export_names_the_extra_that_is_missing(
     form: str,
     package: str,

@@ -165,7 +165,7 @@ def test_query_says_errors_as_documents(line_run: Path, capfd: pytest.CaptureFix
     assert json.loads(out)["error"]["what"] == "the query can't be answered"
 
 
-@pytest.mark.parametrize("name", ["query", "video"])
+@pytest.mark.parametrize("name", ["query", "stale-evidence", "video"])
 def test_how_to_pages_work_as_they_are_typed(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -24,8 +26,8 @@ def point(step: int, first: int) -> dict[str, Any]:
     return {"curve": "mappo", "step": step, "runs": runs(first)}
 
 
-def test_curve_has_a_point_for_each_step_with_intervals_over_runs() -> None:
-    """Steps ascend; only the last one is compared with others."""
+def test_curve_has_a_point_for_each_step_with_intervals_over_runs(tmp_path: Path) -> None:
+    """Steps ascend; only the last one is compared with others; marl-eval has all of them."""
     spec = {
         "name": "curves",
         "environments": {"duel": {"spec": lambda: Duel(is_team=True)}},
@@ -35,7 +37,7 @@ def test_curve_has_a_point_for_each_step_with_intervals_over_runs() -> None:
             "other": {"runs": runs(21)},
         },
     }
-    found = evaluate(spec, episodes=12)
+    found = evaluate(spec, episodes=12, marl_eval=tmp_path / "m.json")
     rows = [
         row for row in found.curves["mappo"] if (row["scope"], row["metric"]) == ("team", "return")
     ]
@@ -48,6 +50,8 @@ def test_curve_has_a_point_for_each_step_with_intervals_over_runs() -> None:
     assert {(row["a"], row["b"]) for row in found.comparisons} == {("late", "other")}
     text = evaluation_text(found.to_json(), width=120)
     assert "Learning curve of mappo in duel" in text
+    run = json.loads((tmp_path / "m.json").read_text())["curves"]["duel"]["mappo"]["run_0"]
+    assert [run[f"step_{k}"]["step_count"] for k in (0, 1)] == [1_000, 2_000]
 
 
 def test_curve_refuses_half_a_point_and_two_points_at_one_step() -> None:

@@ -1,14 +1,17 @@
-"""Suites: what makes them what they are, and what others cite."""
+"""Suites: what makes them what they are, pins, and what others cite."""
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 
 import pytest
+import tomli_w
 
-from gamekeeper.evaluation.evaluator import evaluate
+from gamekeeper.errors import SpecError
+from gamekeeper.evaluation.evaluator import evaluate, looked_at
 from gamekeeper.evaluation.spec_reader import read_file
-from gamekeeper.evaluation.suites import suite_named, suites
+from gamekeeper.evaluation.suites import fingerprint_of, pinned, suite_named, suites
 
 TEXT = """
 name = "small"
@@ -45,11 +48,42 @@ def test_suites_of_ours_can_be_read_and_are_named_by_their_ids() -> None:
     assert suite_named("no-such-suite") is None
 
 
+def test_suite_has_one_fingerprint_before_and_after_it_is_pinned(path: Path) -> None:
+    """Pins are no part of it; its episodes are."""
+    spec, looks = looked_at(path)
+    before = fingerprint_of(spec, looks)
+    data = pinned(tomllib.loads(path.read_text()), looks)
+    path.write_text(tomli_w.dumps(data))
+    again, looks = looked_at(path)
+    assert again.environments["line"].digest == looks["line"].digest
+    assert before == fingerprint_of(again, looks)
+    path.write_text(tomli_w.dumps({**data, "seeds": {"episodes": 3}}))
+    assert before != fingerprint_of(*looked_at(path))
+
+
+def test_suite_refuses_what_it_does_not_pin(path: Path) -> None:
+    """Unless one goes on all the same: then the results say so."""
+    text = TEXT.replace('spec = "two_robot_line"', 'spec = "two_robot_line"\ndigest = "00"')
+    path.write_text(text)
+    with pytest.raises(SpecError, match="--unpinned"):
+        evaluate(path)
+    found = evaluate(path, unpinned=True)
+    assert found.suite is not None
+    assert any("digest 00 is pinned" in each for each in found.suite["unpinned"])
+    assert "Not the suite as it was pinned" in found.notes[0]
+
+
+def test_suite_refuses_another_policy_than_it_pins(path: Path) -> None:
+    """A policy whose file has changed is another one."""
+    path.write_text(TEXT.replace('policy = "random"', 'policy = "random"\ndigests = ["00"]'))
+    with pytest.raises(SpecError, match="policy random"):
+        evaluate(path)
+
+
 def test_suite_results_carry_its_id_and_fingerprint(path: Path) -> None:
     """So that a paper can cite them."""
     found = evaluate(path)
     assert found.suite is not None
-    assert (found.suite["id"], found.suite["version"]) == ("small-1", "1")
+    assert tuple(found.suite[k] for k in ("id", "version", "unpinned")) == ("small-1", "1", [])
     assert len(found.suite["fingerprint"]) == 32
-    assert evaluate(path, seed=1).suite != found.suite
     assert found.commands == (f"gamekeeper evaluate {path}",)

@@ -2,6 +2,7 @@ from typing import Any
 
 from gamekeeper.contract import Contract
 from gamekeeper.contract.toml import Question
+from gamekeeper.reporting.changes_text import changes_text
 from gamekeeper.reporting.influence_text import influence_text
 from gamekeeper.reporting.measured_draft import draft_note, measured_questions
 from gamekeeper.reporting.measured_text import measured_text, words
@@ -175,3 +176,19 @@ def test_draft_takes_over_the_form_only_where_it_was_measured() -> None:
     asked = measured_questions(questions, silent)
     assert [each.measured for each in asked] == [""] * 6
     assert [each.hint for each in asked[:2]] == ["", ""]
+
+
+def test_changes_stand_by_kind() -> None:
+    """What it was and what it is now; of promises what broke first."""
+    changes = [
+        {"kind": "spaces", "where": "a.action_space", "a": "Discrete(3)", "b": "Discrete(4)"},
+        {"kind": "verdicts", "where": "GK1 Fixed.", "a": "failed", "b": "passed"},
+        {"kind": "verdicts", "where": "GK2 Broke.", "a": "passed", "b": "failed"},
+        {"kind": "roster", "where": "agents", "a": None, "b": ["late_0"]},
+    ]
+    assert changes_text(changes, width=80) == (
+        "Agents\n  agents  not there -> late_0\n\n"
+        "Spaces\n  a.action_space  Discrete(3) -> Discrete(4)\n\n"
+        "Checks\n  passed -> failed  GK2 Broke.\n  failed -> passed  GK1 Fixed."
+    )
+    assert changes_text([], width=80) == ""

@@ -10,6 +10,7 @@ from gamekeeper.checks.verdict import Finding, Verdict
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.divergence import Divergence
 from gamekeeper.runs.comparison import Replay
+from gamekeeper.runs.standing import Against, Standing
 
 HOSTILE = "<script>alert('x')</script>\u202e\"&"
 
@@ -59,12 +60,14 @@ def results() -> list[tuple[str, object]]:
         }
     )
     replay = Replay("run", False, None, "", None, HOSTILE)
+    row = Standing(HOSTILE, HOSTILE, None, "stale", HOSTILE, HOSTILE)
     apart = Divergence(3, 7, HOSTILE, "reward", 1.0, HOSTILE)
     finding = Finding(HOSTILE, "1", HOSTILE, "f", HOSTILE)
     verdict = Verdict("GK402", HOSTILE, "failed", "high", findings=(finding,))
     return [
         ("contract", declared),
         ("replay", replay),
+        ("against", Against("r", "e", (row,))),
         ("divergence", apart),
         ("finding", finding),
         ("verdict", verdict),

@@ -14,6 +14,7 @@ DISTRIBUTIONS = {  # of modules that are called otherwise than what brings them
     "PIL": "pillow",
     "stable_baselines3": "stable-baselines3",
     "sb3_contrib": "sb3-contrib",
+    "rerun": "rerun-sdk",
     "tensordict": "torchrl",  # its own half
     "markupsafe": "jinja2",  # its own half
 }

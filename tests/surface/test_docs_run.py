@@ -14,7 +14,10 @@ PAGES = [
 ]
 ELSEWHERE = {
     "docs/tutorials/write-a-task.md": "tests/cli/test_exercise.py",
-    **{f"docs/how-to/{x}.md": "tests/cli/test_query.py" for x in ("query", "video")},
+    **{
+        f"docs/how-to/{x}.md": "tests/cli/test_query.py"
+        for x in ("query", "stale-evidence", "video")
+    },
 }
 """Pages whose blocks a test of their own runs."""
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))

@@ -38,7 +38,7 @@ class Export:
     """Result of an export.
 
     Attributes:
-        to: the form: `numpy`, `minari`, `run`.
+        to: the form: `numpy`, `minari`, `rerun`, `run`.
         path: the file or folder that was written.
         agents: agents in it.
         episodes: number of episodes.

@@ -108,6 +108,24 @@ StorageOption = Annotated[
         "reach (default: --out).",
     ),
 ]
+ExportOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--marl-eval",
+        metavar="FILE",
+        help="Write the raw scores in marl-eval's layout (default: no such file).",
+    ),
+]
+PinOption = Annotated[
+    bool,
+    typer.Option(
+        "--pin", help="Only write the digests of the installed environments and policies into SPEC."
+    ),
+]
+UnpinnedOption = Annotated[
+    bool,
+    typer.Option("--unpinned", help="Continue where SPEC pins other digests; the results say so."),
+]
 StrictOption = Annotated[
     bool, typer.Option("--strict", help="Exit with 2 if a confidence interval was refused.")
 ]
@@ -127,6 +145,9 @@ def command(
     workers: WorkersOption = None,
     executor: ExecutorOption = None,
     storage: StorageOption = None,
+    marl_eval: ExportOption = None,
+    pin: PinOption = False,
+    unpinned: UnpinnedOption = False,
     strict: StrictOption = False,
     timeout: TimeoutOption = SILENCE_S,
 ) -> CommandResult:
@@ -145,6 +166,8 @@ def command(
     from gamekeeper.evaluation.evaluator import evaluate
     from gamekeeper.evaluation.suites import spec_of
 
+    if pin:
+        return _pinned(screen, spec, timeout)
     changes: dict[str, Any] = {
         "policies": _policies(
             policy, lambda: _players(spec, kwargs, timeout), spec=spec, kwargs=kwargs
@@ -166,6 +189,8 @@ def command(
                 storage=storage,
                 workers=workers or (os.cpu_count() or 1),
                 executor=executor or LOCAL,
+                unpinned=unpinned,
+                marl_eval=marl_eval,
                 timeout_s=timeout,
                 on_message=take,
                 on_note=screen.note,
@@ -176,16 +201,20 @@ def command(
             "command continues from them"
         )
         raise
-    return _shown(screen, found, storage or folder, strict=strict)
+    return _shown(screen, found, storage or folder, marl_eval=marl_eval, strict=strict)
 
 
-def _shown(screen: Screen, found: Evaluation, place: object, *, strict: bool) -> CommandResult:
-    """Shows the result, and the place of the raw episodes."""
+def _shown(
+    screen: Screen, found: Evaluation, place: object, *, marl_eval: Path | None, strict: bool
+) -> CommandResult:
+    """Shows the result, and the place of the raw episodes and of the raw scores."""
     from gamekeeper.reporting.evaluation_text import evaluation_text
 
     document = found.to_json()
     screen.show(evaluation_text(document, width=screen.width))
     screen.show(f"\nRaw episodes  {place}/episodes.parquet")
+    if marl_eval is not None:
+        screen.note(f"raw scores written to {marl_eval}")
     return CommandResult(document, evaluation_code(found, strict=strict))
 
 
@@ -274,6 +303,35 @@ def _ambiguous(
         f"{command} {quote(f'{name}{NAMED}{one}={policy}')}"
     )
     return SpecError(what, where="--policy", expected=expected, actual=text, fix=fix)
+
+
+def _pinned(screen: Screen, text: str, timeout: float) -> CommandResult:
+    """Writes digests into the file of a specification."""
+    import tomllib
+
+    import tomli_w
+
+    from gamekeeper.evaluation.evaluator import looked_at
+    from gamekeeper.evaluation.suites import fingerprint_of, pinned, suites
+
+    path = Path(text) if text.endswith(".toml") else suites().get(text)
+    if path is None:
+        raise SpecError(
+            "only a file can be pinned",
+            where="SPEC",
+            expected="a TOML file or a suite's name",
+            actual=text,
+            fix="write the specification into a TOML file, and name that",
+        )
+    spec, looks = looked_at(path, timeout_s=timeout)
+    data = pinned(tomllib.loads(path.read_text(encoding="utf-8")), looks)
+    draft = path.with_name(f".{path.name}.draft")
+    draft.write_text(tomli_w.dumps(data), encoding="utf-8")
+    draft.replace(path)
+    fingerprint = fingerprint_of(spec, looks)
+    screen.show(f"Pinned  {path}\n  fingerprint  {fingerprint}")
+    digests = {name: look.digest for name, look in looks.items()}
+    return CommandResult({"spec": str(path), "fingerprint": fingerprint, "environments": digests})
 
 
 def _file_name(name: str) -> str:

@@ -34,7 +34,7 @@ ToOption = Annotated[
         "--to",
         metavar="FORM",
         show_default=False,
-        help="Form to write: numpy, minari, one of an installed package, or run to make a "
+        help="Form to write: numpy, minari, rerun, one of an installed package, or run to make a "
         "run of FORM:DATA (required).",
     ),
 ]
@@ -65,7 +65,7 @@ def command(
     out: OutOption = None,
     agent: AgentOption = None,
 ) -> CommandResult:
-    """Exports a run as NumPy arrays or Minari data sets, or imports Minari's.
+    """Exports a run as NumPy arrays, Minari data sets or a Rerun recording, or imports Minari's.
 
     Columns that the other form can't hold are listed on stderr and in the JSON document. An
     earlier file is overwritten. `gamekeeper list exporters` names the forms.

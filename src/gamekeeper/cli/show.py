@@ -9,9 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import typer
 
 from gamekeeper.cli._form import look_at, show_form
-from gamekeeper.cli._options import SILENCE_S, KwargsOption, TimeoutOption, json_object
+from gamekeeper.cli._options import (
+    SILENCE_S,
+    ContractOption,
+    ImportOption,
+    KwargsOption,
+    TimeoutOption,
+    json_object,
+)
 from gamekeeper.cli._screen import CommandResult, Screen
-from gamekeeper.errors import SpecError
+from gamekeeper.errors import GamekeeperError, SpecError
 
 if TYPE_CHECKING:
     from gamekeeper.episodes.evidence import Evidence
@@ -28,26 +35,76 @@ ThingArgument = Annotated[
         help="Folder of a run or an evaluation, or an environment.",
     ),
 ]
+AgainstOption = Annotated[
+    str | None,
+    typer.Option(
+        "--against",
+        metavar="ENV",
+        help="Environment, as installed now, that the run or evaluation is compared with "
+        "(default: none).",
+    ),
+]
 
 
 def command(
     screen: Screen,
     thing: ThingArgument,
+    against: AgainstOption = None,
     kwargs: KwargsOption = None,
+    contract: ContractOption = None,
+    allow_import: ImportOption = False,
     timeout: TimeoutOption = SILENCE_S,
 ) -> CommandResult:
     """Shows a run or an evaluation, or the game form and wrappers of an environment.
 
     A run may still be recording, or have been killed. For an environment, wrappers that `gk.make`
-    replaces by one faster wrapper are listed beside those that stay.
+    replaces by one faster wrapper are listed beside those that stay. With --against, results that
+    no longer hold for the installed environment are named.
+
+    Exit code with --against, 0: all results hold. 1: some must be measured again. 2: no answer.
 
     Example: gamekeeper show runs/warehouse-1
     """
+    if against is not None:
+        return _show_against(
+            screen,
+            Path(thing),
+            against,
+            kwargs,
+            contract=contract,
+            allow_import=allow_import,
+            silence_s=timeout,
+        )
     if (Path(thing) / EVALUATION).is_file():
         return _show_evaluation(screen, Path(thing))
     if Path(thing).is_dir():
         return _show_run(screen, Path(thing))
     return _show_env(screen, thing, kwargs, timeout)
+
+
+def _show_against(
+    screen: Screen, run: Path, env: str, kwargs: str | None, **options: Any
+) -> CommandResult:
+    from gamekeeper.cli._against import show_against
+
+    if Path(env).is_dir():
+        raise GamekeeperError(
+            "a run is compared with an environment, not with a run",
+            where="--against",
+            expected="an environment",
+            actual=env,
+            fix=f"gamekeeper diff {run} {env}",
+        )
+    if not run.is_dir():
+        raise GamekeeperError(
+            "only a run or an evaluation can be compared with an environment",
+            where="RUN",
+            expected="the folder of a run or an evaluation",
+            actual=str(run),
+            fix="gamekeeper show RUN --against ENV; two environments: gamekeeper diff A B",
+        )
+    given = None if kwargs is None else json_object(kwargs, option="--kwargs")
+    return show_against(screen, run, env, kwargs=given, **options)
 
 
 def _show_evaluation(screen: Screen, folder: Path) -> CommandResult:

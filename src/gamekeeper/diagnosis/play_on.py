@@ -27,7 +27,7 @@ from gamekeeper.runs import own_runs
 from gamekeeper.runs.consent import Consent, evidence_of
 from gamekeeper.runs.expanding import OWN_RULES, whole_evidence
 from gamekeeper.runs.load_run import load
-from gamekeeper.runs.recorded_policies import choices_in
+from gamekeeper.runs.standing import choices_in
 from gamekeeper.runs.worker_errors import error_in
 from gamekeeper.statistics.one_sample import one_sample
 from gamekeeper.statistics.paired import paired_effect

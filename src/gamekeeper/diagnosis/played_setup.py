@@ -27,8 +27,8 @@ from gamekeeper.rollouts.intervention import Intervention
 from gamekeeper.rollouts.rollout_plan import MOST_TURNS, NAMES, object_of_this_process
 from gamekeeper.rollouts.tally import tally
 from gamekeeper.runs.consent import Consent, consented
-from gamekeeper.runs.recorded_policies import choices_of
 from gamekeeper.runs.recording import cast_of
+from gamekeeper.runs.standing import choices_of
 
 CUT: Final = "cut"
 

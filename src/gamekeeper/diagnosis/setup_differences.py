@@ -11,7 +11,7 @@ from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.played_setup import Setup
 from gamekeeper.episodes.canonical import to_json
 from gamekeeper.episodes.evidence import Evidence
-from gamekeeper.runs.recorded_policies import policies_of
+from gamekeeper.runs.standing import policies_of
 
 Kind = Literal["environment", "argument", "option", "policy", "cut", "version"]
 ABSENT: Final = "not given"

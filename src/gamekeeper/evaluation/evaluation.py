@@ -7,9 +7,15 @@ from dataclasses import dataclass, field, fields
 from html import escape
 from typing import Any, Final
 
+import numpy as np
+
+from gamekeeper.episodes.outcome import TEAM
 from gamekeeper.episodes.plain_json import legible
 from gamekeeper.episodes.row_tables import html_table, text_lines
 from gamekeeper.errors import EvidenceError
+from gamekeeper.evaluation.episode_rows import RETURN, SUCCESS, Sheet
+from gamekeeper.evaluation.results import Ground, Whom
+from gamekeeper.evaluation.spec import Spec
 
 KIND: Final = "evaluation"
 
@@ -126,3 +132,54 @@ def _texts(row: Mapping[str, Any]) -> list[str]:
         interval,
         "-" if success is None else f"{success['p']:.0%}",
     ]
+
+
+PART: Final = 10
+"""marl-eval's absolute metrics hold ten times the episodes of a step."""
+
+
+def marl_eval_of(spec: Spec, grounds: Sequence[Ground]) -> dict[str, Any]:
+    """The document: steps with a tenth of the episodes, and all of the last as absolute metrics.
+
+    The environment is the evaluation, its tasks are the environments here, algorithms the policies
+    and the learning curves. How long a policy without a curve was trained isn't known here, so its
+    `step_count` is 0.
+    """
+    alone = {name: {0: name} for name, each in spec.policies.items() if each.curve is None}
+    tasks: dict[str, Any] = {}
+    for ground in grounds:
+        algorithms = {
+            name: _runs_of(ground, points) for name, points in {**alone, **spec.curves}.items()
+        }
+        tasks[ground.name] = {name: runs for name, runs in algorithms.items() if runs}
+    return {spec.name: tasks}
+
+
+def _runs_of(ground: Ground, points: Mapping[int, str]) -> dict[str, Any]:
+    """Steps of each run of an algorithm, and its absolute metrics."""
+    found: dict[str, Any] = {}
+    for place, (step, policy) in enumerate(points.items()):
+        for number, sheet in enumerate(ground.runs_of(policy)):
+            whole = _scores(ground, sheet)
+            few = {name: values[: max(len(values) // PART, 1)] for name, values in whole.items()}
+            run = found.setdefault(f"run_{number}", {})
+            run[f"step_{place}"] = {"step_count": step, **few}
+            run["absolute_metrics"] = whole
+    return found
+
+
+def _scores(ground: Ground, sheet: Sheet) -> dict[str, list[float]]:
+    return {
+        name: [float(value) for value in values]
+        for whom in ground.compared
+        for metric in (RETURN, SUCCESS)
+        if metric == SUCCESS or whom.scope != TEAM or ground.has_team
+        for name, values in (_metric(sheet, whom, metric),)
+        if len(values)
+    }
+
+
+def _metric(sheet: Sheet, whom: Whom, metric: str) -> tuple[str, Any]:
+    values = sheet.values(metric, whom.scope, whom.name)
+    name = metric if whom.scope == TEAM else f"{metric}_{whom.name}"
+    return name, values[~np.isnan(values)]

@@ -8,17 +8,19 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import pyarrow as pa
 
 from gamekeeper.episodes.plain_json import finite
+from gamekeeper.errors import RunError
 from gamekeeper.evaluation.comparisons import comparisons_of
 from gamekeeper.evaluation.continuation import RESULT, document_in, settle_plan
 from gamekeeper.evaluation.crossplay import CrossplayTable, crossplay_of
 from gamekeeper.evaluation.episode_rows import NOT_FINITE, SUCCESS, Sheet, sheets_of
 from gamekeeper.evaluation.estimates import Judge
-from gamekeeper.evaluation.evaluation import Evaluation
+from gamekeeper.evaluation.evaluation import Evaluation, marl_eval_of
 from gamekeeper.evaluation.execution import SILENCE_S, EvaluationRun, InProcessExecutor
 from gamekeeper.evaluation.inspection import Inspection
 from gamekeeper.evaluation.matchups import SELF, Match, matches_of
@@ -28,10 +30,12 @@ from gamekeeper.evaluation.results import Ground, curves_of, ground_of, overall_
 from gamekeeper.evaluation.spec import Spec, plain_of
 from gamekeeper.evaluation.stopping import Stopping
 from gamekeeper.evaluation.suites import (
+    check_pins,
     command_of,
     fingerprint_of,
     refuse_copies,
     refuse_role_names,
+    refuse_unpinned,
     spec_of,
 )
 from gamekeeper.evaluation.worker_tasks import EPISODES, folder_names
@@ -55,6 +59,8 @@ def evaluate(
     storage: str | PathLike[str] | None = None,
     workers: int = 0,
     executor: str | Executor = "local",
+    unpinned: bool = False,
+    marl_eval: str | PathLike[str] | None = None,
     timeout_s: float | None = SILENCE_S,
     on_message: Callable[[dict[str, Any]], None] | None = None,
     on_note: Callable[[str], None] | None = None,
@@ -78,11 +84,14 @@ def evaluate(
         storage: a folder or URL for parts and raw episodes, in place of `out`.
         workers: processes that play; 0: this one.
         executor: `local`, `ray`, `ray:ADDRESS`, or an executor.
+        unpinned: goes on where what is installed isn't what a suite pins, and says so.
+        marl_eval: a file for raw scores in marl-eval's layout.
         timeout_s: longest time without a turn in a worker.
         on_message: called with `{"episode", "episodes", "turns"}` as they are played.
         on_note: called with what was stale and why, and how much was played.
     Raises:
-        SpecError: the specification, or an environment, can't be read or opened.
+        SpecError: the specification, or an environment, can't be read or opened; or what is
+            installed isn't what a suite pins.
         PolicyError: a policy can't be found.
         EvidenceError: what is asked for is no evidence, or cross-play has too many pairings.
         RunError: something else lies in `out`, or results that would be lost, or a file can't be
@@ -102,14 +111,56 @@ def evaluate(
             stack.enter_context(player)
         limits, take = Limits(silence_s=timeout_s), on_message or (lambda fields: None)
         course = EvaluationRun(whole, player, is_here, Storage.at(storage or folder), limits, take)
-        found = _evaluated(whole, course, note)
+        found, grounds = _evaluated(whole, course, note, unpinned=unpinned)
         found = replace(found, commands=() if command is None else (command,))
         text = json.dumps(finite(found.to_json()), indent=1, allow_nan=False) + "\n"
         course.storage.put(RESULT, text.encode())
         if storage is not None and out is not None:
             Storage.at(out).put(RESULT, text.encode())
             Storage.at(out).put(EPISODES, course.storage.get(EPISODES))
+        if marl_eval is not None:
+            _write(Path(marl_eval), json.dumps(marl_eval_of(whole, grounds), indent=1) + "\n")
     return Evaluation.from_json(finite(found.to_json()))
+
+
+def _write(path: Path, text: str) -> None:
+    """Writes raw scores, over earlier ones.
+
+    Raises:
+        RunError: they can't be written there.
+    """
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise RunError(
+            "the raw scores can't be written",
+            where=str(path)[:200],
+            actual=error.strerror or str(error),
+            fix="name a file in a folder that you may write to; with --out, nothing is played "
+            "again",
+        ) from None
+
+
+def looked_at(
+    spec: object, *, timeout_s: float | None = SILENCE_S
+) -> tuple[Spec, dict[str, Inspection]]:
+    """A specification, and what its environments and policies are as they are installed here.
+
+    Raises:
+        SpecError: it can't be read, or an environment can't be opened.
+        PolicyError: a policy can't be found.
+    """
+    whole = spec_of(spec)
+    with tempfile.TemporaryDirectory() as folder, executor_of("local", 1) as player:
+        course = EvaluationRun(
+            whole,
+            player,
+            False,
+            Storage.at(folder),
+            Limits(silence_s=timeout_s),
+            lambda fields: None,
+        )
+        return whole, course.looks()
 
 
 def load_evaluation(folder: str | PathLike[str]) -> Evaluation:
@@ -132,11 +183,16 @@ def _executor(executor: str | Executor, workers: int) -> Executor:
     )
 
 
-def _evaluated(spec: Spec, course: EvaluationRun, note: Callable[[str], None]) -> Evaluation:
+def _evaluated(
+    spec: Spec, course: EvaluationRun, note: Callable[[str], None], *, unpinned: bool
+) -> tuple[Evaluation, list[Ground]]:
     """Plays what is missing and judges everything."""
     looks = course.looks()
     refuse_copies(spec, looks)
     refuse_role_names(spec, looks)
+    strange = check_pins(spec, looks)
+    if not unpinned:
+        refuse_unpinned(spec, strange)
     matches = matches_of(spec, looks, is_here=course.is_here)
     for text in settle_plan(spec, looks, matches, course.storage):
         note(text)
@@ -158,11 +214,12 @@ def _evaluated(spec: Spec, course: EvaluationRun, note: Callable[[str], None]) -
         comparisons=comparisons,
         crossplay=crossed,
         failures=failures_of(table),
+        unpinned=strange,
         grounds=grounds,
     )
-    return Evaluation(
+    found = Evaluation(
         name=spec.name,
-        suite=_suite(spec, looks),
+        suite=_suite(spec, looks, strange),
         seed=spec.seed,
         level=spec.level,
         environments=_environments(spec, looks),
@@ -181,6 +238,7 @@ def _evaluated(spec: Spec, course: EvaluationRun, note: Callable[[str], None]) -
         evidence=tuple(evidence),
         spec=spec.to_json(),
     )
+    return found, grounds
 
 
 @dataclass(frozen=True, slots=True)
@@ -344,11 +402,13 @@ def _tables(
     return found
 
 
-def _suite(spec: Spec, looks: Mapping[str, Inspection]) -> dict[str, Any] | None:
+def _suite(
+    spec: Spec, looks: Mapping[str, Inspection], strange: Sequence[str]
+) -> dict[str, Any] | None:
     if spec.suite is None:
         return None
     suite = {"id": spec.suite[0], "version": spec.suite[1]}
-    return {**suite, "fingerprint": fingerprint_of(spec, looks)}
+    return {**suite, "fingerprint": fingerprint_of(spec, looks), "unpinned": list(strange)}
 
 
 def _environments(spec: Spec, looks: Mapping[str, Inspection]) -> dict[str, Any]:

@@ -28,6 +28,7 @@ def notes_of(
     comparisons: Sequence[Mapping[str, Any]],
     crossplay: Mapping[str, Mapping[str, Any]],
     failures: Sequence[str],
+    unpinned: Sequence[str],
     grounds: Sequence[Ground],
 ) -> list[str]:
     """Sentences on how it was played and what the figures are about, the most important first.
@@ -39,9 +40,11 @@ def notes_of(
         comparisons: with their claims.
         crossplay: by environment.
         failures: the episodes that an exception ended.
+        unpinned: what differs from what the suite pins.
         grounds: the environments.
     """
     return [
+        *(f"Not the suite as it was pinned: {text}." for text in unpinned),
         *(f"Failed: {text}." for text in failures[:MOST_FAILURES]),
         *_about(spec),
         *_begun(spec, grounds, episodes),

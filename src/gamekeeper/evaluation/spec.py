@@ -32,6 +32,7 @@ class EnvironmentSpec:
             returns add up to one number in every episode.
         failed_return: return of each agent in an episode that an exception broke off; None: none.
         score: the team's returns that count as 0 and as 1, so that environments share a scale.
+        version, digest: pinned; another environment is refused.
     """
 
     spec: Any
@@ -43,6 +44,8 @@ class EnvironmentSpec:
     team: bool | None = None
     failed_return: float | None = None
     score: tuple[float, float] | None = None
+    version: str | None = None
+    digest: str | None = None
 
 
 Choices = Mapping[str, Any]
@@ -59,6 +62,7 @@ class PolicySpec:
         environments: other runs for environments by name.
         files: whose bytes count in its digests.
         version: as its author calls it; noted.
+        digests: pinned, one a run; another policy is refused.
         curve: name of the learning curve that it is a point of; None: of none.
         step: training steps after which it was saved; None without a curve.
     """
@@ -68,6 +72,7 @@ class PolicySpec:
     environments: Mapping[str, tuple[Choices, ...]] = field(default_factory=dict)
     files: tuple[str, ...] = ()
     version: str | None = None
+    digests: tuple[str, ...] = ()
     curve: str | None = None
     step: int | None = None
 

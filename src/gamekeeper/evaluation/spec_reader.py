@@ -348,6 +348,7 @@ ENVIRONMENT: Final = section(
     {
         "spec": lambda value, at: value,
         "kwargs": _table,
+        "version": text,
         "options": _table,
         "contract": _contract,
         "success": _success,
@@ -355,6 +356,7 @@ ENVIRONMENT: Final = section(
         "team": truth,
         "failed_return": number(float("-inf"), float("inf")),
         "score": _scale,
+        "digest": text,
     },
     "spec",
     lacking="an environment doesn't say what opens it",
@@ -364,6 +366,7 @@ POLICY_KEYS: Final[Mapping[str, Read[Any]]] = {
     **RUNS,
     "version": text,
     "files": TEXTS,
+    "digests": TEXTS,
     "curve": text,
     "step": whole(0),
     "environments": _rows(section(dict, RUNS)),

@@ -21,6 +21,7 @@ from gamekeeper.interface.distributions import FACTORY_NAMES
 GROUP: Final = "gamekeeper.suites"
 """Entry points whose objects are paths of TOML files."""
 FOLDER: Final = "suites"
+PINS: Final = ("digest", "digests", "version")
 
 
 def suites() -> dict[str, Path]:
@@ -43,9 +44,40 @@ def suite_named(name: str) -> Spec | None:
 
 
 def fingerprint_of(spec: Spec, looks: Mapping[str, Inspection]) -> str:
-    """Identity of a suite: its specification, its environments and its policies."""
+    """Identity of a suite: its specification, its environments and its policies.
+
+    Pins don't count: a suite is the same before and after it was pinned. Versions do.
+    """
+    plain = spec.to_json()
+    for row in plain["environments"].values():
+        row.pop("digest", None)
+    for row in plain["policies"].values():
+        row.pop("digests", None)
     found = {name: [look.digest, look.policies] for name, look in looks.items()}
-    return digest_of([spec.to_json(), found])
+    return digest_of([plain, found])
+
+
+def check_pins(spec: Spec, looks: Mapping[str, Inspection]) -> list[str]:
+    """Differences between the pinned digests and those installed here, one text each."""
+    found = []
+    for name, environment in spec.environments.items():
+        look = looks[name]
+        for what, pinned, now in (
+            ("digest", environment.digest, look.digest),
+            ("version", environment.version, look.version),
+        ):
+            if pinned is not None and pinned != now:
+                found.append(f"environment {name}: {what} {pinned} is pinned, here it is {now}")
+    for name, policy in spec.policies.items():
+        here = sorted({digest for look in looks.values() for digest in look.policies.get(name, ())})
+        missing = [digest for digest in policy.digests if digest not in here]
+        strange = [digest for digest in here if policy.digests and digest not in policy.digests]
+        if missing or strange:
+            found.append(
+                f"policy {name}: {', '.join(missing or policy.digests)} pinned, "
+                f"here {', '.join(strange or here)}"
+            )
+    return found
 
 
 def refuse_copies(spec: Spec, looks: Mapping[str, Inspection]) -> None:
@@ -84,6 +116,42 @@ def refuse_role_names(spec: Spec, looks: Mapping[str, Inspection]) -> None:
                     fix="policies by role are one policy: "
                     f"policies = {{'mine': {{'{policy}': ...}}}}; else call it something else",
                 )
+
+
+def refuse_unpinned(spec: Spec, texts: list[str]) -> None:
+    """Refuses what isn't what was pinned.
+
+    Raises:
+        SpecError: always, where there is a text.
+    """
+    if texts:
+        raise SpecError(
+            "what is installed isn't what the suite pins",
+            where=spec.suite[0] if spec.suite else spec.name,
+            expected="the pinned digests",
+            actual="; ".join(texts),
+            fix="install what it was pinned with, or say --unpinned: the document then says so",
+        )
+
+
+def pinned(data: Mapping[str, Any], looks: Mapping[str, Inspection]) -> dict[str, Any]:
+    """A specification's plain data with the digests of what is installed here."""
+    environments = {
+        name: {
+            **({"spec": row} if isinstance(row, str) else row),
+            "digest": looks[name].digest,
+            **({} if looks[name].version is None else {"version": looks[name].version}),
+        }
+        for name, row in data["environments"].items()
+    }
+    policies = {}
+    for name, row in data["policies"].items():
+        known = ("policy", "runs", "version", "files", "digests", "environments", "curve", "step")
+        is_table = isinstance(row, Mapping) and any(key in row for key in known)
+        inner = row if is_table else {"runs" if isinstance(row, list) else "policy": row}
+        digests = dict.fromkeys(d for look in looks.values() for d in look.policies.get(name, ()))
+        policies[name] = {**inner, "digests": list(digests)}
+    return {**data, "environments": environments, "policies": policies}
 
 
 def spec_of(

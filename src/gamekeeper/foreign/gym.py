@@ -27,11 +27,10 @@ from gamekeeper.foreign._guest import (
 from gamekeeper.foreign._spaces import as_gymnasium, idle, several
 from gamekeeper.interface import named
 from gamekeeper.interface.env_source import Source
+from gamekeeper.interface.old_gym import TRUNCATED
 
-TRUNCATED: Final = "TimeLimit.truncated"
-"""Key by which the old Gym's TimeLimit says that it, and no rule, ended the episode."""
 EACH: Final = "truncated"
-"""Key of a list that says truncation of each agent."""
+"""Key by which our own environments, in this shape, say truncation of each agent."""
 SEEDS: Final = 2**32
 """Old environments hand their seed to numpy.random.seed, which takes no more."""
 

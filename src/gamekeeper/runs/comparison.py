@@ -23,7 +23,6 @@ from gamekeeper.interface.found_again import ASSUMED
 from gamekeeper.rollouts.workers import run_task
 from gamekeeper.runs.consent import Consent, consented, evidence_of
 from gamekeeper.runs.load_run import load
-from gamekeeper.runs.recorded_policies import choices_in
 from gamekeeper.runs.recording import cast_of
 from gamekeeper.runs.replay_runner import (
     IN_MEMORY,
@@ -34,6 +33,7 @@ from gamekeeper.runs.replay_runner import (
     opened_again,
 )
 from gamekeeper.runs.reset_chain import chain_of
+from gamekeeper.runs.standing import choices_in
 
 # -- Replay: recorded actions from recorded seeds in a fresh process, compared row by row
 

@@ -16,10 +16,10 @@ from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import EvidenceError
 from gamekeeper.interface.joint_policy import JointPolicy
 from gamekeeper.runs.consent import consented, evidence_of
-from gamekeeper.runs.recorded_policies import choices_in
 from gamekeeper.runs.recording import cast_of
 from gamekeeper.runs.replay_runner import ReplayRunner, opened_again
 from gamekeeper.runs.reset_chain import chain_of
+from gamekeeper.runs.standing import choices_in
 
 
 @dataclass(frozen=True, slots=True)

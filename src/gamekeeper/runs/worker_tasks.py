@@ -1,20 +1,25 @@
-"""Tasks of worker processes: record a rollout, look at a game form."""
+"""Tasks of worker processes: record a rollout, look at a game form, compare it with a run."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict
 from threading import Event, Thread
 from time import monotonic
 from typing import Any, Final
 
+from gamekeeper.contract import Contract
+from gamekeeper.episodes.canonical import from_json
+from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.spaces.space_json import space_to_json
-from gamekeeper.errors import EnvError, GamekeeperError
+from gamekeeper.errors import EnvError, GamekeeperError, SpecError
 from gamekeeper.interface.construction import foreign_traceback
 from gamekeeper.interface.contract_draft import agent_specs, draft_contract, draft_questions
 from gamekeeper.interface.declared_contract import declared_contract
+from gamekeeper.interface.env_source import Opened
 from gamekeeper.interface.opening import open_env
+from gamekeeper.interface.policy import distrust_policy
 from gamekeeper.interface.slim import described_slim
 from gamekeeper.rollouts.rollout_plan import RolloutPlan
 from gamekeeper.runs.recording import RolloutProgress, cast_of, record_rollout
@@ -144,3 +149,78 @@ def counter(report: Report, episodes: int) -> Callable[[], None]:
             report(turns=turns)
 
     return count
+
+
+# -- An environment and policies as they are installed now, looked at in a worker
+
+TASK: Final = "gamekeeper.runs.worker_tasks:now_task"
+
+
+def now_task(
+    report: Report,
+    *,
+    spec: str,
+    kwargs: str,
+    contract: str | None,
+    api: str | None,
+    policies: Sequence[str],
+) -> dict[str, Any]:
+    """Opens an environment as it is installed now, in a worker, without a reset or a step.
+
+    Args:
+        spec: names the environment.
+        kwargs: its arguments, in canonical JSON.
+        contract: a contract's file in place of the one beside it.
+        api: asked for where the spec asks for none.
+        policies: names of policies whose versions are wanted.
+    Returns:
+        `identity`, `contract`, `spaces` by agent, `policies`: a version by name, or
+        `{"error": text}`; or the fields of the `error` that prevented all of this.
+    """
+    del report
+    try:
+        given: Any = from_json(kwargs)
+        opened = _opened(spec, api, given)
+        with closing(opened.env):
+            declared = declared_contract(contract, opened)
+            specs = agent_specs(opened.env, declared or Contract())
+            versions = {name: _version(name, opened.env, declared) for name in policies}
+    except GamekeeperError as error:
+        return {"error": error_fields(error)}
+    return {
+        "error": None,
+        "identity": opened.identity,
+        "contract": None if declared is None else declared.to_json(),
+        "spaces": {
+            each.name: {
+                "observation": _space(each.observation_space),
+                "action": _space(each.action_space),
+            }
+            for each in specs
+        },
+        "policies": versions,
+    }
+
+
+def askable(names: Sequence[str], *, allow_import: bool) -> list[str]:
+    """The policies whose version may be looked up: those that are code only where it is allowed."""
+    return [name for name in names if allow_import or distrust_policy(name) is None]
+
+
+def _opened(spec: str, api: str | None, kwargs: Mapping[str, Any]) -> Opened:
+    """The environment, behind the API that it was recorded with unless the spec names one."""
+    if spec.startswith(("parallel:", "aec:")) or api is None:
+        return open_env(spec, **kwargs)
+    try:
+        return open_env(spec, api=api, **kwargs)
+    except SpecError:
+        return open_env(spec, **kwargs)  # it has another API now: a row of the comparison says so
+
+
+def _version(name: str, env: Any, contract: Any) -> dict[str, str | None]:
+    try:
+        chosen = cast_of(name, env, contract)
+        agent = next(iter(getattr(env, "possible_agents", None) or ["*"]))
+        return {"version": chosen.described([agent])[agent_name(agent)]["version"]}
+    except GamekeeperError as error:
+        return {"error": error.what}

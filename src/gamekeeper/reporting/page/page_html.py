@@ -21,7 +21,7 @@ from gamekeeper.reporting.page.learning_section import profile_of
 from gamekeeper.reporting.page.packed_episode import in_base64
 from gamekeeper.reporting.page.page_data import Cell, Page, PageBlock, PageSection, PageTable
 from gamekeeper.reporting.results_text import few, origin_facts
-from gamekeeper.runs.recorded_policies import policy_words
+from gamekeeper.runs.standing import policy_words
 
 # Each part may use what those before it put into `gk`.
 PARTS: Final = (
