@@ -61,7 +61,7 @@ def noted(path: Path, head: Mapping[str, Any]) -> Iterator[tuple[int, Any]]:
 
 
 def _changed(there: bytes, begin: str) -> str:
-    """What differs between two heads, by name."""
+    """Differences between two heads, by name."""
     try:
         old, new = json.loads(there), json.loads(begin)
     except ValueError:

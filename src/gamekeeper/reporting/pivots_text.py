@@ -74,7 +74,7 @@ def _episode(each: Mapping[str, Any], has_blocks: bool) -> Iterator[tuple[str, s
 
 
 def _alike(each: Mapping[str, Any]) -> str:
-    """What is said of an episode in which no turn is named; empty where there is more to say."""
+    """Sentence on an episode in which no turn is named; empty where there is more to say."""
     if each["pivots"] or each["not_tried"]:
         return ""
     return NO_ACTION if each["question"] == "last action" else no_pivot_text(each)
