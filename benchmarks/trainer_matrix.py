@@ -6,7 +6,7 @@ form: cells that hold the log, cells that are refused, with the reason, and cell
 
     python benchmarks/trainer_matrix.py vector gymnasium epymarl
     python benchmarks/trainer_matrix.py sb3_on_policy sb3_off_policy   # where it is installed
-    python benchmarks/trainer_matrix.py tianshou                       # likewise; torchrl, rllib
+    python benchmarks/trainer_matrix.py tianshou       # likewise; torchrl, benchmarl, rllib
 """
 
 from __future__ import annotations
@@ -14,11 +14,13 @@ from __future__ import annotations
 import argparse
 import importlib
 import json
+import os
 import sys
 from collections import Counter
 from pathlib import Path
 from typing import Final
 
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # networks are small: more threads only wait
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from tests.adapters import ledger
@@ -29,6 +31,7 @@ BUFFERS: Final = {
     "sb3_on_policy": ("sb3_books", "on_policy"),
     "sb3_off_policy": ("sb3_books", "off_policy"),
     "epymarl": ("epymarl_books", "episodes"),
+    "benchmarl": ("benchmarl_books", "buffer"),
     "rllib": ("rllib_ledger", "episodes"),
     "tianshou": ("tianshou_books", "buffer"),
     "torchrl": ("torchrl_books", "batches"),

@@ -1,13 +1,14 @@
 """Each trainer from nothing: its environment, its version, its example with seeds, what it keeps.
 
-For every lock in requirements/trainers: a fresh virtual environment, the locked packages, seconds
-and MB of both, the trainer's version; then `examples/NAME_*.py` with each seed, one by one.
+For every list in requirements/trainers: a fresh virtual environment, its packages (locked ones
+where there is a lock), seconds and MB of both, the trainer's version; then `examples/NAME_*.py`
+with each seed, one by one.
 What is kept and lost stands in the docstrings of the adapter, and is taken from there.
 
     python benchmarks/trainers.py --only sb3 [--seeds 3] [--quick] [--keep FOLDER]
 
 One JSON line a run and one a trainer, {"figure", "trainer", "version", "mb", "seconds", "examples",
-"passed", "changed", "lost", "refused"}; after the last the rows of docs/trainers.md. Several
+"kept", "changed", "lost", "refused"}; after the last the rows of docs/trainers.md. Several
 gigabytes with torch, and minutes for each example and seed.
 """
 
@@ -25,16 +26,16 @@ from typing import Any, Final
 
 FIGURE: Final = "trainers"
 ROOT: Final = Path(__file__).parent.parent
-LOCKS: Final = ROOT / "requirements" / "trainers"
+LISTS: Final = ROOT / "requirements" / "trainers"
 ADAPTERS: Final = ROOT / "src" / "gamekeeper" / "adapters"
 DISTRIBUTION: Final = {"sb3": "stable-baselines3", "rllib": "ray", "rerun": "rerun-sdk"}
-"""What a trainer is called on the index, where its lock is called otherwise."""
-FIELDS: Final = ("passed", "changed", "lost", "refused")
+"""What a trainer is called on the index, where its list is called otherwise."""
+FIELDS: Final = ("kept", "changed", "lost", "refused")
 
 
 def names() -> list[str]:
-    """Trainers that have a lock."""
-    return sorted(path.stem for path in LOCKS.glob("*.txt"))
+    """Trainers that have a list of packages; Ray alone is an executor."""
+    return sorted(path.stem for path in LISTS.glob("*.in") if path.stem != "ray")
 
 
 def tables(name: str) -> dict[str, list[str]]:
@@ -55,10 +56,12 @@ def tables(name: str) -> dict[str, list[str]]:
 
 
 def installed(name: str, folder: Path) -> dict[str, Any]:
-    """A fresh environment with what the lock says; its size, how long it took, the version."""
+    """A fresh environment with what the list says; its size, how long it took, the version."""
+    lock = LISTS / f"{name}.txt"
+    wanted = lock if lock.exists() else lock.with_suffix(".in")
     setup, venv = ROOT / "requirements" / "setup.sh", folder / name
     began_s = time.perf_counter()
-    for step in (("make", str(venv)), ("install", str(venv), str(LOCKS / f"{name}.txt"))):
+    for step in (("make", str(venv)), ("install", str(venv), str(wanted))):
         subprocess.run(["sh", str(setup), *step], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
     seconds = time.perf_counter() - began_s
     asked = f"import importlib.metadata as m; print(m.version({DISTRIBUTION.get(name, name)!r}))"
@@ -100,7 +103,7 @@ def row(found: dict[str, Any]) -> str:
     cells = [
         f"{found['trainer']} {found['version']}",
         f"{found['mb']:,} MB, {found['seconds']} s",
-        *("; ".join(found[field][:1]) for field in ("passed", "lost")),
+        *("; ".join(found[field][:1]) for field in ("kept", "lost")),
         "; ".join(results),
     ]
     return "| " + " | ".join(cells) + " |"

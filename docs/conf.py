@@ -20,6 +20,7 @@ html_theme = "furo"
 html_title = "Gamekeeper"
 html_static_path = ["_static"]
 html_js_files = ["landmarks.js"]
+html_search_scorer = str(HERE / "_static/scorer.js")  # a page whose title was asked for comes first
 highlight_language = "none"  # a block without a language is output
 smartquotes_action = "qe"  # quotes and ellipses; `--out` isn't a dash
 myst_enable_extensions = ["dollarmath"]

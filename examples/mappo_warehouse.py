@@ -15,7 +15,9 @@ probability 0. What is worth a look:
       Its place counts for nothing until its copy begins anew.
     - What robots learn from are weighted terms of the reward; they are judged by deliveries.
 
-The last line is JSON: deliveries per episode of four, over episodes that nobody learnt from.
+Half-way everything is saved, and a new learner goes on from the file. The last line is JSON:
+deliveries per episode of four, over episodes that nobody learnt from, with an interval; some are
+recorded and replayed.
 
 Source: Yu et al. 2022, "The Surprising Effectiveness of PPO in Cooperative Multi-Agent Games" (one
 network for all, state and own observation for the critic, values in running units, few epochs);
@@ -27,9 +29,12 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Final
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 import torch
@@ -38,6 +43,7 @@ from torch.distributions import Categorical
 
 import gamekeeper as gk
 from gamekeeper.kernels.batch import Batch
+from gamekeeper.statistics.one_sample import one_sample
 
 TASK: Final = "warehouse"
 KWARGS: Final = {"pickers": 2, "carriers": 1, "spares": 0, "orders": 4}
@@ -85,6 +91,14 @@ class Scale:
         mass = self.square * self.count + rows.var(0, unbiased=False) * len(rows)
         self.square = (mass + apart**2 * self.count * len(rows) / total) / total
         self.mean, self.count = self.mean + apart * len(rows) / total, total
+
+    def state_dict(self) -> dict[str, Any]:
+        """Returns what was noted."""
+        return dict(vars(self))
+
+    def load_state_dict(self, saved: dict[str, Any]) -> None:
+        """Goes on from what was noted."""
+        vars(self).update(saved)
 
     @property
     def deviation(self) -> torch.Tensor:
@@ -142,6 +156,27 @@ class Mappo:
         self.optimizer = torch.optim.Adam(weights, lr=args.rate, eps=1e-5)
         self.weights = torch.tensor([WEIGHTS.get(term, 1.0) for term in kernel.terms])
         self.steps = 0
+
+    @property
+    def parts(self) -> dict[str, Any]:
+        """Everything that learning changes, but for the warehouses."""
+        scales = self.robots.scale, self.state_scale, self.value_scale
+        return {
+            "actor": self.robots.actor,
+            "critic": self.critic,
+            "optimizer": self.optimizer,
+            **{f"scale {number}": scale for number, scale in enumerate(scales)},
+        }
+
+    def save(self, file: Path) -> Path:
+        """Writes it."""
+        torch.save({name: part.state_dict() for name, part in self.parts.items()}, file)
+        return file
+
+    def load(self, file: Path) -> None:
+        """Goes on from a file, in fresh warehouses."""
+        for name, saved in torch.load(file).items():
+            self.parts[name].load_state_dict(saved)
 
     def look(self, note: bool) -> tuple[torch.Tensor, torch.Tensor]:
         """What robots see, and what the critic is given: [copy, robot, ...] in running units."""
@@ -223,14 +258,35 @@ class Mappo:
                 nn.utils.clip_grad_norm_(self.optimizer.param_groups[0]["params"], 0.5)
                 self.optimizer.step()
 
-    def run(self) -> None:
-        """All updates; says on stderr how it goes."""
-        for update in range(self.args.updates):
+    def run(self, updates: range) -> None:
+        """Some of all updates; says on stderr how it goes."""
+        for update in updates:
             self.optimizer.param_groups[0]["lr"] = self.args.rate * (1 - update / self.args.updates)
             self.learn()
             if update % 10 == 9:
                 found = deliveries(self.robots, 64, seed=1).mean()
                 sys.stderr.write(f"{self.steps} steps: {found:.2f} deliveries\n")
+
+
+def policy(robots: Robots) -> Callable[..., int]:
+    """Returns a policy that draws actions as robots do while they are judged."""
+
+    def act(observation: Any, agent: Any, info: Any, rng: Any) -> int:
+        seen = torch.from_numpy(np.asarray(observation, np.float32))
+        mask = torch.from_numpy(np.asarray(info["action_mask"]))
+        with torch.no_grad():
+            chances = robots.chance(robots.scale.of(seen), mask).probs.numpy()
+        return int(np.searchsorted(np.cumsum(chances[:-1]), rng.random()))
+
+    return act
+
+
+def is_replayed(robots: Robots, episodes: int, out: Path) -> bool:
+    """Records some episodes as `gk.rollout` plays them, and tells whether they replay."""
+    gk.rollout(
+        TASK, policies=policy(robots), episodes=episodes, seed=UNSEEN, out=out, env_kwargs=KWARGS
+    )
+    return bool(gk.replay(out).verified)
 
 
 def deliveries(robots: Robots, episodes: int, seed: int) -> np.ndarray:
@@ -259,10 +315,21 @@ def main() -> int:
     if options.quick:
         args = replace(args, copies=16, length=16, updates=3, judged=8)
     begun, busy = time.perf_counter(), time.process_time()
-    learner = Mappo(args, options.seed)
-    learner.run()
-    seconds, spent = time.perf_counter() - begun, time.process_time() - busy
-    found = deliveries(learner.robots, args.judged, UNSEEN)
+    with tempfile.TemporaryDirectory() as name:
+        file, middle, steps = Path(name) / "learner.pt", args.updates // 2, 0
+        for number, part in enumerate((range(middle), range(middle, args.updates))):
+            learner = Mappo(args, options.seed + number * 1_000)
+            if number:
+                learner.load(file)
+            learner.run(part)
+            learner.save(file)
+            steps += learner.steps
+        learner = Mappo(args, 0)
+        learner.load(file)
+        seconds, spent = time.perf_counter() - begun, time.process_time() - busy
+        found = deliveries(learner.robots, args.judged, UNSEEN)
+        replays = is_replayed(learner.robots, 2 if options.quick else 20, Path(name) / "run")
+    shown = None if options.quick else one_sample(found, rng=np.random.default_rng(0))
     reached = bool(found.mean() >= WANTED)
     print(
         json.dumps(
@@ -272,17 +339,19 @@ def main() -> int:
                 "task": TASK,
                 "seed": options.seed,
                 "critic": "state" if args.sees_state else "own",
-                "steps": learner.steps,
+                "steps": steps,
                 "seconds": round(seconds, 1),
                 "cpu_s": round(spent, 1),
                 "measure": f"deliveries of {KWARGS['orders']}, {args.judged} episodes",
                 "result": round(float(found.mean()), 3),
+                "interval": shown and [round(shown.low, 3), round(shown.high, 3)],
+                "replayed": replays,
                 "wanted": WANTED,
                 "reached": reached,
             }
         )
     )
-    return 0 if reached or options.quick else 1
+    return 0 if replays and (reached or options.quick) else 1
 
 
 if __name__ == "__main__":

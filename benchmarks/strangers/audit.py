@@ -46,6 +46,16 @@ FAULTY: Final[Mapping[str, Sequence[Collection[str]]]] = {
         {"GK601"},  # one step in ten slips, by the clock
         {"GK630"},  # a wrapper clips the caller's action in place
     ],
+    "later_parallel_envs:Drones": [{"GK604"}],  # half-empty batteries stay as they are
+    "later_parallel_envs:Quarry": [
+        {"GK311"}
+    ],  # the first action of the dictionary takes the last stone
+    "later_parallel_envs:Kiln": [{"GK604"}],  # burns on over resets, and out of its Box
+    "later_parallel_envs:Ferry": [{"GK817"}],  # state() is noted before the moves
+    "later_aec_envs:Nim": [{"GK235"}],  # the mask is that of the player before
+    "later_aec_envs:Ledger": [{"GK405"}],  # rewards are never cleared
+    "later_aec_envs:Icewalk": [{"GK601"}],  # one step in ten slips, by a generator without a seed
+    "later_aec_envs:Choir": [{"GK212"}],  # float64 from the fifteenth turn on
 }
 SOUND: Final = (
     "parallel_envs:Station",
@@ -54,6 +64,11 @@ SOUND: Final = (
     "parallel_envs:scaled_pasture",
     "aec_envs:Duel",
     "aec_envs:Frost",
+    "later_parallel_envs:Market",
+    "later_parallel_envs:Cameras",
+    "later_parallel_envs:Shuffle",
+    "later_aec_envs:Dice",
+    "later_aec_envs:Parley",
 )
 
 

@@ -3,7 +3,10 @@
 Verdicts of failed, suspected and erroneous checks are kept in audited_anew.json, judgements in
 judgements.toml. With `--results` that file is made from the results that audit.py left.
 
-    python benchmarks/zoo/anew.py [--results FOLDER] > docs/zoo-anew.md
+    python benchmarks/zoo/anew.py [--results FOLDER | --after FOLDER] > docs/zoo-anew.md
+
+With `--after` results are kept beside those of the same environments: of audits by checks that were
+changed since, by these environments too.
 """
 
 from __future__ import annotations
@@ -29,12 +32,16 @@ def main() -> int:
     """Prints the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--results", type=Path, help="folder of audit.py's results")
+    parser.add_argument("--after", type=Path, help="the same, of audits by changed checks")
     asked = parser.parse_args()
-    if asked.results:
-        KEPT.write_text(json.dumps(list(kept(asked.results)), indent=1) + "\n")
-    rows = json.loads(KEPT.read_text())
+    rows = json.loads(KEPT.read_text()) if not asked.results else list(kept(asked.results))
+    if asked.after:
+        later = {row["key"]: row for row in kept(asked.after)}
+        rows = [{**row, "after": later.get(row["key"], row.get("after"))} for row in rows]
+    KEPT.write_text(json.dumps(rows, indent=1) + "\n")
     judged = tomllib.loads((HERE / "judgements.toml").read_text())
-    print("\n".join([*opening(rows), *counts(rows, judged), *table(rows, judged)]))
+    parts = *opening(rows), *counts(rows, judged), *after(rows, judged), *table(rows, judged)
+    print("\n".join(parts))
     return 0
 
 
@@ -130,6 +137,33 @@ def counts(rows: Sequence[Row], judged: Mapping[str, Mapping[str, str]]) -> Iter
     yield f"\nReproducers of causes that fail 5 of 5, the unchanged one passing: {share}."
     over = max(row["seconds"] - row["limit_s"] for row in rows)
     yield f"The longest audit ended {over:.0f} s after its time limit, process start included.\n"
+
+
+def after(rows: Sequence[Row], judged: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
+    """Environments that were audited again by checks that they had changed."""
+    again = [(row, row["after"]) for row in rows if row.get("after")]
+    if not again:
+        return
+    commits = ", ".join(sorted({later["gamekeeper"] for _, later in again}))
+    words = Counter(word(judged, row, id)[0] for row, later in again for id in causes(later))
+    counted = ", ".join(f"{words[name]} {name}" for name in (*JUDGED, "not judged") if words[name])
+    yield "## After the changes\n"
+    yield (
+        f"{len(again)} environments of which a cause wasn't true, audited once more at commit "
+        f"{commits}, once checks had been changed by them: {counted}. "
+        "They are tuned on by now, so this says what was changed, and not how often a check is "
+        "right elsewhere.\n"
+    )
+    yield "| environment | causes before | causes after | follow |"
+    yield "|---|---|---|---|"
+    for row, later in again:
+        told = [
+            ", ".join(f"{id} {word(judged, row, id)[0]}" for id in causes(each)) or "none"
+            for each in (row, later)
+        ]
+        follow = [each["id"] for each in later["verdicts"] if each["follows_from"]]
+        yield f"| {row['key']} | {told[0]} | {told[1]} | {', '.join(follow)} |"
+    yield ""
 
 
 def table(rows: Sequence[Row], judged: Mapping[str, Mapping[str, str]]) -> Iterator[str]:

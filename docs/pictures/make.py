@@ -1,10 +1,11 @@
-"""Takes the README's picture: the player of a real report, in light and in dark.
+"""Takes the pictures of a real page: the player in light and dark, and the panel of playing on.
 
     python docs/pictures/make.py [--folder docs/pictures] [--turn 60]
 
-Records an episode of `warehouse` in which `picker_1` is played by the lazy policy, writes its
-report and photographs the player at one turn. It asks for Playwright, Pillow and a Chromium
-(`--browser /usr/bin/chromium`); everything shown is what that report shows.
+Records an episode of `warehouse` in which `picker_1` is played by the lazy policy. Its report is
+photographed at one turn; an interactive view of it lets the reference policy play that agent from
+there on, in 64 futures. It asks for Playwright, Pillow and a Chromium
+(`--browser /usr/bin/chromium`).
 """
 
 from __future__ import annotations
@@ -16,37 +17,26 @@ from pathlib import Path
 from typing import Any, Final
 
 from PIL import Image
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import expect, sync_playwright
 
-WIDTH: Final = 1100
+import gamekeeper as gk
+from gamekeeper.diagnosis.play_on import PlayOnOptions
+from gamekeeper.viewing.viewer import Viewer
+
+SIZE: Final = {"width": 1100, "height": 1000}
 HEIGHT: Final = 592
 ARGUMENTS: Final = ["--no-sandbox", "--disable-gpu", "--no-first-run"]
 COLOURS: Final = 96  # enough for flat colours and grey edges of letters
-PATIENCE_MS: Final = 60_000
+PATIENCE_MS: Final = 300_000
+POLICIES: Final = {"picker_1": "lazy", "*": "reference"}
 
 
-def report(folder: Path) -> Path:
-    """The page of one recorded episode."""
-    import gamekeeper as gk
-
-    run = folder / "lazy-picker"
-    gk.rollout(
-        "warehouse", policies={"picker_1": "lazy", "*": "reference"}, episodes=1, seed=0, out=run
-    )
-    return gk.report(run, folder / "report.html")
-
-
-def photograph(page: Any, address: str, turn: int) -> bytes:
+def player(page: Any, address: str, turn: int) -> bytes:
     """The player at a turn, as PNG."""
-    page.goto(address)
-    page.locator("#gk-player canvas, #gk-player img").first.wait_for(timeout=PATIENCE_MS)
-    page.locator("#gk-player input[type=range]").first.evaluate(
-        "(slider, turn) => { slider.value = turn;"
-        " slider.dispatchEvent(new Event('input', {bubbles: true})); }",
-        turn,
-    )
+    page.goto(f"{address}#play:a/0/{turn}")
+    page.locator(f"#gk-player[data-turn='{turn}']").wait_for(timeout=PATIENCE_MS)
     page.wait_for_timeout(1500)  # a picture, no test: frames are decoded when they are looked at
-    page.locator("#player").scroll_into_view_if_needed()
+    page.evaluate("document.activeElement.blur()")
     box = page.locator("#player").bounding_box()
     return bytes(
         page.screenshot(
@@ -61,27 +51,45 @@ def photograph(page: Any, address: str, turn: int) -> bytes:
     )
 
 
-def small(png: bytes) -> Image.Image:
-    """The picture with as many colours as it needs."""
-    return Image.open(BytesIO(png)).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
+def panel(page: Any, view: Viewer, turn: int) -> bytes:
+    """The panel of playing on once many futures have been played, as PNG."""
+    page.goto(view.url)
+    page.wait_for_url(f"http://127.0.0.1:{view.port}/")
+    page.goto(f"{page.url}#play:a/0/{turn}@picker_1")
+    found = page.locator(".play-on")
+    found.locator("summary").first.click()
+    expect(found.get_by_role("button", name="Play many")).to_be_enabled(timeout=PATIENCE_MS)
+    found.get_by_label("What is changed").select_option("policy")
+    found.get_by_role("button", name="Play many").click()
+    expect(found.locator("tbody tr").first).to_be_visible(timeout=PATIENCE_MS)
+    page.mouse.move(0, 0)
+    return bytes(found.screenshot())
+
+
+def save(png: bytes, path: Path) -> None:
+    """Writes the picture with as many colours as it needs."""
+    picture = Image.open(BytesIO(png)).convert("RGB")
+    picture.quantize(COLOURS, dither=Image.Dither.NONE).save(path, optimize=True)
 
 
 def main() -> None:
-    """Writes player-light.png and player-dark.png."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    """Writes player-light.png, player-dark.png and play-on.png."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--folder", type=Path, default=Path(__file__).parent)
     parser.add_argument("--turn", type=int, default=60)
     parser.add_argument("--browser", default="/usr/bin/chromium")
-    parser.add_argument("--page", type=Path, help="a report that is there already")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
-        made = options.page or report(Path(folder))
+        run = Path(folder) / "lazy-picker"
+        gk.rollout("warehouse", policies=POLICIES, episodes=1, seed=0, out=run)
+        address = gk.report(run, Path(folder) / "report.html").as_uri()
         browser = playwright.chromium.launch(executable_path=options.browser, args=ARGUMENTS)
         for scheme in ("light", "dark"):
-            page = browser.new_page(viewport={"width": WIDTH, "height": 900}, color_scheme=scheme)
-            png = photograph(page, made.resolve().as_uri(), options.turn)
-            path = options.folder / f"player-{scheme}.png"
-            small(png).save(path, optimize=True)
+            page = browser.new_page(viewport=SIZE, color_scheme=scheme)
+            save(player(page, address, options.turn), options.folder / f"player-{scheme}.png")
+        page = browser.new_page(viewport=SIZE, color_scheme="light")
+        with Viewer([run], interactive=PlayOnOptions()) as view:
+            save(panel(page, view, options.turn), options.folder / "play-on.png")
         browser.close()
 
 

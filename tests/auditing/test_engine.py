@@ -11,7 +11,7 @@ import pytest
 from gamekeeper.auditing.audit import audit_here
 from gamekeeper.auditing.audit_process import audit
 from gamekeeper.auditing.gather import gather, lab_of
-from gamekeeper.auditing.judge import judge
+from gamekeeper.auditing.judge import WANTED, judge
 from gamekeeper.auditing.result import AuditResult
 from gamekeeper.checks import check as checks_room
 from gamekeeper.checks.check import LOW, Case, Check, check, checks, selected
@@ -204,3 +204,10 @@ def test_checks_refuses_two_of_one_id(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(checks_room.plugins, "load", lambda *_, **__: found)
     with pytest.raises(EvidenceError, match="two checks are called TEST001"):
         checks()
+
+
+def test_every_check_says_what_it_looks_at() -> None:
+    """A check of ours that wasn't exercised names what would have had to be there."""
+    ours = {id: each for id, each in checks().items() if id.startswith("GK")}
+    said = {id for id, each in ours.items() if each.looks_at or WANTED.keys() & {*each.needs}}
+    assert said == ours.keys()

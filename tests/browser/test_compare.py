@@ -72,12 +72,16 @@ def test_pair_has_one_first_difference(open_page: Open) -> None:
     base, counterfactual = base_and_counterfactual()
     third = {"turn": 50, "kind": "divergence", "agent": None, "text": "from a third"}
     found = {"turn": 32, "agent": "carrier_0", "field": "obs", "values": ["0.1", "0.2"]}
+    counterfactual["rows"]["reward"][4 * 40 + 1] = 5.0
     page = paired(open_page, {**base, "marks": [third]}, counterfactual, found)
     assert turn_of(page) == 32
     told = page.locator(".parted").inner_text()
     assert told == "First difference: turn 32, carrier_0, obs 0.1 against 0.2."
+    gap = 5 - (base["rows"]["reward"][4 * 40 + 1] or 0)
+    said = f"right less left: {gap:g} at the end; widest at turn 40, {gap:g}."
+    expect(page.locator(".scrub-curve .note")).to_contain_text(said)
     assert page.locator(".jump-divergence").all_inner_texts() == [
-        "◆ 32 divergence, carrier_0, obs differs"
+        "◆ turn 32: divergence, carrier_0, obs differs"
     ]
 
 
@@ -91,7 +95,7 @@ def test_episodes_beside_each_other_begin_where_they_part(open_page: Open) -> No
     assert (
         told == f"First difference: turn 33, carrier_0, action {actions[0]} against {actions[1]}."
     )
-    assert page.get_by_role("button", name="33 divergence, carrier_0").count() == 1
+    assert page.get_by_role("button", name="turn 33: divergence, carrier_0").count() == 1
     assert page.locator("td.differs").count() == 2
     assert (
         page.locator("article").nth(1).inner_text().count("A counterfactual of a, episode 0") == 1
@@ -186,6 +190,7 @@ def test_pair_without_difference_says_so(open_page: Open) -> None:
     base, _ = base_and_counterfactual()
     page = paired(open_page, base, {**base, "episode": 1})
     assert page.locator(".parted").inner_text().startswith("No difference")
+    expect(page.locator(".scrub-curve .note")).to_contain_text("right less left: 0 at the end")
     assert page.locator(".jump-divergence").count() == 0
 
 

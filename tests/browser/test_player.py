@@ -99,7 +99,7 @@ def test_play_ends_at_the_last_turn(open_page: Open) -> None:
 def test_jump_goes_to_its_mark(open_page: Open) -> None:
     """A mark's button puts the cursor on its turn."""
     page = opened(open_page, parallel_episode(), address="#play:a/0/0")
-    page.get_by_role("button", name="30 label, perception").click()
+    page.get_by_role("button", name="turn 30: label, perception").click()
     assert turn_of(page) == 30
 
 

@@ -27,7 +27,14 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return folder / "reference", folder / "random"
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
+def compared(runs: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The report of the first run beside the second."""
+    file = report(runs[0], tmp_path_factory.mktemp("page") / "report.html", others=[runs[1]])
+    return file.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
 def served(runs: tuple[Path, Path]) -> Iterator[str]:
     """The address of a `gamekeeper view` of the first run."""
     command = [sys.executable, "-m", "gamekeeper", "view", str(runs[0]), "--no-browser", "--json"]
@@ -38,13 +45,9 @@ def served(runs: tuple[Path, Path]) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("width", [360, 1400])
-def test_report_of_two_runs_plays_and_compares(
-    open_page: Open, runs: tuple[Path, Path], tmp_path: Path, width: int
-) -> None:
+def test_report_of_two_runs_plays_and_compares(open_page: Open, compared: str, width: int) -> None:
     """A real report is silent, fits, steps, and puts two runs beside each other where they part."""
-    file = report(runs[0], tmp_path / "report.html", others=[runs[1]])
-    size = {"width": width, "height": 900}
-    page = open_page(file.read_text(encoding="utf-8"), viewport=size)
+    page = open_page(compared, viewport={"width": width, "height": 900})
     page.wait_for_selector("#gk-player[data-turn]")
     page.locator(".scrub").focus()
     page.keyboard.press("End")
@@ -56,10 +59,9 @@ def test_report_of_two_runs_plays_and_compares(
     assert page.evaluate("document.documentElement.scrollWidth") == width
 
 
-def test_report_is_accessible(open_page: Open, runs: tuple[Path, Path], tmp_path: Path) -> None:
+def test_report_is_accessible(open_page: Open, compared: str) -> None:
     """axe-core finds nothing in a whole report of two runs, what is folded unfolded."""
-    file = report(runs[0], tmp_path / "report.html", others=[runs[1]])
-    page = open_page(file.read_text(encoding="utf-8"), bypass_csp=True)
+    page = open_page(compared, bypass_csp=True)
     page.wait_for_selector("#gk-player[data-turn]")
     page.evaluate("document.querySelectorAll('details').forEach((one) => { one.open = true; })")
     assert faults_anywhere(page) == []
@@ -106,11 +108,9 @@ def test_report_of_turns_is_accessible(open_page: Open, tmp_path: Path) -> None:
     assert faults(page) == []
 
 
-def test_report_fits_on_paper(open_page: Open, runs: tuple[Path, Path], tmp_path: Path) -> None:
+def test_report_fits_on_paper(open_page: Open, compared: str) -> None:
     """On a sheet's width no table is cut off, though all that was folded is open."""
-    file = report(runs[0], tmp_path / "report.html", others=[runs[1]])
-    sheet = {"width": 760, "height": 1100}
-    page = open_page(file.read_text(encoding="utf-8"), viewport=sheet)
+    page = open_page(compared, viewport={"width": 760, "height": 1100})
     page.wait_for_selector("#gk-player[data-turn]")
     page.emulate_media(media="print")
     page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
@@ -119,15 +119,16 @@ def test_report_fits_on_paper(open_page: Open, runs: tuple[Path, Path], tmp_path
     assert page.evaluate("document.documentElement.scrollWidth") == 760
 
 
-@pytest.mark.parametrize("path", ["", "report"])
-def test_view_is_accessible(chromium: Any, served: str, path: str) -> None:
+def test_view_is_accessible(chromium: Any, served: str) -> None:
     """axe-core finds nothing in either served page."""
     context = chromium.new_context(viewport={"width": 1200, "height": 900}, bypass_csp=True)
     page = context.new_page()
     page.goto(served)
-    page.goto(page.url.split("#")[0] + path)
-    page.wait_for_selector("#gk-player[data-turn]")
-    found = faults_anywhere(page)
+    address, found = page.url.split("#")[0], []
+    for path in ("", "report"):
+        page.goto(address + path)
+        page.wait_for_selector("#gk-player[data-turn]")
+        found += faults_anywhere(page)
     context.close()
     assert found == []
 

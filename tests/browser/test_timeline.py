@@ -63,12 +63,15 @@ def test_range_is_brushed_along_the_turns(open_page: Open) -> None:
     assert shade["width"] == pytest.approx(21 * per, abs=2)
 
 
-def test_gallery_sorts_sparklines_and_opens_an_episode(open_page: Open) -> None:
-    """A line for each episode, the one with the lowest return first, one press from the player."""
-    episodes = [parallel_episode(episode=k, seed=k) for k in range(5)]
+def test_gallery_sorts_and_groups_episodes_and_opens_one(open_page: Open) -> None:
+    """A line for each episode, the lowest return first, one press from the player; or by groups."""
+    episodes = [parallel_episode(episode=k, seed=k, turns=12 if k == 3 else 60) for k in range(5)]
     page = opened(open_page, *episodes)
     page.locator(".episode-list > summary").click()
     page.locator(".gallery > summary").click()
+    expect(page.locator(".tile")).to_have_count(5)
+    page.get_by_label("Sort by").select_option("behaviour")
+    expect(page.locator(".gallery h4").filter(has_text="12 steps")).to_contain_text("1 episode ·")
     expect(page.locator(".tile")).to_have_count(5)
     page.get_by_label("Sort by").select_option("worst")
     team = [sum(x or 0 for x in each["rows"]["reward"]) for each in episodes]

@@ -80,13 +80,13 @@ def test_files_are_written(
     """--out takes document, JUnit, SARIF and a program for each finding; they are written anew."""
     monkeypatch.chdir(tmp_path)
     for _ in range(2):
-        line = ("audit", PAID, *QUICK, "--out", "out", "--junit", "j.xml", "--sarif", "s.json")
+        line = ("audit", PAID, *QUICK, "--out", "out")
         code, _, err = said(capfd, *line)
         assert code == 1
     assert "written to out: audit.json, junit.xml, audit.sarif, GK402.py" in err
     assert json.loads(Path("out/audit.json").read_text())["ok"] is False
-    assert ElementTree.parse("j.xml").getroot().attrib["failures"] == "1"
-    (run,) = json.loads(Path("s.json").read_text())["runs"]
+    assert ElementTree.parse("out/junit.xml").getroot().attrib["failures"] == "1"
+    (run,) = json.loads(Path("out/audit.sarif").read_text())["runs"]
     place = run["results"][0]["locations"][0]["physicalLocation"]
     assert place["artifactLocation"]["uri"].startswith("file:///")
     assert place["region"]["startLine"] > 1
@@ -101,9 +101,9 @@ def test_sarif_names_files_inside_the_folder_from_there(
     file = tmp_path / "my envs" / "line.py"
     file.write_text(Path(LINE.rpartition(":")[0]).read_text())
     monkeypatch.chdir(tmp_path)
-    line = ("audit", "my envs/line.py:make", *QUICK, "--junit", "j.xml")
+    line = ("audit", "my envs/line.py:make", *QUICK, "--out", "out")
     assert said(capfd, *line)[0] == 0
-    case = next(ElementTree.parse("j.xml").getroot().iter("testcase"))
+    case = next(ElementTree.parse("out/junit.xml").getroot().iter("testcase"))
     assert case.attrib["file"] == "my envs/line.py"
     found = audit(verdict("GK402", "failed"), source={"file": str(file), "line": 3})
     result = json.loads(sarif_of(found))["runs"][0]["results"][0]

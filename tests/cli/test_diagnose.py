@@ -95,7 +95,7 @@ def test_diagnose_tries_a_named_policy_in_an_agents_place(
     assert (code, giver["answer"], giver["labels"]) == (0, "isolated", [])
     assert giver["component"] == "giver_0's policy"
     kinds = {each["intervention"]: each["kind"] for each in giver["tested"]}
-    assert kinds[f"policy[giver_0] = {good}"] == "swap"
+    assert kinds[f"giving giver_0 the policy {good}"] == "swap"
 
 
 def test_diagnose_saves_a_case_that_passes(

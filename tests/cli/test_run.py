@@ -213,6 +213,16 @@ def test_run_without_an_audit_records_at_once(
     assert json.loads(out)["audit"] is None
 
 
+def test_run_says_how_many_episodes_were_cut(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """An environment that doesn't end is cut, and the summary says where."""
+    line = ("run", LINE, "--out", tmp_path / "a", "--episodes", "2", "--no-audit")
+    code, out, _ = said(capfd, *line, "--most-turns", "1")
+    assert code == 0
+    assert "2 of 2 episodes hadn't ended after 1 env step and were cut" in " ".join(out.split())
+
+
 @pytest.mark.parametrize(
     ("env", "file"),
     [

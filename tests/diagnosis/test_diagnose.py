@@ -184,7 +184,7 @@ def test_a_budget_in_steps_binds_and_says_what_it_left() -> None:
     found = plainly(evidence, episodes=300, budget=budget)
     assert budget // 2 < found.steps <= budget
     assert found.not_played
-    text = diagnosis_screen(found.to_json(), width=200)
+    text = diagnosis_screen({**found.to_json(), "run": "runs/x"}, width=200)
     assert f"{found.steps:,} of {budget:,} env steps" in text
     assert f"--budget {2 * budget}" in text
     assert f"Not tried  {found.not_played[0]}" in text

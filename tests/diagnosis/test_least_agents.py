@@ -92,7 +92,7 @@ def test_a_healthy_agent_between_two_at_fault_is_not_accused() -> None:
         "ant_2": "isolated",
     }
     assert found.team is not None
-    assert found.team.component == "ant_0 and ant_2's policy"
+    assert found.team.component == "ant_0 and ant_2's policies"
     assert found.agents["ant_0"].labels == ()
 
 
@@ -100,7 +100,9 @@ def test_an_agent_that_helps_beside_another_is_not_acquitted() -> None:
     """One policy alone closes enough of the gap; both do more, beyond chance."""
     found = diagnosed("falters", "limps", "walks", part=0.3)
     assert found.team is not None
-    alone = next(x for x in found.team.tested if x.intervention == "policy[ant_0] = reference")
+    alone = next(
+        x for x in found.team.tested if x.intervention == "giving ant_0 the reference policy"
+    )
     assert alone.restores
     assert [each.answer for each in found.agents.values()] == ["isolated", "isolated", "elsewhere"]
 
@@ -110,6 +112,6 @@ def test_policies_of_peers_are_tried_for_all_of_a_role_at_once() -> None:
     setup = Setup("x", policies={"a_0": "noop", "a_1": "noop", "a_2": "random"})
     found = list(peers_of(setup, Contract(), ("a_0", "a_1", "a_2")))
     together = found[-1]
-    assert together.name == "policy[a_0, a_1] = a_2's"
+    assert together.name == "giving a_0 and a_1 a_2's policy"
     assert together.agents == ("a_0", "a_1")
     assert {one.name for one in found[:2]} <= together.contains

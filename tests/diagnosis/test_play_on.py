@@ -45,7 +45,6 @@ def ordered(run: Path, branch: BranchPoint, **extra: Any) -> dict[str, Any]:
         "setup": setup_of(evidence).to_json(),
         "contract": evidence.contract.to_json(),
         "branch": asdict(branch),
-        "tried": [],
         **extra,
     }
 

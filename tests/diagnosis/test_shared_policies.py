@@ -140,7 +140,7 @@ def test_a_shared_policy_that_failed_fails_again(folder: Path) -> None:
     assert found.team.success[0] == 0.0
     assert found.contradictions == {}
     changes = {each.intervention for each in found.team.tested}
-    assert "memory[a, b] reset" in changes
+    assert "resetting a and b's memory" in changes
 
 
 def test_a_named_policy_contradicts_no_recorded_episode(folder: Path) -> None:

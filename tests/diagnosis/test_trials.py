@@ -44,7 +44,11 @@ def test_what_is_at_its_ideal_is_no_handle() -> None:
 def test_a_knob_by_agent_and_role_has_a_handle_for_each() -> None:
     """An agent's own setting goes before its role's."""
     found = named(Setup("env", {"noise": {"picker": 1.0, "picker_1": 2.0, "carrier": 0.0}}))
-    assert list(found) == ["noise[picker] = 0.0", "noise[picker_1] = 0.0", "perception: all"]
+    assert list(found) == [
+        "noise[picker] = 0.0",
+        "noise[picker_1] = 0.0",
+        "everything of perception at once",
+    ]
     assert found["noise[picker] = 0.0"].agents == ("picker_0",)
     cured = found["noise[picker] = 0.0"].applied(
         Setup("env", {"noise": {"picker": 1.0, "picker_1": 2.0, "carrier": 0.0}})
@@ -56,7 +60,11 @@ def test_nesting_is_as_declared() -> None:
     """The true state contains what it makes up for."""
     found = named(Setup("env", {"noise": 1.0, "drift": 3, "truth": False}))
     assert found["truth = True"].contains == {"noise = 0.0", "drift = 0"}
-    assert found["state estimation: all"].contains >= {"drift = 0", "truth = True", "noise = 0.0"}
+    assert found["everything of state estimation at once"].contains >= {
+        "drift = 0",
+        "truth = True",
+        "noise = 0.0",
+    }
 
 
 def test_options_policies_and_wrappers_have_handles() -> None:
@@ -74,9 +82,12 @@ def test_options_policies_and_wrappers_have_handles() -> None:
         "carrier": {"temperature": 0.0}
     }
     assert found["delay = 0"].applied(setup).layers == {"delay": 0}
-    assert found["memory[picker_0] reset"].applied(setup).forgets == ("picker_0",)
-    assert found["policy[carrier] = reference"].applied(setup).policies["carrier"] == "reference"
-    assert found["policy[picker_0] = reference"].contains == {"memory[picker_0] reset"}
+    assert found["resetting picker_0's memory"].applied(setup).forgets == ("picker_0",)
+    assert (
+        found["giving carrier the reference policy"].applied(setup).policies["carrier"]
+        == "reference"
+    )
+    assert found["giving picker_0 the reference policy"].contains == {"resetting picker_0's memory"}
 
 
 def test_agents_of_one_object_have_its_handles_together() -> None:
@@ -86,10 +97,10 @@ def test_agents_of_one_object_have_its_handles_together() -> None:
         setup, settings={pair: {"temperature": 1.0}}, resettable=[pair], has_reference=True
     )
     assert found["temperature[picker_0, picker_1] = 0.0"].agents == pair
-    memory = found["memory[picker_0, picker_1] reset"]
+    memory = found["resetting picker_0 and picker_1's memory"]
     assert memory.applied(setup).forgets == pair
-    assert memory.name not in found["policy[picker_0] = reference"].contains
-    assert memory.name in found["policy: all"].contains
+    assert memory.name not in found["giving picker_0 the reference policy"].contains
+    assert memory.name in found["everything of policy at once"].contains
 
 
 def test_a_shorter_horizon_is_a_question_of_evaluation() -> None:

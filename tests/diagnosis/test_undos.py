@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from gymnasium.spaces import Box, Discrete, MultiDiscrete, Space
+from gymnasium.spaces import Box, Dict, Discrete, MultiDiscrete, Space
 from pettingzoo import ParallelEnv
 
 import gamekeeper as gk
@@ -18,7 +18,7 @@ from gamekeeper.diagnosis.undo_candidates import action_undos, call_undos, obser
 from gamekeeper.diagnosis.undo_search import ASIDE, ROUNDS, _other_boundaries
 from gamekeeper.diagnosis.undos import BoundaryUndo, UndoneCast
 from gamekeeper.errors import EvidenceError
-from gamekeeper.rollouts.interventions.fields import acted_fields
+from gamekeeper.rollouts.interventions.fields import acted_fields, observed_fields
 
 SIDE = 5
 
@@ -158,6 +158,29 @@ def test_response_tests_leave_out_what_they_contradict() -> None:
     assert {(0, 1, 2), (0, 1, 3), (0, 2, 3)} <= values
 
 
+def test_parts_of_a_dict_are_exchanged_as_wholes_and_pixels_need_bounds_of_pixels() -> None:
+    """Two entries of one shape; a factor of 255 only where bounds don't contradict it."""
+    two = Box(-3.0, 3.0, (2,), np.float32)
+    space = Dict({"goal": two, "place": two, "power": Discrete(3)})
+    fields = observed_fields(Contract(), "a", space)
+    tried = [undo for _, undo in observation_undos(("a",), fields, frozenset())]
+    whole = next(undo for undo in tried if len(undo.places) == 4)
+    assert str(whole) == "exchanging fields goal and place of a's observation"
+    given = {"goal": np.float32([1, 2]), "place": np.float32([-1, 0]), "power": 1}
+    (shown,), _ = passed(whole, space, Discrete(2), given)
+    assert [shown[key].tolist() for key in ("goal", "place")] == [[-1, 0], [1, 2]]
+    factors = [
+        {undo.amount for _, undo in observation_undos(("a",), acted_fields(box), frozenset())}
+        for box in (two, Box(0.0, 1.0, (2,)), Box(0.0, 255.0, (2,)))
+    ]
+    assert [255.0 in each for each in factors] == [False, True, False]
+    enlarged = undone(BoundaryUndo(("a",), "rescale fields", amount=10.0))
+    assert (enlarged.labels, enlarged.shown) == (
+        (),
+        "a's gain, from what is observed to what is done",
+    )
+
+
 def test_an_undo_of_one_agent_goes_before_that_of_several_and_before_a_whole_policy() -> None:
     """What makes up for more says less."""
     one, both = (BoundaryUndo(agents, "mirror axis", (0,)) for agents in (("a",), ("a", "b")))
@@ -176,10 +199,10 @@ def test_peers_and_named_policies_are_tried_in_an_agents_place() -> None:
     setup = Setup("env", policies={"picker_0": "a:b", "picker_1": "c:d", "carrier_0": "e:f"})
     agents = ["picker_0", "picker_1", "carrier_0"]
     found = {one.name: one for one in peers_of(setup, Contract(), agents)}
-    assert list(found) == ["policy[picker_0] = picker_1's", "policy[picker_1] = picker_0's"]
-    assert found["policy[picker_0] = picker_1's"].applied(setup).policies["picker_0"] == "c:d"
+    assert list(found) == ["giving picker_0 picker_1's policy", "giving picker_1 picker_0's policy"]
+    assert found["giving picker_0 picker_1's policy"].applied(setup).policies["picker_0"] == "c:d"
     named = [one.name for one in swaps_of({"picker": "x:y"}, Contract(), agents)]
-    assert named == ["policy[picker_0] = x:y", "policy[picker_1] = x:y"]
+    assert named == ["giving picker_0 the policy x:y", "giving picker_1 the policy x:y"]
     with pytest.raises(EvidenceError, match="'pickr', which is no agent and no role here"):
         list(swaps_of({"pickr": "x:y"}, Contract(), agents))
 

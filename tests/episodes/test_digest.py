@@ -20,6 +20,7 @@ from gamekeeper.episodes.digest import (
     digest_fields,
     episode_header,
     run_fingerprint,
+    run_header,
 )
 from gamekeeper.episodes.layout import LARGE_BYTES
 
@@ -136,11 +137,11 @@ def test_rows_are_not_states_nor_headers() -> None:
 
 def test_run_covers_environment_spaces_and_the_order_of_episodes() -> None:
     """And nothing of the order of keys."""
-    one = run_fingerprint({"a": 1, "b": 2}, {"x": None}, ["aa", "bb"])
-    assert one == run_fingerprint({"b": 2, "a": 1}, {"x": None}, ["aa", "bb"])
+    one = run_fingerprint(run_header({"a": 1, "b": 2}, {"x": None}), ["aa", "bb"])
+    assert one == run_fingerprint(run_header({"b": 2, "a": 1}, {"x": None}), ["aa", "bb"])
     others = [
-        run_fingerprint({"a": 1, "b": 3}, {"x": None}, ["aa", "bb"]),
-        run_fingerprint({"a": 1, "b": 2}, {"y": None}, ["aa", "bb"]),
-        run_fingerprint({"a": 1, "b": 2}, {"x": None}, ["bb", "aa"]),
+        run_fingerprint(run_header({"a": 1, "b": 3}, {"x": None}), ["aa", "bb"]),
+        run_fingerprint(run_header({"a": 1, "b": 2}, {"y": None}), ["aa", "bb"]),
+        run_fingerprint(run_header({"a": 1, "b": 2}, {"x": None}), ["bb", "aa"]),
     ]
     assert len({one, *others}) == 4

@@ -61,6 +61,24 @@ def test_evaluate_claims_about_a_checkpoint_say_so_and_need_episodes() -> None:
     assert any("not about how it was trained" in claim for claim in found.notes)
 
 
+def test_few_pairs_say_which_is_more_often_above() -> None:
+    """Twelve pairs give a difference no interval; that all of them agree is an exact p-value."""
+    found = evaluate(
+        "two_robot_line",
+        policies={"met": "reference", "still": "noop"},
+        episodes=12,
+        env_kwargs=SHORT,
+    )
+    row = next(
+        row for row in found.comparisons if (row["who"], row["metric"]) == ("team", "return")
+    )
+    assert row["difference"]["low"] is None
+    assert (row["difference"]["above"], row["difference"]["below"]) == (12, 0)
+    assert row["difference"]["p_alone"] == pytest.approx(2.0**-11)
+    assert row["improvement"]["low"] == pytest.approx(0.025 ** (1 / 12))
+    assert "met is more often above still: above in 12, below in 0 of 12 pairs" in row["claim"]
+
+
 def test_evaluate_compares_on_shared_seeds_with_correction() -> None:
     """Paired over episodes, the p-values corrected for how many there are."""
     found = evaluate(

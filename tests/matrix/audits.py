@@ -22,7 +22,7 @@ from gamekeeper.auditing import confirm, elsewhere
 from gamekeeper.auditing.audit import AuditAttempt, audit_here
 from gamekeeper.auditing.result import AuditResult
 from gamekeeper.rollouts.warm_worker import WarmWorker
-from gamekeeper.rollouts.workers import TaskOutcome, run_task
+from gamekeeper.rollouts.workers import run_task
 from tests.faults import environments
 
 PROCESSES = 2
@@ -131,9 +131,9 @@ def _keep(name: str, audit: dict[str, Any]) -> None:
 def audit_task(report: Any, *, names: list[str]) -> None:
     """Audits environments in this process, which is for this alone."""
     workers = cycle([_KeptWorker(confirm.MODULES) for _ in range(TRIES)])
-    confirm.WarmWorker = lambda modules: next(workers)  # type: ignore[assignment,misc]  # kept ones in its place
+    confirm.WarmWorker = lambda modules, hash_seed: next(workers)  # type: ignore[assignment,misc]  # kept ones in its place
     confirm.TRIES = TRIES  # type: ignore[misc]  # fewer here
-    elsewhere.run_task = _in_fork  # type: ignore[assignment]
+    elsewhere.worker_of = lambda lab, hash_seed: _worker(hash_seed)  # type: ignore[assignment]
     for name in names:
         each = environments()[name]
         audit = audit_here(
@@ -157,10 +157,3 @@ class _KeptWorker(WarmWorker):
 @cache
 def _worker(hash_seed: int | None) -> WarmWorker:
     return WarmWorker(["gamekeeper.auditing.elsewhere"], hash_seed=hash_seed)
-
-
-def _in_fork(
-    task: str, arguments: dict[str, Any], *, hash_seed: int | None = None, **_: Any
-) -> TaskOutcome:
-    """Stands in for `run_task`."""
-    return _worker(hash_seed).run(task, arguments)

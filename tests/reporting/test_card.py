@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from gamekeeper.contract import Contract, Question
 from gamekeeper.episodes.agent_spec import AgentSpec
 from gamekeeper.episodes.contract_questions import open_questions
-from gamekeeper.reporting.card import card_json, card_markdown, card_text, card_toml
+from gamekeeper.reporting.card import card_json, card_text, card_toml
 
 CONTRACT = Contract.parse(
     """
@@ -112,7 +112,6 @@ def test_card_text_stays_in_its_width_for_any_words(words, width):
     text = card_text(contract, specs, width=width)
     assert max(map(len, text.splitlines())) <= width
     assert all(char.isprintable() or char == "\n" for char in text)
-    card_markdown(contract, specs)
     json.dumps(card_json(contract, specs))
 
 
@@ -138,17 +137,6 @@ def test_card_of_nothing_is_still_a_card():
     assert text.startswith("an environment without a name (API not declared)\n")
     assert "Roles" not in text
     assert card_json(Contract())["agents"] == []
-
-
-def test_card_markdown_is_tables_whose_rows_fit_their_heads():
-    """Each section is a table, and no cell can break out of it."""
-    nasty = Contract(name="a|b`<b>", waivers={"GK101": "one | two\n\n# three <script>"})
-    text = card_markdown(nasty, AGENTS)
-    rows = [line for line in text.splitlines() if line.startswith("|")]
-    assert rows
-    assert {row.replace("\\|", "").count("|") for row in rows} == {3, 5}
-    assert "<" not in text.split("## Not declared")[0]
-    assert "# warehouse\\_v0 (Parallel)" in card_markdown(CONTRACT, AGENTS)
 
 
 def test_card_toml_is_the_contract_with_its_questions():

@@ -18,11 +18,12 @@ def test_screen_says_who_since_when_what_undoes_it_and_what_to_paste() -> None:
         "turn": found.counterfactuals[0].turn,
     }
     assert document["agents"]["receiver_0"]["since"] is None
-    lines = diagnosis_screen(document, width=80).splitlines()
+    assert "gamekeeper" not in diagnosis_screen(document, width=80)
+    lines = diagnosis_screen({**document, "run": "runs/x"}, width=80).splitlines()
     assert len(lines) <= 24
     assert any(line.startswith("Who        giver_0 (isolated;") for line in lines)
     assert any(line.startswith("Undone by  latency[giver_0] = 0") for line in lines)
-    assert any("gamekeeper pivots memory --episode 0" in line for line in lines)
+    assert any("gamekeeper pivots runs/x --episode 0" in line for line in lines)
     assert "Not named  receiver_0" in lines
     assert any(line.startswith("How sure   success rate from 0% to ") for line in lines)
 

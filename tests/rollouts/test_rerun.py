@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -7,15 +8,14 @@ import pytest
 from gymnasium import spaces
 
 import gamekeeper as gk
+from gamekeeper.episodes.arrow import TERM
 from gamekeeper.episodes.divergence import compare
 from gamekeeper.episodes.episode import Episode
-from gamekeeper.errors import EvidenceError
 from gamekeeper.interface.recorded_env import capture_of
-from gamekeeper.rollouts.episode_loop import play
+from gamekeeper.rollouts.episode_loop import EvidenceOptions, perform, play
 from gamekeeper.rollouts.interventions.tick_order import ActionOrder
 from gamekeeper.rollouts.memory import MemorySink
-from gamekeeper.rollouts.reruns import replay_trace
-from gamekeeper.rollouts.reruns import rerun as run_again
+from gamekeeper.rollouts.reruns import play_of, replay_trace
 from gamekeeper.runs.recording import cast_of, rollout
 from tests.runs.walks import Turns, Walk
 
@@ -114,9 +114,13 @@ def test_rerun_without_a_change_is_the_unchanged_rerun(spec: str) -> None:
     """An episode from evidence, played again from paper or by its policies, comes out the same."""
     for trace in rollout(spec, episodes=2, seed=3, most_turns=60).episodes:
         env = gk.make(spec)
-        open_loop = run_again(trace, env)
+        planned, names = play_of(trace, env), trace.steps.schema.names
+        terms = tuple(name.removeprefix(TERM) for name in names if name.startswith(TERM))
+        keep = EvidenceOptions(terms=terms, number=trace.episode)
+        open_loop = perform(planned, env, keep=keep)
+        chosen_anew = replace(planned, actions=None, most_turns=60)
         cast = cast_of("random", env, None)
-        closed = run_again(trace, env, loop="closed", cast=cast, run_seed=3, most_turns=60)
+        closed = perform(chosen_anew, env, cast=cast, cast_seed=3, keep=keep)
 
         assert compare(trace, open_loop.trace).divergence is None
         assert compare(trace, closed.trace).divergence is None
@@ -126,14 +130,8 @@ def test_rerun_names_its_change() -> None:
     """The counterfactual says what was done differently."""
     trace = rollout("two_robot_line", episodes=1).episodes[0]
 
-    counterfactual = run_again(trace, gk.make("two_robot_line"), change=ActionOrder("reversed"))
+    env = gk.make("two_robot_line")
+    counterfactual = perform(play_of(trace, env), env, change=ActionOrder("reversed"))
 
     assert counterfactual.trace.change is not None
     assert counterfactual.trace.change["change"] == "ActionOrder"
-
-
-def test_rerun_closed_needs_a_cast() -> None:
-    """Somebody has to choose."""
-    trace = rollout("two_robot_line", episodes=1).episodes[0]
-    with pytest.raises(EvidenceError, match="nobody chooses"):
-        run_again(trace, gk.make("two_robot_line"), loop="closed")

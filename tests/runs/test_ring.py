@@ -163,7 +163,8 @@ def test_ring_stays_within_its_size_while_it_is_open(small_run: Path, tmp_path: 
         sizes.append(sum(path.stat().st_size for path in paths if path.exists()))
 
     poured(small_run, ring, rounds=12, after=after)
-    table, keep = ring.settle()
+    table, entries = ring.settle()
+    keep = entries["keep"]
     ring.finalize({"fingerprint": None})
 
     assert max(sizes) <= 200_000

@@ -4,7 +4,7 @@ import pyarrow as pa
 import pytest
 
 from gamekeeper.errors import EvidenceError, RunError
-from gamekeeper.runs.files import store
+from gamekeeper.runs.files import parquet_tables, store
 from gamekeeper.runs.files import store as roller
 from gamekeeper.runs.files.checksums import compare_checksums
 from gamekeeper.runs.files.store import RunStore
@@ -110,12 +110,13 @@ def test_store_takes_columns_that_come_and_go(tmp_path: Path) -> None:
     assert steps["action.late"].to_pylist() == [None] * 10 + [1.5, 2.5]
 
 
-@pytest.mark.parametrize("restarts", [0, roller.RESTARTS])
+@pytest.mark.parametrize("group_rows", [1, roller.GROUP_ROWS])
 def test_store_rolls_again_when_columns_come_late(
-    tmp_path: Path, restarts: int, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, group_rows: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A draft that was rolled without a later column is rolled anew, at once or at the close."""
-    monkeypatch.setattr(roller, "RESTARTS", restarts)
+    """A draft that was written without a later column is written anew, from the segments."""
+    for module in (roller, parquet_tables):
+        monkeypatch.setattr(module, "GROUP_ROWS", group_rows)
     made = RunStore.create(tmp_path / "b", {}, segment_bytes=1)
     made.append("episodes", run_folders.begin(0))
     for turn in range(8):
@@ -245,10 +246,11 @@ def test_roller_failure_surfaces_at_the_next_call(
             raise OSError("no more disk")
 
     monkeypatch.setattr(roller, "TableWriter", Broken)
+    monkeypatch.setattr(roller, "GROUP_ROWS", 1)
     made = RunStore.create(tmp_path / "b", {}, segment_bytes=1)
     made.append("agent_steps", run_folders.steps(0, 0, 1))
     made._roller.stop()
-    with pytest.raises(RunError, match=r"agent_steps-0000\.arrows"):
+    with pytest.raises(RunError, match="rolling agent_steps"):
         made.append("agent_steps", run_folders.steps(0, 1, 2))
     with pytest.raises(RunError, match="rolling"):
         made.finalize({})

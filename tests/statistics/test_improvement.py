@@ -1,5 +1,8 @@
 """The probability of improvement: known figures, laws, coverage, refusals."""
 
+from itertools import product
+from math import comb
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,6 +10,7 @@ from hypothesis import strategies as st
 
 from gamekeeper.errors import EvidenceError
 from gamekeeper.statistics.aggregates import improvement, probability_of_improvement
+from gamekeeper.statistics.paired import exact_wins
 
 RUNS = st.lists(st.integers(-6, 6), min_size=10, max_size=15)
 PAIRS = st.lists(st.tuples(st.integers(-3, 3), st.integers(-3, 3)), min_size=50, max_size=60)
@@ -73,7 +77,6 @@ def test_improvement_over_environments_is_the_mean_and_surer() -> None:
     ("a", "b", "paired", "message"),
     [
         (list(range(9)), list(range(12)), False, "at least 10 values"),
-        (list(range(49)), list(range(49)), True, "at least 50 pairs"),
         (list(range(50)), list(range(51)), True, "can't be paired"),
         ({"x": list(range(10))}, {"y": list(range(10))}, False, "different environments"),
         ({}, {}, False, "environments"),
@@ -95,3 +98,27 @@ def test_improvement_covers_as_it_says(truth, shift) -> None:
         found = improvement(a + shift, b, paired=False)
         held += found.low <= truth <= found.high
     assert 366 <= held <= 394
+
+
+@pytest.mark.parametrize("n", [1, 5, 12, 30])
+@pytest.mark.parametrize("ties", [0.0, 0.2])
+@pytest.mark.parametrize("win", [0.03, 0.4, 0.75])
+def test_few_pairs_are_covered_as_their_interval_says(n: int, ties: float, win: float) -> None:
+    """Summed over all outcomes of n pairs, the chance that the bounds hold the truth is 95 %."""
+    loss = 1 - ties - win
+    covered = 0.0
+    for wins, losses in product(range(n + 1), repeat=2):
+        equal = n - wins - losses
+        if equal < 0 or (ties == 0 and equal):
+            continue
+        low, high = exact_wins(wins, losses, n, 0.95)
+        ways = comb(n, wins) * comb(n - wins, losses)
+        covered += (low <= win + ties / 2 <= high) * ways * win**wins * loss**losses * ties**equal
+    assert covered >= 0.95
+
+
+def test_few_pairs_have_an_interval() -> None:
+    """30 wins of 30 are above half by far; the bounds are Clopper's and Pearson's."""
+    found = improvement(list(range(1, 31)), [0] * 30, paired=True)
+    assert (found.value, found.high, found.n) == (1.0, 1.0, 30)
+    assert found.low == pytest.approx(0.025 ** (1 / 30))

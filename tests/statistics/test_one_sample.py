@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamekeeper.errors import EvidenceError
-from gamekeeper.statistics.interval import FEWEST_EPISODES, refuse_agents
+from gamekeeper.statistics.interval import FEWEST_EPISODES
 from gamekeeper.statistics.one_sample import fewest_for_quantile, one_sample, quantile
 from gamekeeper.statistics.resampling import interquartile_mean
 from gamekeeper.statistics.significance import wilson
@@ -186,17 +186,6 @@ def test_quantile_is_the_same_from_both_ends(values, part) -> None:
     one, two = quantile(values, part), quantile([-each for each in values], 1 - part)
     assert one.low <= one.value <= one.high
     assert (one.low, one.high) == pytest.approx((-two.high, -two.low))
-
-
-def test_agents_of_one_episode_are_refused_by_name() -> None:
-    """The error says how many agents, why they are no sample, and what to do."""
-    with pytest.raises(EvidenceError, match="agents of one episode") as caught:
-        refuse_agents(4, where="results.reward")
-    told = str(caught.value)
-    assert "4 agents" in told
-    assert "share its seed" in told
-    assert "results.reward" in told
-    assert "mean over agents in each episode" in told
 
 
 def test_interval_is_plain_data() -> None:

@@ -1,5 +1,6 @@
 """The pages as `make docs` has built them: what the Python interface's page shows and indexes."""
 
+import json
 import re
 from types import ModuleType
 
@@ -58,3 +59,28 @@ def test_no_directive_is_left_as_text(page: str) -> None:
     """Nothing of the markup that documents names is shown to the reader."""
     assert "py:function" not in page
     assert ":module: gamekeeper" not in page
+
+
+@pytest.mark.parametrize(
+    ("words", "found"),
+    [
+        ("custom environment", "own-environment"),
+        ("vector environment", "vector"),
+        ("wrapper", "wrappers"),
+    ],
+)
+def test_search_finds_by_title(words: str, found: str) -> None:
+    """A page about what was searched for comes first: its title has the words, and half as many.
+
+    Source: `performSearch` in Sphinx's searchtools.js, the score of a title.
+    """
+    text = (BUILT / "searchindex.js").read_text(encoding="utf-8")
+    index = json.loads(text.removeprefix("Search.setIndex(").removesuffix(")"))
+    pages = [
+        index["docnames"][page]
+        for title, places in index["alltitles"].items()
+        if words in title.lower() and 2 * len(words) >= len(title)
+        for page, _ in places
+    ]
+    assert found in pages
+    assert "score + 100" in (BUILT / "_static" / "language_data.js").read_text(encoding="utf-8")

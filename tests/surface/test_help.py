@@ -85,6 +85,14 @@ def test_command_has_a_verb_and_an_example(name: str) -> None:
     assert DIALECT.search(COMMANDS[name].help) is None
 
 
+def test_help_names_no_type_of_python() -> None:
+    """An argument is its name: `RUN`, and neither `RUN <list[Path]>` nor `{RUN}`."""
+    for name, command in COMMANDS.items():
+        out = command.make_context(name, [], resilient_parsing=True).get_help()
+        assert re.search(r"<(str|int|path|list\[)", out) is None, out
+        assert "{" not in out.partition("\n")[0], out
+
+
 @pytest.mark.parametrize("name", COMMANDS)
 def test_example_has_options_of_its_command(name: str) -> None:
     """Every option in an example is one of its command's."""

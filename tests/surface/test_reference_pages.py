@@ -1,4 +1,4 @@
-"""Reference pages say what the code says: `python -m gamekeeper.cli._reference docs/reference`."""
+"""Reference pages say what the code says: `python -m docs.reference_pages`."""
 
 import inspect
 import re
@@ -6,24 +6,26 @@ import re
 import pytest
 
 import gamekeeper
+from docs.reference_pages import pages
 from gamekeeper import errors
 from gamekeeper.cli._app import commands
-from gamekeeper.cli._reference import pages
+from gamekeeper.cli.list import intervention_card
+from gamekeeper.rollouts.intervention import interventions
 from tests.surface.sources import ROOT
 
-FOLDER = ROOT / "docs" / "reference"
-API = (FOLDER / "api.md").read_text(encoding="utf-8")
+DOCS = ROOT / "docs"
+API = (DOCS / "reference" / "api.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("name", sorted(pages()))
 def test_page_is_the_one_that_is_written(name: str) -> None:
-    """Commands, options and errors are those of the source."""
-    assert (FOLDER / name).read_text(encoding="utf-8") == pages()[name]
+    """Commands, options, errors and interventions are those of the source."""
+    assert (DOCS / name).read_text(encoding="utf-8") == pages()[name]
 
 
 def test_every_command_has_its_section() -> None:
     """No command is left out, none stands there that isn't one."""
-    headings = re.findall(r"^## (\S+)$", pages()["commands.md"], flags=re.M)
+    headings = re.findall(r"^## (\S+)$", pages()["reference/commands.md"], flags=re.M)
     assert headings == [name for name, _ in commands()]
 
 
@@ -34,7 +36,15 @@ def test_every_error_has_its_row() -> None:
         for name, thing in vars(errors).items()
         if inspect.isclass(thing) and issubclass(thing, errors.GamekeeperError)
     ]
-    assert [name for name in kinds if f"`gk.{name}` |" not in pages()["errors.md"]] == []
+    assert [name for name in kinds if f"`gk.{name}` |" not in pages()["reference/errors.md"]] == []
+
+
+def test_every_intervention_has_its_place_on_the_page() -> None:
+    """No intervention is left out; perturbations have a section with their strengths."""
+    text = pages()["interventions.md"]
+    for name, each in interventions().items():
+        is_graded = intervention_card(each)["kind"] == "perturbation"
+        assert (f"### {name}\n" if is_graded else f"| `{name}(") in text
 
 
 def test_every_public_name_is_documented() -> None:

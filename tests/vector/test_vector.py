@@ -11,6 +11,7 @@ import gamekeeper as gk
 from gamekeeper.errors import ActionError, EnvError, OrderError, SpecError
 from gamekeeper.randomness.seeds import episode_seed
 from gamekeeper.vector import make
+from gamekeeper.vector.final_rows import FinalRows
 from tests.vector import worlds
 
 HERE = worlds.__file__
@@ -31,7 +32,10 @@ def arrays(value: Any) -> list[Any]:
 
 def same(one: Any, two: Any) -> bool:
     """Whether two trees hold equal arrays of equal dtypes, or equal objects."""
-    ones, twos = arrays(one), arrays(two)
+    ones, twos = (
+        [np.asarray(part) if isinstance(part, FinalRows) else part for part in arrays(tree)]
+        for tree in (one, two)
+    )
     return len(ones) == len(twos) and all(
         np.array_equal(a, b) and getattr(a, "dtype", None) == getattr(b, "dtype", None)
         if isinstance(a, np.ndarray) and a.dtype != object

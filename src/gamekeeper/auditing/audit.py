@@ -25,6 +25,7 @@ from gamekeeper.contract import Contract
 from gamekeeper.errors import EvidenceError
 from gamekeeper.interface.declared_contract import declared_contract
 from gamekeeper.interface.opening import Opened, open_env
+from gamekeeper.rollouts.warm_worker import WarmWorker
 
 BUDGET: Final = 20_000
 """Environment steps of an audit, unless told."""
@@ -80,11 +81,13 @@ def audit_here(
     wanted = selected(tuple(select), tuple(ignore))
     kwargs, loaded = dict(env_kwargs or {}), set(sys.modules)
     opened = open_env(spec, **kwargs)
+    workers: dict[int, WarmWorker] = {}
     try:
         declared = declared_contract(contract, opened)
         lab = lab_of(
             opened, declared, spec=spec, kwargs=kwargs, seed=seed, budget=budget, beat=attempt.beat
         )
+        lab.workers = workers
         gathering = gather(
             lab,
             needed(wanted, is_all=not select),
@@ -115,6 +118,8 @@ def audit_here(
         gathering.stopped, bench.steps_left = INTERRUPTED, 0
         return judged(until_s=0.0)
     finally:
+        for each in workers.values():
+            each.close()
         if opened.make is not None:
             with suppress(Exception, SystemExit):  # one that raises is a finding of a check's
                 opened.env.close()

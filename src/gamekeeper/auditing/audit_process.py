@@ -22,6 +22,8 @@ from gamekeeper.runs.worker_errors import error_fields, error_of
 TASK: Final = "gamekeeper.auditing.audit_process:audit_task"
 SILENCE_S: Final = 120.0
 """A probe is given up after so long; its checks are not exercised, and it is named as hung."""
+HASH_SEED: Final = 0
+"""PYTHONHASHSEED of the process, so that the same audit lists sets in the same order again."""
 MOST_DEATHS: Final = 6
 """Probes in which the process may end before the audit gives up."""
 
@@ -138,6 +140,7 @@ def _tried(
         silence_s=silence_s,
         memory_bytes=memory_bytes,
         on_message=take,
+        hash_seed=HASH_SEED,
     )
     if isinstance(outcome.value, dict):
         if outcome.value["error"] is not None:

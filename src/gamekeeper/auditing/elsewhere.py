@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
+from functools import cache
+from itertools import combinations
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
@@ -21,13 +25,18 @@ from gamekeeper.episodes.layout import agent_name
 from gamekeeper.interface.opening import open_env
 from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult, EvidenceOptions, perform
 from gamekeeper.rollouts.process_randomness import held
-from gamekeeper.rollouts.workers import run_task
+from gamekeeper.rollouts.warm_worker import WarmWorker
+from gamekeeper.rollouts.workers import environment_of
 
 TASK: Final = "gamekeeper.auditing.elsewhere:play_task"
-ORDER_TASK: Final = "gamekeeper.auditing.set_order:order_task"
 SILENCE_S: Final = 60.0
 HASH_SEEDS: Final = 8
-"""Hash seeds that are tried until one puts a set of the agents' names in another order."""
+"""Hash seeds that are looked at for one that puts sets of agents' names in another order."""
+MOST_HASH_SEEDS: Final = 3
+MOST_NAMES: Final = 8
+"""Names whose pairs are looked at; of more agents the first."""
+ORDERS: Final = "import json, sys; print(json.dumps([[*{*p}] for p in json.loads(sys.argv[1])]))"
+"""Prints the order in which a process lists each set of two names."""
 HEADER: Final = ("end", "error", "turns", "endings")
 
 
@@ -42,16 +51,39 @@ def reason_against(lab: ProbeSession) -> str | None:
     return None
 
 
-def other_hash_seed(names: list[str], start: int) -> int:
-    """The first hash seed from `start` on under which a set of the names begins otherwise."""
-    here = next(iter(set(names)), None)
-    for seed in range(start, start + HASH_SEEDS):
-        if len(set(names)) < 2:
-            return seed
-        outcome = run_task(ORDER_TASK, {"names": names}, silence_s=SILENCE_S, hash_seed=seed)
-        if isinstance(outcome.value, list) and outcome.value[0] != here:
-            return seed
-    return start
+@cache
+def hash_seeds(names: tuple[str, ...]) -> tuple[int, ...]:
+    """Hash seeds that together turn the order of any two names in a set, as far as a few do.
+
+    A set's order decides something where two agents compete, whichever two these are.
+    """
+    pairs = list(combinations(names[:MOST_NAMES], 2))
+    left, found = {pair: [*set(pair)] for pair in pairs}, []
+    for seed in range(1, HASH_SEEDS + 1):
+        there = _orders(pairs, seed) if pairs else []
+        turned = {pair for pair, order in zip(pairs, there, strict=True) if left.get(pair) != order}
+        turned &= left.keys()
+        if 2 * len(turned) >= len(left):
+            found.append(seed)
+            left = {pair: order for pair, order in left.items() if pair not in turned}
+        if not left or len(found) == MOST_HASH_SEEDS:
+            break
+    return tuple(found) or (1,)
+
+
+def _orders(pairs: list[tuple[str, str]], hash_seed: int) -> list[list[str]]:
+    command = [sys.executable, "-S", "-c", ORDERS, json.dumps(pairs)]
+    surroundings = environment_of(hash_seed)
+    done = subprocess.run(command, env=surroundings, capture_output=True, check=True)
+    orders: list[list[str]] = json.loads(done.stdout)
+    return orders
+
+
+def worker_of(lab: ProbeSession, hash_seed: int) -> WarmWorker:
+    """The lab's worker of that hash seed, started where it is new; it forks for each play."""
+    if hash_seed not in lab.workers:
+        lab.workers[hash_seed] = WarmWorker([__name__], hash_seed=hash_seed)
+    return lab.workers[hash_seed]
 
 
 def played_elsewhere(
@@ -72,7 +104,7 @@ def played_elsewhere(
             "folder": folder,
             "instances": instance,
         }
-        outcome = run_task(TASK, arguments, silence_s=SILENCE_S, hash_seed=hash_seed)
+        outcome = worker_of(lab, hash_seed).run(TASK, arguments, silence_s=SILENCE_S)
         if not isinstance(outcome.value, dict):
             return None
         return replace(

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 from gamekeeper.auditing.bulk import EVIDENCE_BYTES, held_bytes, most_turns, slimmed
-from gamekeeper.auditing.holds import still_entropy
+from gamekeeper.auditing.holds import ClassState, still_entropy
 from gamekeeper.auditing.probe import Probe, probes
 from gamekeeper.auditing.probe_session import LEAST_TURNS, Meter, ProbeSession, TimeUpError
 from gamekeeper.checks.paired_plays import differs_by_itself
@@ -21,6 +21,7 @@ from gamekeeper.checks.probe_evidence import (
     ProbeRun,
 )
 from gamekeeper.contract import Contract
+from gamekeeper.episodes.divergence import compare
 from gamekeeper.episodes.exception_text import traceback_text
 from gamekeeper.episodes.outcome import check_measured, outcome_of
 from gamekeeper.interface.contract_draft import agent_specs
@@ -36,6 +37,8 @@ FIRST: Final = "same_seed"
 """The probe that tells whether episodes differ by themselves; it looks before all others."""
 OF_ENTROPY: Final = frozenset({FIRST, "special_seeds", "unseeded", "other_process"})
 """Probes that look for draws that no seed settles."""
+OF_SHARING: Final = OF_ENTROPY | {"second_episode", "alternated", "lifecycle"}
+"""Probes that look for what plays share, or that depend on the order of plays."""
 
 
 @dataclass(slots=True)
@@ -51,6 +54,8 @@ class Gathering:
         seconds: by probe.
         stopped: what ended the gathering before all probes had looked; empty where nothing did.
         cut: probes that ended before they had seen all that their ration allows.
+        class_state: what the classes kept before the first play.
+        is_shared: plays differ by that alone, so that it is held still for other probes.
     """
 
     lab: ProbeSession
@@ -62,6 +67,15 @@ class Gathering:
     seconds: dict[str, float] = field(default_factory=dict)
     stopped: str = ""
     cut: list[str] = field(default_factory=list)
+    class_state: ClassState | None = None
+    is_shared: bool = False
+
+    def for_probe(self, name: str, ration: int) -> ProbeSession:
+        """The lab of a probe, with what is held still for it."""
+        lab = self.lab.for_probe(name, ration)
+        if self.is_shared and name not in OF_SHARING:
+            lab.class_state = self.class_state
+        return lab
 
     def gathered(self) -> ProbeEvidence:
         """For the checks to read."""
@@ -122,7 +136,7 @@ def gather(
         keeps_partial: Ctrl-C ends the gathering, and isn't raised.
     """
     found = probes(names)
-    gathering = Gathering(lab, found)
+    gathering = Gathering(lab, found, class_state=ClassState(lab.opened.env))
     total = sum(probe.share for probe in found.values()) or 1.0
     parts = {name: probe.share / total + probe.on_top for name, probe in found.items()}
     left = sum(parts.values())
@@ -186,6 +200,20 @@ def _turn_of(gathering: Gathering, name: str, part: float, died: Mapping[str, st
         _check_measured(gathering)
     if name == FIRST:
         lab.holds_entropy = differs_by_itself(gathering.gathered())
+        gathering.is_shared = lab.holds_entropy and _is_shared(gathering)
+
+
+def _is_shared(gathering: Gathering) -> bool:
+    """Tells whether plays are alike once what the classes keep is put back before each."""
+    play = gathering.plays.get((FIRST, 0))
+    if play is None or gathering.class_state is None:
+        return False
+    lab = replace(gathering.lab, class_state=gathering.class_state)
+    with held():
+        one, two = (lab.play(play, state=False) for _ in range(2))
+    lab.close()
+    volatile = lab.contract.volatile_infos()
+    return compare(one.trace, two.trace, volatile=volatile).divergence is None
 
 
 def _steps_until(lab: ProbeSession, until_s: float) -> int:
@@ -233,7 +261,7 @@ def look_once(lab: ProbeSession, probe: Probe, play: EpisodePlan) -> ProbeRun:
 
 
 def _probe(gathering: Gathering, name: str, probe: Probe, ration: int, size_bytes: int) -> None:
-    lab = gathering.lab.for_probe(name, ration)
+    lab = gathering.for_probe(name, ration)
     longest, held = most_turns(lab, size_bytes), 0
     looks = gathering.looks[name]
     begun = lab.meter.steps

@@ -12,7 +12,7 @@ import inspect
 import random
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -33,6 +33,25 @@ def with_class(env: Any, **methods: Any) -> Any:
     sys.modules["__main__"].__dict__[held.__name__] = held  # by which pickle finds it
     env.__class__ = held
     return env
+
+
+def calls_of_class(make: Callable[[], Any]) -> Callable[[], Any]:
+    """Puts calls that an instance has as attributes of its own where a class can replace them."""
+    names = "reset", "step", "observe", "state", "render"
+
+    def built() -> Any:
+        env = make()
+        own = {name: env.__dict__.pop(name) for name in names if name in vars(env)}
+        if not own:
+            return env
+        env.__dict__["own_calls"] = own
+
+        def called(name: str) -> Callable[..., Any]:
+            return lambda self, *args, **kwargs: self.__dict__["own_calls"][name](*args, **kwargs)
+
+        return with_class(env, **{name: called(name) for name in own})
+
+    return built
 
 
 def globals_held(make: Callable[[], Any]) -> Callable[[], Any]:
@@ -388,6 +407,40 @@ def still_entropy() -> Iterator[None]:
         put_back()
 
 
+class ClassState:
+    """What the classes of an environment and its wrappers keep, as it was before any play.
+
+    That is what stands in their attributes, and in default arguments of their functions.
+    """
+
+    __slots__ = ("_values",)
+
+    def __init__(self, env: Any) -> None:
+        self._values: list[tuple[Any, str, Any]] = []
+        for owner, name, value in _kept_by_classes(env):
+            with suppress(Exception):  # what can't be copied stays as it is
+                self._values.append((owner, name, copy.deepcopy(value)))
+
+    def restore(self) -> None:
+        """Puts copies of it back."""
+        for owner, name, value in self._values:
+            setattr(owner, name, copy.deepcopy(value))
+
+
+def _kept_by_classes(env: Any) -> Iterator[tuple[Any, str, Any]]:
+    kinds = dict, list, set, np.ndarray, np.random.Generator, np.random.RandomState, random.Random
+    while env is not None:
+        for cls in type(env).__mro__:
+            for name, value in vars(cls).items():
+                if inspect.isfunction(value):
+                    if any(isinstance(each, kinds) for each in value.__defaults__ or ()):
+                        yield value, "__defaults__", value.__defaults__
+                elif isinstance(value, kinds) and not name.startswith("__"):
+                    yield cls, name, value
+        inside = getattr(env, "__dict__", {})
+        env = next((inside[name] for name in ("env", "aec_env", "par_env") if name in inside), None)
+
+
 @dataclass(frozen=True, slots=True)
 class Hold:
     """Holds one kind of cause still.
@@ -463,10 +516,14 @@ HOLDS: Final = {
 def held_still(program: str, hold: Hold) -> str:
     """The program with a cause held still in every environment that it builds."""
     text, modules = text_of(hold.function)
+    make = "make"
+    if with_class.__name__ in text:
+        own, _ = text_of(calls_of_class)
+        text, make = f"{own}\n{text}", f"{calls_of_class.__name__}(make)"
     imports = "".join(f"import {name}\n" for name in modules)
     head, found, rest = program.partition(MAKE)
     body, seed, tail = rest.partition(SEED)
     if not found or not seed:
         return program
-    replaced = f"\n{text}\nmake = {hold.function.__name__}(make)\n"
+    replaced = f"\n{text}\nmake = {hold.function.__name__}({make})\n"
     return f"{head}\n{imports}{MAKE}{body}{replaced}{seed}{tail}"

@@ -22,6 +22,35 @@ LEAKS: Final = (
     "none can be compared: it differs after another episode (see GK604)"
 )
 
+WANTED: Final = {
+    "alternated": "a second instance that can be built, reset and stepped beside the first",
+    "alternatives": "a payment of a term that the contract declares to be its earner's",
+    "books": "a turn before which a reward other than 0 is paid",
+    "conversion": "metadata that say is_parallelizable, in an environment that can be converted",
+    "copies": "a copy that can be made in mid-episode and stepped",
+    "evidence": "an episode that can be recorded",
+    "extra_calls": "the call in question, which the environment has to offer",
+    "generators": "an episode that repeats where nothing is changed",
+    "handed_over": "an action, or options, that can be written into",
+    "illegal": "an action that is outside its space, or that a mask forbids",
+    "influence": "an action that, replaced alone, moves what another agent is given",
+    "kept": "an array or a dictionary that is handed out and followed by another turn",
+    "lifecycle": "an episode that can be reset in its midst and played to its end",
+    "metadata": "metadata of the environment's class",
+    "order": "a tick in which two agents act",
+    "other_process": "an episode that repeats in this process and can be played in another",
+    "render": "a render mode that the metadata declare and that can be built",
+    "same_seed": "an episode that can be played twice",
+    "second_episode": "an episode that repeats in a fresh instance, by a seed that isn't ignored",
+    "spaces": "an agent with spaces, and a value of them",
+    "special_seeds": "a reset that takes a seed",
+    "state": "a state() that returns a value",
+    "surface": "a reset and a step that return without an error",
+    "unseeded": "an episode in which something is drawn",
+    "written": "an array in an observation, an info or state() that can be written into",
+}
+"""What a probe must meet for a case, by its name; said where a check has no words of its own."""
+
 
 @dataclass(frozen=True, slots=True)
 class Judged:
@@ -100,7 +129,9 @@ def _not_exercised(check: Check, evidence: ProbeEvidence) -> str:
     if is_noisy:
         again = list(evidence.counterfactuals("same_seed"))
         return LEAKS if again and all(each.divergence is None for each in again) else NOISE
-    return f"{NO_CASE}: {check.looks_at}" if check.looks_at else NO_CASE
+    probed = (WANTED[name] for name in check.needs if name in WANTED)
+    wanted = check.looks_at or next(probed, "")
+    return f"{NO_CASE}: {wanted}" if wanted else NO_CASE
 
 
 def _badness(check: Check) -> Callable[[Case], int]:

@@ -11,12 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
 from gymnasium.spaces import Discrete, Space
 
-from gamekeeper.interface.action_mask import Reader, legal_flags
+from gamekeeper.contract import Contract
+from gamekeeper.interface.action_mask import Reader, legal_flags, reader
 from gamekeeper.interface.capture import AgentId
 from gamekeeper.rollouts.episode_loop import ActionChooser
 from gamekeeper.statistics.significance import FloatArray
@@ -240,6 +242,13 @@ class MeetingPolicies:
         if not isinstance(space, Discrete):
             return False
         return bool(legal_flags(mask, int(space.n))[int(action) - int(space.start)])
+
+
+def meeting(contract: Contract, base: ActionChooser, env: Any) -> MeetingPolicies:
+    """Policies in place of `base` that bring the agents of `env` together."""
+    return MeetingPolicies(
+        base, env.action_space, cache(lambda agent: reader(contract.mask_of(agent)))
+    )
 
 
 def vector(value: Any) -> FloatArray:

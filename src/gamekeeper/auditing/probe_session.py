@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import Any, Final, TypeAlias
 
+from gamekeeper.auditing.holds import ClassState
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.probe_evidence import Fact, Kind, ProbeCounterfactual
 from gamekeeper.contract import Contract
@@ -31,6 +32,7 @@ from gamekeeper.rollouts.episode_loop import (
 )
 from gamekeeper.rollouts.intervention import Intervention
 from gamekeeper.rollouts.process_randomness import held
+from gamekeeper.rollouts.warm_worker import WarmWorker
 from gamekeeper.runs.recording import cast_of
 
 Saw: TypeAlias = Fact[Any] | ProbeCounterfactual | Episode
@@ -104,6 +106,8 @@ class ProbeSession:
         base: the first play of the look, with its actions, once it was played.
         holds_entropy: plays differ by themselves, by generators that nobody seeded: the system's
             entropy is held still, so that other faults can be seen.
+        class_state: plays differ since instances share it: it is put back before each play.
+        workers: processes that play elsewhere, by their hash seed; all probes share them.
     """
 
     probe: str
@@ -119,6 +123,8 @@ class ProbeSession:
     number: int = 0
     base: EpisodePlan | None = None
     holds_entropy: bool = False
+    class_state: ClassState | None = None
+    workers: dict[int, WarmWorker] = field(default_factory=dict)
     _made: list[Any] = field(default_factory=list)
 
     @property
@@ -190,6 +196,8 @@ class ProbeSession:
 
         The first play of a look is its `base`: its actions are what a reader plays again.
         """
+        if self.class_state is not None:
+            self.class_state.restore()
         env = self.env() if env is None else env
         self.meter.count(RESET_STEPS)
         cast: ActionChooser | None = None

@@ -5,11 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import Any, Final
 
 from gamekeeper.auditing.confirm import Programs
-from gamekeeper.auditing.gather import OF_ENTROPY, Gathering, look_once
-from gamekeeper.auditing.holds import ENTROPY, held_still
+from gamekeeper.auditing.gather import OF_ENTROPY, OF_SHARING, Gathering, look_once
+from gamekeeper.auditing.holds import CLASSES, ENTROPY, held_still
 from gamekeeper.auditing.judge import Judged, verdict_of
 from gamekeeper.auditing.probe_session import TimeUpError
 from gamekeeper.auditing.snippet import Home, snippet
@@ -68,18 +69,16 @@ def _programs(check: Check, case: Case, bench: Reproduction) -> Programs:
     proof = Reproducer(case.proof) if isinstance(case.proof, str) else case.proof
     expected, actual = words(case.expected), words(case.actual)
     lab = bench.gathering.lab
-    is_held = (
-        lab.holds_entropy
-        and case.where.probe not in OF_ENTROPY
-        and proof is not None
-        and proof.compares
-    )
+    name, holds = case.where.probe, []
+    if proof is not None and proof.compares:
+        holds += [ENTROPY] * (lab.holds_entropy and name not in OF_ENTROPY)
+        holds += [CLASSES] * (bench.gathering.is_shared and name not in OF_SHARING)
     title, shows = f"{check.id}: {check.claim}", f"expected: {expected}\nactual: {actual}"
     shows += f"\nenvironment: {bench.rules}" if bench.rules else ""
 
     def program(of: EpisodePlan, proof: Reproducer | None) -> str:
         text = snippet(bench.home, lab.api, of, proof, title=title, shows=shows)
-        return held_still(text, ENTROPY) if is_held else text
+        return reduce(held_still, holds, text)
 
     finding = Finding(str(case.where), expected, actual, check.fix, program(play, proof))
     whole = program(begun if begun.actions is not None else play, proof)
@@ -109,7 +108,7 @@ def _shortest(
     probe = bench.gathering.probes.get(name)
     if probe is None or play.actions is None:
         return play, case
-    lab = bench.gathering.lab.for_probe(name, bench.steps_left)
+    lab = bench.gathering.for_probe(name, bench.steps_left)
     lab.number = case.where.play
     most_tries = MOST_TRIES if probe.tries is None else probe.tries
     tries = 0

@@ -7,6 +7,7 @@ import errno
 import importlib
 import inspect
 import pkgutil
+import re
 import signal
 import sys
 import threading
@@ -17,6 +18,7 @@ from types import ModuleType
 from typing import Annotated, Any, Final, get_args
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
 from gamekeeper._version import __version__
 from gamekeeper.cli._options import JsonOption, PolicyOption, QuietOption, SeedOption, WorkersOption
@@ -35,6 +37,18 @@ VALIDATOR: Final = "Value error, "
 """Text that typer's validator puts in front of its reason; it tells a user nothing."""
 LAST: Final = 1_000
 """Place in the list of commands of one without `ORDER`."""
+GROUPS: Final = {
+    0: "Begin",
+    15: "Environments",
+    30: "Runs",
+    80: "Causes and figures",
+    97: "Look",
+    120: "Share",
+    LAST: "More",
+}
+"""Headings in the list of commands, by the first `ORDER` below each."""
+TYPE: Final = re.compile(r" <(?:str|path|list\[\w+\])>$")
+"""Python's name of an argument's type, which typer puts behind the argument's."""
 
 OWN: Final = ("json", "quiet")
 """Options that the frame itself handles."""
@@ -73,6 +87,7 @@ def build_app() -> typer.Typer:
     """The whole command line, every module of this package that is a command in it."""
     app = typer.Typer(
         name=NAME,
+        cls=GroupedCommands,
         no_args_is_help=True,
         pretty_exceptions_enable=False,
         rich_markup_mode=None,  # rich alone doubles the time that --help takes
@@ -86,8 +101,38 @@ def build_app() -> typer.Typer:
     for name, module in commands():
         # The whole first line: typer cuts it where it doesn't fit beside the names.
         first_line = (inspect.getdoc(module.command) or "").partition("\n")[0]
-        app.command(name, short_help=first_line)(framed(name, module))
+        app.command(name, short_help=first_line, cls=PlainCommand)(framed(name, module))
     return app
+
+
+class PlainCommand(TyperCommand):
+    """Command whose help names arguments as the documentation does, without Python's types."""
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """Returns the words of the usage line: `RUN...` and not `{RUN}...`."""
+        return [re.sub(r"^\{(.*)\}", r"\1", each) for each in super().collect_usage_pieces(ctx)]
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Writes arguments and options into the formatter."""
+        write = formatter.write_dl
+        formatter.write_dl = lambda rows: write([(TYPE.sub("", name), text) for name, text in rows])
+        super().format_options(ctx, formatter)
+
+
+class GroupedCommands(TyperGroup):
+    """Commands under headings, by what they are for."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """Writes each group's commands into the formatter, their first lines whole."""
+        groups: dict[str, list[tuple[str, str]]] = {}
+        for name, module in commands():
+            order = getattr(module, "ORDER", LAST)
+            heading = GROUPS[max(first for first in GROUPS if first <= order)]
+            groups.setdefault(heading, []).append((name, self.commands[name].short_help or ""))
+        column = max(len(name) for rows in groups.values() for name, _ in rows)
+        for heading, rows in groups.items():
+            with formatter.section(heading):
+                formatter.write_dl([(name.ljust(column), text) for name, text in rows])
 
 
 def commands() -> list[tuple[str, ModuleType]]:

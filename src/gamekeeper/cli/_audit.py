@@ -102,7 +102,7 @@ def show_audit(screen: Screen, document: Mapping[str, Any]) -> None:
     from gamekeeper.reporting.measured_text import measured_text
 
     width = screen.width
-    screen.verdict(title_text(document), _manner(document))
+    screen.verdict(title_text(document, width=screen.width), _manner(document))
     if document["stopped"]:
         screen.show(f"This audit is incomplete: {document['stopped']}.")
     source = document.get("source") or {}
@@ -133,11 +133,11 @@ def show_audit(screen: Screen, document: Mapping[str, Any]) -> None:
             screen.show(f"\n{part}")
 
 
-def show_failed(screen: Screen, document: Mapping[str, Any], *, least: Severity = "low") -> None:
+def show_failed(screen: Screen, document: Mapping[str, Any]) -> None:
     """Shows the failed checks, grouped by severity."""
     from gamekeeper.reporting.audit_text import failed_blocks
 
-    for heading, text in failed_blocks(document, width=screen.width, least=least):
+    for heading, text in failed_blocks(document, width=screen.width):
         screen.show("")
         screen.verdict(heading, MANNERS[heading.split()[1]])
         screen.show(text)
@@ -394,26 +394,13 @@ def worst_code(codes: Sequence[int]) -> int:
     return next((code for code in (1, 2) if code in codes), 0)
 
 
-def write_audits(
-    screen: Screen,
-    documents: Sequence[Mapping[str, Any]],
-    *,
-    out: Path | None,
-    junit: Path | None,
-    sarif: Path | None,
-) -> None:
-    """Writes what was asked for: a folder for each audit, all of them as JUnit XML and SARIF.
+def write_audits(screen: Screen, documents: Sequence[Mapping[str, Any]], out: Path) -> None:
+    """Writes a folder for each audit, and all of them as JUnit XML and SARIF.
 
     Raises:
         GamekeeperError: a file can't be written.
     """
     audited = [each for each in documents if "verdicts" in each]
-    if junit is not None:
-        write_text(junit, junit_of(*audited))
-    if sarif is not None:
-        write_text(sarif, sarif_of(*audited))
-    if out is None:
-        return
     texts = {"audits.json": f"{document_text({'audits': list(documents)})}\n"}
     if audited:
         texts |= {"junit.xml": junit_of(*audited), "audit.sarif": sarif_of(*audited)}

@@ -13,7 +13,14 @@ from dataclasses import dataclass, field
 from typing import Any, Final, TextIO
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.progress import (
+    BarColumn,
+    Progress,
+    SpinnerColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from gamekeeper.cli._program_name import as_typed
 from gamekeeper.cli._stdout import silence
@@ -166,13 +173,15 @@ def _painted(text: str, style: str) -> str:
 
 @contextmanager
 def live_progress(title: str) -> Iterator[Callable[[dict[str, Any]], None]]:
-    """Shows a line with episodes, steps and time; yields a function for a task's reports."""
+    """Shows a line with counts, time and time left; yields a function for a task's reports."""
     columns = (
         SpinnerColumn(),
         TextColumn("{task.description}"),
         BarColumn(bar_width=24),
         TextColumn("{task.fields[counts]}"),
         TimeElapsedColumn(),
+        TextColumn("left:"),
+        TimeRemainingColumn(),
     )
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(title, total=None, counts="")

@@ -13,7 +13,7 @@ from gamekeeper.cli._fan import ExecutorOption, FanOption, players_of
 from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.cli.diagnose import beside
 
-ORDER: Final = 56
+ORDER: Final = 93
 ACTION_EPISODES: Final = 50
 """As `contributions.ACTION_EPISODES` has it; importing that loads numpy, help doesn't."""
 BaselineOption = Annotated[

@@ -14,15 +14,12 @@ from gamekeeper.cli._audit import (
     audit_code_of,
     audit_many,
     audit_with_progress,
-    junit_of,
-    sarif_of,
     say_not_exercised,
     show_audit,
     show_audits,
     worst_code,
     write_audit,
     write_audits,
-    write_text,
 )
 from gamekeeper.cli._completion import checks
 from gamekeeper.cli._fan import ExecutorOption
@@ -108,21 +105,6 @@ IgnoreOption = Annotated[
         help="Skip checks whose ids begin with ID. Repeatable (default: none).",
     ),
 ]
-JunitOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--junit",
-        metavar="FILE",
-        help="Write JUnit XML, a test for each check (default: no such file).",
-    ),
-]
-SarifOption = Annotated[
-    Path | None,
-    typer.Option("--sarif", metavar="FILE", help="Write SARIF 2.1.0 (default: no such file)."),
-]
-TimingsOption = Annotated[
-    bool, typer.Option("--timings", help="Show the steps and seconds of each probe.")
-]
 StrictOption = Annotated[
     bool,
     typer.Option("--strict", help="Exit with 2 if a check was not exercised, or is suspected."),
@@ -159,9 +141,6 @@ def command(
     ignore: IgnoreOption = None,
     kwargs: KwargsOption = None,
     out: OutOption = None,
-    junit: JunitOption = None,
-    sarif: SarifOption = None,
-    timings: TimingsOption = False,
     strict: StrictOption = False,
     fail_on: FailOption = "low",
     timeout: TimeoutOption = SILENCE_S,
@@ -192,15 +171,12 @@ def command(
         "env_kwargs": json_object(kwargs, option="--kwargs"),
         "memory_mb": memory,
     }
-    files: dict[str, Any] = {"out": out, "junit": junit, "sarif": sarif}
     exits: dict[str, Any] = {"fail_on": fail_on, "strict": strict}
     if len(env) > 1 or seeds > 1:
         documents = audit_many(
             screen, env, range(seed, seed + seeds), workers=workers, executor=executor, **asked
         )
-        if timings:
-            screen.note("note: --timings has no effect on several audits; --json has the timings")
-        return _several(screen, documents, files, exits, count=len(set(env)) * seeds)
+        return _several(screen, documents, out, exits, count=len(set(env)) * seeds)
     code = None
     try:
         document = audit_with_progress(screen, env[0], seed=seed, **asked).to_json()
@@ -209,45 +185,27 @@ def command(
             raise
         document, code = interrupted.result.to_json(), INTERRUPTED
     show_audit(screen, document)
-    if timings:
-        from gamekeeper.reporting.audit_text import timings_text
-
-        screen.show(f"\n{timings_text(document, width=screen.width)}")
     say_not_exercised(screen, document)
-    _write(screen, document, **files)
+    if out is not None:
+        screen.note(f"written to {out}: {', '.join(write_audit(out, document))}")
     return CommandResult(document, audit_code(document, **exits) if code is None else code)
 
 
 def _several(
     screen: Screen,
     documents: Sequence[Mapping[str, Any]],
-    files: Mapping[str, Any],
+    out: Path | None,
     exits: Mapping[str, Any],
     *,
     count: int,
 ) -> CommandResult:
     """Shows and writes the audits that were done, of `count` that were asked for."""
     show_audits(screen, documents)
-    write_audits(screen, documents, **files)
+    if out is not None:
+        write_audits(screen, documents, out)
     if len(documents) < count:
         screen.error(f"interrupted: {len(documents)} of {count} audits were done")
         return CommandResult({"audits": documents}, INTERRUPTED)
     return CommandResult(
         {"audits": documents}, worst_code([audit_code_of(each, **exits) for each in documents])
     )
-
-
-def _write(
-    screen: Screen,
-    document: Mapping[str, Any],
-    *,
-    out: Path | None,
-    junit: Path | None,
-    sarif: Path | None,
-) -> None:
-    if junit is not None:
-        write_text(junit, junit_of(document))
-    if sarif is not None:
-        write_text(sarif, sarif_of(document))
-    if out is not None:
-        screen.note(f"written to {out}: {', '.join(write_audit(out, document))}")

@@ -26,10 +26,10 @@ from gamekeeper.errors import GamekeeperError
 from gamekeeper.import_guard import unguarded
 
 ORDER: Final = 20
-SUFFIXES: Final = {".toml": "toml", ".md": "md", ".json": "json", ".txt": "text"}
+SUFFIXES: Final = {".toml": "toml", ".json": "json", ".txt": "text"}
 
 FormatOption = Annotated[
-    Literal["text", "md", "toml", "json"] | None,
+    Literal["text", "toml", "json"] | None,
     typer.Option(
         "--format", help="Format (default: by the suffix of --out, or text).", show_default=False
     ),
@@ -122,7 +122,7 @@ def _proposed(form: GameForm, measured: Mapping[str, Any]) -> GameForm:
 def _written(
     form: GameForm, chosen: str, *, width: int, audited: Mapping[str, Any], declares: bool
 ) -> str:
-    from gamekeeper.reporting.card import card_markdown, card_text, card_toml
+    from gamekeeper.reporting.card import card_text, card_toml
     from gamekeeper.reporting.measured_draft import draft_note
     from gamekeeper.reporting.measured_text import measured_text
 
@@ -133,8 +133,6 @@ def _written(
         played = {"steps": audited["steps"], "seed": audited["seed"]} if audited else None
         note = draft_note(**played, declares=declares) if played else ""
         return note + card_toml(*parts, questions=form.questions)
-    if chosen == "md":
-        return card_markdown(*parts, questions=form.questions)
     text = card_text(*parts, width=width, questions=form.questions)
     measured = measured_text(audited, width=width) if audited else ""
     return f"{text}\n{measured}\n" if measured else text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 import re
 from collections.abc import Callable, Mapping
@@ -10,15 +11,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 import typer
 
 from gamekeeper import plugins
-from gamekeeper.cli._interventions import card_of as intervention_card
 from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.cli.explain import card_of
 from gamekeeper.import_guard import unguarded
 
 if TYPE_CHECKING:
     from gamekeeper.plugins import Plugins
+    from gamekeeper.rollouts.intervention import Intervention
 
 ORDER: Final = 17
+SECTIONS: Final = re.compile(r"\n\n(?:Attributes|Args|Raises|Source):")
+"""Parts of a docstring that are no prose."""
 
 Kind = Literal[
     "checks", "probes", "envs", "interventions", "policies", "openers", "exporters", "suites"
@@ -194,3 +197,36 @@ LISTS: Final[Mapping[Kind, tuple[Callable[[], tuple[list[Row], list[str]]], str]
 }
 SHOWN: Final[Mapping[Kind, tuple[str, ...]]] = {"interventions": ("label",)}
 """Columns between names and descriptions."""
+
+
+def intervention_card(kind: type[Intervention]) -> dict[str, Any]:
+    """Describes an intervention, as plain data."""
+    from gamekeeper.rollouts.interventions.perturbation import UNITS
+
+    text = inspect.getdoc(kind) or ""
+    about, *more = SECTIONS.split(text)[0].split("\n\n")
+    unit: Any = getattr(kind, "UNIT", None)
+    return {
+        "name": kind.__name__,
+        "about": _line(about),
+        "says": [_line(part) for part in more],
+        "label": kind.label,
+        "kind": kind.kind,
+        "on": getattr(kind, "ON", None),
+        "unit": None if unit is None else UNITS.get(unit, str(unit)),
+        "usual": getattr(kind, "USUAL", None),
+        "most": getattr(kind, "MOST", None),
+        "parameters": {field.name: _default(field) for field in dataclasses.fields(kind)},
+    }
+
+
+def _line(text: str) -> str:
+    return " ".join(text.split())
+
+
+def _default(field: dataclasses.Field[Any]) -> str | None:
+    """The default as it is typed; None where a value must be given."""
+    if field.default is not dataclasses.MISSING:
+        return repr(field.default)
+    made = field.default_factory
+    return None if made is dataclasses.MISSING else repr(made())

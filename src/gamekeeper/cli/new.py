@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from gamekeeper.scaffold.task_plan import Plan
     from gamekeeper.scaffold.timing import TimingAdvice
 
-ORDER: Final = 900
+ORDER: Final = 12
 T = TypeVar("T")
 
 NameArgument = Annotated[

@@ -12,7 +12,7 @@ from gamekeeper.cli._screen import CommandResult, Screen
 from gamekeeper.cli.view import has_display
 from gamekeeper.errors import GamekeeperError
 
-ORDER: Final = 95
+ORDER: Final = 97
 MEGABYTES: Final = 2.5
 FRAMES_MEGABYTES: Final = 8.0
 MEGABYTE: Final = 1_000_000

@@ -15,6 +15,7 @@ from gamekeeper.cli._audit import audit_code, audit_with_progress, show_failed_r
 from gamekeeper.cli._form import GameForm, look_at, show_form
 from gamekeeper.cli._options import (
     EPISODES,
+    MOST,
     SILENCE_S,
     ContractOption,
     EnvArgument,
@@ -28,7 +29,6 @@ from gamekeeper.cli._options import (
     ResetOption,
     SeedOption,
     TimeoutOption,
-    TurnsOption,
 )
 from gamekeeper.cli._screen import CommandResult, Screen, error_document
 from gamekeeper.cli._worker import (
@@ -64,9 +64,21 @@ HUNG_S: Final = 20.0
 MOST_IDS: Final = 12
 """Most checks that are named as not exercised; `gamekeeper audit` has them all."""
 NO_RUN: Final = "no run was written"
+MOST_TURNS: Final = 5_000
+"""Longest episode of what is a first look, in env steps: some environments never end."""
 MOST_FAILED: Final = 5
 """Most failed checks that are shown; `gamekeeper audit` has them all, with programs."""
 
+CutOption = Annotated[
+    int,
+    typer.Option(
+        "--most-turns",
+        metavar="N",
+        min=1,
+        max=MOST,
+        help="Cut an episode after this number of env steps: turns (AEC) or ticks (Parallel).",
+    ),
+]
 AuditOption = Annotated[
     bool,
     typer.Option(
@@ -90,7 +102,7 @@ def command(
     contract: ContractOption = None,
     kwargs: KwargsOption = None,
     options: ResetOption = None,
-    most_turns: TurnsOption = None,
+    most_turns: CutOption = MOST_TURNS,
     timeout: TimeoutOption = SILENCE_S,
     memory: MemoryOption = None,
     no_audit: AuditOption = False,
@@ -133,7 +145,7 @@ def command(
             plan, folder, silence_s=timeout, memory_mb=memory, on_message=take
         )
     say_end(screen, recorded)
-    show_summary(screen, recorded, seed=seed)
+    show_summary(screen, recorded, seed=seed, most_turns=most_turns)
     failed = (audited or {}).get("verdicts", ())
     known = {each["id"] for each in failed if each["outcome"] == "failed"}
     verdicts = show_failed_rows(screen, recorded.evidence, known=known)
@@ -251,13 +263,24 @@ def show_audited(screen: Screen, document: dict[str, Any], *, line: str) -> None
         screen.show(f"{INDENT}{'; '.join(wanted)}:\n{INDENT * 2}{line}")
 
 
-def show_summary(screen: Screen, recorded: Recorded, *, seed: int) -> None:
-    """Shows what was recorded, agent by agent."""
+def show_summary(screen: Screen, recorded: Recorded, *, seed: int, most_turns: int) -> None:
+    """Shows what was recorded, agent by agent, and how many episodes were cut at `most_turns`."""
     from gamekeeper.reporting.results_text import counted, summary_text
+    from gamekeeper.reporting.text_columns import wrapped
 
-    summary, api = recorded.evidence.summary, api_of(recorded.evidence)
+    evidence = recorded.evidence
+    summary, api = evidence.summary, api_of(evidence)
     screen.show(f"\nRecorded  {counted(summary, api=api)}, from seed {seed}")
     screen.show(summary_text(summary, width=screen.width, most=MOST_AGENTS))
+    table = evidence.episode_table.select(["end", "turns"]).to_pylist()
+    count = sum(row["end"] == "cut" and row["turns"] == most_turns for row in table)
+    if count:
+        text = (
+            f"{count} of {len(table)} episodes hadn't ended after {most_turns:,} env "
+            f"step{'' if most_turns == 1 else 's'} and "
+            "were cut: --most-turns lets them go on; a time limit of the environment truncates"
+        )
+        screen.show("\n".join(wrapped(text, screen.width, first=INDENT, rest=INDENT)))
 
 
 def replay_here(

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from gamekeeper.diagnosis.play_on import PlayOnOptions
     from gamekeeper.viewing.viewer import Viewer
 
-ORDER: Final = 96
+ORDER: Final = 98
 STACK_BYTES: Final = 1 << 20
 BUDGET: Final = 1_000_000
 SILENCE_S: Final = 60.0

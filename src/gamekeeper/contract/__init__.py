@@ -222,10 +222,6 @@ class Contract:
         role = self.roles.get(self.role_of(agent) or "")
         return None if role is None or role.mask == NONE else role.mask
 
-    def waived(self, check_id: str) -> str | None:
-        """The reason why the check's findings are as they should be; None where not waived."""
-        return self.waivers.get(check_id)
-
     def volatile_infos(self) -> frozenset[str]:
         """The fields of infos that differ between equal runs."""
         return frozenset(name for name, info in self.infos.items() if info.volatile)

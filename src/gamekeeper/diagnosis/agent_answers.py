@@ -155,7 +155,11 @@ def _not_tested(
 ) -> list[tuple[str, str]]:
     """Labels, and whole policies, for which no ideal substitute was played, and why."""
     tested = {each for one in mine for each in one.substitute.component.split(" + ")}
-    handles = {one.component: one.name for one in experiment.substitutes if _is_of(one, agent)}
+    handles = {
+        one.component: one.name
+        for one in experiment.substitutes
+        if agent is None or agent in one.agents
+    }
     return [
         (label, _why_not(label, handles.get(label), agent, experiment, seen))
         for label in (*LABELS, POLICY)
@@ -187,7 +191,3 @@ def _why_not(
 def _joined(names: Sequence[str]) -> str:
     *most, last = names
     return f"{', '.join(most)} and {last}" if most else last
-
-
-def _is_of(substitute: IdealSubstitute, agent: str | None) -> bool:
-    return agent is None or agent in substitute.agents

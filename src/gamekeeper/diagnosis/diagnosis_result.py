@@ -240,9 +240,18 @@ class Diagnosis:
 
     def to_json(self) -> dict[str, Any]:
         """The document that `gamekeeper diagnose --json` prints."""
+        counts = (
+            "expected",
+            "part",
+            "episodes",
+            "reused",
+            "seed",
+            "most_episodes",
+            "budget",
+            "steps",
+        )
         return {
-            "run": self.run,
-            "fingerprint": self.fingerprint,
+            **{name: getattr(self, name) for name in ("run", "fingerprint", *counts)},
             "contradictions": {
                 scope: each.to_json() for scope, each in self.contradictions.items()
             },
@@ -254,16 +263,8 @@ class Diagnosis:
             "recorded": _counts(self.recorded),
             "fresh": _counts(self.fresh),
             "counterfactuals": [each.to_json() for each in self.counterfactuals],
-            "expected": self.expected,
-            "part": self.part,
-            "episodes": self.episodes,
-            "reused": self.reused,
-            "seed": self.seed,
             "runs": dict(self.runs),
             "conditions": dict(self.conditions),
-            "most_episodes": self.most_episodes,
-            "budget": self.budget,
-            "steps": self.steps,
             "not_played": list(self.not_played),
             "policies": dict(self.policies),
             "responses": {name: each.to_json() for name, each in self.responses.items()},

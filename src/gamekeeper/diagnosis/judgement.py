@@ -127,8 +127,9 @@ def judged(
     tried = _tried(unchanged, arms, expected, part, dropped, rng)
     if not is_failing(unchanged, expected):
         why = (
-            f"{share.p:.0%} of new episodes succeed (95 % interval {share.low:.0%} to "
-            f"{share.high:.0%}), not significantly below the expected {expected:.0%}"
+            f"{int(unchanged.sum())} of {len(unchanged)} new episodes succeed ({share.p:.0%}, 95 % "
+            f"interval {share.low:.0%} to {share.high:.0%}), not significantly below the expected "
+            f"{expected:.0%}"
         )
         answer = "healthy" if share.p >= expected else "not_failing"
         return ScopeFinding(answer, (), (), tried, success, why)

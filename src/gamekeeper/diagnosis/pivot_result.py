@@ -17,8 +17,25 @@ QUESTIONS: Final[Mapping[Question, str]] = {
 Loss: TypeAlias = Literal["action", "draws", "several", "not tried"]
 
 
+class ContinuationShare:
+    """Share of continuations that succeed."""
+
+    __slots__: tuple[str, ...] = ()
+    successes: int
+    n: int
+
+    @property
+    def share(self) -> float:
+        """The share."""
+        return self.successes / self.n if self.n else 0.0
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {name: getattr(self, name) for name in self.__slots__} | {"share": self.share}
+
+
 @dataclass(frozen=True, slots=True)
-class CurvePoint:
+class CurvePoint(ContinuationShare):
     """Share of continuations from a turn that succeed.
 
     Attributes:
@@ -33,18 +50,9 @@ class CurvePoint:
     low: float
     high: float
 
-    @property
-    def share(self) -> float:
-        """The share."""
-        return self.successes / self.n if self.n else 0.0
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain data."""
-        return {name: getattr(self, name) for name in self.__slots__} | {"share": self.share}
-
 
 @dataclass(frozen=True, slots=True)
-class AlternativeAction:
+class AlternativeAction(ContinuationShare):
     """An action in place of a recorded one, that of the other agents held.
 
     Attributes:
@@ -64,15 +72,6 @@ class AlternativeAction:
     n: int
     p: float | None = None
     keeps: bool = False
-
-    @property
-    def share(self) -> float:
-        """The share."""
-        return self.successes / self.n if self.n else 0.0
-
-    def to_json(self) -> dict[str, Any]:
-        """Plain data."""
-        return {name: getattr(self, name) for name in self.__slots__} | {"share": self.share}
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,13 +105,10 @@ class Pivot:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        return {
-            "turn": self.turn,
+        return {name: getattr(self, name) for name in self.__slots__} | {
             "fall": self.fall,
             "before": self.before.to_json(),
             "after": self.after.to_json(),
-            "p": self.p,
-            "loss": self.loss,
             "agents": list(self.agents),
             "tried": [each.to_json() for each in self.tried],
         }
@@ -146,15 +142,9 @@ class EpisodePivots:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        return {
-            "episode": self.episode,
-            "scope": self.scope,
-            "turns": self.turns,
-            "question": self.question,
+        return {name: getattr(self, name) for name in self.__slots__} | {
             "curve": [each.to_json() for each in self.curve],
             "pivots": [each.to_json() for each in self.pivots],
-            "steps": self.steps,
-            "by_copies": self.by_copies,
             "not_tried": list(self.not_tried),
         }
 

@@ -344,7 +344,6 @@ def _in_worker(
         "setup": setup.to_json(),
         "contract": evidence.contract.to_json(),
         "branch": asdict(branch),
-        "tried": list(options.tried),
         **extra,
     }
     with consent as given:

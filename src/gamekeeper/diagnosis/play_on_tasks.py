@@ -38,7 +38,6 @@ def offers_task(
     setup: Mapping[str, Any],
     contract: Any,
     branch: Mapping[str, Any],
-    tried: Sequence[str],
 ) -> dict[str, Any]:
     """Names the policies that the environment brings, by opening it in this process."""
     try:
@@ -55,7 +54,6 @@ def futures_task(
     setup: Mapping[str, Any],
     contract: Any,
     branch: Mapping[str, Any],
-    tried: Sequence[str],
     numbers: Sequence[int],
     budget: int,
 ) -> dict[str, Any]:
@@ -65,7 +63,7 @@ def futures_task(
         with OpenSetup(Setup.from_json(setup), declared) as stage:
             course = course_of(evidence, stage, point.episode)
             play = Continuations(course, budget=budget, on_step=report)
-            held, base = _held(play, point, evidence)
+            held, base = _held(play, point)
             found: Played = []
             for each in play.paths(point.turn, numbers, held=base):
                 found.append(each)
@@ -95,7 +93,6 @@ def record_task(
     setup: Mapping[str, Any],
     contract: Any,
     branch: Mapping[str, Any],
-    tried: Sequence[str],
     number: int | None,
     out: str,
 ) -> dict[str, Any]:
@@ -108,7 +105,7 @@ def record_task(
         with OpenSetup(chosen, declared) as stage:
             course = course_of(evidence, stage, point.episode)
             play = Continuations(course, budget=BUDGET, copies=False, on_step=report)
-            held, _ = _held(play, point, evidence)
+            held, _ = _held(play, point)
             sink = RunRecorder(
                 out,
                 environment=stage.opened.identity,
@@ -144,9 +141,7 @@ def _other(
     return Continuations(course, budget=budget, on_step=report)
 
 
-def _held(
-    play: Continuations, point: BranchPoint, evidence: Evidence
-) -> tuple[dict[Any, Any], dict[Any, Any]]:
+def _held(play: Continuations, point: BranchPoint) -> tuple[dict[Any, Any], dict[Any, Any]]:
     """Actions at the turn as changed and as recorded; none where a policy is changed.
 
     Raises:

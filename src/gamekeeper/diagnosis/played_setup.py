@@ -216,7 +216,9 @@ def other_policies(evidence: Evidence, setup: Setup) -> dict[str, str]:
     """The policies of a set-up that the run doesn't name for the same players."""
     recorded = choices_of(evidence)
     return {
-        place: str(name) for place, name in setup.policies.items() if recorded.get(place) != name
+        place: name if isinstance(name, str) else f"your {type(name).__name__}"
+        for place, name in setup.policies.items()
+        if recorded.get(place) != name
     }
 
 

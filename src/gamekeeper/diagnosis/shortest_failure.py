@@ -57,16 +57,9 @@ class Shrunk:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        return {
-            "episode": self.episode,
-            "scope": self.scope,
-            "endings": dict(self.endings),
-            "turns": list(self.turns),
-            "acts": list(self.acts),
-            "tries": self.tries,
-            "is_least": self.is_least,
-            "seed": self.seed,
-        }
+        plain = {name: getattr(self, name) for name in self.__slots__ if name != "actions"}
+        lists = {"turns": list(self.turns), "acts": list(self.acts)}
+        return {**plain, **lists, "endings": dict(self.endings)}
 
 
 def shrunk(

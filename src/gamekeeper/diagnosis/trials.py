@@ -34,6 +34,8 @@ ENVIRONMENT: Final = "environment"
 LONGER: Final = 4
 """Times as long as before an episode is, where the environment's own cut-off is moved."""
 CUT_OFF: Final = "cut-off"
+PIXELS: Final = 255.0
+"""A factor of an observation that is one of units, of pixels."""
 COMPONENTS: Final = (*LABELS, POLICY, MEMORY, DRAWS, MESSAGES, ENVIRONMENT, CUT_OFF)
 """Components that are made ideal: a label where one boundary is touched; a whole policy, and all
 that it keeps between turns, have none, as several of their parts could be at fault."""
@@ -79,9 +81,19 @@ class IdealSubstitute:
         return tuple(leaf for part in self.parts for leaf in part.leaves) or (self,)
 
     @property
+    def is_gain(self) -> bool:
+        """Tells whether it enlarges all of an observation, and so drowns what is added to it.
+
+        That makes up for other units, for an error in what is computed with it, and for weak
+        actions alike.
+        """
+        undo = self.undo
+        return undo is not None and undo.way == "rescale fields" and 1 < undo.amount < PIXELS
+
+    @property
     def labels(self) -> tuple[str, ...]:
         """The failures that it cures; none of a component that has several parts."""
-        if self.between:
+        if self.between or self.is_gain:
             return ()
         return tuple(each for each in self.component.split(" + ") if each in LABELS)
 
@@ -106,16 +118,19 @@ class IdealSubstitute:
         if self.component == ENVIRONMENT:
             return f"the environment's {self.steps[0][2]}"
         whose = f"{_joined(self.agents)}'s " if self.agents else ""
+        if self.is_gain:
+            return f"{whose}gain, from what is observed to what is done"
         if self.between:
             text = f"messages from {self.between[0]} to {_joined(self.between[1:])}"
             return f"{whose}{self.component} or {text}" if self.agents == self.between[:1] else text
         if self.component == MESSAGES and self.undo is not None:
             names = f"{self.undo.names[0]} to {_joined(self.undo.agents)}"
             return f"messages from {names}, late or lost on their way"
+        names, is_one = _joined(self.agents), len(self.agents) == 1
         words = {
-            POLICY: f"{whose}policy",
-            MEMORY: f"something that {_joined(self.agents)} keeps between turns",
-            DRAWS: f"what {_joined(self.agents)} draws",
+            POLICY: f"{whose}{'policy' if is_one else 'policies'}",
+            MEMORY: f"something that {names} keep{'s' if is_one else ''} between turns",
+            DRAWS: f"what {names} draw{'s' if is_one else ''}",
         }
         parts = self.component.split(" + ")
         return " and ".join(words.get(part, f"{whose}{part}") for part in parts)
@@ -151,7 +166,7 @@ def substitutes_of(
     for sharers in traits.resettable:
         steps = tuple(("forgets", agent, "", True) for agent in sharers)
         memories.append(
-            IdealSubstitute(f"memory[{', '.join(sharers)}] reset", MEMORY, sharers, steps)
+            IdealSubstitute(f"resetting {_joined(sharers)}'s memory", MEMORY, sharers, steps)
         )
     nested = tuple(_nested([*found, *memories], contract))
     return tuple(_forgetting([*nested, *_together(nested)], memories))
@@ -236,7 +251,9 @@ def _of_policies(
         policy = setup.policy_of(agent, contract)
         if policy is not None and policy != REFERENCE:
             step = ("policies", agent, "", REFERENCE)
-            yield IdealSubstitute(f"policy[{agent}] = {REFERENCE}", POLICY, (agent,), (step,))
+            yield IdealSubstitute(
+                f"giving {agent} the {REFERENCE} policy", POLICY, (agent,), (step,)
+            )
 
 
 def swaps_of(
@@ -261,7 +278,7 @@ def swaps_of(
                 fix="name an agent or a role of this environment",
             )
         shown = policy if isinstance(policy, str) else type(policy).__name__
-        yield from (_swap(agent, shown, policy) for agent in members)
+        yield from (_swap(agent, f"the policy {shown}", policy) for agent in members)
 
 
 def peers_of(setup: Setup, contract: Contract, agents: Sequence[str]) -> Iterator[IdealSubstitute]:
@@ -281,18 +298,18 @@ def peers_of(setup: Setup, contract: Contract, agents: Sequence[str]) -> Iterato
         unlike = [(peer, x) for peer, x in others.items() if x is not None and x != own]
         for peer, policy in unlike[:PEERS]:
             with contextlib.suppress(Exception):  # foreign code; what can't be copied isn't tried
-                one = _swap(agent, f"{peer}'s", copy.deepcopy(policy))
+                one = _swap(agent, f"{peer}'s policy", copy.deepcopy(policy))
                 groups.setdefault((role, peer), []).append(one)
                 yield one
     for (_, peer), swaps in groups.items():
         if len(swaps) > 1:
-            names = ", ".join(one.agents[0] for one in swaps)
-            yield joined(swaps, f"policy[{names}] = {peer}'s")
+            names = _joined([one.agents[0] for one in swaps])
+            yield joined(swaps, f"giving {names} {peer}'s policy")
 
 
 def _swap(agent: str, shown: str, policy: Any) -> IdealSubstitute:
     step = ("policies", agent, "", policy)
-    return IdealSubstitute(f"policy[{agent}] = {shown}", POLICY, (agent,), (step,))
+    return IdealSubstitute(f"giving {agent} {shown}", POLICY, (agent,), (step,))
 
 
 def _forgetting(
@@ -325,7 +342,7 @@ def _together(found: Sequence[IdealSubstitute]) -> Iterator[IdealSubstitute]:
         if component == POLICY:  # an agent has one policy: the first that is tried in its place
             parts = list({one.agents: one for one in parts[::-1]}.values())[::-1]
         if len(parts) > 1:
-            yield joined(parts, f"{component}: all")
+            yield joined(parts, f"everything of {component} at once")
 
 
 def joined(parts: Sequence[IdealSubstitute], name: str | None = None) -> IdealSubstitute:
@@ -518,4 +535,4 @@ def _usual(kind: Any, agent: str) -> Intervention:
 
 def _replaced(setup: Setup, agent: str, way: str) -> PerturbationArm:
     other = setup.with_policy(agent, way)
-    return PerturbationArm(f"policy[{agent}] = {way}", PLANNING, agent, other)
+    return PerturbationArm(f"giving {agent} the policy {way}", PLANNING, agent, other)

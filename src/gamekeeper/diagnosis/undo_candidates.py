@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Final, Literal, TypeAlias
+from itertools import combinations
+from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 
@@ -25,6 +26,8 @@ MOST_SCALED: Final = 1_000
 MOST_VALUES: Final = 10
 """Values of an axis up to which pairs of them are exchanged."""
 FACTORS: Final = (0.5, 2.0, 0.1, 10.0, 1 / 255, 255.0)
+"""The last one, from 1 to the range of pixels, only where bounds don't contradict it: elsewhere it
+drives every action to its bound, which may do for a success."""
 MOST_LAG: Final = 20
 """Decisions up to which a policy's slowest reactions are settled."""
 HOLDS: Final = (2, 4)
@@ -54,14 +57,32 @@ def observation_undos(
             if apart == 1 and _has_middle(one):
                 for quarters in (1, 2, 3):
                     yield 1, replace(pair, way="turn fields", amount=float(quarters))
+    yield from _part_undos(agents, shown, deaf)
     if fields and len(fields) <= MOST_SCALED and not any(each.is_whole for each in fields):
-        for factor in FACTORS:
+        most = max(abs(end) for each in fields for end in (each.low, each.high))
+        for factor in FACTORS if most <= 1 or most == np.inf else FACTORS[:-1]:
             yield 0, BoundaryUndo(agents, "rescale fields", amount=factor)
         if all(
             np.isfinite([each.low, each.high]).all() and each.low < each.high for each in fields
         ):
             for bottom in (0.0, -1.0):
                 yield 0, BoundaryUndo(agents, "normalize fields", amount=bottom)
+
+
+def _part_undos(
+    agents: tuple[str, ...], fields: Sequence[NumberField], deaf: frozenset[str]
+) -> Iterator[Candidate]:
+    """Parts of several numbers exchanged as wholes, as two entries of a Dict of one shape."""
+    parts: dict[tuple[Any, ...], list[NumberField]] = {}
+    for each in fields:
+        parts.setdefault(each.part.path, []).append(each)
+    several = [part for part in parts.values() if len(part) > 1]
+    for one, two in combinations(several, 2):
+        bounds = [[(each.low, each.high) for each in part] for part in (one, two)]
+        if bounds[0] == bounds[1] and not {each.name for each in (*one, *two)} <= deaf:
+            places = tuple(each.place for each in (*one, *two[::-1]))
+            names = tuple(".".join(map(str, part[0].part.path)) for part in (one, two))
+            yield 0, BoundaryUndo(agents, "exchange fields", places, names=names)
 
 
 def action_undos(agents: tuple[str, ...], axes: Sequence[NumberField]) -> Iterator[Candidate]:
@@ -132,16 +153,18 @@ def candidates_of(
 ) -> list[BoundaryUndo]:
     """The undos of single agents and of agents that one policy object plays, likely ones first.
 
+    Agents take turns, so that those of one with few aren't put off by another's many.
+
     Args:
         stage: the set-up as it is.
         responses: response tests of its policies; of agents without one nothing is left out.
         agents: those that are tried.
     """
-    ranked: list[tuple[int, int, int, BoundaryUndo]] = []
+    ranked: list[tuple[int, int, BoundaryUndo]] = []
     for number, group in enumerate(_groups(stage, agents)):
-        for place, (tier, undo) in enumerate(_of_group(stage, group, responses)):
-            ranked.append((tier, place, number, undo))
-    return [undo for *_, undo in sorted(ranked, key=lambda each: each[:3])]
+        likely = sorted(_of_group(stage, group, responses), key=lambda each: each[0])
+        ranked += [(place, number, undo) for place, (_, undo) in enumerate(likely)]
+    return [undo for *_, undo in sorted(ranked, key=lambda each: each[:2])]
 
 
 def _groups(stage: OpenSetup, agents: Sequence[str]) -> list[tuple[str, ...]]:

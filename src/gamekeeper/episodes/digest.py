@@ -241,13 +241,14 @@ def episode_header(*, seed: int | None, options: str | None) -> str:
     return to_json({"options": options, "seed": seed})
 
 
-def run_fingerprint(
-    environment: Mapping[str, object], spaces: Mapping[str, object], episodes: Iterable[str]
-) -> str:
-    """The digest of a run: environment, spaces, its episodes in order; 64 hexadecimal digits."""
-    whole = blake2b(
-        to_json({"environment": environment, "spaces": spaces}).encode(), digest_size=32
-    )
+def run_header(environment: Mapping[str, object], spaces: Mapping[str, object]) -> bytes:
+    """Canonical JSON of what all episodes of a run share."""
+    return to_json({"environment": environment, "spaces": spaces}).encode()
+
+
+def run_fingerprint(header: bytes, episodes: Iterable[str]) -> str:
+    """The digest of a run: its header, its episodes in order; 64 hexadecimal digits."""
+    whole = blake2b(header, digest_size=32)
     for fingerprint in episodes:
         whole.update(bytes.fromhex(fingerprint))
     return whole.hexdigest()

@@ -15,7 +15,7 @@ import pyarrow.compute as pc
 
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.chunks import EpisodeChunks, RowReader
-from gamekeeper.episodes.digest import run_fingerprint
+from gamekeeper.episodes.digest import run_fingerprint, run_header
 from gamekeeper.episodes.encoder import EPISODES
 from gamekeeper.episodes.episode import Episode, Spaces
 from gamekeeper.episodes.known_extent import WHOLE, Extent, extent, is_open
@@ -387,9 +387,9 @@ def fingerprints(manifest: Mapping[str, Any], episodes: pa.Table) -> dict[str, s
             )
     environment = {key: manifest["environment"].get(key) for key in IDENTITY}
     done = episodes.filter(pc.is_valid(episodes["fingerprint"]))
-    level = manifest.get("level")
+    level, header = manifest.get("level"), run_header(environment, manifest["spaces"])
     return {
-        name: f"{level}:{run_fingerprint(environment, manifest['spaces'], done[name].to_pylist())}"
+        name: f"{level}:{run_fingerprint(header, done[name].to_pylist())}"
         for name in ("fingerprint", "info_fingerprint")
     }
 

@@ -168,11 +168,19 @@ def role(agent: str) -> str:
 
 
 def spaces_json(layout: Layout) -> dict[str, Mapping[str, object] | None]:
-    """The spaces of every agent as plain JSON: `{"observation": ..., "action": ...}` by name."""
-    return {
-        each.name: {"observation": _json_of(each.observation), "action": _json_of(each.action)}
-        for each in layout.order
-    }
+    """The spaces of every agent as plain JSON: `{"observation": ..., "action": ...}` by name.
+
+    Agents that share their spaces share the objects too.
+    """
+    known: dict[tuple[Codec | None, ...], Mapping[str, object]] = {}
+    spaces: dict[str, Mapping[str, object] | None] = {}
+    for each in layout.order:
+        sides = each.observation, each.action
+        codecs = tuple(None if side is None else side.codec for side in sides)
+        if codecs not in known:
+            known[codecs] = {"observation": _json_of(sides[0]), "action": _json_of(sides[1])}
+        spaces[each.name] = known[codecs]
+    return spaces
 
 
 def _json_of(columns: SpaceColumns | None) -> Mapping[str, object] | None:

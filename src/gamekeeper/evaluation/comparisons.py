@@ -206,11 +206,15 @@ def claim_of(spec: Spec, row: dict[str, Any], begun: tuple[int, int] = (0, 0)) -
     scope = _scope(spec, row, begun)
     p = difference.get("p")
     if difference["low"] is None:
-        if p is None or p > ALPHA:
+        if p is None:
             return f"{where}: {a} against {b} {figure}, no interval; {scope}"
-        verb = "above" if difference["value"] > 0 else "below"
-        always = f"in each episode by the same, {figure}, so that there is no interval"
-        return f"{where}: {a} is {verb} {b} {always}, p = {p:.2g} (sign test, Holm); {scope}"
+        above, below = difference["above"], difference["below"]
+        verb = f"more often {'above' if above > below else 'below'}"
+        return (
+            f"{where}: {a} {'is' if p <= ALPHA else 'is not shown to be'} {verb} {b}: above in "
+            f"{above}, below in {below} of {row['n']} pairs, p = {p:.2g} (sign test, Holm); "
+            f"{figure} on average, without an interval; {scope}"
+        )
     is_apart = difference["low"] > 0 or difference["high"] < 0
     corrected = "" if p is None else f", p = {p:.2g} (Holm)"
     if is_apart and (p is None or p <= ALPHA):

@@ -16,7 +16,7 @@ from gamekeeper.errors import EvidenceError
 from gamekeeper.statistics.aggregates import Aggregate, aggregate, improvement, over_environments
 from gamekeeper.statistics.interval import FEWEST_EPISODES, Interval, Statistic, no_spread
 from gamekeeper.statistics.one_sample import one_sample
-from gamekeeper.statistics.paired import FEWEST, PairedEffect, paired_effect
+from gamekeeper.statistics.paired import PairedEffect, paired_effect, sign_test
 from gamekeeper.statistics.resampling import interquartile_mean
 from gamekeeper.statistics.significance import wilson
 from gamekeeper.statistics.student import student, student_p
@@ -193,23 +193,23 @@ class Judge:
         if not len(a):
             return Compared(None, None, 0, total, lost)
         rng = self.rng(*name, "difference")
-        chance = None
+        what = "interval of a difference over episodes"
         try:
             _enough_left(lost, total)
-            chance = self.improvement(a, b, paired=True, of=of)
+        except EvidenceError as error:
+            return Compared(
+                self._point(float((a - b).mean()), error, what, of), None, len(a), total, lost
+            )
+        chance = self.improvement(a, b, paired=True, of=of)
+        try:
             effect = paired_effect(
                 b, a, rng=rng, level=self.level, is_share=is_share, fewest=FEWEST_EPISODES["mean"]
             )
             difference = {**_effect(effect), "effect_size": _in_spreads(a - b)}
         except EvidenceError as error:
-            what = "interval of a difference over episodes"
             difference = self._point(float((a - b).mean()), error, what, of)
-            if (
-                len(a) >= FEWEST
-                and np.ptp(a - b) <= 1e-12 * np.abs(a - b).max()
-                and difference["value"] != 0.0
-            ):
-                difference["p"] = 2.0 ** (1 - len(a))  # one is above the other each time
+            above, below = int((a > b).sum()), int((a < b).sum())
+            difference |= {"p": sign_test(above, below), "above": above, "below": below}
         return Compared(difference, chance, len(a), total, lost)
 
     def between_runs(

@@ -55,14 +55,6 @@ class Pairing:
             return SELF
         return ZERO_SHOT if len({side.policy for _, side in self.sides}) == 1 else FIXED
 
-    def side_of(self, agent: str, role: str) -> Checkpoint:
-        """Policy of an agent."""
-        by_seat = dict(self.sides)
-        for seat in (agent, role, EVERYONE):
-            if seat in by_seat:
-                return by_seat[seat]
-        raise KeyError(agent)  # seats cover everybody: `seats_of` has seen to it
-
 
 def by_themselves(spec: Spec, environment: str) -> list[Pairing]:
     """Every policy's every run in all seats."""

@@ -39,14 +39,8 @@ def source_of_shape(
             )
         return wrap(env, name=text.rpartition(":")[2])
 
-    return Source(
-        kind=word,
-        factory=build,
-        spec=f"{word}:{text}",
-        entry_point=f"{word}:{text}",
-        accepts=factory,
-        pip=f"pip install {module.partition('.')[0]}",
-        facts=facts,
+    return named.source(
+        word, text, build, accepts=factory, pip=module.partition(".")[0], facts=facts
     )
 
 

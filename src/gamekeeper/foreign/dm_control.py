@@ -40,14 +40,7 @@ def locate(spec: str, api: str | None) -> Source:
             fix="write a ParallelEnv around dm_control.locomotion.soccer",
         )
     named.need(WORD, pip=PIP)
-    return Source(
-        kind=WORD,
-        factory=_task(name),
-        spec=f"{WORD}:{name}",
-        entry_point=f"{WORD}:{name}",
-        pip=f"pip install {PIP}",
-        facts=named.package_fact(WORD),
-    )
+    return named.source(WORD, name, _task(name), pip=PIP)
 
 
 def distrust(spec: str) -> str | None:

@@ -214,12 +214,4 @@ def _source(
             )
         return OldGym(env, name=text.rpartition(":")[2])
 
-    return Source(
-        kind=WORD,
-        factory=build,
-        spec=f"{WORD}:{text}",
-        entry_point=f"{WORD}:{text}",
-        accepts=accepts,
-        pip=f"pip install {pip.partition('.')[0]}",
-        facts=facts,
-    )
+    return named.source(WORD, text, build, accepts=accepts, pip=pip.partition(".")[0], facts=facts)

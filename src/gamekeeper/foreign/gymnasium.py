@@ -170,13 +170,12 @@ def locate(spec: Any, api: str | None) -> Source:
         return source_of_id(found["module"], found["id"], f"{WORD}:{text}")
     if ":" in text or split_file(text) is not None:
         factory, module, facts = named.factory_named(text)
-        return Source(
-            kind=WORD,
-            factory=functools.wraps(factory, updated=())(_hosted(factory, text)),
-            spec=f"{WORD}:{text}",
-            entry_point=f"{WORD}:{text}",
+        return named.source(
+            WORD,
+            text,
+            functools.wraps(factory, updated=())(_hosted(factory, text)),
             accepts=factory,
-            pip=f"pip install {module.partition('.')[0]}",
+            pip=module.partition(".")[0],
             facts=facts,
         )
     raise named.unknown(text, "Gymnasium", sorted(gymnasium.registry))

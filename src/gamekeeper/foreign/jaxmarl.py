@@ -157,14 +157,7 @@ def locate(spec: str, api: str | None) -> Source:
     def build(**kwargs: Any) -> JaxMarl:
         return JaxMarl(package.make(name, **kwargs), named.need("jax"), name=name)
 
-    return Source(
-        kind=WORD,
-        factory=build,
-        spec=f"{WORD}:{name}",
-        entry_point=f"{WORD}:{name}",
-        pip=f"pip install {WORD}",
-        facts=named.package_fact(WORD),
-    )
+    return named.source(WORD, name, build)
 
 
 def distrust(spec: str) -> str | None:

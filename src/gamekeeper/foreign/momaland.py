@@ -226,14 +226,7 @@ def locate(spec: str, api: str | None) -> Source:
         kind = Scalarised if api_of(env) == "parallel" else ScalarisedTurns
         return kind(env, objectives, weights)
 
-    return Source(
-        kind=WORD,
-        factory=build,
-        spec=f"{WORD}:{name}",
-        entry_point=f"{WORD}:{name}",
-        pip="pip install momaland",
-        facts=named.package_fact(WORD),
-    )
+    return named.source(WORD, name, build)
 
 
 def distrust(spec: str) -> str | None:

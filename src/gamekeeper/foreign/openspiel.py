@@ -32,14 +32,12 @@ def locate(spec: str, api: str | None) -> Source:
         env.metadata = {**env.metadata, "name": name}
         return env
 
-    return Source(
-        kind=WORD,
-        factory=build,
-        spec=f"{WORD}:{name}",
-        entry_point=f"{WORD}:{name}",
+    return named.source(
+        WORD,
+        name,
+        build,
         default_api="aec",
-        accepts=None,
-        pip="pip install shimmy open-spiel",
+        pip="shimmy open-spiel",
         facts=named.package_fact("pyspiel"),
     )
 

@@ -26,14 +26,7 @@ def locate(spec: str, api: str | None) -> Source:
     def build(**kwargs: Any) -> MarlEnv:
         return MarlEnv(overcooked.Overcooked.from_layout(layout, **kwargs), name=layout)
 
-    return Source(
-        kind=WORD,
-        factory=build,
-        spec=f"{WORD}:{layout}",
-        entry_point=f"{WORD}:{layout}",
-        pip=f"pip install {WORD}",
-        facts=named.package_fact(WORD),
-    )
+    return named.source(WORD, layout, build)
 
 
 def distrust(spec: str) -> str | None:

@@ -102,15 +102,7 @@ def locate(spec: str, api: str | None) -> Source:
             )
         return Pogema(getattr(envs, kind)(grid_config=grid), name=name)
 
-    return Source(
-        kind=WORD,
-        factory=build,
-        spec=f"{WORD}:{name}",
-        entry_point=f"{WORD}:{name}",
-        accepts=package.GridConfig,
-        pip=f"pip install {WORD}",
-        facts=named.package_fact(WORD),
-    )
+    return named.source(WORD, name, build, accepts=package.GridConfig)
 
 
 def distrust(spec: str) -> str | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
@@ -14,7 +14,7 @@ from gamekeeper import plugins
 from gamekeeper.errors import DependencyError, SpecError
 from gamekeeper.interface.construction import find_factory, nearest
 from gamekeeper.interface.distributions import owner_of
-from gamekeeper.interface.env_source import NotHereError
+from gamekeeper.interface.env_source import NotHereError, Source
 from gamekeeper.interface.modules import (
     current_folder_last,
     load_file,
@@ -107,6 +107,35 @@ def words() -> frozenset[str]:
     names = plugins.modules(FOREIGN)
     modules = [importlib.import_module(f"{FOREIGN}.{name}") for name in names]
     return frozenset(module.WORD for module in modules if hasattr(module, "WORD"))
+
+
+def source(
+    word: str,
+    name: str,
+    factory: Callable[..., object],
+    *,
+    pip: str = "",
+    facts: Mapping[str, str] | None = None,
+    default_api: str | None = None,
+    accepts: Callable[..., object] | None = None,
+) -> Source:
+    """The source of `word:name`, from the package of that word unless others are named.
+
+    Args:
+        pip: what to install.
+        facts: of the module that it comes from.
+    """
+    text = f"{word}:{name}"
+    return Source(
+        kind=word,
+        factory=factory,
+        spec=text,
+        entry_point=text,
+        default_api=default_api,
+        accepts=accepts,
+        pip=f"pip install {pip or word}",
+        facts=package_fact(word) if facts is None else facts,
+    )
 
 
 def factory_named(text: str) -> tuple[Callable[..., Any], str, dict[str, str]]:

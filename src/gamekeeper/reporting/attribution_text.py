@@ -26,10 +26,15 @@ REPLACED: Final = (
     "which the agents could join; the values sum to what all agents together add",
 )
 REPEATED: Final = (
-    "one action: mean team return that is lost if a noop replaces one of the agent's actions; as "
-    "nobody reacts, it may be more than the difference above",
-    "all actions: the same if noops replace all of them",
+    "one action: mean team return that is lost if {stand_in} replaces one of the agent's actions; "
+    "as nobody reacts, it may be more than the difference above",
+    "all actions: the same if all of them are replaced",
     "an action that isn't legal any more gives way to the noop, or else to the first legal action",
+)
+HARMFUL: Final = "Harmful: the team has more where it does nothing"
+LAZY: Final = (
+    "Lazy: brings significantly less than half of what others of its role bring on average (a "
+    "tenth of what the others bring, where no other agent has its role)"
 )
 WIDE: Final = 100_000
 """Columns of a table that is never broken; names of agents decide its width."""
@@ -46,8 +51,8 @@ def attribution_text(document: Mapping[str, Any], *, width: int) -> str:
         _recorded(document, width),
         _replaced(document, width),
         _repeated(document, width),
-        _harmful(document, width),
-        _lazy(document, width),
+        _verdict(document, width, "harmful", HARMFUL),
+        _verdict(document, width, "lazy", LAZY),
         influence_text(document["influence"], width=width, least=SHOWN_FROM, lag="turns"),
         _messages(document, width),
         _penalties(document, width),
@@ -111,7 +116,8 @@ def _repeated(document: Mapping[str, Any], width: int) -> str:
         which = f"{recorded:,} recorded and {_episodes(every - recorded, 'new')}{_named(document)}"
     title = f"Actions of one agent replaced, while the others repeat theirs: {which}"
     absent = "-: the agent had no action to replace"
-    legend = [*REPEATED, *_signs(parts, absent), *_stand_ins(document)]
+    repeated = [each.format(stand_in=_stand_in(parts)) for each in REPEATED]
+    legend = [*repeated, *_signs(parts, absent)]
     return _group(title, rows, legend, width)
 
 
@@ -176,39 +182,24 @@ def _baseline(document: Mapping[str, Any]) -> str:
     return f"{' or '.join(played)}, as {lacking} {asked} is declared"
 
 
-def _stand_ins(document: Mapping[str, Any]) -> list[str]:
-    """Names agents without a declared noop, whose first legal action is played in its place."""
-    names = [
-        name
-        for name, part in document["agents"].items()
-        if (part["turn"]["all"] or {}).get("baseline") == "first-legal"
-    ]
-    if not names:
-        return []
-    return [f"for {', '.join(names)}, which declare no noop, the first legal action stands for it"]
+def _stand_in(parts: Sequence[Mapping[str, Any] | None]) -> str:
+    """The action that replaces others: the noop, or where none is declared the first legal one."""
+    played = {part["baseline"] for part in parts if part is not None}
+    if "first-legal" not in played:
+        return "the noop"
+    if len(played) == 1:
+        return "the agent's first legal action (no noop is declared)"
+    return "the noop (where none is declared, the first legal action)"
 
 
-def _harmful(document: Mapping[str, Any], width: int) -> str:
+def _verdict(document: Mapping[str, Any], width: int, key: str, title: str) -> str:
+    """The agents that are lazy, or harmful, each with its reason."""
+    found = {name: part for name, part in document["agents"].items() if part.get(key)}
     lines = [
         line
-        for name, part in document["agents"].items()
-        if part.get("harmful")
-        for line in wrapped(f"{name}: {part['harmful_why']}", width, first=INDENT, rest=INDENT * 2)
+        for name, part in found.items()
+        for line in wrapped(f"{name}: {part[f'{key}_why']}", width, first=INDENT, rest=INDENT * 2)
     ]
-    return "\n".join(["Harmful: the team has more without it", *lines]) if lines else ""
-
-
-def _lazy(document: Mapping[str, Any], width: int) -> str:
-    lazy = {name: part for name, part in document["agents"].items() if part["lazy"]}
-    lines = [
-        line
-        for name, part in lazy.items()
-        for line in wrapped(f"{name}: {part['lazy_why']}", width, first=INDENT, rest=INDENT * 2)
-    ]
-    title = (
-        "Lazy: significantly less than half of a fair share, the mean of the others of its role "
-        "(a tenth of that of the others, where it is alone in its role)"
-    )
     return "\n".join([*wrapped(title, width, rest=INDENT), *lines]) if lines else ""
 
 

@@ -11,7 +11,7 @@ from typing import Any, Final
 from gamekeeper.checks.verdict import LOW, MINOR, NO_CASE, SEVERITIES
 from gamekeeper.contract.validation import one_line
 from gamekeeper.reporting.results_text import table_lines
-from gamekeeper.reporting.text_columns import wrapped
+from gamekeeper.reporting.text_columns import columns_of, wrapped
 
 Document = Mapping[str, Any]
 Row = tuple[str, str]
@@ -43,10 +43,13 @@ def verdicts_of(audit: Document, *outcomes: str) -> list[Document]:
     return sorted(found, key=lambda each: (SEVERITIES.index(each["severity"]), each["id"]))
 
 
-def title_text(audit: Document) -> str:
-    """The environment and the result of its audit, in one line."""
+def title_text(audit: Document, *, width: int) -> str:
+    """The environment and the result of its audit, in one line where it fits."""
     api = {"aec": " (AEC)", "parallel": " (Parallel)"}.get(audit["api"], "")
-    return f"{one_line(audit['environment'])}{api}: {counts_text(audit)}"
+    name, counts = f"{one_line(audit['environment'])}{api}:", counts_text(audit)
+    if columns_of(name) + columns_of(counts) < width:
+        return f"{name} {counts}"
+    return "\n".join([name, *wrapped(counts, width, first=INDENT, rest=INDENT)])
 
 
 def counts_text(audit: Document) -> str:
@@ -62,7 +65,7 @@ def counts_text(audit: Document) -> str:
     return f"{text} ({severities})" if severities else text
 
 
-def failed_blocks(audit: Document, *, width: int, least: str = "low") -> Iterator[tuple[str, str]]:
+def failed_blocks(audit: Document, *, width: int) -> Iterator[tuple[str, str]]:
     """The failed checks: causes by severity, in full; consequences and minor ones in a line each.
 
     A cause stands where the worst of what follows from it would.
@@ -70,12 +73,10 @@ def failed_blocks(audit: Document, *, width: int, least: str = "low") -> Iterato
     Args:
         audit: the document.
         width: columns that no line exceeds, as far as words allow.
-        least: severity below which nothing is shown.
     """
-    bad = SEVERITIES[: SEVERITIES.index(least) + 1]
     failed = verdicts_of(audit, "failed")
     causes = [each for each in failed if not each["follows_from"]]
-    for severity in bad:
+    for severity in SEVERITIES:
         found = [each for each in causes if _worst(each, failed) == severity]
         if found and severity == LOW:
             yield "Failed: low severity", "\n".join(_row_lines([_minor(x) for x in found], width))
@@ -84,7 +85,7 @@ def failed_blocks(audit: Document, *, width: int, least: str = "low") -> Iterato
                 f"Failed: {severity} severity",
                 "\n\n".join(_finding(each, width) for each in found),
             )
-    follow = [each for each in failed if each["follows_from"] and each["severity"] in bad]
+    follow = [each for each in failed if each["follows_from"]]
     rows = [_consequence(each) for each in follow]
     if rows:
         yield "Failed: consequences of these", "\n".join(_row_lines(rows, width))
@@ -264,7 +265,7 @@ def chances_text(audit: Document, *, width: int) -> str:
                 each["id"]
             )
     rows = [(cases, ", ".join(ids)) for cases, ids in by_share.items()]
-    title = "Passed on few cases (so large a share of cases could fail, and these miss it)"
+    title = "Passed on few cases (could miss a fault that shows in so large a share of cases)"
     return _section(title, rows, width)
 
 
@@ -275,14 +276,6 @@ def errors_text(audit: Document, *, width: int) -> str:
         for each in verdicts_of(audit, "error")
     ]
     return _section("Checks with an error", rows, width)
-
-
-def timings_text(audit: Document, *, width: int) -> str:
-    """Seconds by probe, the longest first, and steps of the environment."""
-    timed = sorted(audit["timings"].items(), key=lambda pair: -pair[1])
-    rows = [(name, f"{seconds:8.2f} s") for name, seconds in timed]
-    rows.append(("total", f"{audit['seconds']:8.2f} s, {audit['steps']:,} steps"))
-    return _section("Timings", rows, width)
 
 
 def _section(title: str, rows: Sequence[Row], width: int) -> str:

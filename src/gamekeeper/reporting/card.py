@@ -1,4 +1,4 @@
-"""The card of an environment: its game form on one page, as text, Markdown and JSON."""
+"""The card of an environment: its game form on one page, as text, TOML and JSON."""
 
 from __future__ import annotations
 
@@ -225,27 +225,6 @@ def card_text(
     return "\n".join(lines) + "\n"
 
 
-def card_markdown(
-    contract: Contract,
-    agents: Iterable[AgentSpec] = (),
-    *,
-    questions: Sequence[Question] | None = None,
-) -> str:
-    """The card as Markdown: a heading, a table for each section, a list of open questions."""
-    specs = tuple(agents)
-    blocks = [f"# {_escaped(_title(contract))}"]
-    if contract.why:
-        blocks.append(_escaped(contract.why))
-    for section in card_sections(contract, specs):
-        head = section.head or ("",) * len(section.rows[0])
-        rows = [head, ("---",) * len(head), *section.rows]
-        table = "\n".join("| " + " | ".join(map(_cell, row)) + " |" for row in rows)
-        blocks += [f"## {section.title}", table]
-    for title, group in _groups(_asked(contract, specs, questions)):
-        blocks += [f"## {title}", "\n".join(map(_item, group))]
-    return "\n\n".join(blocks) + "\n"
-
-
 def card_toml(
     contract: Contract,
     agents: Iterable[AgentSpec] = (),
@@ -326,20 +305,3 @@ def _title(contract: Contract) -> str:
 def _wrapped(text: str, width: int, first: str, rest: str) -> list[str]:
     lines = wrapped(text, width, first=first, rest=rest)
     return [line.rstrip() for line in lines] or [first.rstrip()]
-
-
-def _escaped(text: str) -> str:
-    """Escapes everything that Markdown or HTML would read as markup."""
-    marked = one_line(text).replace("\\", "\\\\").replace("&", "&amp;").replace("<", "&lt;")
-    for sign in "`*_[]|#":
-        marked = marked.replace(sign, f"\\{sign}")
-    return marked
-
-
-def _cell(text: str) -> str:
-    return "---" if text == "---" else _escaped(text)
-
-
-def _item(question: Question) -> str:
-    answer = one_line(_proposed(question)).replace("`", "'")
-    return f"- {_escaped(question.ask)} `{answer}`"

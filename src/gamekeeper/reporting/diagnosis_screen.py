@@ -21,6 +21,8 @@ OFTEN: Final = 0.5
 """Part of its actions that a policy draws, from which that is worth a row."""
 LEFT_OUT: Final = 3
 """Things that weren't tried of which a screen has room."""
+MEMORY: Final = "memory"
+"""Name of evidence that lies in no folder: no command could go on from it."""
 CAUSES: Final = ("isolated", "joint", "ambiguous", "environment", "protocol")
 
 
@@ -150,7 +152,9 @@ def _is_failing(document: Mapping[str, Any]) -> bool:
 
 
 def _next(document: Mapping[str, Any]) -> Sequence[str]:
-    """Command lines that go on from here."""
+    """Command lines that go on from here; none where no folder holds the run."""
+    if document["run"] == MEMORY:
+        return ()
     run = shlex.quote(document["run"])
     words = "".join(
         f" --failed {shlex.quote(text)}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final
 
@@ -32,7 +33,7 @@ DECLARED: Final[Mapping[str, tuple[tuple[str, ...], ...]]] = {
 }
 """Places of a contract that declare a key of `measured`; `*`: each name."""
 BY_AGENT: Final = "by_agent"
-COLUMNS: Final = {"least": "least reward", "most": "greatest reward", "open": "unfinished"}
+COLUMNS: Final = {"least": "least reward", "most": "largest"}
 """Names of columns that are more than their key."""
 LEFT_OUT: Final = ("positive", "negative")
 """Figures by agent that only the JSON document has."""
@@ -290,4 +291,5 @@ def _inner(value: Any) -> str:
 
 
 def _cut(text: str) -> str:
-    return text if len(text) <= MOST_COLUMNS else f"{text[:MOST_COLUMNS]}..."
+    """The beginning of a long text, up to the end of a word."""
+    return textwrap.shorten(text, MOST_COLUMNS, placeholder=" ...", break_on_hyphens=False)

@@ -56,7 +56,8 @@ def pivots_text(document: Mapping[str, Any], *, width: int, has_blocks: bool = T
 
 def _episode(each: Mapping[str, Any], has_blocks: bool) -> Iterator[tuple[str, str]]:
     """Lines of an episode, each with its indent."""
-    yield f"Episode {each['episode']} failed for {each['scope']} after {each['turns']} turns", ""
+    who = "the team" if each["scope"] == "team" else each["scope"]
+    yield f"Episode {each['episode']}: {who} failed after {each['turns']} turns", ""
     if each["question"] == "last action":
         yield from _last_action(each)
     else:
@@ -76,10 +77,11 @@ def _falls(each: Mapping[str, Any], has_blocks: bool) -> Iterator[tuple[str, str
     for pivot in each["pivots"]:
         yield from _pivot(pivot)
     if not each["pivots"]:
-        yield _without(each), INDENT
+        yield no_pivot_text(each), INDENT
 
 
-def _without(each: Mapping[str, Any]) -> str:
+def no_pivot_text(each: Mapping[str, Any]) -> str:
+    """The reason why no turn of an episode is named."""
     if each["not_tried"]:
         return "no fall at one turn was shown as far as the budget went"
     curve = each["curve"]

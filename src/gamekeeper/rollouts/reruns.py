@@ -5,12 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 
-from gamekeeper.contract import Contract
-from gamekeeper.episodes.arrow import TERM
 from gamekeeper.episodes.episode import Episode, Turn
 from gamekeeper.episodes.known_extent import env_steps
 from gamekeeper.episodes.layout import agent_name
@@ -18,78 +16,11 @@ from gamekeeper.errors import EvidenceError, PolicyError
 from gamekeeper.interface.aec_capture import AECCapture
 from gamekeeper.interface.openings import Opening
 from gamekeeper.interface.parallel_capture import ParallelCapture
-from gamekeeper.rollouts.episode_loop import (
-    ActionChooser,
-    Actions,
-    EpisodePlan,
-    EpisodeResult,
-    EvidenceOptions,
-    perform,
-)
-from gamekeeper.rollouts.intervention import Intervention
+from gamekeeper.rollouts.episode_loop import ActionChooser, Actions, EpisodePlan
 
 # -- The only experiment: play a trace again, as it was or with exactly one thing done differently
 
 _SCALAR: Final = re.compile(r"numpy\.((?:u?int|float)\d+|bool|bool_)")
-
-
-def rerun(
-    trace: Episode,
-    env: Any,
-    *,
-    change: Intervention | None = None,
-    loop: Literal["open", "closed"] = "open",
-    cast: ActionChooser | None = None,
-    run_seed: int = 0,
-    contract: Contract | None = None,
-    most_turns: int = 100_000,
-    on_step: Callable[[], None] | None = None,
-) -> EpisodeResult:
-    """Plays a recorded episode again in `env`, as it was or with exactly one thing changed.
-
-    Without a change this is the unchanged rerun: what differs then is nobody's doing, and every
-    effect of a change is what differs beyond it.
-
-    Args:
-        env: is reset, and not closed.
-        change: the one thing done differently.
-        loop: "open": the recorded actions are done again, whatever comes of them. "closed": `cast`
-            chooses anew from what the agents are shown.
-        cast: the policies of a closed loop.
-        run_seed: seeds them, together with the episode's number.
-        contract: names volatile infos.
-        most_turns: a closed loop is cut there.
-        on_step: called before every step.
-    Raises:
-        EvidenceError: a closed loop has no cast.
-    """
-    if loop == "closed" and cast is None:
-        raise EvidenceError(
-            "nobody chooses in a closed loop",
-            where="cast",
-            expected="policies",
-            actual="None",
-            fix="hand in policies, or replay the recorded actions",
-        )
-    play = play_of(trace, env)
-    if loop == "closed":
-        play = replace(play, actions=None, most_turns=most_turns)
-    return perform(
-        play,
-        env,
-        cast=cast,
-        cast_seed=run_seed,
-        change=change,
-        contract=contract,
-        keep=EvidenceOptions(terms=_terms(trace), number=trace.episode),
-        on_step=on_step,
-    )
-
-
-def _terms(trace: Episode) -> tuple[str, ...]:
-    """The reward terms that have columns in a trace."""
-    names = trace.steps.schema.names
-    return tuple(name[len(TERM) :] for name in names if name.startswith(TERM))
 
 
 def play_of(trace: Episode, env: Any, types: Mapping[str, str] | None = None) -> EpisodePlan:

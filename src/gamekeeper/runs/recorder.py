@@ -25,7 +25,6 @@ from gamekeeper.episodes.canonical import to_json
 from gamekeeper.episodes.encoder import KEPT, LEVELS, Encoder
 from gamekeeper.episodes.evidence import manifest_of
 from gamekeeper.episodes.layout import Layout
-from gamekeeper.episodes.tables import merged_episodes
 from gamekeeper.errors import DependencyError, EvidenceError, GamekeeperError, RunError
 from gamekeeper.interface.capture import type_name_of
 from gamekeeper.interface.packing import Rings
@@ -33,7 +32,7 @@ from gamekeeper.runs import own_runs
 from gamekeeper.runs.files.store import RunStore
 from gamekeeper.runs.first_check import unchecked
 from gamekeeper.runs.ring.ring_ledger import RingLedger
-from gamekeeper.runs.ring.ring_store import RingStore, create_ring
+from gamekeeper.runs.ring.ring_store import create_ring
 from gamekeeper.terminal import say
 
 # -- Rendered frames as files
@@ -179,7 +178,6 @@ class RunRecorder:
         self._ring = ring
         self._store = _created(path, manifest, ring, durable=durable)
         self._encoder = Encoder(self.layout, self.rings.open, level=level, volatile=volatile)
-        self._episodes: list[pa.RecordBatch] = []
         self._frames: deque[tuple[int, int, Any]] = deque()
         self._wake, self._closing = threading.Event(), False
         self._failure: BaseException | None = None
@@ -248,9 +246,11 @@ class RunRecorder:
 
     def _run(self) -> None:
         try:
+            begun = time.monotonic()
             while not self._closing:
-                self._wake.wait(FLUSH_S)
+                self._wake.wait(FLUSH_S - (time.monotonic() - begun))
                 self._wake.clear()
+                begun = time.monotonic()
                 self._drain()
             self._drain()
         except BaseException as error:  # handed to the step that looks next, and to close
@@ -264,6 +264,7 @@ class RunRecorder:
     def _flush(self) -> None:
         columns = [*self.layout.columns("obs"), *self.layout.columns("action")]
         rows = most_rows(columns)
+        waiting = len(self.buffer.turns)  # what comes meanwhile waits: few turns cost as many do
         while (buffered := take(self.buffer, most=FLUSH_TURNS, most_rows=rows)) is not None:
             self._buffered = buffered
             if self._ring is not None and self.level == KEPT:
@@ -274,9 +275,10 @@ class RunRecorder:
                 if stream == "timings" and not self._is_timed:
                     continue
                 self._store.append(stream, batch)
-                if stream == "episodes" and self._ring is None:
-                    self._episodes.append(batch)
             self.after_flush(buffered)
+            waiting -= len(buffered.turns)
+            if waiting <= 0:
+                break
         while self._frames:
             episode, turn, frame = self._frames.popleft()
             suffix, data = encode_frame(frame)
@@ -289,10 +291,13 @@ class RunRecorder:
         the rows of a killed run couldn't be decoded.
         """
         agents = list(self.layout.order)
-        types = {each.name: type_name_of(each.action_type) for each in agents if each.action_type}
-        known = len(agents), self.layout.state is None, not types
+        has_types = any(each.action_type for each in agents)  # most often the first has one
+        known = len(agents), self.layout.state is None, has_types
         if known != self._described:
             self._described = known
+            types = {
+                each.name: type_name_of(each.action_type) for each in agents if each.action_type
+            }
             self._store.describe({**manifest_of(**self._facts), "action_types": types})
 
     def _let_go(self) -> None:
@@ -329,8 +334,7 @@ class RunRecorder:
         if self._failure is not None:
             self._store.abandon()
             raise self._failure
-        self.manifest = _finalized(self._store, self._episodes, self._facts)
-        self._store.finalize(self.manifest)
+        self.manifest = _finalized(self._store, self._facts)
         own_runs.remember(self.path)
 
 
@@ -348,17 +352,17 @@ def _created(
     return create_ring(folder, manifest, ring, durable=durable)
 
 
-def _finalized(
-    store: RunStore, episodes: list[pa.RecordBatch], facts: Mapping[str, Any]
-) -> dict[str, Any]:
-    """The manifest of a run that ended, by the rows of its episodes."""
-    entries: dict[str, Any] = {}
-    if isinstance(store, RingStore):
-        merged, entries["keep"] = store.settle()
-    else:
-        merged = merged_episodes(episodes)
-    status = "failed" if "failed" in merged["end"].to_pylist() else "finalized"
-    return {**manifest_of(episodes=merged, **facts), **entries, "status": status}
+def _finalized(store: RunStore, facts: Mapping[str, Any]) -> dict[str, Any]:
+    """Finalizes a run that ended; its manifest, by the rows of its episodes."""
+    try:
+        episodes, entries = store.settle()
+        status = "failed" if "failed" in episodes["end"].to_pylist() else "finalized"
+        manifest = {**manifest_of(episodes=episodes, **facts), **entries, "status": status}
+        store.finalize(manifest)
+    except BaseException:
+        store.abandon()
+        raise
+    return manifest
 
 
 _OPEN: weakref.WeakSet[RunRecorder] = weakref.WeakSet()
@@ -412,20 +416,14 @@ def record_many(
         "extra": {"checked": unchecked("copies aren't")} if level == KEPT else None,
     }
     store = _created(path, manifest_of(**facts), ring, durable=True)
-    episodes: list[pa.RecordBatch] = []
-
-    def write(stream: str, batch: pa.RecordBatch) -> None:
-        store.append(stream, batch)
-        if stream == "episodes" and ring is None:
-            episodes.append(batch)
 
     def finalize() -> None:
-        store.finalize(_finalized(store, episodes, facts))
+        _finalized(store, facts)
         own_runs.remember(store.path)
 
     try:
         venv.record(
-            write,
+            store.append,
             level=level,
             terms=() if declared is None else tuple(declared.rewards),
             volatile=() if declared is None else tuple(declared.volatile_infos()),

@@ -12,13 +12,13 @@ from numpy.random import Generator
 
 from gamekeeper.errors import EvidenceError
 from gamekeeper.statistics.interval import (
-    FEWEST_PAIRS,
     FEWEST_RUNS,
     FEWEST_RUNS_APART,
     FEWEST_RUNS_EACH,
     FEWEST_RUNS_FOR_MEDIANS,
     FEWEST_RUNS_TOGETHER,
     LEVEL,
+    MANY_PAIRS,
     FloatArray,
     Interval,
     Statistic,
@@ -28,7 +28,7 @@ from gamekeeper.statistics.interval import (
     no_spread,
 )
 from gamekeeper.statistics.one_sample import around
-from gamekeeper.statistics.paired import tango
+from gamekeeper.statistics.paired import exact_wins, tango
 from gamekeeper.statistics.resampling import (
     CHUNK,
     RESAMPLES,
@@ -39,7 +39,7 @@ from gamekeeper.statistics.resampling import (
     weighted_means,
 )
 from gamekeeper.statistics.significance import wilson
-from gamekeeper.statistics.student import env_step, hypotenuse, student
+from gamekeeper.statistics.student import boundary, hypotenuse, student
 from gamekeeper.statistics.training_runs import (
     Crossed,
     Scores,
@@ -284,8 +284,9 @@ def improvement(
 
     Not paired: Newcombe's interval for the Mann-Whitney statistic, its variance less by what ties
     take from it; where only two values occur, Wilson's intervals of both shares. Paired: Tango's
-    score interval of wins less losses. Over several environments the distances are put together,
-    and Newcombe's reach by Student's quantile, without which they cover too little.
+    score interval of wins less losses; of fewer than 50 pairs exact intervals of both shares. Over
+    several environments the distances are put together, and Newcombe's reach by Student's quantile,
+    without which they cover too little.
 
     Args:
         a: [n] scores of runs (not paired), or figures of episodes on shared seeds (paired); or such
@@ -296,8 +297,8 @@ def improvement(
     Returns:
         `n` is the number of pairs, or the smaller number of values, in the least environment.
     Raises:
-        EvidenceError: fewer than 10 values (50 pairs), different environments, or pairs that don't
-            match.
+        EvidenceError: fewer than 10 values that aren't paired, different environments, or pairs
+            that don't match.
     Source: Newcombe 2006, "Confidence intervals for an effect size measure based on the
         Mann-Whitney statistic, part 2", method 5; Newcombe 1998, method 10; Tango 1998; Zou &
         Donner 2008 (MOVER).
@@ -339,11 +340,13 @@ def _paired(a: FloatArray, b: FloatArray, level: float) -> Interval:
             actual=f"{len(a)} and {len(b)}",
             fix="pair values of the same seeds in the same order",
         )
-    enough(len(a), FEWEST_PAIRS, "pairs", where=_WHERE)
-    wins, losses = int((a > b).sum()), int((a < b).sum())
-    low, high = tango(wins, losses, len(a), level)
-    value = 0.5 + (wins - losses) / len(a) / 2
-    return Interval(value, 0.5 + low / 2, 0.5 + high / 2, len(a), "Tango, of wins less losses")
+    n, wins, losses = len(a), int((a > b).sum()), int((a < b).sum())
+    enough(n, 1, "pairs", where=_WHERE)
+    value = 0.5 + (wins - losses) / n / 2
+    if n < MANY_PAIRS:
+        return Interval(value, *exact_wins(wins, losses, n, level), n, "Clopper-Pearson")
+    low, high = tango(wins, losses, n, level)
+    return Interval(value, 0.5 + low / 2, 0.5 + high / 2, n, "Tango, of wins less losses")
 
 
 def _independent(a: FloatArray, b: FloatArray, level: float, is_one_of_many: bool) -> Interval:
@@ -378,6 +381,6 @@ def _newcombe(value: float, n: int, m: int, untied: float, z: float) -> tuple[fl
             return 0.0 if off == 0 else inf * off
         return off / sqrt(variance)
 
-    low = 0.0 if value <= 0 else env_step(lambda truth: score(truth) > z, 0.0, value)
-    high = 1.0 if value >= 1 else env_step(lambda truth: score(truth) > -z, value, 1.0)
+    low = 0.0 if value <= 0 else boundary(lambda truth: score(truth) > z, 0.0, value)
+    high = 1.0 if value >= 1 else boundary(lambda truth: score(truth) > -z, value, 1.0)
     return low, high

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, floor, log10
-from typing import Any, Final, Literal, NoReturn
+from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,8 +154,9 @@ FEWEST_RUNS_EACH: Final = 3
 """Training runs in each of several environments."""
 FEWEST_RUNS_FOR_MEDIANS: Final = 30
 """Training runs in each environment for the median over environments of their means."""
-FEWEST_PAIRS: Final = 50
-"""Pairs of episodes for the probability that one beats the other."""
+MANY_PAIRS: Final = 50
+"""Pairs of episodes from which on Tango's interval of who beats whom covers; of fewer an exact one
+is given."""
 
 RULE_OF_THREE: Final = 3
 """An outcome of a chance over 3 / n is seen in 95 of 100 samples of n."""
@@ -164,24 +165,6 @@ AGENTS_OF_ONE_EPISODE: Final = (
     "interval over them claims more evidence than there is; the unit is the episode (for one "
     "checkpoint) or the training run (for a method)"
 )
-
-
-def refuse_agents(agents: int, *, where: str) -> NoReturn:
-    """Intervals over the agents of one episode are refused.
-
-    Args:
-        agents: how many there were.
-        where: what asked for the interval.
-    Raises:
-        EvidenceError: always.
-    """
-    raise EvidenceError(
-        "no interval over agents of one episode",
-        where=where,
-        expected="one figure for each episode, or for each training run",
-        actual=f"{agents} agents of one episode; {AGENTS_OF_ONE_EPISODE}",
-        fix="take the mean over agents in each episode first, or play more episodes",
-    )
 
 
 def enough(n: int, fewest: int, unit: str, *, where: str) -> None:

@@ -87,7 +87,7 @@ def quantile(
             where="quantile",
             expected=f"at least {100 * LEAST_DISTINCT:g} % of the values there different",
             actual=f"{100 * distinct:.0f} %",
-            fix="show the mean with its interval",
+            fix="show the figure without an interval",
         )
     value = float(np.quantile(ordered, part))
     low = _lower(ordered, part, tail)
@@ -374,7 +374,7 @@ def around(
                 where=statistic,
                 expected="a middle half of figures that differ",
                 actual=f"{value:g}",
-                fix="show the mean with its interval",
+                fix="show the figure without an interval",
             )
         return Interval(value, min(low, value), max(high, value), n, "t-expanded percentile")
     standard = (values - mean) / spread

@@ -15,7 +15,7 @@ from gamekeeper.errors import EvidenceError
 from gamekeeper.statistics.interval import enough, no_spread
 from gamekeeper.statistics.one_sample import reach_of_mean
 from gamekeeper.statistics.resampling import TRUSTED, Reach, extended, t_of_means
-from gamekeeper.statistics.student import env_step, student, student_p
+from gamekeeper.statistics.student import boundary, student, student_p
 
 FloatArray = NDArray[np.float64]
 
@@ -88,7 +88,7 @@ def paired_effect(
     if unit is not None:
         more, less = int((differences > 0).sum()), int((differences < 0).sum())
         low, high = tango(more, less, n, level)
-        return PairedEffect(value, unit * low, unit * high, _mcnemar(more, less), n)
+        return PairedEffect(value, unit * low, unit * high, sign_test(more, less), n)
     if is_flat:
         return PairedEffect(value, value, value, 1.0 if value == 0 else 2.0 ** (1 - n), n)
     enough(n, fewest, "pairs", where="paired_effect")
@@ -167,13 +167,50 @@ def tango(more: int, less: int, n: int, level: float) -> tuple[float, float]:
         off = more - less - n * truth
         return off / sqrt(variance) if variance > 0 else copysign(inf, off)
 
-    low = -1.0 if value == -1 else env_step(lambda truth: score(truth) > z, -1.0, value)
-    high = 1.0 if value == 1 else env_step(lambda truth: score(truth) > -z, value, 1.0)
+    low = -1.0 if value == -1 else boundary(lambda truth: score(truth) > z, -1.0, value)
+    high = 1.0 if value == 1 else boundary(lambda truth: score(truth) > -z, value, 1.0)
     return low, high
 
 
-def _mcnemar(more: int, less: int) -> float:
-    """The exact p-value of both ways to differ being equally likely."""
+def exact_wins(wins: int, losses: int, n: int, level: float) -> tuple[float, float]:
+    """Bounds of the probability of winning, ties counting half, at any number of pairs.
+
+    It is the mean of the chance to win and the chance not to lose, each in the exact interval of a
+    share: both at `level` where there are no ties, and so the same, else at a level at which both
+    hold together.
+
+    Args:
+        wins: pairs in which the first is above.
+        losses: pairs in which it is below.
+        n: all pairs.
+        level: coverage, at least.
+    Source: Clopper & Pearson 1934, "The use of confidence or fiducial limits illustrated in the
+        case of the binomial"; Bonferroni's inequality.
+    """
+    each = level if wins + losses == n else (1 + level) / 2
+    won, unbeaten = _share_bounds(wins, n, each), _share_bounds(n - losses, n, each)
+    return (won[0] + unbeaten[0]) / 2, (won[1] + unbeaten[1]) / 2
+
+
+def _share_bounds(hits: int, n: int, level: float) -> tuple[float, float]:
+    """The shares of which neither tail, up to the hits or from them on, is too rare."""
+    rare = (1 - level) / 2
+
+    def most(share: float, hits: int) -> float:
+        return sum(comb(n, k) * share**k * (1 - share) ** (n - k) for k in range(hits + 1))
+
+    low = 0.0 if hits == 0 else boundary(lambda share: 1 - most(share, hits - 1) < rare, 0.0, 1.0)
+    high = 1.0 if hits == n else boundary(lambda share: most(share, hits) > rare, 0.0, 1.0)
+    return low, high
+
+
+def sign_test(more: int, less: int) -> float:
+    """The exact two-sided p-value of both ways to differ being equally likely.
+
+    Args:
+        more: pairs in which one is above the other; less: pairs in which it is below.
+    Source: McNemar 1947.
+    """
     pairs = more + less
     tail = sum(comb(pairs, k) for k in range(min(more, less) + 1))
     return float(min(2 * tail / 2**pairs, 1.0))
@@ -195,6 +232,6 @@ def least_p(bounds: Reach, t: float, freedom: float) -> float:
         return not least <= t <= most
 
     if not leaves_out(TRUSTED):
-        return 1 - env_step(leaves_out, 0.0, TRUSTED)
+        return 1 - boundary(leaves_out, 0.0, TRUSTED)
     farthest = bounds(TRUSTED)[t > 0]
     return student_p(t / abs(farthest) * student(TRUSTED, freedom), freedom) if farthest else 0.0

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import comb, sqrt
 from statistics import NormalDist
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.random import Generator
@@ -19,7 +19,6 @@ FloatArray = NDArray[np.float64]
 LEVEL: Final = 0.95
 ROUNDS: Final = 999
 """Permutations that are drawn; the least p-value is then 1 / 1,000."""
-_HALVINGS: Final = 60
 """Bisections of an exact bound; more digits than a float has."""
 
 
@@ -68,24 +67,6 @@ def wilson(hits: int, looks: int, *, level: float = LEVEL) -> Share:
     low = 0.0 if hits == 0 else max((centre - spread) / scale, 0.0)
     high = 1.0 if hits == looks else min((centre + spread) / scale, 1.0)
     return Share(p, low, high, looks)
-
-
-def clopper_pearson(hits: int, looks: int, *, level: float = LEVEL) -> Share:
-    """The share of hits with the exact interval, which covers at least `level` whatever the share.
-
-    Args:
-        hits, looks, level: as `wilson` takes them.
-    Raises:
-        EvidenceError: more hits than looks, or a negative count.
-    Source: Clopper & Pearson 1934; the tails by bisection in place of beta quantiles.
-    """
-    _counted(hits, looks)
-    if looks == 0:
-        return Share(0.0, 0.0, 1.0, 0)
-    tail = (1 - level) / 2
-    low = 0.0 if hits == 0 else _root(lambda p: 1 - _at_most(hits - 1, looks, p) < tail)
-    high = 1.0 if hits == looks else _root(lambda p: _at_most(hits, looks, p) > tail)
-    return Share(hits / looks, low, high, looks)
 
 
 def permutation_test(
@@ -198,20 +179,6 @@ def _counted(hits: int, looks: int) -> None:
             actual=f"{hits} of {looks}",
             fix="count hits among the trials",
         )
-
-
-def _at_most(hits: int, looks: int, p: float) -> float:
-    """The chance of no more than so many hits."""
-    return sum(comb(looks, k) * p**k * (1 - p) ** (looks - k) for k in range(hits + 1))
-
-
-def _root(is_below: Any) -> float:
-    """Point where a monotone claim about p in [0, 1] stops to hold."""
-    low, high = 0.0, 1.0
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if is_below(middle) else (low, middle)
-    return (low + high) / 2
 
 
 def _standardised(values: FloatArray) -> FloatArray:

@@ -119,7 +119,7 @@ def normal_tail(distance: float) -> float:
     return NormalDist().cdf(-distance)
 
 
-def env_step(is_before: Callable[[float], bool], low: float, high: float) -> float:
+def boundary(is_before: Callable[[float], bool], low: float, high: float) -> float:
     """Point where a claim that holds at first stops to hold.
 
     Args:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import compress
 from typing import Any, Final, TypeAlias
 
@@ -233,8 +233,9 @@ class KernelEngine:
             ended = np.flatnonzero(a.ended | (a.terminated | a.truncated).any(1))
             self._fill_finals(ended)
             masks = [flags[ended] for flags in self._masks("final_mask")]
-            rows = self._infos.of_all(a.final_infos[ended], masks, a.last[ended])
-            said.final.update(zip(ended.tolist(), rows, strict=True))
+            said.read_final = KernelFinals(
+                self._infos, ended, a.final_infos[ended], masks, a.last[ended]
+            )
         return said
 
     def _fill_masks(self) -> None:
@@ -329,7 +330,7 @@ class Infos:
 
     def __init__(self, kernel: Kernel) -> None:
         """Takes the kernel whose infos they are."""
-        self._kernel = kernel
+        self._kernel, self.agents = kernel, kernel.agents
         self._groups = [
             (k, group, i) for k, group in enumerate(kernel.groups) for i in range(group.count)
         ]
@@ -390,3 +391,44 @@ def _mask_values(flags: NDArray[Any], space: spaces.Space[Any]) -> list[Any]:
         return rows
     cuts = np.cumsum(space.nvec)[:-1]
     return [tuple(np.split(row, cuts)) for row in rows]
+
+
+class KernelFinals(Mapping[int, Mapping[Any, Info]]):
+    """Last infos of copies in which an agent ended, each made as it is read.
+
+    Args:
+        infos: makes them.
+        envs: [row], the copies.
+        told: [row, agent], the fields of the kernel's infos.
+        masks: of each group [row, agent, flags].
+        last: [row, agent], agents that have a last observation.
+    """
+
+    def __init__(
+        self,
+        infos: Infos,
+        envs: NDArray[np.intp],
+        told: NDArray[Any],
+        masks: list[NDArray[Any]],
+        last: NDArray[np.bool_],
+    ) -> None:
+        self._infos, self._envs, self._last = infos, envs, last
+        self._told, self._masks = told, masks
+
+    def __getitem__(self, env: int) -> Mapping[Any, Info]:
+        (rows,) = np.nonzero(self._envs == env)
+        if not len(rows):
+            raise KeyError(env)
+        masks = [flags[rows] for flags in self._masks]
+        return self._infos.of_all(self._told[rows], masks, self._last[rows])[0]
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._envs.tolist())
+
+    def __len__(self) -> int:
+        return len(self._envs)
+
+    def absent(self, agents: Sequence[Any]) -> NDArray[np.bool_]:
+        """Returns where these agents have no last observation, [row, agent]."""
+        names = list(self._infos.agents)
+        return ~self._last[:, [names.index(agent) for agent in agents]]

@@ -29,10 +29,12 @@ class Said:
         infos: of this step, where they are asked for.
         final: of envs in which an agent ended in it: infos of the agents whose last observations
             stand in the arrays.
+        read_final: the same, made as they are read; in place of `final`.
     """
 
     infos: dict[int, Mapping[AgentId, Any]] = field(default_factory=dict)
     final: dict[int, dict[AgentId, Any]] = field(default_factory=dict)
+    read_final: Mapping[int, Mapping[AgentId, Any]] | None = None
 
 
 class SubEnvBlock:

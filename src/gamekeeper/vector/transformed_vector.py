@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gamekeeper.errors import SpecError
 from gamekeeper.vector.agents_as_envs import AgentsAsEnvs
+from gamekeeper.vector.final_rows import FinalObs
 from gamekeeper.vector.vector_environment import VectorEnv, batched
 from gamekeeper.vector.vector_form import ALL, Space, VectorGroup, leaves
 
@@ -247,37 +248,17 @@ class TransformedVector:
         """Changes last observations, of all sub-environments that have any at once."""
         if "final_obs" not in infos:
             return
-        envs = np.flatnonzero(infos["_final_obs"])
-        finals, told = infos["final_obs"], [infos["final_info"][e] for e in envs.tolist()]
+        finals, told = infos["final_obs"], infos["final_info"]
 
         def change(g: int, part: Any) -> Any:
             agents = self.groups[g].agents
-            found = self.transform.final(g, part, envs, len(agents))
-            if any(len(one) < len(agents) or g for one in told):
-                _blank(found, np.array([[agent not in one for agent in agents] for one in told]))
+            found = self.transform.final(g, part, finals.envs, len(agents))
+            absent = told.absent(agents)
+            if absent.any():
+                _blank(found, absent)
             return found
 
-        whole = self._by_group(change, _together([finals[e] for e in envs.tolist()]))
-        for place, e in enumerate(envs.tolist()):
-            finals[e] = _row(whole, place)
-
-
-def _together(trees: Sequence[Any]) -> Any:
-    """Trees of arrays in one."""
-    first = trees[0]
-    if isinstance(first, dict):
-        return {key: _together([tree[key] for tree in trees]) for key in first}
-    if isinstance(first, tuple):
-        return tuple(_together(parts) for parts in zip(*trees, strict=True))
-    return np.stack(trees)
-
-
-def _row(tree: Any, place: int) -> Any:
-    if isinstance(tree, dict):
-        return {key: _row(part, place) for key, part in tree.items()}
-    if isinstance(tree, tuple):
-        return tuple(_row(part, place) for part in tree)
-    return tree[place]
+        infos["final_obs"] = FinalObs(len(finals), finals.envs, self._by_group(change, finals.tree))
 
 
 def _blank(tree: Any, absent: Flags) -> None:

@@ -10,11 +10,13 @@ from typing import Any, Protocol, Self
 import numpy as np
 from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
 
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.exception_text import said_by
 from gamekeeper.episodes.layout import Layout
 from gamekeeper.errors import ActionError, OrderError
+from gamekeeper.vector.final_rows import FinalInfos, FinalObs
 from gamekeeper.vector.sub_env_block import Autoreset, Said
 from gamekeeper.vector.vector_form import ALL, Arrays, VectorForm, VectorGroup, built
 from gamekeeper.vector.vector_rows import Batches, InOrder, Recording
@@ -143,9 +145,10 @@ class VectorEnv:
             Observations, rewards [env, agent], terminations, truncations, infos. In `infos`: `live`
             [env, agent]; `episode` [env], the number of the episode that each copy is in;
             `over` [env], whether its episode ended in this step; `action_mask`; `turn` (AEC)
-            [env], the column of the agent in turn; `final_obs` and `final_info`, [env] objects,
-            with `_final_obs` [env] bool, where agents ended: what all were given in that step (of
-            AEC environments, what those that have ended were given last);
+            [env], the column of the agent in turn; `final_obs` and `final_info`, [env] objects
+            that are made as they are read, with `_final_obs` [env] bool, where agents ended: what
+            all were given in that step (of AEC environments, what those that have ended were given
+            last);
             `failed`, texts by env, where the process of some is gone.
         Raises:
             ActionError: the arrays haven't the right shape.
@@ -298,37 +301,27 @@ class VectorEnv:
             infos["turn"] = self._own(arrays["turn"])
         if said.infos:
             infos["agents"] = _objects(self.num_envs, said.infos)
-        if said.final:
-            finals = self._finals(list(said.final))
+        final = said.read_final or said.final
+        if final:
+            told = FinalInfos(self.num_envs, final)
             is_final = np.zeros(self.num_envs, bool)
-            is_final[list(said.final)] = True
-            infos["final_obs"], infos["final_info"] = (
-                _objects(self.num_envs, finals),
-                _objects(self.num_envs, said.final),
-            )
+            is_final[told.envs] = True
+            infos["final_obs"] = FinalObs(self.num_envs, told.envs, self._finals(told.envs))
+            infos["final_info"] = told
             infos["_final_obs"] = infos["_final_info"] = is_final
         if self._engine.failed:
             infos["failed"] = dict(self._engine.failed)
         return infos
 
-    def _finals(self, envs: list[int]) -> dict[int, Any]:
-        """Last observations in the step that ended some agents, by sub-environment."""
+    def _finals(self, envs: NDArray[np.intp]) -> Any:
+        """Last observations of these sub-environments, in arrays of their own."""
         parts = {}
         for g, group in enumerate(self._form.groups):
-            arrays = [
-                list(self._engine.arrays[f"final.{g}.{i}"][envs])
-                for i in range(len(group.observed))
-            ]
-            space, is_one = group.observation_space, group.observed[0].path == ()
-            parts[group.name] = (
-                arrays[0]
-                if is_one
-                else [built(space, iter(row)) for row in zip(*arrays, strict=True)]
+            arrays = (
+                self._engine.arrays[f"final.{g}.{i}"][envs] for i in range(len(group.observed))
             )
-        if ALL in parts:
-            return dict(zip(envs, parts[ALL], strict=True))
-        rows = zip(*parts.values(), strict=True)
-        return {e: dict(zip(parts, row, strict=True)) for e, row in zip(envs, rows, strict=True)}
+            parts[group.name] = built(group.observation_space, arrays)
+        return parts.get(ALL, parts)
 
     # -- the rest
 

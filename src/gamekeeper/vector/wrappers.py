@@ -204,19 +204,25 @@ class FramesOfPart:
         self._gets_axis = len(leaf.shape) in (0, 2) and not self._is_mask
         own = (*leaf.shape, 1) if self._gets_axis else leaf.shape
         self._size = own[-1]
-        self._rows: Any = np.zeros((*lead, *own[:-1], own[-1] * self._count), leaf.dtype)
+        self._width, self._begins = self._size * self._count, 0
+        self._store: Any = np.zeros((*lead, *own[:-1], 2 * self._width), leaf.dtype)
+        self._rows = self._store[..., : self._width]
 
     def _frame(self, seen: Any) -> Any:
         part = self._get(seen)
         return part[..., None] if self._gets_axis else part
 
     def move(self, at: Any) -> None:
-        """Moves the frames of some agents by one."""
+        """Moves the frames of some agents by one; of all by a window over twice as many."""
         size, rows = self._size, self._rows
         if self._count == 1:
             return
         if isinstance(at, slice):
-            rows[..., :-size] = rows[..., size:]
+            self._begins += size
+            if self._begins > self._width:
+                self._store[..., : self._width - size] = rows[..., size:]
+                self._begins = 0
+            self._rows = self._store[..., self._begins : self._begins + self._width]
         else:
             own = rows[at]
             rows[at] = np.concatenate([own[..., size:], own[..., -size:]], -1)

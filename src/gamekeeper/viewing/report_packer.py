@@ -12,6 +12,7 @@ from gamekeeper.reporting.page.episode_list import Budget, entries_of, packed_of
 from gamekeeper.reporting.page.packed_episode import Mark, deflated
 from gamekeeper.reporting.page.packed_values import data_url
 from gamekeeper.reporting.page.player_drawing import Drawing
+from gamekeeper.reporting.results_text import few
 from gamekeeper.runs.files.folder import read_bounded
 
 FRAME: Final = re.compile(r"(\d{6,9})-(\d{6,9})\.(png|txt)")
@@ -156,10 +157,14 @@ class Packer:
                     yield Mark(where.turn, "divergence", text, where.agent)
                 if (key, number) == pair.right and pair.right[0] not in LETTERS:
                     yield Mark(0, "change", self._runs[key].name)
+        places: dict[tuple[int, str | None, str], list[str]] = {}
         for each in self._first_divergences if key == self._main else ():
             if each["episode"] == number and each["turn"] is not None:
-                text = f"differs with {each['intervention']}: {each['field']}"
-                yield Mark(int(each["turn"]), "divergence", text, each["agent"])
+                place = int(each["turn"]), each["agent"], str(each["field"])
+                places.setdefault(place, []).append(each["intervention"])
+        for (turn, agent, field), names in places.items():
+            text = f"{field} differs with {few(dict.fromkeys(names), most=1)}"
+            yield Mark(turn, "divergence", text, agent)
 
     def entries(self, run: ShownRun) -> Iterator[dict[str, Any]]:
         """Entries of the run's episodes; of counterfactuals only those that are on the page."""

@@ -249,7 +249,9 @@ def test_text_tells_which_baseline_played_and_keeps_to_the_terminal() -> None:
     found = attribute(evidence, env=games.Thrust, episodes=2, action_episodes=2)
     text = attribution_text(found.to_json(), width=80)
     assert "(random, as no noop is declared)" in " ".join(text.split())
-    assert "for drone_0, drone_1, which declare no noop" in " ".join(text.split())
+    assert "if the agent's first legal action (no noop is declared) replaces" in " ".join(
+        text.split()
+    )
     assert max(map(len, text.splitlines())) <= 80
 
 

@@ -1,5 +1,7 @@
 """The pure parts of an attribution, and who plays on which side."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -63,8 +65,12 @@ def test_agent_without_which_the_team_has_more_is_harmful() -> None:
     figures = {"a": _part(-16.5), "b": _part(4.0), "c": _part(0.0)}
     found = harms(figures, figures)
     assert [found[name].is_harmful for name in "abc"] == [True, False, False]
-    assert "16.5 more where noop plays in its place" in found["a"].why
+    assert "16.5 more where it does nothing" in found["a"].why
     assert harms(figures, {**figures, "a": _part(1.0)})["a"].is_harmful is False
+    beside = {name: replace(each, baseline="random") for name, each in figures.items()}
+    told = harms(beside, beside)["a"]
+    assert told.is_harmful is None
+    assert told.why.endswith("that may be harm, or doing too little")
     few = {"a": Measured(-16.5, None, None, None, 9, "noop")}
     assert harms(few, few)["a"].is_harmful is None
 

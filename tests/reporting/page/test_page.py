@@ -274,13 +274,19 @@ def test_wrong_document_is_refused(tmp_path: Path, content: str) -> None:
 
 @pytest.mark.parametrize(
     ("failure", "expected"),
-    [("gain > 1e9", ["0 of 3 episodes failed (team: gain > 1e9)."]), (None, [])],
+    [
+        ("gain > 1e9", "0 of 3 episodes failed (team: gain > 1e9)."),
+        (
+            None,
+            "No condition of failure is declared. Return of all agents together: between 9 and 11.",
+        ),
+    ],
 )
-def test_outcome_needs_a_condition(failure: str | None, expected: list[str]) -> None:
+def test_outcome_needs_a_condition(failure: str | None, expected: str) -> None:
     """Where no failure is declared the page doesn't count to zero."""
     run = shown(recorded(failure=failure), key="a", path="run", name="run")
     answers = {each.question: each.text for each in answers_of(run, Documents())}
-    assert [answers[name] for name in answers if name == "Outcome"] == expected
+    assert answers["Outcome"] == expected
     assert answers["Files"] == "A run that isn't finalized has no checksums to compare."
 
 
@@ -293,6 +299,22 @@ def test_cause_links_to_the_turn_of_its_counterfactual() -> None:
     restored = next(each for each in told["counterfactuals"] if each["restored"])
     assert f"#play:a/{restored['episode']}/{restored['turn']}" == cause.link
     assert cause.word == "isolated"
+
+
+def test_first_screen_says_which_turn_lost_an_episode() -> None:
+    """A pivot is an answer with a link to its turn; without one, the reason is."""
+    run = shown(recorded(), key="a", path="run", name="run")
+    curve = [{"turn": 0, "share": 0.1, "low": 0.0, "high": 0.2, "successes": 1, "n": 10}]
+    fall = {"turn": 4, "loss": "draws", "agents": [], "tried": [], "p": 0.01}
+    fall |= {"before": {"share": 0.9}, "after": {"share": 0.2}}
+    each = {"episode": 1, "question": "falls", "curve": curve, "not_tried": []}
+    lost, never = (
+        {a.question: a for a in answers_of(run, Documents(pivots={"episodes": [each | more]}))}
+        for more in ({"pivots": [fall]}, {"pivots": []})
+    )
+    assert lost["Lost at"].link == "#play:a/1/4"
+    assert "success falls from 90% to 20%; chance lost it" in lost["Lost at"].text
+    assert "no turn of this episode lost it" in never["Lost at"].text
 
 
 def test_first_screen_compares_and_leads_to_what_else_would_have_been(tmp_path: Path) -> None:

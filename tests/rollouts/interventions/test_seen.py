@@ -19,7 +19,6 @@ from gamekeeper.rollouts.interventions.observation_perturbations import (
     ObservationNoise,
     OccludedFields,
     StaleMemory,
-    fields_of,
 )
 from gamekeeper.rollouts.interventions.perturbation import Perturbation
 
@@ -150,13 +149,6 @@ def test_occlusion_refuses_what_names_no_field() -> None:
     """When it is made, not in the middle of a play."""
     with pytest.raises(ContractError):
         OccludedFields(fields=("the goal",))
-
-
-def test_fields_are_named_as_a_perturbation_takes_them() -> None:
-    """Parts of a Dict by their keys, numbers of one array by their places."""
-    assert fields_of(Contract(), One(MASKED), "a_0") == ("observation.at",)
-    box = One(Box(0, 1, (2,)))
-    assert fields_of(Contract(), box, "a_0") == ("observation[0:1]", "observation[1:2]")
 
 
 def test_delay_shows_what_was_with_the_mask_of_now() -> None:

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Mapping
-from functools import cache, partial
+from functools import partial
 from typing import Any, Final
 
-from gamekeeper.auditing.meeting import MeetingPolicies
+from gamekeeper.auditing.meeting import meeting
 from gamekeeper.auditing.outcomes import Difference, Key, digests, first_difference
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
 from gamekeeper.auditing.reordering import FirstDivergence, orders, told
 from gamekeeper.checks.facts.play_facts import OrderOutcome
-from gamekeeper.interface.action_mask import reader
-from gamekeeper.rollouts.episode_loop import ActionChooser, EpisodePlan, EpisodeResult
+from gamekeeper.rollouts.episode_loop import EpisodePlan, EpisodeResult
 from gamekeeper.rollouts.interventions.tick_order import ActionOrder
 
 PLAYS: Final = 4
@@ -54,7 +53,7 @@ def order(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
         play,
         state=False,
         watch=lambda turn, env, out: seen.append(digests(out, volatile)),
-        steer=partial(_meeting, lab) if play.stream % MEETINGS else None,
+        steer=partial(meeting, lab.contract) if play.stream % MEETINGS else None,
     )
     actions = base.play.actions or ()
     together = [turn for turn, each in enumerate(actions) if len(each) > 1]
@@ -69,12 +68,6 @@ def order(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
             yield _parted(lab, base, order, watch, ticks, seen, volatile)
             return
     yield lab.fact(OrderOutcome(result="same", ticks=ticks), field="rewards")
-
-
-def _meeting(lab: ProbeSession, base: ActionChooser, env: Any) -> MeetingPolicies:
-    return MeetingPolicies(
-        base, env.action_space, cache(lambda agent: reader(lab.contract.mask_of(agent)))
-    )
 
 
 def _parted(

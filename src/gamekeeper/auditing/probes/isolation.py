@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
+from functools import partial
 from typing import Any, Final
 
-from gamekeeper.auditing.elsewhere import other_hash_seed, played_elsewhere, reason_against
+from gamekeeper.auditing.elsewhere import hash_seeds, played_elsewhere, reason_against
+from gamekeeper.auditing.meeting import meeting
 from gamekeeper.auditing.probe import probe
 from gamekeeper.auditing.probe_session import ProbeSession, Saw
 from gamekeeper.checks.facts.seed_facts import (
@@ -142,8 +143,7 @@ class _Beside:
 
 
 MOST_TURNS: Final = 100
-SECOND_FROM: Final = 150
-"""Ration in steps from which on a second hash seed is tried."""
+FEWEST_TURNS: Final = 30
 HERE: Final = 4
 """Further plays in this process, to see how often two are equal."""
 BY_CHANCE: Final = 1 / 1_000
@@ -158,42 +158,54 @@ def against(lab: ProbeSession) -> str | None:
 
 
 def _other_process_plays(lab: ProbeSession) -> Iterator[EpisodePlan]:
-    """One, or two under different hash seeds."""
-    count = 2 if lab.ration >= SECOND_FROM else 1
-    return lab.plays(count, runs=2, most_turns=MOST_TURNS)
+    """One at random, and one that brings agents together."""
+    turns = min(max(lab.ration // 8, FEWEST_TURNS), MOST_TURNS)
+    for k in range(2):
+        yield EpisodePlan(seed=lab.seed + k, stream=k, most_turns=turns)
 
 
-@probe("other_process", share=0.5, plays=_other_process_plays, against=against, tries=2)
+@probe("other_process", share=1.5, plays=_other_process_plays, against=against, tries=2)
 def other_process(lab: ProbeSession, play: EpisodePlan) -> Iterator[Saw]:
-    """A play in this process and in another, under another hash seed.
+    """A play in this process and in others, under hash seeds that turn the order of names in sets.
 
-    The play here and its counterfactual there.
+    The play here and its counterfactual there, up to the first that differs.
 
     Facts:
         `HashSeed`, `SettledElsewhere`.
     """
+    is_steered = lab.api == "parallel" and play.stream > 0
     with held():
-        base = lab.play(play, lab.env())
-    seed = other_hash_seed(sorted(lab.agents), 1 + 100 * lab.number)
-    there = played_elsewhere(lab, base, seed)
-    if there is None:
-        return
-    change = {"change": "another process", "hash_seed": seed}
-    unchanged_rerun = base.trace
-    if _parts(lab, base.trace, there) is not None:
+        base = lab.play(
+            play, lab.env(), steer=partial(meeting, lab.contract) if is_steered else None
+        )
+    for seed in hash_seeds(tuple(sorted(lab.agents))):
+        there = played_elsewhere(lab, base, seed)
+        if there is None:
+            return
+        if _parts(lab, base.trace, there) is None:
+            yield _elsewhere(lab, base.trace, base.trace, there, seed)
+            continue
         with held():
             unchanged_rerun = lab.play(base.play, lab.env()).trace
         yield lab.fact(HashSeed(seed))
-        if _parts(lab, base.trace, unchanged_rerun) is not None:
+        first = base.trace
+        if _parts(lab, first, unchanged_rerun) is not None:
             yield lab.fact(SettledElsewhere(_is_settled_elsewhere(lab, base, there, seed)))
         else:
             second = _second_elsewhere(lab, base, there, seed)
             if second is not None:
                 yield lab.fact(SettledElsewhere(True))
-                base, unchanged_rerun, there = replace(base, trace=there), second, second
-    yield ProbeCounterfactual(
-        base.trace, unchanged_rerun, there, change, tuple(lab.contract.volatile_infos())
-    )
+                first, unchanged_rerun, there = there, second, second
+        yield _elsewhere(lab, first, unchanged_rerun, there, seed)
+        return
+
+
+def _elsewhere(
+    lab: ProbeSession, base: Episode, unchanged_rerun: Episode, there: Episode, hash_seed: int
+) -> ProbeCounterfactual:
+    change = {"change": "another process", "hash_seed": hash_seed}
+    volatile = tuple(lab.contract.volatile_infos())
+    return ProbeCounterfactual(base, unchanged_rerun, there, change, volatile)
 
 
 def _second_elsewhere(

@@ -31,6 +31,7 @@ def _undeclared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     fix="end every agent that the ending belongs to in the same step, or declare its owner as it "
     "is",
     applies=_undeclared,
+    looks_at="an ending that is declared to be everybody's or a role's",
 )
 def endings_reach_all_whom_they_are_declared_for(
     contract: Contract, evidence: ProbeEvidence
@@ -96,6 +97,7 @@ assert not silent, silent"""),
     severity=HIGH,
     fix="set the agent's termination or truncation in the step that takes it out of `agents`, "
     "or declare may_leave for its role",
+    looks_at="an agent that leaves `agents`",
 )
 def agents_leave_by_ending(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """An agent leaves `agents` only once it has terminated or truncated, and the flag says so.
@@ -153,6 +155,7 @@ assert env.agents or not silent, silent"""
     fix="where one agent's end is the end for all, terminate (or truncate) all of them in that "
     "step; else keep the others in `agents`",
     api="parallel",
+    looks_at="an agent that ends while others are in the game",
 )
 def the_episode_is_over_for_those_who_ended(
     contract: Contract, evidence: ProbeEvidence
@@ -195,6 +198,7 @@ assert not ended, ended"""
     fix="take agents that terminate or truncate out of `agents` before step returns; when the "
     "episode is over, `self.agents = []`",
     api="parallel",
+    looks_at="an agent that terminates or truncates",
 )
 def the_ended_are_out_of_agents(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """An agent that has terminated or truncated is out of `agents` when that step returns.

@@ -77,6 +77,7 @@ def _proof(api: str, book: str, kinds: str = "(bool, np.bool_)") -> str:
     fix="keep the flag up until the agent is out of `agents`; set flags where an agent ends, "
     "don't work them out anew in every step",
     api="aec",
+    looks_at="an agent that has ended and is still in `agents`",
 )
 def an_ending_is_final(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """The flags of an agent that has ended aren't taken back while it is still in `agents`.

@@ -299,6 +299,7 @@ SHOWN: Final = {"last": "env.last()", "step": "# nothing more: the None step abo
     api="aec",
     fix="let `observe` answer for every agent in `agents`, also for one that has ended, and hand "
     "the None of a dead agent to `self._was_dead_step(action)`",
+    looks_at="an agent that ends, in an episode played to its last None turn",
 )
 def the_loop_goes_through(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """The loop over agents goes through: `last()` and the None steps of the dead raise nothing.

@@ -39,6 +39,7 @@ def _no_horizon(contract: Contract, evidence: ProbeEvidence) -> str | None:
     fix="set truncations, not terminations, for all who are left in the tick that fills the "
     "declared horizon; or declare the horizon as it is",
     applies=_no_horizon,
+    looks_at="an episode that reaches the declared horizon: a larger --budget plays longer",
 )
 def the_declared_horizon_truncates(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """An episode that reaches its declared horizon is truncated there: not terminated, not later.
@@ -270,6 +271,7 @@ def _no_ending_kind(contract: Contract, evidence: ProbeEvidence) -> str | None:
     fix="set the flag that the contract declares for the reason, or declare the reason's kind as "
     "it is: limits from outside truncate, rules of the task terminate",
     applies=_no_ending_kind,
+    looks_at="an ending that the contract declares",
 )
 def endings_are_of_their_declared_kind(
     contract: Contract, evidence: ProbeEvidence

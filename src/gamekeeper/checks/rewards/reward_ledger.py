@@ -288,6 +288,7 @@ def reset_owes_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[
     severity=MEDIUM,
     api="aec",
     fix="clear `rewards` in the None step of a dead agent, as `self._was_dead_step(None)` does",
+    looks_at="a None turn of an agent that has ended",
 )
 def dead_steps_pay_nobody(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """The None step of a dead agent pays nobody: rewards from before it are cleared, not left over.

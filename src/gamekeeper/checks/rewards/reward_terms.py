@@ -80,6 +80,7 @@ def _no_sum(contract: Contract, evidence: ProbeEvidence) -> str | None:
     severity=HIGH,
     fix="pay every part of the reward under a term that the contract declares",
     applies=_no_sum,
+    looks_at="reward terms that the contract declares and the environment tells",
 )
 def terms_add_up(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """The declared reward terms add up to the reward: nothing is paid beside them.
@@ -141,6 +142,7 @@ def _no_shared_term(contract: Contract, evidence: ProbeEvidence) -> str | None:
     fix="pay a shared term to all its payees alike and let a zero-sum term's payments cancel out "
     "in every step, or declare another kind",
     applies=_no_shared_term,
+    looks_at="a payment of a term that is declared shared or zero-sum",
 )
 def terms_are_shared_as_declared(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """A shared reward term pays all its payees the same, and a zero-sum term's payments sum to 0.

@@ -24,6 +24,7 @@ NO_NUMBERS: Final = ("NoneType", "str", "bytes", "list", "tuple", "dict", "compl
     severity=HIGH,
     fix="pay a finite Python or NumPy number: 0.0 where nothing is paid, `float(...)` around an "
     "array of one element",
+    looks_at="a step that returns rewards",
 )
 def rewards_are_numbers(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """Every reward is one finite real number: no None, no NaN or infinity, no array, no text.

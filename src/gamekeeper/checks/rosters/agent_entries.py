@@ -241,6 +241,7 @@ def _living_proof(book: str) -> str:
     fix="build the dictionaries of a step over those who acted in it, before the ones that ended "
     "are taken out of `agents`",
     api="parallel",
+    looks_at="an agent that ends",
 )
 def the_last_step_is_told_whole(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """An agent that ends is given its last reward, last observation and both flags in that step.
@@ -385,6 +386,7 @@ def reset_returns_two_dictionaries_and_step_five(
     fix="build observations and infos over those who acted in this step (and who joined in it), "
     "not over possible_agents",
     api="parallel",
+    looks_at="an agent that has left while others play on",
 )
 def the_gone_are_shown_nothing(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """An agent that has left the game stands no longer in observations or infos.

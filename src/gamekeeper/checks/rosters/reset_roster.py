@@ -119,6 +119,7 @@ def num_agents_counts_the_roster(contract: Contract, evidence: ProbeEvidence) ->
     severity=HIGH,
     fix="keep an agent that will be back in `agents` without ending it, or let a new one join "
     "under a name that wasn't used in this episode",
+    looks_at="an agent that has left while others play on",
 )
 def nobody_comes_back_within_an_episode(
     contract: Contract, evidence: ProbeEvidence

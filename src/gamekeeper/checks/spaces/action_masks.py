@@ -355,6 +355,7 @@ def _none_declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     severity=MEDIUM,
     fix="put the mask where roles.<role>.mask says, or declare where it stands",
     applies=_none_declared,
+    looks_at="a mask that the contract declares",
 )
 def masks_stand_where_declared(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """A mask stands where the contract says it does, in each episode in which its agent moves.

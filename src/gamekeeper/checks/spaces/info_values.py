@@ -20,6 +20,7 @@ from gamekeeper.episodes.canonical import type_name
     needs=("rollout",),
     severity=MEDIUM,
     fix="give every agent a dictionary for its info; an empty one where there is nothing to say",
+    looks_at="an info of an agent",
 )
 def infos_are_dictionaries(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """Every agent's info is a dictionary, also in the step in which it ends; never None.
@@ -103,6 +104,7 @@ def _none_declared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     severity=MEDIUM,
     fix="give the field as infos.<field> declares it, or declare what is given",
     applies=_none_declared,
+    looks_at="a field of the infos that the contract declares",
 )
 def infos_are_as_declared(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """A field of the infos has the dtype and the shape that the contract declares for it.

@@ -79,6 +79,7 @@ def departures(evidence: ProbeEvidence) -> Iterator[tuple[AecStep, str, bool]]:
     api="aec",
     fix="after every step name an agent of `agents` in `agent_selection`, also after the None "
     "step of a dead agent",
+    looks_at="a turn with agents left in `agents`",
 )
 def selection_is_live(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """`agent_selection` names an agent of `agents` as long as there are any, never one removed.
@@ -119,6 +120,7 @@ def selection_is_live(contract: Contract, evidence: ProbeEvidence) -> Iterator[C
     api="aec",
     fix="leave an agent that has ended in `agents` with its flag set until it was selected for "
     "its None step, as `self._deads_step_first()` and `self._was_dead_step(action)` do",
+    looks_at="an agent that ends",
 )
 def dead_agents_get_their_turn(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """An agent that ends is selected once more before it is removed, for its None turn.
@@ -158,6 +160,7 @@ def dead_agents_get_their_turn(contract: Contract, evidence: ProbeEvidence) -> I
     severity=HIGH,
     api="aec",
     fix="remove a dead agent from `agents` in its None step, as `self._was_dead_step(action)` does",
+    looks_at="a None turn of an agent that has ended",
 )
 def dead_steps_remove(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """A dead agent has one None turn, which removes it: it isn't selected again.
@@ -203,6 +206,7 @@ LEAST_TURNS: Final = 20
     confidence=0.95,
     fix="select agents that have ended before the live ones: end step() with "
     "`self._deads_step_first()`",
+    looks_at="an agent that has ended and stays in `agents` while others act",
 )
 def dead_agents_arent_kept_waiting(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """A dead agent in `agents` is selected for its None turn before long, and not forgotten.

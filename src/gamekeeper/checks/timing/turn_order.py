@@ -33,6 +33,7 @@ def _undeclared(contract: Contract, evidence: ProbeEvidence) -> str | None:
     api="aec",
     fix="select agents in the order that the contract declares, or declare another one",
     applies=_undeclared,
+    looks_at="an order of agents that the contract declares",
 )
 def order_is_as_declared(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """Agents act in the declared order: stage after stage, fixed or rotating, nobody left out.

@@ -42,17 +42,6 @@ class Measured:
     n: int
     baseline: str
 
-    def to_json(self) -> dict[str, Any]:
-        """Plain data."""
-        return {
-            "value": self.value,
-            "low": self.low,
-            "high": self.high,
-            "p": self.p,
-            "n": self.n,
-            "baseline": self.baseline,
-        }
-
 
 def measured(
     values: NDArray[np.float64], *, baseline: str, rng: Generator, unit: float = 1.0
@@ -130,6 +119,7 @@ more.
 ACROSS: Final = 0.1
 """The same where no other agent has its role: roles may differ in what they bring."""
 ALPHA: Final = 0.05
+NOOP: Final = "noop"
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,8 +143,9 @@ class Harm:
     """Verdict on an agent's harm to its team; None where it can't be told, with the reason.
 
     Attributes:
-        is_harmful: the team surely has more where the baseline plays in its place, beyond chance
-            for the number of agents, and its Shapley value is surely negative.
+        is_harmful: the team surely has more where it does nothing, beyond chance for the number of
+            agents, and its Shapley value is surely negative; None where another baseline plays in
+            its place, which an agent that does too little loses to as well.
         why: in words.
     """
 
@@ -177,13 +168,19 @@ def harms(differences: Mapping[str, Measured], shapley: Mapping[str, Measured]) 
         if lost.high is None or own is None or own.high is None:
             found[name] = Harm(None, "too few episodes for an interval")
             continue
-        is_harmful = lost.high < 0 and own.high < 0 and corrected[name] < ALPHA
+        is_less = lost.high < 0 and own.high < 0 and corrected[name] < ALPHA
+        does = "it does nothing" if lost.baseline == NOOP else f"{lost.baseline} plays in its place"
         why = (
-            f"the team has {-lost.value:.3g} more where {lost.baseline} plays in its place (95 % "
-            f"interval {-lost.high:.3g} to {-(lost.low or 0.0):.3g}), and its Shapley value is at "
-            f"most {own.high:.3g}"
+            f"the team has {-lost.value:.3g} more where {does} (95 % interval {-lost.high:.3g} to "
+            f"{-(lost.low or 0.0):.3g}, {lost.n} new episodes), and its Shapley value is at most "
+            f"{own.high:.3g}"
         )
-        found[name] = Harm(is_harmful, why if is_harmful else "the team surely has no more without")
+        if not is_less:
+            found[name] = Harm(False, f"the team doesn't surely have more where {does}")
+        elif lost.baseline == NOOP:
+            found[name] = Harm(True, why)
+        else:
+            found[name] = Harm(None, f"{why}; that may be harm, or doing too little")
     return found
 
 
@@ -208,8 +205,8 @@ def laziness(
     """
     if len(peers) < 2:
         return Laziness(None, "it is the only agent")
-    if baseline != "noop":
-        return Laziness(None, f"the baseline is {baseline}, not doing nothing")
+    if baseline != NOOP:
+        return Laziness(None, f"{baseline} played in its place, which isn't doing nothing")
     own, lost = shapley.get(agent), differences.get(agent)
     if own is None or lost is None or own.high is None or lost.high is None:
         return Laziness(None, "too few new episodes for an interval (at least 50)")
@@ -221,9 +218,9 @@ def laziness(
     usual = max(usual, fair)
     whose = " of its role" if part == PART else ""
     said = (
-        f"its Shapley value is at most {own.high:.3g} (the others{whose}: {fair:.3g} on "
-        f"average), and the team loses at most {lost.high:.3g} without it; lazy is below "
-        f"{part * fair:.3g} and {part * usual:.3g}"
+        f"in {lost.n} new episodes its Shapley value is at most {own.high:.3g} (the "
+        f"others{whose}: {fair:.3g} on average), and the team loses at most {lost.high:.3g} where "
+        f"it does nothing; lazy is below {part * fair:.3g} and {part * usual:.3g}"
     )
     return Laziness(own.high < part * fair and lost.high < part * usual, said, fair)
 

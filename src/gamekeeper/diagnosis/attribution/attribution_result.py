@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from gamekeeper.diagnosis.attribution.agent_measures import Harm, Laziness, Measured, Own, Penalty
@@ -115,20 +115,13 @@ class Attribution:
 
     def to_json(self) -> dict[str, Any]:
         """The document that `gamekeeper attribute --json` prints."""
+        counts = ("episodes", "fresh", "reused", "steps", "budget", "recorded", "replayed")
         return {
-            "run": self.run,
-            "episodes": self.episodes,
-            "fresh": self.fresh,
-            "reused": self.reused,
-            "steps": self.steps,
-            "budget": self.budget,
-            "recorded": self.recorded,
-            "replayed": self.replayed,
-            "loop": self.loop,
+            **{
+                name: getattr(self, name) for name in ("run", *counts, "loop", "baseline", "rivals")
+            },
             "policies": dict(self.policies),
-            "baseline": self.baseline,
             "team": {"all": self.everyone, "none": self.nobody, "shapley": self.method},
-            "rivals": self.rivals,
             "agents": {name: part.to_json() for name, part in self.agents.items()},
             "influence": [dict(row) for row in self.influence],
             "messages": [each.to_json() for each in self.messages],
@@ -174,4 +167,4 @@ def _shown(part: Measured | None) -> str:
 
 
 def _json(part: Measured | None) -> dict[str, Any] | None:
-    return None if part is None else part.to_json()
+    return None if part is None else asdict(part)

@@ -200,6 +200,7 @@ def _attributed(
 ) -> Attribution:
     rng = np.random.default_rng([12, task.seed])
     shapley, differences = _closed(task, found, rng)
+    method: Any = "exact" if len(task.players) <= MOST_EXACT else "sampled"
     sure = [each for each in found.scans if each["noise"] is None]
     whole = everyone(len(task.players))
     agents, harm = {}, harms(differences, shapley)
@@ -234,7 +235,7 @@ def _attributed(
         loop="closed" if task.is_closed else "open",
         policies=other_policies(evidence, task.setup),
         baseline=baseline,
-        method=None if not shapley else _method(task),
+        method=method if shapley else None,
         everyone=_mean([values[whole] for values in found.closed.values()]),
         nobody=_mean([values[0] for values in found.closed.values()]),
         agents=agents,
@@ -258,10 +259,6 @@ def _with_terms(owns: Mapping[str, Own], found: ContributionData, episodes: int)
             sums[name].update(terms)
     means = {name: {term: x / counts[name] for term, x in sums[name].items()} for name in owns}
     return {name: replace(own, terms=means[name]) for name, own in owns.items()}
-
-
-def _method(task: ReplacementTask) -> Any:
-    return "exact" if len(task.players) <= MOST_EXACT else "sampled"
 
 
 def _closed(
@@ -318,10 +315,16 @@ def _laziness(
     if name not in task.players:
         return Laziness(None, "it joins late, on the side of the one it follows")
     baseline = task.baseline[name]
+    if baseline == "random" and task.contract.noop_of(name) is None:
+        return Laziness(
+            None,
+            "the contract declares no noop for it, so random actions were played in its place, "
+            "which isn't doing nothing (declare roles.ROLE.noop to have it tested)",
+        )
     if len(peers) > 1:
         return laziness(name, peers, differences, shapley, baseline=baseline)
     if any(each.high is not None and each.high < 0 for each in shapley.values()):
-        why = "it is alone in its role, and some agent surely takes from the team's return"
+        why = "no other agent has its role, and some agent surely takes from the team's return"
         return Laziness(None, why)
     every = list(task.players)
     return laziness(name, every, differences, shapley, baseline=baseline, part=ACROSS)
@@ -378,12 +381,15 @@ def _untold(
     if rivals is not None:
         yield {"what": "parts of a team's return, laziness, harm", "why": f"{RIVALS}: {rivals}"}
         return
-    open_ones: dict[str, list[str]] = {}
-    for name, part in agents.items():
-        if name in task.players and task.is_closed and part.laziness.is_lazy is None:
-            open_ones.setdefault(part.laziness.why, []).append(name)
-    for why, names in open_ones.items():
-        yield {"what": f"laziness of {', '.join(names)}", "why": why}
+    open_ones: dict[tuple[str, str], list[str]] = {}
+    for name, part in agents.items() if task.is_closed else ():
+        if name in task.players and part.laziness.is_lazy is None:
+            open_ones.setdefault(("laziness", part.laziness.why), []).append(name)
+        has_interval = part.difference is not None and part.difference.high is not None
+        if part.harm.is_harmful is None and has_interval:
+            open_ones.setdefault(("harm", part.harm.why), []).append(name)
+    for (what, why), names in open_ones.items():
+        yield {"what": f"{what} of {', '.join(names)}", "why": why}
     totals = {round(value, 9) for values in found.closed.values() for value in values.values()}
     if (
         len(found.closed) > 1

@@ -112,28 +112,22 @@ class ReplacementTask:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data for a worker process."""
-        return {
+        return {name: getattr(self, name) for name in self.__slots__} | {
             "setup": self.setup.to_json(),
             "contract": self.contract.to_json(),
             "players": list(self.players),
             "others": list(self.others),
             "baseline": dict(self.baseline),
-            "seed": self.seed,
-            "run_seed": self.run_seed,
         }
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> ReplacementTask:
         """Inverse of `to_json`."""
-        return cls(
-            setup=Setup.from_json(data["setup"]),
-            contract=Contract.from_json(data["contract"]),
-            players=tuple(data["players"]),
-            others=tuple(data["others"]),
-            baseline=data["baseline"],
-            seed=data["seed"],
-            run_seed=data["run_seed"],
-        )
+        built = {
+            "setup": Setup.from_json(data["setup"]),
+            "contract": Contract.from_json(data["contract"]),
+        }
+        return cls(**{**data, **built, **{n: tuple(data[n]) for n in ("players", "others")}})
 
 
 class ReplacementRunner:

@@ -124,9 +124,9 @@ def agents_blocks(
             _terms(figures),
             _labels(labels, key),
         ),
-        notes=tuple(_notes(means, attribution)),
     )
-    return (main, _team(figures, failed, condition, rng))
+    notes = PageBlock(notes=tuple(_notes(means, attribution)))
+    return (main, notes, _team(figures, failed, condition, rng))
 
 
 def _main_table(

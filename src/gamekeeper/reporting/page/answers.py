@@ -11,6 +11,8 @@ from gamekeeper.checks.verdict import SEVERITIES
 from gamekeeper.reporting.page.episode_figures import UNFINISHED, failed_text
 from gamekeeper.reporting.page.page_data import Answer, PageBlock, shown
 from gamekeeper.reporting.page.page_html import quoted
+from gamekeeper.reporting.page.pivot_marks import pivot_marks
+from gamekeeper.reporting.pivots_text import kept_by, no_pivot_text
 from gamekeeper.reporting.results_text import few, last_line
 
 if TYPE_CHECKING:
@@ -41,8 +43,9 @@ def answers_of(run: ShownRun, documents: Documents) -> tuple[Answer, ...]:
         _state(run),
         _verified(run),
         _outcome(run),
-        _weakest(run, documents.attribution),
         _cause(run, documents.diagnosis),
+        _lost(run, documents.pivots),
+        _weakest(run, documents.attribution),
         _findings(documents.audit),
         _compared(documents.evaluation),
         _again(run),
@@ -76,9 +79,9 @@ def _verified(run: ShownRun) -> Answer:
 
 
 def _outcome(run: ShownRun) -> Answer | None:
-    """Episodes that failed by the contract's condition; None where it declares none."""
+    """Episodes that failed by the contract's condition, else what the team was paid."""
     if all(each is None for each in run.failed):
-        return None
+        return _paid(run)
     bad = [k for k, each in enumerate(run.failed) if each]
     text = f"{failed_text(run.failed)} failed ({run.condition})."
     if not bad:
@@ -86,6 +89,31 @@ def _outcome(run: ShownRun) -> Answer | None:
     return Answer(
         "Outcome", text, "failed", "failed", **_last_turn(run, run.figures.headers[bad[0]])
     )
+
+
+def _paid(run: ShownRun) -> Answer | None:
+    """The range of the team's returns, where no condition says which of them is a failure."""
+    team = run.figures.team
+    if not len(team) or not np.isfinite(team).all():
+        return None
+    low, high = shown(float(team.min())), shown(float(team.max()))
+    returns = f"between {low} and {high}"
+    if low == high:
+        returns = f"{low} in every episode{_winner(run)}"
+    text = f"No condition of failure is declared. Return of all agents together: {returns}."
+    header = run.figures.headers[int(np.argmin(team))]
+    return Answer("Outcome", text, "not judged", **_last_turn(run, header))
+
+
+def _winner(run: ShownRun) -> str:
+    """The agent that most often has the highest return alone, as the rest of a sentence."""
+    values = np.where(run.figures.present, run.figures.returns, -np.inf)
+    is_best = values == values.max(axis=1, keepdims=True)
+    counts = is_best[is_best.sum(axis=1) == 1].sum(axis=0)
+    if len(run.figures.agents) < 2 or not counts.any():
+        return ""
+    agent = run.figures.agents[int(np.argmax(counts))]
+    return f"; {agent} has the highest in {counts.max()} of {len(values)}"
 
 
 def _last_turn(run: ShownRun, header: Mapping[str, Any]) -> dict[str, str]:
@@ -184,17 +212,48 @@ def _cause(run: ShownRun, diagnosis: Document | None) -> Answer | None:
             dict.fromkeys(str(each["answer"]).replace("_", " ") for each in every.values())
         )
         return Answer("Likely cause", f"None was named: {answers}.", "none named", link="#causes")
-    texts = [_named_cause(agent, each) for agent, each in named.items() if agent != "team"]
-    texts = texts or [_named_cause(agent, each) for agent, each in named.items()]
+    of_agents = {agent: each for agent, each in named.items() if agent != "team"} or named
+    texts = [_named_cause(agent, each) for agent, each in of_agents.items()]
     badge = few(dict.fromkeys(str(each["answer"]) for each in named.values()))
     link = {"link": "#causes", "link_text": "what was tested"}
     for each in diagnosis.get("counterfactuals") or ():
         if each.get("restored") and each.get("turn") is not None:
             place = f"{run.key}/{each['episode']}/{each['turn']}"
-            text = f"first difference of a counterfactual that succeeds: turn {each['turn']}"
+            text = f"in episode {each['episode']} it first differs at turn {each['turn']}"
             link = {"link": f"#play:{place}", "link_text": text}
             break
-    return Answer("Likely cause", f"{few(texts, most=3)}.", badge, "failed", **link)
+    text = f"{few(texts, most=3)}. {_otherwise(of_agents)}".strip()
+    return Answer("Likely cause", text, badge, "failed", **link)
+
+
+def _otherwise(named: Mapping[str, Document]) -> str:
+    """The share of successes with and without the first intervention that restores it."""
+    for each in named.values():
+        for tested in each["tested"]:
+            if tested.get("restores") and tested.get("measure", "success") == "success":
+                before = each["success"]["share"]
+                after = min(max(before + tested["effect"], 0.0), 1.0)
+                return (
+                    f"With {tested['intervention']} {after:.0%} of {tested['n']} new episodes "
+                    f"succeed, {before:.0%} unchanged."
+                )
+    return ""
+
+
+def _lost(run: ShownRun, pivots: Document | None) -> Answer | None:
+    """The first turn that lost an episode, else why none is named; None where none was sought."""
+    episodes = (pivots or {}).get("episodes") or ()
+    if not episodes:
+        return None
+    each = next((each for each in episodes if each["pivots"]), episodes[0])
+    number = each["episode"]
+    if not each["pivots"]:
+        text = f"Episode {number}: {no_pivot_text(each)}."
+        return Answer("Lost at", text, link="#pivots", link_text="curve of success")
+    pivot, mark = each["pivots"][0], pivot_marks(each)[0]
+    text = "; ".join([f"Episode {number}: {mark.text}", *list(kept_by(pivot))[:1]])
+    link = {"link": f"#play:{run.key}/{number}/{mark.turn}", "link_text": "watch it"}
+    return Answer("Lost at", f"{text}.", f"turn {mark.turn}", "failed", **link)
 
 
 def _named_cause(agent: str, each: Document) -> str:

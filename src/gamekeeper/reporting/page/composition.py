@@ -150,8 +150,8 @@ def sections_of(
     by_agent = PageSection("agents", "Agents", tuple(agents))
     backing = (
         pivots_section(documents.pivots, key=main.key),
-        *((by_agent, causes) if documents.diagnosis is None else (causes, by_agent)),
         verdicts_section(documents.audit),
+        *((by_agent, causes) if documents.diagnosis is None else (causes, by_agent)),
         form,
         learning_section(same, rng),
         evaluation_section(documents.evaluation),

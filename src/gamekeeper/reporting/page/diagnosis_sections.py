@@ -35,6 +35,8 @@ Document = Mapping[str, Any]
 
 ANSWERS: Final = {"isolated": "failed", "joint": "failed", "ambiguous": "warn"}
 """The badge of an answer; others are plain."""
+ANSWERED: Final = ("answer", "labels", "component", "why", "success", "scope")
+"""Fields of an answer that its row shows; agents that have them alike share a row."""
 WORDS: Final = {"success": "share of successes", "return": "team's return"}
 
 
@@ -74,9 +76,13 @@ def diagnosis_blocks(document: Document, *, key: str) -> list[PageBlock]:
 
 
 def _answers(answers: Mapping[str, Document]) -> PageTable:
+    groups: dict[str, list[str]] = {}
+    for agent, found in answers.items():
+        told = {key: found[key] for key in ANSWERED}
+        groups.setdefault(repr((told, found.get("substitutes"))), []).append(agent)
     rows = tuple(
         (
-            name(agent),
+            name(", ".join(agents)),
             badge(found["answer"], ANSWERS.get(found["answer"], "plain")),
             Cell(" and ".join(found["labels"]) or found["component"] or "-"),
             Cell(found["why"]),
@@ -85,10 +91,11 @@ def _answers(answers: Mapping[str, Document]) -> PageTable:
             Cell(", ".join(found.get("substitutes") or ()) or "-", "code"),
             Cell(found["scope"]),
         )
-        for agent, found in answers.items()
+        for agents in groups.values()
+        for found in [answers[agents[0]]]
     )
     columns = (
-        "agent",
+        "agents",
         "answer",
         "cause",
         "reason",

@@ -10,11 +10,9 @@ import numpy as np
 from gymnasium.spaces import Box
 from numpy.random import Generator
 
-from gamekeeper.contract import Contract
 from gamekeeper.episodes.message_field import message_field
 from gamekeeper.episodes.outcome import Label
 from gamekeeper.errors import SpecError
-from gamekeeper.interface.capture import AgentId
 from gamekeeper.rollouts.interventions.perturbation import Perturbation, Unit
 from gamekeeper.rollouts.interventions.sights import (
     AgentSight,
@@ -22,7 +20,6 @@ from gamekeeper.rollouts.interventions.sights import (
     NumberPerturbation,
     ObservationPerturbation,
     blinder,
-    sight_of,
 )
 from gamekeeper.rollouts.interventions.value_parts import ValuePart, named_parts, numbers_of
 
@@ -190,12 +187,6 @@ def _split(parts: tuple[ValuePart, ...]) -> list[ValuePart]:
         count = int(np.prod(part.space.shape or ()))
         return [ValuePart(part.path, part.space, slice(at, at + 1)) for at in range(count)]
     return list(parts)
-
-
-def fields_of(contract: Contract, env: Any, agent: AgentId) -> tuple[str, ...]:
-    """The fields that an agent sees, by the names that `OccludedFields` takes."""
-    sight = sight_of(contract, env, agent)
-    return () if sight is None else tuple(map(str, _split(sight.parts)))
 
 
 @dataclass(frozen=True, slots=True)

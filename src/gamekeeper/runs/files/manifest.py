@@ -51,7 +51,7 @@ def render(manifest: dict[str, Any]) -> bytes:
         EvidenceError: it holds what standard JSON can't (NaN, infinities, bytes, cycles).
     """
     try:
-        text = json.dumps(manifest, sort_keys=True, indent=1, allow_nan=False)
+        text = _spelled(manifest, {})
     except (TypeError, ValueError, RecursionError) as error:
         raise EvidenceError(
             "the manifest can't be written as JSON",
@@ -60,6 +60,26 @@ def render(manifest: dict[str, Any]) -> bytes:
             fix="encode NaN, infinities, bytes and objects as text first",
         ) from error
     return text.encode("ascii") + b"\n"
+
+
+def _spelled(value: Any, known: dict[int, str]) -> str:
+    """JSON as `json.dumps` indents it; an object that stands in several places is spelled once.
+
+    json's own indenting is written in Python, and agents by the hundred share their spaces.
+
+    Args:
+        known: spellings by `id`, of objects that live on meanwhile.
+    """
+    text = known.get(id(value))
+    if text is None:
+        if type(value) is dict and value and set(map(type, value)) == {str}:
+            entries = sorted(value.items())
+            parts = [f"\n{json.dumps(key)}: {_spelled(each, known)}" for key, each in entries]
+            text = "{" + ",".join(parts).replace("\n", "\n ") + "\n}"  # texts have no line feeds
+        else:
+            text = json.dumps(value, sort_keys=True, indent=1, allow_nan=False)
+        known[id(value)] = text
+    return text
 
 
 def manifest_digest(manifest: dict[str, Any]) -> str:

@@ -57,6 +57,19 @@ class TableWriter:
         except OSError as error:
             raise system_error(f"starting {path.name}", path, error) from error
 
+    def widen(self, schema: pa.Schema) -> bool:
+        """Takes a schema that has all columns of the one before; False if rows were written.
+
+        Then the file lacks a column, and has to be written anew.
+        """
+        if schema.equals(self.schema):
+            return True
+        self.schema = schema
+        if self._writer is not None:
+            return False
+        self._waiting = [plain_batch(batch, schema) for batch in self._waiting]
+        return True
+
     def add(self, batch: pa.RecordBatch) -> None:
         """The batch's rows come next; a row group is written when enough are waiting.
 

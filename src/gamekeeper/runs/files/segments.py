@@ -60,7 +60,7 @@ def segment_name(stream: str, number: int) -> str:
 # -- Writes a segment: whole batches, handed to the operating system one by one
 
 # Below it zstd's 20 us a column don't pay: the Parquet file compresses all of it anyway.
-WORTH_BYTES: Final = 1 << 18
+WORTH_BYTES: Final = 1 << 20
 
 
 class SegmentWriter:

@@ -11,13 +11,14 @@ from typing import Any, ClassVar, Final, Self
 
 import pyarrow as pa
 
+from gamekeeper.episodes.encoder import EPISODES
 from gamekeeper.episodes.tables import merge
 from gamekeeper.errors import GamekeeperError, RunError
 from gamekeeper.runs.files.checksums import FRAMES, commit
 from gamekeeper.runs.files.folder import MANIFEST, claim, inside, replace, system_error, write_new
 from gamekeeper.runs.files.manifest import FORMAT_VERSION, STATUSES, render
 from gamekeeper.runs.files.open_streams import StreamFiles
-from gamekeeper.runs.files.parquet_tables import TableWriter, write_table
+from gamekeeper.runs.files.parquet_tables import GROUP_BYTES, GROUP_ROWS, TableWriter, write_table
 from gamekeeper.runs.files.schema import (
     STREAMS,
     check_schema,
@@ -26,87 +27,97 @@ from gamekeeper.runs.files.schema import (
     plain_schema,
     unify,
 )
-from gamekeeper.runs.files.segments import SegmentReader, SegmentWriter, segment_name
+from gamekeeper.runs.files.segments import SegmentWriter, segment_name
 
-# -- Rolls finished segments into Parquet off the writer's thread, so that closing a run is quick
+# -- Parquet files grow off the writer's thread while a run is recorded, so that closing it is quick
 #
-# Segments stay where they are until the run is finalized: what is rolled is a draft
-# (`*.parquet.tmp`) that any failure may throw away.
+# Segments stay where they are until the run is finalized: a draft (`*.parquet.tmp`) is what any
+# failure may throw away.
 
-RESTARTS: Final = 3  # drafts thrown away for a wider schema before the rest waits for the close
+MOST_BYTES: Final = 256 << 20  # handed over and not in a draft yet; beyond, appending waits
 
 
 class Draft:
-    """The Parquet file of one stream as far as its segments have been rolled."""
+    """The Parquet file of one stream as far as it goes.
+
+    One that lacks a column which came after a row group was written is made from the segments.
+    """
 
     def __init__(self, path: Path, stream: str) -> None:
         self._path, self._stream = path, stream
-        self._segments: list[Path] = []
-        self._rolled = self._restarts = 0  # how many segments are in the draft; drafts thrown away
-        self._schema: pa.Schema | None = None
         self._writer: TableWriter | None = None
+        self._is_stale = False
 
-    def add(self, segment: Path, schema: pa.Schema) -> None:
-        """Takes the next segment of the stream; its schema may widen the draft's."""
-        self._segments.append(segment)
-        plain = plain_schema(schema)
-        known = self._schema
-        self._schema = plain if known is None else unify(known, plain, where=self._stream)
-        if self._writer is not None and not self._schema.equals(self._writer.schema):
-            self.discard()
-            self._restarts += 1
+    def add(self, batch: pa.RecordBatch) -> None:
+        """Takes the next batch of the stream; its schema has all columns so far.
 
-    def roll(self, *, is_last: bool = False) -> None:
-        """Puts every segment into the draft that isn't in it yet.
+        Raises:
+            RunError: the disk refuses.
+        """
+        if self._writer is None:
+            self._writer = TableWriter(self._path, batch.schema)
+        self._is_stale |= not self._writer.widen(batch.schema)
+        if not self._is_stale:
+            self._writer.add(batch)
+
+    def finish(self) -> tuple[Path, int, str] | None:
+        """The finished file, its size and digest; None for a stream that never had a batch.
 
         Raises:
             RunError: a segment can't be read back, or the disk refuses.
         """
-        if self._schema is None or (self._restarts > RESTARTS and not is_last):
-            return
-        if self._writer is None:
-            self._writer = TableWriter(self._path, self._schema)
-        for segment in self._segments[self._rolled :]:
-            reader = SegmentReader(segment, self._stream)
-            for batch in reader:
-                self._writer.add(batch)
-            if not reader.ended:
+        writer = self._writer
+        if writer is not None and self._is_stale:
+            writer.discard()
+            writer = self._writer = TableWriter(self._path, writer.schema)
+            segments = StreamFiles(self._path.parent, self._stream, salvage=False)
+            for batch in segments.batches():
+                writer.add(batch)
+            for cut in segments.cuts:
                 raise RunError(
-                    f"{segment.name} became shorter while it was being recorded",
-                    where=str(segment),
+                    f"{cut.file} became shorter while it was being recorded",
+                    where=str(self._path.parent / cut.file),
                     fix="leave the run's files alone; `gamekeeper recover` keeps what is whole",
                 )
-            self._rolled += 1
-
-    def finish(self) -> tuple[Path, int, str] | None:
-        """The finished file, its size and digest; None for a stream that never had a batch."""
-        self.roll(is_last=True)
-        return None if self._writer is None else (self._path, *self._writer.finish())
+        return None if writer is None else (self._path, *writer.finish())
 
     def discard(self) -> None:
         """Removes the draft; the segments stay."""
-        self._rolled = 0
         if self._writer is not None:
             self._writer.discard()
-            self._writer = None
 
 
 class Roller:
-    """A thread that rolls the segments it gets, started when there is something to roll."""
+    """A thread that puts batches into drafts, started when a row group of them is there."""
 
     def __init__(self, folder: Path, streams: tuple[str, ...]) -> None:
-        self.drafts = {name: Draft(folder / f"{name}.parquet.tmp", name) for name in streams}
-        self._queue: queue.SimpleQueue[tuple[str, Path, pa.Schema] | None] = queue.SimpleQueue()
+        self._drafts = {name: Draft(folder / f"{name}.parquet.tmp", name) for name in streams}
+        self._waiting: dict[str, list[pa.RecordBatch]] = {name: [] for name in streams}
+        self._sizes = dict.fromkeys(streams, (0, 0))  # rows and bytes that wait
+        self._queue: queue.SimpleQueue[tuple[str, list[pa.RecordBatch]] | None]
+        self._queue = queue.SimpleQueue()
+        self._behind = 0  # bytes in the queue
+        self._turn = threading.Condition()
         self._thread: threading.Thread | None = None
         self._failure: GamekeeperError | None = None
         self._is_discarded = False
 
-    def put(self, stream: str, segment: Path, schema: pa.Schema) -> None:
-        """Hands over a finished segment."""
+    def put(self, stream: str, batch: pa.RecordBatch) -> None:
+        """Hands over the next batch of a stream."""
+        self._waiting[stream].append(batch)
+        rows, size = self._sizes[stream]
+        rows, size = rows + batch.num_rows, size + batch.nbytes
+        self._sizes[stream] = rows, size
+        if rows < GROUP_ROWS and size < GROUP_BYTES:
+            return
         if self._thread is None:
             self._thread = threading.Thread(target=self._run, name="gamekeeper-roller", daemon=True)
             self._thread.start()
-        self._queue.put((stream, segment, schema))
+        with self._turn:
+            self._turn.wait_for(lambda: self._behind <= MOST_BYTES)
+            self._behind += size
+        self._queue.put((stream, self._waiting[stream]))
+        self._waiting[stream], self._sizes[stream] = [], (0, 0)
 
     def check(self) -> None:
         """Raises the failure of the thread, if there was one.
@@ -120,25 +131,28 @@ class Roller:
     def finish(self) -> dict[str, tuple[Path, int, str]]:
         """Every stream's finished file with its size and digest, once the thread has stopped.
 
-        Segments that were added to a draft since are rolled here: a thread can't be started any
-        more when the interpreter is about to end.
+        What still waits is put into drafts here: a thread can't be started any more when the
+        interpreter is about to end.
 
         Raises:
             RunError: rolling failed.
         """
         self.check()
-        finished = {name: draft.finish() for name, draft in self.drafts.items()}
+        for stream, batches in self._waiting.items():
+            self._add(stream, batches)
+        self.check()
+        finished = {name: draft.finish() for name, draft in self._drafts.items()}
         return {name: file for name, file in finished.items() if file is not None}
 
     def discard(self) -> None:
         """Ends the thread and removes the drafts."""
         self._is_discarded = True
         self.stop()
-        for draft in self.drafts.values():
+        for draft in self._drafts.values():
             draft.discard()
 
     def stop(self) -> None:
-        """Lets the thread roll what it got, and end."""
+        """Lets the thread put away what it got, and end."""
         if self._thread is not None:
             self._queue.put(None)
             self._thread.join()
@@ -146,22 +160,27 @@ class Roller:
 
     def _run(self) -> None:
         while (item := self._queue.get()) is not None:
-            if self._failure is not None or self._is_discarded:
-                continue
-            stream, segment, schema = item
-            try:
-                self.drafts[stream].add(segment, schema)
-                self.drafts[stream].roll()
-            except GamekeeperError as error:
-                self._failure = error
-            except Exception as error:  # the recorder's thread raises it again with its cause
-                self._failure = RunError(
-                    f"rolling {segment.name} failed",
-                    where=str(segment),
-                    actual=repr(error),
-                    fix="`gamekeeper recover` finalizes the run from its segments",
-                )
-                self._failure.__cause__ = error
+            stream, batches = item
+            if self._failure is None and not self._is_discarded:
+                self._add(stream, batches)
+            with self._turn:
+                self._behind -= sum(batch.nbytes for batch in batches)
+                self._turn.notify()
+
+    def _add(self, stream: str, batches: list[pa.RecordBatch]) -> None:
+        try:
+            for batch in batches:
+                self._drafts[stream].add(batch)
+        except GamekeeperError as error:
+            self._failure = error
+        except Exception as error:  # the recorder's thread raises it again with its cause
+            self._failure = RunError(
+                f"rolling {stream} into its Parquet file failed",
+                where=stream,
+                actual=repr(error),
+                fix="`gamekeeper recover` finalizes the run from its segments",
+            )
+            self._failure.__cause__ = error
 
 
 # -- The only writer of a run's files
@@ -171,15 +190,13 @@ class Roller:
 # whole; the manifest follows, finalizing them; then the segments go.
 
 SEGMENT_BYTES: Final = 64 << 20
-# Times as much before compression: images shrink so far that only closing would roll them.
-RAW: Final = 2
 ROLLED: Final = ("agent_steps", "states", "timings")  # episodes are merged first, so they wait
 
 
 class RunStore:
     """Writes one run: `create`, `append` as often as wanted, then `finalize` or `abandon`.
 
-    For one thread: it keeps a second one for rolling, which only ever reads finished segments.
+    For one thread: it keeps a second one, which writes row groups of the Parquet files.
     """
 
     STEP: ClassVar[int] = 1
@@ -196,8 +213,8 @@ class RunStore:
         self._counts = dict.fromkeys(STREAMS, 0)
         self._schemas: dict[str, pa.Schema] = {}
         self._seen: dict[str, tuple[pa.Schema, pa.Schema]] = {}  # last checked, with its plain form
-        self._raw: dict[str, int] = {}  # bytes before compression in the open segment
         self._last: dict[str, tuple[int, int]] = {}  # episode and turn
+        self._rows: pa.Table | None = None  # of episodes, once nothing more is appended
         self._roller = Roller(folder, ROLLED)
         self._is_open = True
 
@@ -215,7 +232,7 @@ class RunStore:
         Args:
             path: a folder that doesn't exist yet, or is empty.
             manifest: plain JSON; `format_version` and `status` are set here.
-            segment_bytes: a segment that has grown to this is finished and rolled.
+            segment_bytes: a segment that has grown to this is finished, and another begun.
             durable: finalized, it survives a power cut; False where it is played again then.
         Raises:
             RunError: something lies there already, or the disk refuses.
@@ -257,6 +274,7 @@ class RunStore:
             )
         if not batch.num_rows:
             return
+        self._rows = None
         schema = self._checked(stream, batch.schema)
         last = self._check_keys(stream, batch)
         writer = self._writer(stream, schema)
@@ -264,13 +282,13 @@ class RunStore:
         writer.write(plain)
         self._count(stream, plain)
         self._last[stream] = last
-        self._raw[stream] = self._raw.get(stream, 0) + batch.nbytes
-        if writer.size >= self._segment_bytes or self._raw[stream] >= RAW * self._segment_bytes:
-            self._raw[stream] = 0
-            self._roll(stream)
+        if writer.size >= self._segment_bytes:
+            self._end_segment(stream)
 
     def _count(self, stream: str, batch: pa.RecordBatch) -> None:
         """Takes note of a batch that was written."""
+        if stream in ROLLED:
+            self._roller.put(stream, batch)
 
     def write_frame(self, name: str, data: bytes) -> None:
         """Puts a file into `frames/`.
@@ -328,18 +346,27 @@ class RunStore:
                 (self.path / f"{stream}.parquet.tmp").unlink(missing_ok=True)
             self._close()
 
+    def settle(self) -> tuple[pa.Table, dict[str, Any]]:
+        """Ends the segments, once all is appended.
+
+        Returns:
+            The rows of the episodes that stay, and entries of the manifest that say which.
+        Raises:
+            RunError: the disk refuses, or a segment can't be read back.
+        """
+        for stream in list(self._writers):
+            self._end_segment(stream)
+        if self._rows is None:
+            table = StreamFiles(self.path, "episodes", salvage=False).table()
+            self._rows = EPISODES.empty_table() if table is None else merge(table)
+        return self._rows, {}
+
     def _finalize(self, manifest: dict[str, Any]) -> None:
+        rows, _ = self.settle()
         self._roller.stop()
-        for stream, writer in self._writers.items():
-            writer.finish()
-            if stream in ROLLED:
-                self._roller.drafts[stream].add(writer.path, writer.schema)
         files = self._roller.finish()
-        table = StreamFiles(self.path, "episodes", salvage=False).table()
-        if table is not None:
-            files["episodes"] = write_table(
-                self.path, "episodes", table.schema, merge(table).to_batches()
-            )
+        if self._counts["episodes"]:
+            files["episodes"] = write_table(self.path, "episodes", rows.schema, rows.to_batches())
         commit(self.path, manifest, files, durable=self._durable)
 
     def _checked(self, stream: str, schema: pa.Schema) -> pa.Schema:
@@ -379,19 +406,16 @@ class RunStore:
         if writer is not None:
             if known.equals(writer.schema, check_metadata=True):
                 return writer
-            self._roll(stream)
+            self._end_segment(stream)
         self._schemas[stream] = known
         writer = SegmentWriter(self.path / segment_name(stream, self._counts[stream]), known)
         self._counts[stream] += self.STEP
         self._writers[stream] = writer
         return writer
 
-    def _roll(self, stream: str) -> None:
-        """Finishes the open segment and hands it to the roller."""
-        writer = self._writers.pop(stream)
-        writer.finish()
-        if stream in ROLLED:
-            self._roller.put(stream, writer.path, writer.schema)
+    def _end_segment(self, stream: str) -> None:
+        """Finishes the open segment."""
+        self._writers.pop(stream).finish()
 
     def _check_open(self) -> None:
         if not self._is_open:

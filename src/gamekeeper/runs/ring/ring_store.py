@@ -50,7 +50,6 @@ class RingStore(RunStore):
         self._firsts: dict[str, int] = {}  # number of each stream's first segment
         self._entry: dict[str, Any] = {}  # `keep` as of the last time that rows were dropped
         self._sizes: dict[str, dict[int, int]] = {stream: {} for stream in STREAMS}
-        self._rows = EPISODES.empty_table()
         self._last_dropped: Any = np.zeros(0, np.int64)
         self._worker: threading.Thread | None = None
         self._failure: BaseException | None = None
@@ -89,8 +88,8 @@ class RingStore(RunStore):
         closed = sum(sum(sizes.values()) for sizes in self._sizes.values())
         return closed + sum(writer.size for writer in self._writers.values())
 
-    def _roll(self, stream: str) -> None:
-        """Finishes the open segment."""
+    def _end_segment(self, stream: str) -> None:
+        """Finishes the open segment, and counts its bytes."""
         writer = self._writers.pop(stream)
         writer.finish()
         with self._sizing:
@@ -110,7 +109,7 @@ class RingStore(RunStore):
             self._worker.join()
         self._check_worker()
         for stream in list(self._writers):
-            self._roll(stream)
+            self._end_segment(stream)
         dropped, entry = self.ring.drop(), self.ring.to_json()
         current = {stream: self._current(stream) for stream in STREAMS if self._sizes[stream]}
         # one that was written anew, and to which nothing was added since, stays as it is
@@ -190,23 +189,17 @@ class RingStore(RunStore):
     # -- the end
 
     def settle(self) -> tuple[pa.Table, dict[str, Any]]:
-        """Drops what doesn't stay once recording is over.
-
-        Returns:
-            The rows of the episodes that stay, and the entry `keep` of the manifest.
-        Raises:
-            RunError: segments couldn't be written anew.
-        """
+        """Drops what doesn't stay once recording is over; see `RunStore.settle`."""
         if self._worker is not None:
             self._worker.join()
         self._check_worker()
         self._last_dropped = np.array(self.ring.drop(), np.int64)
         for stream in list(self._writers):
-            self._roll(stream)
+            self._end_segment(stream)
         found = self._batches("episodes", self._current("episodes"))
         batches = [_without(plain_batch(each, EPISODES), self._last_dropped) for each in found]
         self._rows = merged_episodes(batches)
-        return self._rows, self.ring.to_json()
+        return self._rows, {"keep": self.ring.to_json()}
 
     def _current(self, stream: str) -> list[int]:
         """Numbers of a stream's segments, in their order."""
@@ -221,9 +214,10 @@ class RingStore(RunStore):
             if numbers and stream in self._schemas:
                 rows = (_without(b, self._last_dropped) for b in self._batches(stream, numbers))
                 files[stream] = write_table(self.path, stream, self._schemas[stream], rows)
-        if self._counts["episodes"]:
-            rows = iter(self._rows.to_batches())
-            files["episodes"] = write_table(self.path, "episodes", EPISODES, rows)
+        if self._rows is not None and self._counts["episodes"]:
+            files["episodes"] = write_table(
+                self.path, "episodes", EPISODES, self._rows.to_batches()
+            )
         commit(self.path, manifest, files, durable=self._durable)
 
     def abandon(self) -> None:

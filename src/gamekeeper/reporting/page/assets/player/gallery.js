@@ -10,7 +10,43 @@ const ORDERS = [
   ["longest", "longest", (entry) => entry.turns, -1],
   ["shortest", "shortest", (entry) => entry.turns, 1],
   ["end", "ending", (entry) => `${entry.failing ? 0 : 1} ${entry.end}`, 1],
+  ["behaviour", "behaviour, in groups", (entry) => entry.episode, 1],
 ];
+const GROUPS = 4; // of episodes with one ending
+const ALIKE = 0.25; // distance below which two episodes are alike; from 0 to 1 each: return, length, a third of the sparkline
+const PLACES = [3, 7, 11, 15, 19, 23]; // of the sparkline
+
+const bounds = (values) => values.reduce(([low, high], value) => [Math.min(low, value), Math.max(high, value)], [Infinity, -Infinity]);
+
+// Episodes by ending, then by return, length and course: each with the nearest of a few that are far from each other.
+const grouped = (entries) => {
+  const kinds = Map.groupBy(entries, ({ failing, end }) => `${failing ? "failing, " : ""}${gk.endText(end)}`);
+  const numbers = entries.map(({ team, turns }) => [team ?? 0, turns]);
+  const scales = [0, 1].map((k) => bounds(numbers.map((each) => each[k])));
+  const scaled = (value, [low, high]) => (value - low) / (high - low || 1);
+  const shape = ({ spark }) => PLACES.map((at) => (spark ? SCALE.indexOf(spark[at]) / (SCALE.length - 1) / 3 : 0));
+  const place = new Map(entries.map((entry, i) => [entry, [...scales.map((scale, k) => scaled(numbers[i][k], scale)), ...shape(entry)]]));
+  const apart = (a, b) => Math.hypot(...place.get(a).map((value, k) => value - place.get(b)[k]));
+  return [...kinds].flatMap(([kind, members]) => {
+    const centres = [members[0]];
+    const nearest = (entry) => centres.reduce((best, centre) => (apart(entry, centre) < apart(entry, best) ? centre : best));
+    const distance = (entry) => apart(entry, nearest(entry));
+    while (centres.length < GROUPS) {
+      const far = members.reduce((best, entry) => (distance(entry) > distance(best) ? entry : best));
+      if (distance(far) < ALIKE) break;
+      centres.push(far);
+    }
+    return [...Map.groupBy(members, nearest).values()].map((group) => [kind, group]);
+  }).sort((a, b) => b[1].length - a[1].length);
+};
+
+const groupTitle = ([kind, group]) => {
+  const range = (values) => bounds(values).map(gk.number);
+  const said = ([low, high]) => (low === high ? low : `${low} to ${high}`);
+  const returns = group.map(({ team }) => team).filter((team) => team !== null && team !== undefined);
+  const parts = [returns.length && `return ${said(range(returns))}`, `${said(range(group.map(({ turns }) => turns)))} steps`];
+  return [`${group.length} ${group.length === 1 ? "episode" : "episodes"}`, kind, ...parts.filter(Boolean)].join(" · ");
+};
 
 const lineOf = (spark) => {
   const y = (sign) => (HIGH - 2 - (SCALE.indexOf(sign) / (SCALE.length - 1)) * (HIGH - 4)).toFixed(1);
@@ -47,7 +83,10 @@ gk.Gallery = class {
     if (!this.root.open) return;
     const [, , of, side] = ORDERS.find(([value]) => value === this.order.value);
     const before = (a, b) => (of(a) === of(b) ? a.episode - b.episode : of(a) < of(b) ? -side : side);
-    this.field.replaceChildren(...[...this.entries].sort(before).map((entry) => this.#tile(entry)));
+    const sorted = [...this.entries].sort(before);
+    const groups = this.order.value === "behaviour" ? grouped(sorted) : [[null, sorted]];
+    const tiles = ([kind, group]) => [kind === null ? "" : gk.node("h4", { text: groupTitle([kind, group]) }), ...group.map((entry) => this.#tile(entry))];
+    this.field.replaceChildren(...groups.flatMap(tiles));
   }
 
   #tile(entry) {

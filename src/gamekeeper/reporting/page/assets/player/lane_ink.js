@@ -58,7 +58,8 @@ gk.drawLane = (ink, episode, agent, level, shape) => {
   const dash = (side) => (i, value) => ink.fillRect(i * step, middle + side * tall(value, episode, middle - 1) - 0.75, Math.max(1, step - gap), 1.5);
   fill(ink, colours.cumulative, found.cumulativeHigh, count, dash(-1));
   fill(ink, colours.cumulative, found.cumulativeLow, count, dash(1));
-  drawActs(ink, found.what, count, { step, gap, top: rewards, strip, colours });
+  const own = gk.colourAt(gk.placeOf("agent", episode.agents[agent].name));
+  drawActs(ink, found.what, count, { step, gap, top: rewards, strip, own, idle: colours.idle });
   drawEnd(ink, episode, agent, shape, colours);
 };
 
@@ -83,11 +84,12 @@ const drawPresence = (ink, episode, agent, { first, perTurn, width, height }, mi
   ink.fillRect(from, middle - 0.5, past - from, 1);
 };
 
-const drawActs = (ink, what, count, { step, gap, top, strip, colours }) => {
+// An agent's actions in its own colour.
+const drawActs = (ink, what, count, { step, gap, top, strip, own, idle }) => {
   const wide = Math.max(1, step - gap);
-  ink.fillStyle = colours.accent;
+  ink.fillStyle = own;
   for (let i = 0; i < count; i++) if (what[i] === gk.ACTED) ink.fillRect(i * step, top, wide, strip);
-  ink.fillStyle = colours.idle;
+  ink.fillStyle = idle;
   for (let i = 0; i < count; i++) if (what[i] === gk.IDLE) ink.fillRect(i * step, top + strip / 2, wide, strip / 2);
 };
 

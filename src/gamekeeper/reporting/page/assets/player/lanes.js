@@ -263,10 +263,10 @@ const orderOf = (episode) => {
 };
 
 const KEYS = [
-  ["key-acted", "acted"],
+  ["key-acted", "acted, in the agent’s colour"],
   ["key-idle", "did “nothing”"],
-  ["key-gain", "paid, above"],
-  ["key-loss", "paid, below"],
+  ["key-gain", "reward above 0"],
+  ["key-loss", "reward below 0"],
   ["key-cumulative", "cumulative reward"],
 ];
 

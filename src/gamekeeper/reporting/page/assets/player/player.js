@@ -66,7 +66,7 @@ gk.Player = class {
     this.slider.addEventListener("input", () => this.to(Number(this.slider.value)));
     this.ranging = gk.node("button", { type: "button", class: "ranging", "aria-pressed": "false", title: "Totals from this turn on (R)", text: "Range" });
     this.ranging.addEventListener("click", () => this.mark(this.anchor === null ? this.turn : null));
-    this.curve = new gk.SuccessCurve();
+    this.curve = new gk.SliderCurve();
     this.where = gk.node("output", { class: "where", "aria-hidden": "true" });
     this.faster(0);
     return gk.node(
@@ -213,6 +213,7 @@ gk.Player = class {
     this.#choosePair();
     this.part = episodes.length < 2 ? null : this.known ? this.known.divergence : gk.firstDifference(...episodes);
     if (episodes.length > 1) this.decks.forEach((deck) => deck.mark(this.partMarks()));
+    this.found = episodes.length > 1 ? gk.gapCurve(...episodes) : gk.successCurve(episodes[0]);
     this.stage.classList.toggle("two", episodes.length > 1);
     this.stage.replaceChildren(...this.decks.map((deck) => deck.root));
     this.slider.max = String(this.last);
@@ -238,19 +239,18 @@ gk.Player = class {
     const ink = gk.sized(this.ticks, wide, TICKS);
     ink.clearRect(0, 0, wide, TICKS);
     const shape = { first: 0, perTurn: (wide - THUMB) / Math.max(1, this.last), past: this.last + 1, width: wide };
-    const penalties = this.decks.flatMap((deck) => deck.episode.penalties);
     const at = (turn) => half + turn * shape.perTurn;
-    gk.drawMarks(ink, [...this.marks, ...penalties], { ...shape, at });
-    this.curve.draw(one ? this.decks[0].episode : null, { wide, at });
+    gk.drawMarks(ink, [...this.marks, ...this.decks.flatMap((deck) => deck.episode.penalties)], { ...shape, at });
+    this.curve.draw(this.found, { wide, at });
   }
 
-  // A pair begins at its first difference, what broke off where it did, a failure in the midst of an episode where it is, anything else at its beginning.
+  // A pair begins at its first difference, what broke off where it did, a lost one at the turn that lost it, a failure in the midst of an episode where it is, anything else at its beginning.
   #start() {
     if (this.decks.length > 1) return Math.min(this.last, this.part?.turn ?? 0);
     const found = (kind) => this.marks.find((mark) => mark.kind === kind)?.turn;
     if (this.decks[0].episode.end === "open") return this.last;
     const failure = found("failure");
-    return found("error") ?? (failure < this.last ? failure : 0);
+    return found("error") ?? found("pivot") ?? (failure < this.last ? failure : 0);
   }
 
   #sayPart(episodes) {
@@ -268,7 +268,7 @@ gk.Player = class {
       ...named.map((mark) => {
         const side = several && !mark.both ? `${mark.side}: ` : "";
         const sign = gk.node("span", { "aria-hidden": "true", class: "sign", text: gk.markSign(mark) });
-        const made = gk.node("button", { type: "button", class: `jump jump-${gk.own(gk.MARKS, mark.kind) ? mark.kind : "other"}` }, sign, ` ${mark.turn} `, gk.name(`${side}${wording(mark)}`));
+        const made = gk.node("button", { type: "button", class: `jump jump-${gk.own(gk.MARKS, mark.kind) ? mark.kind : "other"}`, title: wording(mark) }, sign, ` turn ${mark.turn}: `, gk.name(`${side}${wording(mark)}`));
         made.addEventListener("click", () => {
           this.to(mark.turn);
           if (mark.agent) this.decks.forEach((deck) => deck.lanes.reveal(mark.agent));

@@ -1,4 +1,4 @@
-// What belongs to stretches of turns: totals of a range, and the curve of success under the slider.
+// What belongs to stretches of turns: totals of a range, and a curve under the slider: of success, or of the gap between two returns.
 
 const MOST = 40; // agents with a row of totals
 
@@ -64,30 +64,61 @@ const HEIGHT = 46;
 const EDGE = 3; // pixels above 100 % and below 0
 const percent = (share) => `${Math.round(100 * share)} %`;
 
-// The share of continuations that succeed, turn by turn, where `gamekeeper pivots` played them.
-gk.SuccessCurve = class {
+// The share of continuations that succeed, turn by turn, where `gamekeeper pivots` played them; null elsewhere.
+gk.successCurve = ({ curve, marks }) => {
+  if (!curve.length) return null;
+  const falls = marks.filter((mark) => mark.kind === "pivot");
+  const [first, last] = [curve[0], curve.at(-1)];
+  const said = falls.map((mark) => `turn ${mark.turn}: ${gk.visible(mark.text)}`).join("; ");
+  const text = `Success if the policies go on from a turn, 0 to 100 %: ${percent(first[1])} from turn ${first[0]}, ${percent(last[1])} from turn ${last[0]}.`;
+  return { points: curve, bounds: [0, 1], falls: falls.map(({ turn }) => turn), text: said ? `${text} Lost at ${said}.` : text };
+};
+
+// What all agents were paid up to each turn; beyond an episode's end the sum stays.
+const paidSoFar = (episode, turns) => {
+  const sums = new Float64Array(turns);
+  episode.reward.forEach((value, row) => (sums[episode.turn[row]] += value || 0));
+  for (let turn = 1; turn < turns; turn++) sums[turn] += sums[turn - 1];
+  return sums;
+};
+
+// The return of the right episode above that of the left one, turn by turn; null where a reward isn't finite.
+gk.gapCurve = (left, right) => {
+  const turns = Math.max(left.last, right.last) + 1;
+  const [one, two] = [left, right].map((episode) => paidSoFar(episode, turns));
+  const gaps = two.map((value, turn) => value - one[turn]);
+  if (!gaps.every(Number.isFinite)) return null;
+  const widest = gaps.reduce((best, gap, turn) => (Math.abs(gap) > Math.abs(gaps[best]) + 1e-9 ? turn : best), 0); // sums differ in their last digits
+  const reach = Math.abs(gaps[widest]) || 1;
+  const text = `Return of all agents so far, right less left: ${gk.number(gaps[turns - 1])} at the end; widest at turn ${widest}, ${gk.number(gaps[widest])}.`;
+  return { points: [...gaps].map((gap, turn) => [turn, gap, gap, gap]), bounds: [-reach, reach], falls: [], text };
+};
+
+// A curve under the slider: points [turn, value, low, high], the turns at which it falls, its meaning.
+gk.SliderCurve = class {
   constructor() {
     this.canvas = gk.node("canvas", { role: "img" });
     this.note = gk.node("p", { class: "note" });
     this.root = gk.node("div", { class: "scrub-curve", hidden: true }, this.canvas, this.note);
   }
 
-  // `at(turn)`: the place of a turn, in pixels.
-  draw(episode, { wide, at }) {
-    const curve = episode?.curve ?? [];
-    this.root.hidden = curve.length === 0;
+  // `at(turn)`: the place of a turn, in pixels; `found`: null for no curve.
+  draw(found, { wide, at }) {
+    this.root.hidden = found === null;
     if (this.root.hidden) return;
-    const falls = episode.marks.filter((mark) => mark.kind === "pivot");
+    const { points, bounds: [low, high], falls, text } = found;
     const colours = gk.colours();
     const ink = gk.sized(this.canvas, wide, HEIGHT);
-    const y = (share) => EDGE + (1 - share) * (HEIGHT - 2 * EDGE);
-    const line = (k) => curve.forEach((point, i) => ink[i ? "lineTo" : "moveTo"](at(point[0]), y(point[k])));
+    const y = (value) => EDGE + ((high - value) / (high - low)) * (HEIGHT - 2 * EDGE);
+    const line = (k) => points.forEach((point, i) => ink[i ? "lineTo" : "moveTo"](at(point[0]), y(point[k])));
     ink.clearRect(0, 0, wide, HEIGHT);
     ink.fillStyle = colours.raised;
     ink.fillRect(0, EDGE, wide, HEIGHT - 2 * EDGE);
+    ink.fillStyle = colours.line;
+    ink.fillRect(0, y(0) - 0.5, wide, 1);
     ink.beginPath();
     line(3);
-    [...curve].reverse().forEach((point) => ink.lineTo(at(point[0]), y(point[2])));
+    [...points].reverse().forEach((point) => ink.lineTo(at(point[0]), y(point[2])));
     ink.fillStyle = colours.idle;
     ink.globalAlpha = 0.45;
     ink.fill();
@@ -98,11 +129,8 @@ gk.SuccessCurve = class {
     ink.lineWidth = 2;
     ink.stroke();
     ink.fillStyle = colours.mark;
-    for (const { turn } of falls) ink.fillRect(at(turn) - 1, EDGE, 2, HEIGHT - 2 * EDGE);
-    const [first, last] = [curve[0], curve.at(-1)];
-    const said = falls.map((mark) => `turn ${mark.turn}: ${gk.visible(mark.text)}`).join("; ");
-    const text = `Success if the policies go on from a turn, 0 to 100 %: ${percent(first[1])} from turn ${first[0]}, ${percent(last[1])} from turn ${last[0]}.`;
-    this.canvas.setAttribute("aria-label", `${text} ${said}`);
-    gk.say(this.note, said ? `${text} Lost at ${said}.` : text);
+    for (const turn of falls) ink.fillRect(at(turn) - 1, EDGE, 2, HEIGHT - 2 * EDGE);
+    this.canvas.setAttribute("aria-label", text);
+    gk.say(this.note, text);
   }
 };
