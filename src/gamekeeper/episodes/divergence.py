@@ -175,7 +175,7 @@ class Divergence:
 
     @property
     def begun_text(self) -> str:
-        """Where it may have begun, if that can be before it was noticed; else empty."""
+        """Turns at which it may have begun unnoticed, in words; else empty."""
         if self.witness is None:
             return ""
         return (
