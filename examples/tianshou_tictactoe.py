@@ -13,7 +13,8 @@ The shared network and much entropy (`ent_coef`) are what makes it play well aga
 itself: without either, both sides soon know a few games by heart and hardly any other board.
 
 The last line is JSON: points of what was learnt against random players, as either player, in games
-that nobody learnt from; a draw is half a point. `gk.rollout` plays them.
+that nobody learnt from; a draw is half a point. Half-way the algorithm is saved, and a new one goes
+on from the file; `gk.rollout` plays the last file's games, which are recorded and replayed.
 """
 
 from __future__ import annotations
@@ -22,9 +23,12 @@ import argparse
 import json
 import logging
 import sys
+import tempfile
 import time
+from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 import torch
 from tianshou.algorithm import PPO
 from tianshou.algorithm.modelfree.reinforce import DiscreteActorPolicy
@@ -36,6 +40,7 @@ from tianshou.utils.net.discrete import DiscreteActor, DiscreteCritic
 
 import gamekeeper as gk
 from gamekeeper.adapters import tianshou as adapter
+from gamekeeper.statistics.one_sample import one_sample
 
 TASK: Final = "tictactoe"
 WANTED: Final = 0.85
@@ -68,37 +73,17 @@ def player(env: Any) -> PPO:
     )
 
 
-def points(learnt: Any, games: int) -> float:
-    """Mean points in so many games as either player, against random ones."""
-    found = []
-    for me, other in (("player_1", "player_2"), ("player_2", "player_1")):
-        evidence = gk.rollout(
-            TASK, policies={me: learnt, other: "random"}, episodes=games, seed=UNSEEN
-        )
-        paid = [0.0] * games
-        for row in evidence.agent_steps.to_pylist():
-            paid[row["episode"]] += (row["reward"] or 0.0) if row["agent"] == me else 0.0
-        found += [0.5 + one / 2 for one in paid]  # 1 for a win, -1 for a loss
-    return sum(found) / len(found)
-
-
-def main() -> int:
-    """Learns, is judged, and prints one JSON line."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--steps", type=int, default=300_000, help="decisions of both players")
-    parser.add_argument("--quick", action="store_true", help="a few steps, to see that it runs")
-    options = parser.parse_args()
-    copies, each, steps, judged = 64, 2_048, options.steps, 200
-    if options.quick:
-        copies, each, steps, judged = 4, 64, 128, 2
-    torch.set_num_threads(1)
-    torch.manual_seed(options.seed)
-    logging.getLogger("tianshou").setLevel(logging.ERROR)
-
-    begun = time.perf_counter()
-    env = adapter.vector_env(TASK, copies, engine="kernel", seed=options.seed, check=None)
+def learner_of(file: Path | None, seed: int, boards: int) -> tuple[Any, Any]:
+    """An algorithm, as it was saved where there is a file, and boards for it to learn from."""
+    env = adapter.vector_env(TASK, boards, engine="kernel", seed=seed, check=None)
     learner = player(env)
+    if file is not None:
+        learner.load_state_dict(torch.load(file))
+    return learner, env
+
+
+def learn(learner: Any, env: Any, steps: int, each: int, file: Path) -> Path:
+    """Goes on for so many decisions and saves the algorithm, optimizer and all."""
     collector = adapter.Collector(learner, env, VectorReplayBuffer(4 * each, len(env)))
     learner.run_training(
         OnPolicyTrainerParams(
@@ -112,9 +97,52 @@ def main() -> int:
             verbose=False,
         )
     )
+    env.close()
+    torch.save(learner.state_dict(), file)
+    return file
+
+
+def points(learnt: Any, games: int, folder: Path) -> list[float]:
+    """Points in so many games as either player, against random ones; they are recorded."""
+    found = []
+    for me, other in (("player_1", "player_2"), ("player_2", "player_1")):
+        policies = {me: learnt, other: "random"}
+        evidence = gk.rollout(TASK, policies=policies, episodes=games, seed=UNSEEN, out=folder / me)
+        paid = [0.0] * games
+        for row in evidence.agent_steps.to_pylist():
+            paid[row["episode"]] += (row["reward"] or 0.0) if row["agent"] == me else 0.0
+        found += [0.5 + one / 2 for one in paid]  # 1 for a win, -1 for a loss
+    return found
+
+
+def main() -> int:
+    """Learns in two halves, is judged out of the last file, and prints one JSON line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--steps", type=int, default=300_000, help="decisions of both players")
+    parser.add_argument("--quick", action="store_true", help="a few steps, to see that it runs")
+    options = parser.parse_args()
+    boards, each, steps, judged = 64, 2_048, options.steps, 200
+    if options.quick:
+        boards, each, steps, judged = 4, 64, 256, 50
+    torch.set_num_threads(1)
+    torch.manual_seed(options.seed)
+    logging.getLogger("tianshou").setLevel(logging.ERROR)
+
+    begun = time.perf_counter()
+    with tempfile.TemporaryDirectory() as name:
+        folder, file = Path(name), None
+        for seed in (options.seed, options.seed + 1_000):
+            learner, env = learner_of(file, seed, boards)
+            file = learn(learner, env, steps // 2, each, folder / f"{seed}.pt")
+        learner, env = learner_of(file, 0, 1)
+        found = points(adapter.policy(learner, env), judged, folder)
+        env.close()
+        is_replayed = all(gk.replay(folder / me).verified for me in ("player_1", "player_2"))
     seconds = time.perf_counter() - begun
 
-    result = points(adapter.policy(learner, env), judged)
+    result = float(np.mean(found))
+    shown = one_sample(found, rng=np.random.default_rng(0))
     reached = result >= WANTED
     print(
         json.dumps(
@@ -123,16 +151,18 @@ def main() -> int:
                 "trainer": f"tianshou {adapter.VERSION}",
                 "task": TASK,
                 "seed": options.seed,
-                "steps": collector.collect_step,
+                "steps": steps,
                 "seconds": round(seconds, 1),
                 "measure": f"points a game, {2 * judged} games",
                 "result": round(result, 3),
+                "interval": [round(shown.low, 3), round(shown.high, 3)],
+                "replayed": is_replayed,
                 "wanted": WANTED,
                 "reached": reached,
             }
         )
     )
-    return 0 if reached or options.quick else 1
+    return 0 if is_replayed and (reached or options.quick) else 1
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ from gamekeeper.viewing.viewer import Viewer
 SIZE: Final = {"width": 1100, "height": 1000}
 HEIGHT: Final = 592
 ARGUMENTS: Final = ["--no-sandbox", "--disable-gpu", "--no-first-run"]
-COLOURS: Final = 96  # enough for flat colours and grey edges of letters
+COLOURS: Final = 200  # enough for flat colours and grey edges of letters
 PATIENCE_MS: Final = 300_000
 POLICIES: Final = {"picker_1": "lazy", "*": "reference"}
 

@@ -208,8 +208,9 @@ def test_counterfactuals_replay_and_another_experiment_is_refused(tmp_path: Path
     for folder in found.runs.values():
         assert gk.replay(folder).verified
     assert json.loads((tmp_path / "diagnosis.json").read_text()) == found.to_json()
-    with pytest.raises(RunError, match="outcomes of another experiment"):
+    with pytest.raises(RunError, match="outcomes of another experiment") as caught:
         plainly(evidence, out=tmp_path, seed=5)
+    assert caught.value.actual.startswith("seed was 0, is 5")
     with pytest.raises(RunError, match="outcomes of another experiment"):
         plainly(evidence, out=tmp_path, policies={"*": "greedy"})
 

@@ -98,6 +98,20 @@ def test_pivots_where_nothing_is_drawn_looks_for_the_last_action() -> None:
     found = gk.pivots(evidence, failed="return < 1", policies=policies).episodes[0]
     assert found.question == "last action"
     assert [(pivot.turn, pivot.agents) for pivot in found.pivots] == [(7, ("left",))]
+    assert sum(point.n for point in found.curve) == 8 * 24  # the vault draws, to no effect
+
+
+def seldom(observation: Any, agent: Any, info: Any, rng: Any) -> int:
+    """Lets go at the first turn, but for one time in eight."""
+    return int(observation == 0 and agent == "left" and rng.random() > 0.125)
+
+
+def test_pivots_of_few_continuations_that_are_alike_do_not_show_that_nothing_draws() -> None:
+    """Three continuations that fail alike are asked again, as the policy draws."""
+    evidence = gk.rollout(Vault, policies=seldom, episodes=1, seed=1)
+    found = gk.pivots(evidence, failed="return < 1", policies={"*": seldom}, seed=0).episodes[0]
+    assert found.question == "falls"
+    assert [pivot.agents for pivot in found.pivots] in ([], [("left",)])
 
 
 def test_pivots_tells_bad_luck_from_an_action() -> None:
@@ -134,3 +148,34 @@ def test_pivots_refuses_an_episode_that_did_not_fail() -> None:
     assert "None of 1 episodes failed" in pivots_text(
         gk.pivots(evidence, failed="return < 1", policies={"*": steady}).to_json(), width=80
     )
+
+
+class Leaking(Vault):
+    """A vault whose time of day goes on from one episode to the next."""
+
+    day = 0
+
+    def reset(self, seed: int | None = None, options: Any = None) -> Any:
+        self.day += 1
+        _, infos = super().reset(seed, options)
+        return dict.fromkeys(self.agents, min(self.day, 3)), infos
+
+
+@pytest.mark.parametrize("ask", [gk.diagnose, gk.attribute, gk.pivots])
+def test_runs_whose_episodes_depend_on_those_before_are_refused(ask: Any) -> None:
+    """Fresh episodes of such a run tell nothing of it, whatever is asked."""
+    evidence = gk.rollout(Leaking, policies=guard, episodes=3, seed=1)
+    options = {} if ask is gk.attribute else {"failed": "return < 99"}
+    with pytest.raises(EvidenceError, match="played again by itself"):
+        ask(evidence, policies={"*": guard}, **options)
+
+
+def test_pivots_text_says_once_what_holds_of_several_episodes() -> None:
+    """Episodes without a turn to name are listed by their numbers."""
+    policies = {"*": Blunder(7, "left")}
+    found = gk.pivots(with_blunder(7, "left"), failed="return < 1", policies=policies).to_json()
+    blank = {**found["episodes"][0], "pivots": []}
+    episodes = [{**blank, "episode": number} for number in (1, 4)]
+    text = pivots_text({**found, "episodes": episodes}, width=90)
+    assert "2 episodes failed, and no turn of them is named: 1, 4" in text
+    assert text.count("no other action") == 1

@@ -12,11 +12,13 @@ from pettingzoo import ParallelEnv
 
 import gamekeeper as gk
 from gamekeeper.contract import Contract
+from gamekeeper.diagnosis.counterfactuals import _place
 from gamekeeper.diagnosis.played_setup import Setup
 from gamekeeper.diagnosis.trials import IdealSubstitute, over_undos, peers_of, swaps_of, undone
 from gamekeeper.diagnosis.undo_candidates import action_undos, call_undos, observation_undos
 from gamekeeper.diagnosis.undo_search import ASIDE, ROUNDS, _other_boundaries
 from gamekeeper.diagnosis.undos import BoundaryUndo, UndoneCast
+from gamekeeper.episodes.divergence import Divergence
 from gamekeeper.errors import EvidenceError
 from gamekeeper.rollouts.interventions.fields import acted_fields, observed_fields
 
@@ -308,3 +310,14 @@ def test_a_healthy_run_is_not_searched() -> None:
     assert {each.answer for each in found.agents.values()} == {"healthy"}
     assert found.episodes == 88
     assert found.responses == {}
+
+
+def test_counterfactuals_name_the_first_action_that_differs_the_concerned_agent_s_first() -> None:
+    """Before what it led to in the same turn, and before other agents' actions."""
+    was, now = (
+        SimpleNamespace(play=SimpleNamespace(actions=({"a": 0, "b": 0}, {"a": last, "b": last})))
+        for last in (1, 2)
+    )
+    found = Divergence(0, 0, "a", "obs", 0.0, 1.0)
+    assert _place(found, was, now, ("b",)) == (1, "b", "action")
+    assert _place(found, was, was, ("b",)) == (0, "a", "obs")

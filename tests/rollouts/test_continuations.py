@@ -138,3 +138,56 @@ def test_continuations_refuse_an_episode_that_plays_otherwise() -> None:
     found.course.env.reset = lambda seed=None, options=None: Walk.reset(found.course.env, 7)
     with pytest.raises(EvidenceError, match="doesn't play twice"):
         found.play(3, [1])
+
+
+class Jamming:
+    """A policy without a `reset`: at its third call of an episode it jams, four times of five."""
+
+    calls, is_jammed = 0, False
+
+    def __call__(self, observation: Any, agent: Any, info: Any, rng: Any) -> int:
+        self.calls = self.calls + 1 if info else 0
+        self.is_jammed = self.calls >= 4 and (self.is_jammed or bool(rng.random() < 0.8))
+        return 0 if self.is_jammed else 2
+
+
+_jammed: dict[str, Any] = {}
+
+
+def jams(observation: Any, agent: Any, info: Any, rng: Any) -> int:
+    """`Jamming` as a function, whose memory stands in its module."""
+    policy = _jammed[agent] if info else _jammed.setdefault(agent, Jamming())
+    _jammed[agent] = policy
+    return policy(observation, agent, info, rng)
+
+
+def runs_on(observation: Any, agent: Any, info: Any, rng: Any) -> int:
+    """Counts its calls, and goes on counting in the next episode."""
+    _jammed["calls"] = _jammed.get("calls", 0) + 1
+    return int(_jammed["calls"] > 8)
+
+
+@pytest.mark.parametrize("kind", ["object", "module"])
+def test_continuations_begin_with_the_memory_of_their_turn(kind: str) -> None:
+    """Without a reset, too: in an object by copies, in a module by playing from the reset."""
+    found = continuations(Walk(), {"*": "random", "a": Jamming() if kind == "object" else jams})
+    assert found.by_copies == (kind == "object")
+    found.play(0, range(3))
+    for turn in (0, 5, 3):
+        alone = continuations(Walk(), {"*": "random", "a": Jamming()}, copies=False)
+        assert alone.play(turn, range(4)) == found.play(turn, range(4))
+
+
+def test_continuations_refuse_a_memory_that_outlives_an_episode() -> None:
+    """A function that goes on counting can't be brought back to what it was at a turn."""
+    with pytest.raises(EvidenceError, match="doesn't choose again"):
+        continuations(Walk(), {"*": "random", "a": runs_on})
+
+
+def test_continuations_hold_an_action_and_what_its_policy_remembers() -> None:
+    """The policy of a held action has jammed on the recorded draws, whatever is drawn later."""
+    found = continuations(Walk(), {"*": "random", "a": Jamming()})
+    jams_at = [actions["a"] for actions in found.course.actions].index(0)
+    held = dict(found.course.actions[jams_at])
+    later = [episode.taken[-1]["a"] for episode in found._played(jams_at, range(8), held)]
+    assert later == [0] * 8

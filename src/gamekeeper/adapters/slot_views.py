@@ -7,7 +7,7 @@ dictionaries and tuples of arrays, changed and filled part by part.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,16 +19,16 @@ from gamekeeper.adapters.requirements import learners_of
 from gamekeeper.contract import Contract
 from gamekeeper.errors import SpecError
 from gamekeeper.interface.joint_policy import JointPolicy
-from gamekeeper.vector.vector_form import ALL, MASK, Space, VectorGroup, built, leaves
-
-
-def changed(tree: Any, change: Callable[[Any], Any]) -> Any:
-    """Returns the same tree with every array in it changed."""
-    if isinstance(tree, dict):
-        return {key: changed(part, change) for key, part in tree.items()}
-    if isinstance(tree, tuple):
-        return tuple(changed(part, change) for part in tree)
-    return change(tree)
+from gamekeeper.vector.vector_form import (
+    ALL,
+    MASK,
+    Space,
+    VectorGroup,
+    built,
+    changed,
+    clear,
+    leaves,
+)
 
 
 def at(tree: Any, index: Any) -> Any:
@@ -51,15 +51,6 @@ def put(tree: Any, index: Any, value: Any) -> None:
             put(part, index, own)
     else:
         tree[index] = value
-
-
-def clear(tree: Any, index: Any) -> None:
-    """Writes zeros to an index of every array."""
-    if isinstance(tree, dict | tuple):
-        for part in tree.values() if isinstance(tree, dict) else tree:
-            clear(part, index)
-    else:
-        tree[index] = 0
 
 
 def zeros(space: Space, lead: tuple[int, ...]) -> Any:

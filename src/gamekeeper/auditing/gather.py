@@ -37,7 +37,9 @@ FIRST: Final = "same_seed"
 """The probe that tells whether episodes differ by themselves; it looks before all others."""
 OF_ENTROPY: Final = frozenset({FIRST, "special_seeds", "unseeded", "other_process"})
 """Probes that look for draws that no seed settles."""
-OF_SHARING: Final = OF_ENTROPY | {"second_episode", "alternated", "lifecycle"}
+OF_SHARING: Final = frozenset(
+    {FIRST, "unseeded", "other_process", "second_episode", "alternated", "lifecycle"}
+)
 """Probes that look for what plays share, or that depend on the order of plays."""
 
 

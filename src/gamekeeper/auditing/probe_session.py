@@ -106,7 +106,7 @@ class ProbeSession:
         base: the first play of the look, with its actions, once it was played.
         holds_entropy: plays differ by themselves, by generators that nobody seeded: the system's
             entropy is held still, so that other faults can be seen.
-        class_state: plays differ since instances share it: it is put back before each play.
+        class_state: plays differ since instances share it; put back before each play and instance.
         workers: processes that play elsewhere, by their hash seed; all probes share them.
     """
 
@@ -142,6 +142,8 @@ class ProbeSession:
         Raises:
             SpecError: it can't be built (with these arguments), or only an object is there.
         """
+        if self.class_state is not None:
+            self.class_state.restore()
         if self.opened.make is None:
             env = open_env(self.spec, **{**self.kwargs, **kwargs}).env
         else:

@@ -13,7 +13,7 @@ from gamekeeper.contract.failure import Failure
 from gamekeeper.diagnosis.diagnosis_result import Counterfactual, Diagnosis
 from gamekeeper.diagnosis.played_setup import OpenSetup, Setup
 from gamekeeper.diagnosis.trials import IdealSubstitute
-from gamekeeper.episodes.divergence import compare
+from gamekeeper.episodes.divergence import Divergence, compare
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.episodes.outcome import failed, failures, outcome_of
@@ -23,6 +23,7 @@ from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.randomness.seeds import episode_seed
 from gamekeeper.rollouts.episode_loop import EpisodeResult, play
 from gamekeeper.rollouts.interventions.action_substitutes import Reenacted
+from gamekeeper.rollouts.snapshots import is_same, snapshot
 from gamekeeper.runs.load_run import load
 from gamekeeper.runs.recorder import RunRecorder
 from gamekeeper.runs.standing import choices_of
@@ -66,7 +67,8 @@ def counterfactuals(
     for substitute in substitutes:
         with OpenSetup(substitute.applied(setup), contract) as counterfactual:
             for episode, played in bases.items():
-                other = counterfactual.played(run_seed, episode).trace
+                ideal = counterfactual.played(run_seed, episode)
+                other = ideal.trace
                 open_ = counterfactual.played(
                     run_seed, episode, change=_others_as(played, substitute)
                 ).trace
@@ -78,9 +80,7 @@ def counterfactuals(
                 yield Counterfactual(
                     episode,
                     substitute.name,
-                    turn=None if found is None else found.turn,
-                    agent=None if found is None else found.agent,
-                    field=None if found is None else found.field,
+                    *_place(found, played, ideal, _concerned(substitute)),
                     failed=fails[0].get(scope, False),
                     restored=not fails[1].get(scope, False),
                     restored_open=not fails[2].get(scope, False),
@@ -92,8 +92,30 @@ def _others_as(played: EpisodeResult, substitute: IdealSubstitute) -> Reenacted:
     paper = tuple(
         {agent_name(a): act for a, act in turn.items()} for turn in played.play.actions or ()
     )
+    return Reenacted(free=_concerned(substitute), paper=paper)
+
+
+def _concerned(substitute: IdealSubstitute) -> tuple[str, ...]:
     undo = substitute.undo
-    return Reenacted(free=substitute.agents if undo is None else undo.agents, paper=paper)
+    return substitute.agents if undo is None else undo.agents
+
+
+def _place(
+    found: Divergence | None, played: EpisodeResult, ideal: EpisodeResult, first: Sequence[str]
+) -> tuple[int | None, str | None, str | None]:
+    """Turn, agent and field of the first action that differs, else of the first difference.
+
+    Args:
+        found: the first difference of any kind.
+        first: agents whose actions are named before others' of the same turn.
+    """
+    pairs = zip(played.play.actions or (), ideal.play.actions or (), strict=False)
+    for turn, (was, now) in enumerate(pairs):
+        theirs = [a for a in was if a in now and not is_same(now[a], snapshot(was[a]))]
+        names = sorted(map(agent_name, theirs), key=lambda name: name not in first)
+        if names:
+            return turn, names[0], "action"
+    return (None, None, None) if found is None else (found.turn, found.agent, found.field)
 
 
 def keep(

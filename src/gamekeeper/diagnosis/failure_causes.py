@@ -39,6 +39,7 @@ from gamekeeper.diagnosis.played_setup import (
     setup_of,
     traits_of,
 )
+from gamekeeper.diagnosis.recorded_course import check_last
 from gamekeeper.diagnosis.trials import PerturbationArm, perturbations_of, substitutes_of
 from gamekeeper.diagnosis.undo_search import try_undos
 from gamekeeper.episodes.evidence import Evidence
@@ -115,7 +116,8 @@ def diagnose(
         on_message: called with `{"episode", "episodes"}` as they are played.
     Raises:
         TrustError: the evidence names code that nobody allowed to run.
-        EvidenceError: it names no policies, or the budget is too small.
+        EvidenceError: it names no policies, the budget is too small, or its last episode comes out
+            otherwise when it is played by itself.
         ContractError: nothing says when an episode failed.
         RunError: there is no run, or another experiment lies in `out`.
     """
@@ -156,6 +158,8 @@ def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
     with consent_to(evidence, setup, env=env, policies=policies, allow_import=allow, tried=tried):
         kinds = {name: one for name, one in interventions().items() if one.kind == "perturbation"}
         with OpenSetup(setup, declared) as stage:
+            if env is None:
+                check_last(evidence, stage.opened)
             seen, played = traits_of(stage, kinds), stage.identity
             cuts = cuts_of(lost, stage.env, setup.kwargs, len(seen.agents))
             seen = dataclasses.replace(seen, cuts=cuts)

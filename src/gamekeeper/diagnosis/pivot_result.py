@@ -11,8 +11,8 @@ from gamekeeper.episodes.row_tables import html_table, text_lines
 Question: TypeAlias = Literal["falls", "last action"]
 QUESTIONS: Final[Mapping[Question, str]] = {
     "falls": "where does the share of continuations that succeed fall beyond chance?",
-    "last action": "nothing draws anything, so all continuations fail: at which turn does another "
-    "action of one agent succeed for the last time?",
+    "last action": "all continuations that were tried fail: at which turn does another action of "
+    "one agent succeed for the last time?",
 }
 Loss: TypeAlias = Literal["action", "draws", "several", "not tried"]
 
@@ -123,7 +123,7 @@ class EpisodePivots:
         scope: whose condition it failed by: the team's, a role's or an agent's.
         turns: its env steps.
         question: that was answered; a key of `QUESTIONS`.
-        curve: by turn; empty for the question of the last action.
+        curve: by turn; empty where nothing draws anything.
         pivots: the largest fall first.
         steps: env steps that were taken for it.
         by_copies: continuations went on from copies of the environment, else from replays.

@@ -39,7 +39,7 @@ CONFIRM: Final = 60
 PART: Final = 0.5
 """Part of the fall that an action has to win back."""
 CERTAIN: Final = 3
-"""Continuations from a turn of the grid that tell whether anything is drawn."""
+"""Continuations from a turn of the grid that show whether draws matter, and of a last action."""
 P: Final = 0.05
 
 CURVE, BEFORE, AFTER, ACTIONS, CHECKED = range(5)
@@ -72,7 +72,9 @@ class PivotSearch:
         if not self.play.turns:
             return blank
         if self._is_certain():
-            found = replace(blank, question="last action", pivots=self._last_action())
+            found = replace(
+                blank, question="last action", pivots=self._last_action(), curve=self._curve()
+            )
         else:
             candidates = self._candidates()
             found = replace(blank, pivots=self._confirmed(candidates), curve=self._curve())
@@ -91,11 +93,18 @@ class PivotSearch:
         return sorted({round(k * self.play.turns / SPANS) for k in range(SPANS + 1)})
 
     def _is_certain(self) -> bool:
-        """Tells whether continuations from all over the episode do and end as the recording."""
-        return all(
-            self.play.is_settled(turn, self._numbers(CHECKED, turn, range(CERTAIN)))
-            for turn in self._grid()[:-1]
-        )
+        """Tells whether continuations from all over the episode do and end as the recording.
+
+        Where something draws, many more of them have to fail, as far as half of the budget goes.
+        """
+        grid = self._grid()[:-1]
+        for turn in grid:
+            if not self.play.is_settled(turn, self._numbers(CHECKED, turn, range(CERTAIN))):
+                return False
+        for turn in grid if self.play.draws else ():
+            if self.play.steps < self.play.budget / 2:
+                self._ask(turn, FIRST)
+        return not any(hits for hits, _ in self.counts.values())
 
     def _candidates(self) -> list[int]:
         """Turns at which the curve seems to fall, by bisecting the largest falls first."""
@@ -248,7 +257,7 @@ class PivotSearch:
             held[option.agent] = option.action
         return self._successes(ACTIONS, turn, which, place=place, held=held)
 
-    # -- the last action, where nothing is drawn
+    # -- the last action, where every continuation fails
 
     def _last_action(self) -> tuple[Pivot, ...]:
         """The last turn from which another action of one agent succeeds."""
@@ -261,8 +270,9 @@ class PivotSearch:
             for place, option in enumerate(self.options.at(turn)):
                 if option.source == DRAWN:
                     continue
-                hits, n = self._tried(turn, option, place, range(1), recorded)
-                tried.append(replace(_tried_action(option, hits, n), keeps=hits > 0))
+                count = range(CERTAIN if self.play.draws else 1)
+                hits, n = self._tried(turn, option, place, count, recorded)
+                tried.append(replace(_tried_action(option, hits, n), keeps=hits == n > 0))
             agents = tuple(dict.fromkeys(each.agent for each in tried if each.keeps))
             if agents:
                 tried.sort(key=lambda each: not each.keeps)

@@ -52,8 +52,8 @@ def pivots(
     From turns of a failed episode the policies go on, on fresh draws: the share that succeeds, on
     a coarse grid first, then by bisection inside each fall. A fall that stands on continuations of
     its own is a pivot; at each, other actions of one agent are tried while those of the others are
-    held. Where nothing draws anything every continuation fails: then the last turn is looked for at
-    which another action of one agent succeeds.
+    held. Where nothing draws anything, or many continuations from all over the episode fail, the
+    last turn is looked for at which another action of one agent succeeds.
 
     Args:
         run: the folder of a run, or evidence.

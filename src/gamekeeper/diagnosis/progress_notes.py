@@ -46,7 +46,7 @@ def noted(path: Path, head: Mapping[str, Any]) -> Iterator[tuple[int, Any]]:
             "outcomes of another experiment lie here",
             where=str(path),
             expected="the same run, seed and set-up",
-            actual=lines[0].decode("utf-8", "replace")[:200],
+            actual=_changed(lines[0], begin),
             fix="name another folder with --out, or take this one away",
         )
     whole = lines[:-1]
@@ -58,3 +58,25 @@ def noted(path: Path, head: Mapping[str, Any]) -> Iterator[tuple[int, Any]]:
         yield number, data
     if lines[-1]:
         path.write_bytes(b"\n".join(whole) + b"\n")
+
+
+def _changed(there: bytes, begin: str) -> str:
+    """What differs between two heads, by name."""
+    try:
+        old, new = json.loads(there), json.loads(begin)
+    except ValueError:
+        old = None
+    if not isinstance(old, dict):
+        return there.decode("utf-8", "replace")[:200]
+    pairs = _differing(old, new, "")
+    return "; ".join(f"{name} was {was}, is {now}" for name, was, now in pairs)[:400]
+
+
+def _differing(old: Any, new: Any, name: str) -> Iterator[tuple[str, str, str]]:
+    """Yields the name of each value that differs, and both."""
+    if isinstance(old, dict) and isinstance(new, dict):
+        for key in sorted({*old, *new}):
+            inner = f"{name}.{key}" if name else key
+            yield from _differing(old.get(key), new.get(key), inner)
+    elif old != new:
+        yield name, json.dumps(old)[:60], json.dumps(new)[:60]

@@ -210,7 +210,7 @@ def _usual_block(buffered: BufferedTurns, layout: Layout, marks: Marks) -> Block
     return Block(
         episode=np.repeat(episodes, counts),
         turn=np.repeat(turns, counts),
-        agent=Coded(index.astype(np.int32), tuple(each.name for each in layout.order)),
+        agent=Coded(index.astype(np.int32), layout.names),
         order=Raw(order.view(np.uint8).reshape(count, 2), yes),
         values=side_cells(layout, index, buffered.usual.actions, "action"),
         mask=[None] * count,
@@ -260,7 +260,7 @@ def _merged(
             whole.values[rows], whole.valid[rows] = each.values, each.valid
         return column, whole
 
-    names = tuple(each.name for each in layout.order)
+    names = layout.names
     codes = {name: code for code, name in enumerate(names)}
     agents = np.empty(count, np.int32)
     agents[at] = one.agent.codes  # type: ignore[union-attr]  # a usual block codes its agents

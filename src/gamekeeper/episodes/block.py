@@ -146,7 +146,7 @@ def block_of(
     episode, turn = np.repeat(episodes, counts), np.repeat(turns, counts)
     order = _numbers(done[0::DONE], np.int16)
     index = np.fromiter(agents, np.intp, len(agents))
-    known = [each.name for each in layout.order]
+    known = layout.names
     rows = _sorting(turn, episode, order, _ranks(index, known))
     pick = _picker(rows)
     paid: list[Any] = done[3::DONE]
@@ -214,7 +214,7 @@ def states_of(buffered: BufferedTurns, layout: Layout, open_large: Opener) -> St
     return States(np.array(episodes, np.int32), np.array(turns, np.int32), cells, nonconforming)
 
 
-def _ranks(index: NDArray[np.intp], names: list[str]) -> NDArray[np.int32]:
+def _ranks(index: NDArray[np.intp], names: Sequence[str]) -> NDArray[np.int32]:
     """[rows] the place of each row's agent among the sorted names of the agents in the block."""
     present = np.unique(index).tolist()
     ranks = np.zeros(len(names), np.int32)
@@ -297,15 +297,12 @@ def _sides(
     layout: Layout, index: NDArray[np.intp], payloads: list[Any], kind: str, open_large: Opener
 ) -> dict[str, tuple[Column, Cells]]:
     """Payloads of one kind as columns; a row is null in the columns that aren't its agent's."""
-    sides = [each.observation if kind == "obs" else each.action for each in layout.order]
+    groups = layout.groups(kind)
     column_rows: dict[str, tuple[Column, list[tuple[Any, list[Any]]]]] = {}
-    # a layout hands equal columns out as one tuple, so identity tells groups apart
-    distinct = {id(side.columns): side.columns for side in sides if side is not None}
-    for columns in distinct.values():
-        if len(distinct) == 1:
+    for columns, members in groups:
+        if len(groups) == 1:
             rows, mine = None, payloads
         else:
-            members = np.array([s is not None and s.columns is columns for s in sides], np.bool_)
             rows = np.flatnonzero(members[index])
             mine = [payloads[row] for row in rows.tolist()]
         for place, column in enumerate(columns):

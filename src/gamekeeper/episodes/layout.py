@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from gamekeeper.episodes.canonical import to_json
 from gamekeeper.episodes.canonical.json_text import clean
@@ -57,6 +58,9 @@ class AgentColumns:
     acts_as: type | None = None
 
 
+Group = tuple[tuple[Column, ...], NDArray[np.bool_]]
+
+
 @dataclass(slots=True)
 class Layout:
     """Agents and columns of a run; both only grow, when an agent comes that wasn't announced."""
@@ -68,6 +72,30 @@ class Layout:
     _names: set[str] = field(default_factory=set)
     _columns: dict[str, dict[str, Column]] = field(default_factory=dict)
     _shared: dict[tuple[Column, ...], tuple[Column, ...]] = field(default_factory=dict)
+    _names_now: tuple[str, ...] = ()
+    _groups_now: dict[str, tuple[int, list[Group]]] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the agents in their order; the same object until another agent comes."""
+        if len(self._names_now) != len(self.order):
+            self._names_now = tuple(each.name for each in self.order)
+        return self._names_now
+
+    def groups(self, kind: str) -> list[Group]:
+        """Distinct columns of `kind` ("obs" or "action"), and [agents] which agents have them."""
+        count, groups = self._groups_now.get(kind, (0, []))
+        order = list(self.order)  # it may grow meanwhile, in another thread
+        if count != len(order):
+            sides = [each.observation if kind == "obs" else each.action for each in order]
+            # equal columns are handed out as one tuple, so identity tells groups apart
+            distinct = {id(side.columns): side.columns for side in sides if side is not None}
+            groups = [
+                (columns, np.array([s is not None and s.columns is columns for s in sides], bool))
+                for columns in distinct.values()
+            ]
+            self._groups_now[kind] = len(order), groups
+        return groups
 
     def seat(self, agent: AgentId, observation: Codec | None, action: Codec | None) -> AgentColumns:
         """Gives an agent its place, with new columns where its spaces are new."""

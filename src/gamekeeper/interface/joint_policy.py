@@ -15,6 +15,7 @@ from numpy.random import Generator
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.errors import PolicyError
 from gamekeeper.interface.construction import nearest
+from gamekeeper.interface.generators import is_same_state, state_of
 from gamekeeper.interface.policy import (
     EVERYONE,
     AgentSlot,
@@ -219,25 +220,43 @@ class JointPolicy:
         found = {id(one.policy): one.policy for _, one in sorted(self._chosen.items())}
         return [policy for policy in found.values() if not isinstance(policy, ModuleType)]
 
-    def draw_anew(self, run_seed: int) -> None:
-        """Gives every agent another stream from here on; policies keep what they remember."""
+    def draw_anew(self, run_seed: int, without: Collection[Any] = ()) -> None:
+        """Gives agents another stream from here on; policies keep what they remember.
+
+        Args:
+            without: agents that go on drawing as they did.
+        """
+        for agent in without:
+            self._rngs.setdefault(agent, policy_rng(self._run_seed, self._episode, agent))
         self._run_seed = run_seed
         for agent, rng in self._rngs.items():
-            fresh = policy_rng(run_seed, self._episode, agent)
-            rng.bit_generator.state = fresh.bit_generator.state
+            if agent not in without:
+                fresh = policy_rng(run_seed, self._episode, agent)
+                rng.bit_generator.state = fresh.bit_generator.state
         for agent in list(self._playing):  # a built-in may have drawn ahead, and remembers nothing
-            if isinstance(self.chosen_for(agent).policy, ModuleType):
+            is_meant = agent not in without
+            if is_meant and isinstance(self.chosen_for(agent).policy, ModuleType):
                 del self._playing[agent]
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> JointPolicy:
-        """A copy that goes on by itself: policies with a `reset` and all streams are its own.
+    @property
+    def has_drawn(self) -> bool:
+        """An agent's stream was drawn from in this episode."""
+        return any(
+            not is_same_state(
+                state_of(rng), state_of(policy_rng(self._run_seed, self._episode, agent))
+            )
+            for agent, rng in self._rngs.items()
+        )
 
-        Policies without one are taken to remember nothing, and are shared.
+    def __deepcopy__(self, memo: dict[int, Any]) -> JointPolicy:
+        """A copy that goes on by itself: all streams and policies are its own.
+
+        What functions keep in their modules is shared, as Python copies no function.
         """
         chosen = {
-            whom: replace(one, policy=copy.deepcopy(one.policy, memo))
-            if callable(getattr(one.policy, "reset", None))
-            else one
+            whom: one
+            if isinstance(one.policy, ModuleType)
+            else replace(one, policy=copy.deepcopy(one.policy, memo))
             for whom, one in self._chosen.items()
         }
         copied = JointPolicy(

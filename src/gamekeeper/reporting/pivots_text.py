@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
 from gamekeeper.reporting.text_columns import sparkline, wrapped
@@ -24,6 +24,8 @@ LOSSES: Final = {
     "not tried": "other actions: not tried, the budget is spent",
 }
 """The reason why success was lost, where no agent's other action keeps it."""
+NO_ACTION: Final = "no other action of one agent that was tried at any turn succeeds"
+LAST_TURN: Final = "the last turn from which another action of one agent succeeds"
 LONGEST: Final = 60
 """Characters of an action."""
 
@@ -39,13 +41,18 @@ def pivots_text(document: Mapping[str, Any], *, width: int, has_blocks: bool = T
     count = document["failed"]
     if not document["episodes"]:
         return f"None of {count['episodes']} episodes failed: there is no pivot to look for."
+    groups: dict[str, list[Mapping[str, Any]]] = {}
+    for each in document["episodes"]:
+        groups.setdefault(_alike(each) or str(each["episode"]), []).append(each)
     blocks = [
         "\n".join(
             line
-            for text, indent in _episode(each, has_blocks)
+            for text, indent in (
+                _episode(each[0], has_blocks) if len(each) == 1 else _several(why, each)
+            )
             for line in wrapped(text, width, first=indent, rest=indent + INDENT)
         )
-        for each in document["episodes"]
+        for why, each in groups.items()
     ]
     end = (
         f"{len(document['episodes'])} of {count['failed']} failed episodes (of "
@@ -64,6 +71,24 @@ def _episode(each: Mapping[str, Any], has_blocks: bool) -> Iterator[tuple[str, s
         yield from _falls(each, has_blocks)
     for text in each["not_tried"]:
         yield f"not tried: {text}", INDENT
+
+
+def _alike(each: Mapping[str, Any]) -> str:
+    """What is said of an episode in which no turn is named; empty where there is more to say."""
+    if each["pivots"] or each["not_tried"]:
+        return ""
+    return NO_ACTION if each["question"] == "last action" else no_pivot_text(each)
+
+
+def _several(why: str, episodes: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, str]]:
+    """Lines of episodes of which the same is said."""
+    numbers = ", ".join(str(each["episode"]) for each in episodes)
+    yield f"{len(episodes)} episodes failed, and no turn of them is named: {numbers}", ""
+    yield why, INDENT
+    played = sum(point["n"] for each in episodes for point in each["curve"])
+    if played and why == NO_ACTION:
+        yield f"all {played:,} continuations on fresh draws that were tried failed", INDENT
+    yield "next: gamekeeper diagnose looks for a fault that all episodes have", INDENT
 
 
 def _falls(each: Mapping[str, Any], has_blocks: bool) -> Iterator[tuple[str, str]]:
@@ -117,18 +142,21 @@ def kept_by(pivot: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _last_action(each: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    yield (
-        "nothing draws anything, so the policies fail again from every turn; looked for: the last "
-        "turn from which another action of one agent succeeds",
-        INDENT,
-    )
+    yield f"{_all_fail(each['curve'])}; looked for: {LAST_TURN}", INDENT
     for pivot in each["pivots"]:
         yield f"turn {pivot['turn']} is the last one", INDENT
         for text in kept_by(pivot):
             yield text, INDENT * 2
     if not each["pivots"]:
-        rest = "was tried so far" if each["not_tried"] else "was tried at any turn"
-        yield f"no other action of one agent that {rest} succeeds", INDENT
+        so_far = "no other action of one agent that was tried so far succeeds"
+        yield so_far if each["not_tried"] else NO_ACTION, INDENT
+
+
+def _all_fail(curve: list[Mapping[str, Any]]) -> str:
+    count = sum(point["n"] for point in curve)
+    if count:
+        return f"all {count} continuations on fresh draws that were tried failed"
+    return "no generator was seen to be drawn from, and the policies fail again from every turn"
 
 
 def _action(tried: Mapping[str, Any]) -> str:

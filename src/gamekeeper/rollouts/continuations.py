@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
+
+import numpy as np
 
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.outcome import Outcome
 from gamekeeper.errors import EvidenceError
 from gamekeeper.interface.aec_capture import AECCapture
 from gamekeeper.interface.capture import AgentId
-from gamekeeper.interface.generators import generators
+from gamekeeper.interface.generators import generators, is_same_state, state_of
 from gamekeeper.interface.joint_policy import JointPolicy
+from gamekeeper.rollouts import policy_memory
 from gamekeeper.rollouts.episode_loop import Actions, EpisodePlan
 from gamekeeper.rollouts.intervention import Hooks
 from gamekeeper.rollouts.process_randomness import (
@@ -41,6 +44,7 @@ class RecordedCourse:
         cast_seed: seed of the run.
         contract: names noops, masks and volatile infos.
         most_turns: a continuation is cut there.
+        is_own_cast: the policies are those of the recording, so that they choose as they did.
     """
 
     plan: EpisodePlan
@@ -49,6 +53,7 @@ class RecordedCourse:
     cast_seed: int
     contract: Contract
     most_turns: int
+    is_own_cast: bool = False
 
     @property
     def actions(self) -> tuple[Actions, ...]:
@@ -63,6 +68,8 @@ class _RecordedActions(Hooks):
         self.actions, self.until = actions, len(actions)
         self.held: Mapping[AgentId, Any] = {}
         self.notes: list[Any] = []
+        self.chosen: list[Any] = []
+        self.chosen_then: Callable[[], None] | None = None
         self.wants_given = is_noting
 
     def given(self, turn: int, agent: AgentId, observation: Any, info: Any) -> None:
@@ -72,14 +79,18 @@ class _RecordedActions(Hooks):
         if self.wants_given:
             self.notes.append(snapshot(actions))
         if turn < self.until:
+            self.chosen.append(snapshot(actions))
             return copy.deepcopy(dict(self.actions[turn]))
         if turn > self.until:
             return actions
+        if self.chosen_then is not None:
+            self.chosen_then()
         return {agent: copy.deepcopy(self.held.get(agent, actions[agent])) for agent in actions}
 
     def __deepcopy__(self, memo: dict[int, Any]) -> _RecordedActions:
         copied = _RecordedActions(self.actions, is_noting=self.wants_given)
         copied.until, copied.held, copied.notes = self.until, self.held, list(self.notes)
+        copied.chosen = list(self.chosen)
         return copied
 
 
@@ -98,14 +109,37 @@ class _StandingEpisode:
         held = (self.episode.capture.env, self.episode.cast.policies())
         return [*generators(held)][2:]  # the global ones are seeded by themselves
 
-    def draw_anew(self, number: int) -> None:
-        """Gives everything that draws another future; equal numbers give equal ones."""
-        seed_all(number)
+    def draw_anew(self, number: int, held: Mapping[AgentId, Any]) -> None:
+        """Gives everything that draws another future; equal numbers give equal ones.
+
+        Policies of agents whose action is held choose once more on the recorded draws, so that they
+        remember what they did, and draw anew from then on.
+        """
+        cast = self.episode.cast
+        assert isinstance(cast, JointPolicy)
         if self.generators is None:
             self.generators = self.seek()
-        rekey(self.generators, number)
-        assert isinstance(self.episode.cast, JointPolicy)
-        self.episode.cast.draw_anew(number)
+        self.hooks.held = held
+        if not held:
+            seed_all(number)
+            rekey(self.generators, number)
+            cast.draw_anew(number)
+            return
+        policies = [cast.chosen_for(agent).policy for agent in held]
+        own = {id(each) for each in [*generators(policies)][2:]}
+        later = [each for each in self.generators if id(each) in own]
+        free = [agent for agent in self.episode.capture.to_move if agent not in held]
+        if free:
+            seed_all(number)
+        cast.draw_anew(number, without=held)
+        rekey([each for each in self.generators if id(each) not in own], number)
+
+        def chosen() -> None:
+            seed_all(number ^ 1)
+            rekey(later, number)
+            cast.draw_anew(number, without=free)
+
+        self.hooks.chosen_then = chosen
 
     def mark(self) -> Any:
         """Marks of its place, equal at every time: agents that act, rewards, observations."""
@@ -128,6 +162,7 @@ class Continuations:
         steps: env steps that were taken so far.
         budget: no continuation begins once so many were taken.
         by_copies: copies are made.
+        draws: a generator of the environment or of a policy was drawn from in the episode.
     """
 
     def __init__(
@@ -150,8 +185,13 @@ class Continuations:
         self._on_step = on_step
         self._standing: dict[int, _StandingEpisode] = {}
         self._marks: dict[int, Any] = {}
-        self.recorded, self.by_copies = self._whole(), False
-        self.by_copies = copies and self._copies_hold()
+        self.by_copies, self.draws = False, False
+        self._shared = policy_memory.shared_state(course.cast.policies())
+        self.recorded, self._chosen = self._whole()
+        is_kept = self._is_kept()
+        self.by_copies = copies and is_kept and self._copies_hold()
+        if not is_kept:  # what the policies keep elsewhere must not outlive an episode
+            self._check_choices(self._whole()[1], self._chosen)
 
     @property
     def is_spent(self) -> bool:
@@ -213,7 +253,7 @@ class Continuations:
             standing = self._begun(sink=sink)
             self._lead(standing, turn)
             if number is not None:
-                standing.draw_anew(number)
+                standing.draw_anew(number, held or {})
             standing.hooks.held = held or {}
             standing.episode.run()
             standing.episode.capture.end_episode()
@@ -247,12 +287,14 @@ class Continuations:
                 return
             with kept_global_generators():
                 standing = self._at(turn)
-                standing.draw_anew(number)
-                standing.hooks.held = held
+                standing.draw_anew(number, held)
                 if path is not None:
                     path += _stepwise(standing.episode)
                 if standing.episode.failed is None:
                     standing.episode.run()
+            if self.by_copies and not self._is_kept():
+                self.by_copies = False
+                self._standing.clear()
             yield standing.episode
 
     def inputs(self, turn: int) -> dict[AgentId, tuple[Any, Any]]:
@@ -280,7 +322,7 @@ class Continuations:
             course.env,
             hooks,
             contract=course.contract,
-            cast=course.cast,
+            cast=_own_cast(course.cast),
             cast_seed=course.cast_seed,
             on_step=count,
             sink=sink,
@@ -310,6 +352,7 @@ class Continuations:
         mark = standing.mark()
         known = self._marks.setdefault(turn, mark)
         failed = standing.episode.failed
+        self._check_choices(standing.hooks.chosen, self._chosen[:turn])
         if failed is not None or standing.episode.turns < turn or not is_same(mark, known):
             raise EvidenceError(
                 "an episode doesn't play twice in the same way",
@@ -318,12 +361,53 @@ class Continuations:
                 fix="gamekeeper replay RUN looks for the cause",
             )
 
-    def _whole(self) -> Outcome:
-        """Outcome of the episode as it was recorded."""
+    def _whole(self) -> tuple[Outcome, list[Any]]:
+        """Outcome of the episode as it was recorded, and what its policies chose beside it.
+
+        Raises:
+            EvidenceError: they are the recorded ones, remember something, and chose otherwise.
+        """
+        course, before = self.course, None
         with kept_global_generators():
             standing = self._begun()
-            standing.episode.run(self.turns)
-            return standing.episode.outcome()
+            episode = standing.episode
+            assert isinstance(episode.cast, JointPolicy)
+            policies = episode.cast.policies()
+            before = policy_memory.own_state(policies)
+            episode.run(0)
+            held = standing.seek()
+            then = states(), [state_of(each) for each in held]
+            episode.run(self.turns)
+            now = states(), [state_of(each) for each in held]
+            self.draws = episode.cast.has_drawn or not is_same_state(then, now)
+            is_same_memory = before == policy_memory.own_state(policies) and self._is_kept()
+        if course.is_own_cast and not is_same_memory:
+            self._check_choices(standing.hooks.chosen, course.actions)
+        return episode.outcome(), standing.hooks.chosen
+
+    def _is_kept(self) -> bool:
+        """Tells whether what policies keep outside themselves is shown to be as it was."""
+        now = policy_memory.shared_state(self.course.cast.policies())
+        return now is not None and now == self._shared
+
+    def _check_choices(self, chosen: Sequence[Any], expected: Sequence[Any]) -> None:
+        """Checks that policies chose again what they chose before, so that they remember the same.
+
+        Raises:
+            EvidenceError: they didn't.
+        """
+        for turn, (one, other) in enumerate(zip(chosen, expected, strict=False)):
+            agents = [agent for agent in one if not _agree(one[agent], other.get(agent))]
+            if agents:
+                raise EvidenceError(
+                    "a policy doesn't choose again what it chose, so what it remembers at a turn "
+                    "isn't known",
+                    where=f"episode {self.course.plan.stream}, turn {turn}, {agents[0]}",
+                    expected=str(other.get(agents[0]))[:200],
+                    actual=str(one[agents[0]])[:200],
+                    fix="give the policy a `reset(seed)` that forgets the last episode, or keep "
+                    "what it remembers in an object of its own",
+                )
 
     def _copies_hold(self) -> bool:
         """Tells whether copies made half-way go on as the recording, and leave the original so."""
@@ -349,6 +433,28 @@ class Continuations:
             each.episode.run(self.turns)
             first = snapshot(each.hooks.notes) if first is None else first
             yield each.episode.outcome(), each.hooks.notes, first
+
+
+def _own_cast(cast: JointPolicy) -> JointPolicy:
+    """Policies as they were at first; the cast itself where it can't be copied."""
+    try:
+        return copy.deepcopy(cast)
+    except KeyboardInterrupt:
+        raise
+    except Exception:  # foreign code refuses in many ways
+        return cast
+
+
+def _agree(one: Any, other: Any) -> bool:
+    """Tells whether two actions are equal, as far as computing them again gives the same."""
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return one.keys() == other.keys() and all(_agree(one[k], other[k]) for k in one)
+    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
+        return len(one) == len(other) and all(map(_agree, one, other))
+    values = np.asarray(one), np.asarray(other)
+    if all(each.dtype.kind in "biuf" for each in values):
+        return values[0].shape == values[1].shape and np.allclose(*values, equal_nan=True)
+    return is_same(one, snapshot(other))
 
 
 def _stepwise(episode: TalliedEpisode) -> Iterator[float]:

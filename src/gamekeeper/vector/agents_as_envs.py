@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from operator import itemgetter
 from typing import Any, Final
 
 import numpy as np
@@ -10,7 +11,7 @@ from gymnasium.vector import VectorEnv as GymnasiumVectorEnv
 from gymnasium.vector.utils import batch_space
 
 from gamekeeper.errors import SpecError
-from gamekeeper.vector.vector_form import ALL
+from gamekeeper.vector.vector_form import ALL, changed
 
 ABSENT: Final = ("refuse", "zeros")
 
@@ -86,7 +87,7 @@ class AgentsAsEnvs(GymnasiumVectorEnv[Any, Any, Any]):
         Raises:
             SpecError: an agent isn't in the game any more, and that is refused.
         """
-        shaped = _mapped(actions, lambda a: np.asarray(a).reshape(-1, self.count, *a.shape[1:]))
+        shaped = changed(actions, lambda a: np.asarray(a).reshape(-1, self.count, *a.shape[1:]))
         obs, rewards, terminated, truncated, infos = self.venv.step(shaped)
         flags = [part.reshape(-1) for part in (rewards, terminated, truncated)]
         return self._flat(obs), *flags, self._infos(infos, flags[1] | flags[2])
@@ -97,7 +98,7 @@ class AgentsAsEnvs(GymnasiumVectorEnv[Any, Any, Any]):
         self.closed = True
 
     def _flat(self, tree: Any) -> Any:
-        return _mapped(tree, lambda array: array.reshape(self.num_envs, *array.shape[2:]))
+        return changed(tree, lambda array: array.reshape(self.num_envs, *array.shape[2:]))
 
     def _infos(self, infos: dict[str, Any], ended: Any) -> dict[str, Any]:
         if self._refuses:
@@ -112,7 +113,7 @@ class AgentsAsEnvs(GymnasiumVectorEnv[Any, Any, Any]):
         agents = self.venv.groups[0].agents
         for place in np.flatnonzero(ended).tolist():
             e, a = divmod(place, self.count)
-            finals[place] = _mapped(infos["final_obs"][e], lambda array, a=a: array[a])
+            finals[place] = changed(infos["final_obs"][e], itemgetter(a))
             told[place] = infos["final_info"][e].get(agents[a], {})
         found |= {"final_obs": finals, "final_info": told}
         found["_final_obs"] = found["_final_info"] = ended
@@ -133,12 +134,3 @@ class AgentsAsEnvs(GymnasiumVectorEnv[Any, Any, Any]):
                 fix="absent='zeros', and leave out the steps in which infos['live'] was False "
                 "before; or an adapter that knows of agents, as gamekeeper.adapters.sb3",
             )
-
-
-def _mapped(tree: Any, change: Any) -> Any:
-    """The same tree with every array changed."""
-    if isinstance(tree, dict):
-        return {key: _mapped(part, change) for key, part in tree.items()}
-    if isinstance(tree, tuple):
-        return tuple(_mapped(part, change) for part in tree)
-    return change(tree)

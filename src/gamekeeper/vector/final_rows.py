@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gamekeeper.interface.capture import AgentId
+from gamekeeper.vector.vector_form import changed
 
 
 class FinalRows(Sequence[Any]):
@@ -58,7 +60,7 @@ class FinalObs(FinalRows):
 
     def row(self, row: int) -> Any:
         """Returns what the agents of a sub-environment saw last."""
-        return _at(self.tree, row)
+        return changed(self.tree, itemgetter(row))
 
 
 class FinalInfos(FinalRows):
@@ -83,11 +85,3 @@ class FinalInfos(FinalRows):
         if own is not None:
             return np.asarray(own(agents))
         return np.array([[agent not in one for agent in agents] for one in self._told.values()])
-
-
-def _at(tree: Any, row: int) -> Any:
-    if isinstance(tree, dict):
-        return {key: _at(part, row) for key, part in tree.items()}
-    if isinstance(tree, tuple):
-        return tuple(_at(part, row) for part in tree)
-    return tree[row]

@@ -14,7 +14,7 @@ from gamekeeper.errors import SpecError
 from gamekeeper.vector.agents_as_envs import AgentsAsEnvs
 from gamekeeper.vector.final_rows import FinalObs
 from gamekeeper.vector.vector_environment import VectorEnv, batched
-from gamekeeper.vector.vector_form import ALL, Space, VectorGroup, leaves
+from gamekeeper.vector.vector_form import ALL, Space, VectorGroup, changed, clear, leaves
 
 Columns: TypeAlias = "slice | NDArray[np.intp]"
 """Agents of the rows of observations: all of them, [agent]; of AEC environments, [env]."""
@@ -134,7 +134,7 @@ class TransformedVector:
             actions = self._by_group(transform.actions, actions)
         acting, seen, columns = self._acting, None, self._columns
         if transform.reads:
-            seen = self._seen if self.copies else copied(self._seen)
+            seen = self._seen if self.copies else changed(self._seen, np.copy)
         obs, rewards, terminated, truncated, infos = self.venv.step(actions)
         if self._remembers:
             self._decided(seen, acting, columns)
@@ -239,7 +239,7 @@ class TransformedVector:
             rows = None if there is None else self._rows(there, group)
             found = self.transform.shown(g, part, rows, self._places(self._columns, group))
             if rows is not None and not rows.all():
-                _blank(found, ~rows)
+                clear(found, ~rows)
             return found
 
         return self._by_group(change, obs)
@@ -255,25 +255,7 @@ class TransformedVector:
             found = self.transform.final(g, part, finals.envs, len(agents))
             absent = told.absent(agents)
             if absent.any():
-                _blank(found, absent)
+                clear(found, absent)
             return found
 
         infos["final_obs"] = FinalObs(len(finals), finals.envs, self._by_group(change, finals.tree))
-
-
-def _blank(tree: Any, absent: Flags) -> None:
-    """Writes zeros into rows."""
-    if isinstance(tree, dict | tuple):
-        for part in tree.values() if isinstance(tree, dict) else tree:
-            _blank(part, absent)
-        return
-    tree[absent] = 0
-
-
-def copied(tree: Any) -> Any:
-    """The same tree of new arrays."""
-    if isinstance(tree, dict):
-        return {key: copied(part) for key, part in tree.items()}
-    if isinstance(tree, tuple):
-        return tuple(copied(part) for part in tree)
-    return tree.copy()

@@ -218,6 +218,24 @@ def built(space: Space, arrays: Iterator[Any]) -> Any:
     return next(arrays)
 
 
+def changed(tree: Any, change: Callable[[Any], Any]) -> Any:
+    """Returns the same tree with every array in it changed."""
+    if isinstance(tree, dict):
+        return {key: changed(part, change) for key, part in tree.items()}
+    if isinstance(tree, tuple):
+        return tuple(changed(part, change) for part in tree)
+    return change(tree)
+
+
+def clear(tree: Any, index: Any) -> None:
+    """Writes zeros to an index of every array."""
+    if isinstance(tree, dict | tuple):
+        for part in tree.values() if isinstance(tree, dict) else tree:
+            clear(part, index)
+    else:
+        tree[index] = 0
+
+
 def getter(path: Path) -> Callable[[Any], Any]:
     """Function that follows a path into a value."""
 

@@ -26,9 +26,8 @@ from gamekeeper.vector.transformed_vector import (
     Columns,
     Flags,
     TransformedVector,
-    copied,
 )
-from gamekeeper.vector.vector_form import ArrayLeaf, Space, VectorGroup, built, getter
+from gamekeeper.vector.vector_form import ArrayLeaf, Space, VectorGroup, built, changed, getter
 
 __all__ = [
     "agent_id",
@@ -132,7 +131,7 @@ class NumbersInBatch(BatchTransform):
             found[..., seen.shape[-1] :] = added
             return found
         parts = dict(seen) if isinstance(seen, dict) else {VIEW: seen}
-        parts = {key: copied(part) for key, part in parts.items()}
+        parts = {key: changed(part, np.copy) for key, part in parts.items()}
         return {**parts, NUMBER: np.broadcast_to(added, (*lead, added.shape[-1])).copy()}
 
 
@@ -357,7 +356,7 @@ class NormalizedBatch(BatchTransform):
         learnt, clip = self._statistics.of(self._groups[g].agents[0]).parts, self._statistics.clip
         for key, part in parts.items():
             if key not in learnt:
-                found[key] = copied(part)
+                found[key] = changed(part, np.copy)
                 continue
             mean, scale = self._stacked(g, key, part.dtype)
             scaled = self._new(g, key, part.shape, reuses=reuses)

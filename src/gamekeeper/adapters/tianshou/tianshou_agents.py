@@ -15,11 +15,11 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from gamekeeper.adapters.requirements import learners_of, policies_of_others, role_of
-from gamekeeper.adapters.slot_views import OtherAgents, at, bare_space, changed, clear, zeros
+from gamekeeper.adapters.slot_views import OtherAgents, at, bare_space, zeros
 from gamekeeper.errors import SpecError
 from gamekeeper.interface.joint_policy import Choices
 from gamekeeper.vector.vector_factory import make
-from gamekeeper.vector.vector_form import ALL, MASK, VectorGroup
+from gamekeeper.vector.vector_form import ALL, MASK, VectorGroup, changed, clear
 
 
 class Forms:

@@ -23,10 +23,11 @@ from tianshou.data import (
 from tianshou.data.collector import BaseCollector, CollectStats
 
 from gamekeeper.adapters.requirements import checked
-from gamekeeper.adapters.slot_views import changed, put
+from gamekeeper.adapters.slot_views import put
 from gamekeeper.adapters.tianshou.tianshou_agents import TianshouAgents
 from gamekeeper.errors import SpecError
 from gamekeeper.interface.joint_policy import Choices
+from gamekeeper.vector.vector_form import changed
 
 ROWS: int = 10_000
 """Number of decisions that a slot's part of the default buffer holds."""

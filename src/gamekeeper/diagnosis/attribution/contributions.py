@@ -48,6 +48,7 @@ from gamekeeper.diagnosis.played_setup import (
     other_policies,
     setup_of,
 )
+from gamekeeper.diagnosis.recorded_course import check_last
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.episodes.opposition import opponents_in
@@ -113,6 +114,8 @@ def attribute(
         SpecError: the environment can't be opened.
         PolicyError: a policy or the baseline can't be found.
         EnvError: the environment raised, or a worker hung or died.
+        EvidenceError: the last episode comes out otherwise when it is played by itself, and agents
+            would be replaced in fresh ones.
         RunError: there is no run, or another attribution lies in `out`.
     """
     evidence = whole_evidence(run, env=env, allow_import=allow_import)
@@ -135,6 +138,8 @@ def attribute(
     )
     with consent_to(evidence, setup, env=env, policies=policies, allow_import=allow_import):
         with ReplacementRunner(task) as bench:
+            if closed and env is None:
+                check_last(evidence, bench.opened)
             recorded: list[EpisodeActions] = [
                 bench.paper_of(trace) for trace in traces[:action_episodes]
             ]

@@ -146,7 +146,7 @@ gk.EpisodeList = class {
 
   #notes(entry) {
     const notes = gk.node("td");
-    if (entry.failing) notes.append(gk.node("span", { class: "badge badge-high", text: "failing" }), " ");
+    if (entry.failing) notes.append(gk.node("span", { class: "badge high", text: "failing" }), " ");
     for (const label of entry.labels ?? []) notes.append(gk.node("span", { class: "badge plain" }, gk.name(label)), " ");
     if (entry.base) notes.append("counterfactual of ", gk.name(`${entry.base.run}/${entry.base.episode}`), " ");
     if (entry.why?.length) notes.append(gk.name(entry.why.join(", ")));
