@@ -107,7 +107,8 @@ def _left(question: Question, measured: Measured) -> Question | None:
         text = str(measured.get("why") or "")
         ask = "why this API: your own reason"
         hint = f"measured: {text}"
-        return replace(question, ask=ask, hint=hint, lines=('why = ""',)) if text else None
+        empty: dict[str, Any] = {"measured": value_text(""), "lines": ('why = ""',)}
+        return replace(question, ask=ask, hint=hint, **empty) if text else None
     if path[0] == "roles" and path[-1] == "symmetric":
         found = (measured.get("symmetric") or {}).get(path[1])
         if isinstance(found, Mapping) and isinstance(found.get("seems"), bool):
