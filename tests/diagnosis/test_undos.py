@@ -13,6 +13,7 @@ from pettingzoo import ParallelEnv
 import gamekeeper as gk
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.counterfactuals import _place
+from gamekeeper.diagnosis.judgement import _labels, is_any_scale
 from gamekeeper.diagnosis.played_setup import Setup
 from gamekeeper.diagnosis.trials import IdealSubstitute, over_undos, peers_of, swaps_of, undone
 from gamekeeper.diagnosis.undo_candidates import action_undos, call_undos, observation_undos
@@ -321,3 +322,12 @@ def test_counterfactuals_name_the_first_action_that_differs_the_concerned_agent_
     found = Divergence(0, 0, "a", "obs", 0.0, 1.0)
     assert _place(found, was, now, ("b",)) == (1, "b", "action")
     assert _place(found, was, was, ("b",)) == (0, "a", "obs")
+
+
+def test_different_scales_that_restore_alike_show_no_error_of_units() -> None:
+    """One factor may be the right one; of several none is, and what they hide may be elsewhere."""
+    tenth, tiny = (undone(BoundaryUndo(("a",), "rescale fields", (), by)) for by in (0.1, 0.004))
+    assert not is_any_scale([tenth])
+    assert is_any_scale([tenth, tiny])
+    assert _labels([tenth]) == ("perception",)
+    assert _labels([tenth, tiny]) == ()

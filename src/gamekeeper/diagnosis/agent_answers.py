@@ -8,7 +8,7 @@ from typing import Final
 
 from gamekeeper.diagnosis.diagnosis_result import AgentDiagnosis, Tested
 from gamekeeper.diagnosis.experiment import Experiment
-from gamekeeper.diagnosis.judgement import ALPHA, CAUSES, ScopeFinding, Tried
+from gamekeeper.diagnosis.judgement import ALPHA, CAUSES, ScopeFinding, Tried, is_any_scale
 from gamekeeper.diagnosis.played_setup import SetupTraits
 from gamekeeper.diagnosis.trials import (
     CUT_OFF,
@@ -102,6 +102,9 @@ def _shown(finding: ScopeFinding, substitutes: Sequence[IdealSubstitute]) -> str
     if finding.answer == "protocol" and not substitutes:
         return "the cut-off of episodes before the declared horizon"
     substitutes = substitutes or [one.substitute for one in finding.tried]
+    if is_any_scale(substitutes):
+        whose = dict.fromkeys(agent for one in substitutes for agent in one.agents)
+        return f"the policy of {', '.join(whose)}, or what it makes of what it observes"
     between = " or " if finding.answer == "ambiguous" else " and "
     return between.join(
         dict.fromkeys(part for one in substitutes for part in one.shown.split(between))

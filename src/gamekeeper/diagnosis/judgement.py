@@ -342,6 +342,11 @@ def _of_singles(
         why = f"{names} restores success, and no other ideal substitute that was played does"
         if substitutes[0].undo is not None:
             why = f"undone by {' or '.join(one.name for one in substitutes)}"
+            if is_any_scale(substitutes):
+                why += (
+                    ": as several scales do alike, the units aren't shown to be wrong; what its "
+                    "policy does with what it observes may be"
+                )
         elif len(substitutes[0].leaves) > 1:
             why += f": it is {substitutes[0].shown}, all of which is needed"
         elif not labels:
@@ -387,11 +392,22 @@ def _of_pairs(
     return ScopeFinding("ambiguous", labels, substitutes, tried, success, why)
 
 
+def is_any_scale(substitutes: Sequence[IdealSubstitute]) -> bool:
+    """Tells whether different scales of one agent's observation restore: none is the right one."""
+    undos = [one.undo for one in substitutes if one.undo is not None]
+    scales = {(each.way, each.amount) for each in undos if each.way in SCALES}
+    return len(scales) > 1
+
+
 def _labels(substitutes: Any) -> tuple[str, ...]:
+    if is_any_scale(substitutes):
+        substitutes = [one for one in substitutes if one.undo is None or one.undo.way not in SCALES]
     named = {label for substitute in substitutes for label in substitute.labels}
     return tuple(label for label in LABELS if label in named)
 
 
+SCALES: Final = ("rescale fields", "normalize fields")
+"""Undos that scale what an agent observes."""
 SURE: Final = 0.01
 """A p-value below which recorded and fresh shares differ: runs are often picked by their ends."""
 

@@ -8,8 +8,8 @@ from gamekeeper.errors import EvidenceError
 from gamekeeper.interface.env_source import Opened
 from gamekeeper.rollouts.continuations import RecordedCourse
 from gamekeeper.rollouts.reruns import play_of
-from gamekeeper.runs.recorded_policies import choices_in
 from gamekeeper.runs.replay_runner import ReplayRunner
+from gamekeeper.runs.standing import choices_in
 
 
 def course_of(evidence: Evidence, stage: OpenSetup, number: int) -> RecordedCourse:
