@@ -125,6 +125,7 @@ def test_draft_asks_little_and_says_why(
     assert not keys & {"why", "schedule.order", "schedule.conflicts", "schedule.horizon"}
     code, out, _ = said(capfd, "contract", ROUGH, "--draft")
     assert code == 0
+    assert '# why = ""\n' in out  # the reason is the author's own
     assert "## Why it matters: " in out
     Path("draft.toml").write_text(out)
     drafted = gk.Contract.load("draft.toml")

@@ -168,4 +168,5 @@ def test_divergence_is_plain_json() -> None:
         "field": "state",
         "recorded": {"$": "nan"},
         "replayed": {"$": "ndarray", "dtype": "<f8", "shape": [1], "v": [1.5]},
+        "witness": None,
     }

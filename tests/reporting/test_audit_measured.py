@@ -39,7 +39,7 @@ def test_measured_stands_beside_declared() -> None:
     rows = {line[2:26].strip(): line for line in text.splitlines()}
     assert rows["horizon"].split() == ["horizon", "20", "25", "(differs)"]
     assert rows["order"].split() == ["order", "none", "none"]
-    assert rows["deterministic"].endswith("not declared")
+    assert rows["the seed settles everyth"].endswith("not declared")
     assert rows["symmetric"].split("  ")[-1].strip() == "rover: yes"
     assert rows["reward"].endswith("sample (individual)")
     assert "Which API fits this game\n  Parallel (ParallelEnv) fits: in 518 ticks" in text

@@ -32,7 +32,7 @@ def test_broken_promises_stand_by_severity() -> None:
     blocks = dict(failed_blocks(mixed(), width=80))
     assert list(blocks) == ["Failed: high severity", "Failed: low severity"]
     high = blocks["Failed: high severity"]
-    assert high.splitlines()[0] == "  GK402  breaks the rule: The promise of GK402."
+    assert high.splitlines()[0] == "  GK402  Rule broken: The promise of GK402."
     for word in ("rollout/7, turn 8", "expected  0.0", "actual    0.5", "30 of 260 cases"):
         assert word in high
 
@@ -154,7 +154,7 @@ def test_passed_checks_with_few_cases_say_what_they_could_miss() -> None:
     )
     title, row = chances_text(document, width=120).splitlines()
     assert "could miss" in title
-    assert row.split() == ["4", "cases", "(53", "%)", "GK1,", "GK2"]
+    assert row.split() == ["4", "cases", "(up", "to", "53", "%)", "GK1,", "GK2"]
 
 
 def test_errors_show_the_last_line_of_the_traceback() -> None:
@@ -165,7 +165,4 @@ def test_errors_show_the_last_line_of_the_traceback() -> None:
 def test_brief_rows_count_what_they_leave_out() -> None:
     """The worst ones by id, severity and claim; the rest as a number."""
     rows = brief_rows(mixed(), most=1)
-    assert rows == [
-        ("GK402", "high", "breaks the rule: The promise of GK402."),
-        ("", "", "and 1 more"),
-    ]
+    assert rows == [("GK402", "high", "Rule broken: The promise of GK402."), ("", "", "and 1 more")]

@@ -62,6 +62,8 @@ def test_cause_is_told_from_how_plays_differ(
         *same, changed={"source": ["1", "2"], "numpy": ["1", "2"]}
     )
     assert "not as recorded" in say(*same)
+    after = say(*same[:3], play("y"), changed={"source": ["1", "2"]})
+    assert after.index("its source; also") < after.index("depends on what was played before it")
     assert say(None, play("x")) == "None"
 
 
@@ -77,6 +79,7 @@ def test_cause_names_another_environment(tmp_path: Path, monkeypatch: pytest.Mon
         "walks.py:Other"
     )
     assert "not as recorded" in say("walks.py:Walk")
+    assert "not as recorded" in say("walks:Walk")
     assert "not as recorded" in say("walks.py:Other", env=None)
 
 

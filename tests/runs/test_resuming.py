@@ -138,4 +138,55 @@ def test_command_reads_lines_at_that_turn(
     assert main(["resume", str(run), "--turn", "3"]) == 0
     shown = "".join(capfd.readouterr())
     assert "True True" in shown
-    assert "turn 3: every turn so far is as it was recorded" in shown
+    assert "turn 3: turns 0 to 2 are as recorded" in shown
+
+
+SLIPPING = """\
+import numpy as np
+from gymnasium import spaces
+from pettingzoo import ParallelEnv
+
+class Slip(ParallelEnv):
+    metadata = {"name": "slip_v0"}
+    possible_agents = ["a"]
+
+    def __init__(self):
+        self.rng, self.slips = np.random.default_rng(), np.random.default_rng(5)
+
+    def observation_space(self, agent):
+        return spaces.Box(-99, 99, (1,), np.float64)
+
+    def action_space(self, agent):
+        return spaces.Discrete(2)
+
+    def reset(self, seed=None, options=None):
+        self.agents, self.turn, self.at = ["a"], 0, 0.0
+        return self.seen(), {"a": {}}
+
+    def seen(self):
+        return {"a": np.array([self.at])}
+
+    def step(self, actions):
+        self.turn += 1
+        self.at += self.slips.random()
+        self.agents = [] if self.turn == 5 else ["a"]
+        return self.seen(), {"a": 0.0}, {"a": False}, {"a": self.turn == 5}, {"a": {}}
+"""
+
+
+def test_an_episode_of_actions_that_hangs_on_others_is_refused(tmp_path: Path) -> None:
+    """State that outlives a seeded reset shows in the witnesses at the episode's end alone."""
+    path = tmp_path / "slipping.py"
+    path.write_text(SLIPPING, encoding="utf-8")
+    env = gk.record(gk.make(f"{path}:Slip"), tmp_path / "run", level="actions")
+    for seed in (3, 4):
+        env.reset(seed=seed)
+        while env.agents:
+            env.step({"a": 1})
+    env.close()
+    named = {"env": f"{path}:Slip", "turn": 4}
+    resumed = gk.resume(tmp_path / "run", episode=0, **named)
+    assert "turns 0 to 3 and 1 witness" in resumed.compared
+    assert "weren't compared" in resumed.compared
+    with pytest.raises(EvidenceError, match="any turn after 0, the last witness"):
+        gk.resume(tmp_path / "run", episode=1, **named)

@@ -17,6 +17,10 @@ MOST_SHOWN: Final = 3
 """Broken cases of one check that become findings, each of another field."""
 FAR: Final = 1 << 60
 NOISE: Final = "the same seed and actions give another episode each time, so none can be compared"
+LEAKS: Final = (
+    "the same seed and actions give the same episode in fresh instances, but another one here, so "
+    "none can be compared: it differs after another episode (see GK604)"
+)
 
 WANTED: Final = {
     "alternated": "a second instance that can be built, reset and stepped beside the first",
@@ -123,7 +127,8 @@ def _not_exercised(check: Check, evidence: ProbeEvidence) -> str:
     pairs = (each for name in check.needs for each in evidence.counterfactuals(name))
     is_noisy = any(each.noise is not None for each in pairs)
     if is_noisy:
-        return NOISE
+        again = list(evidence.counterfactuals("same_seed"))
+        return LEAKS if again and all(each.divergence is None for each in again) else NOISE
     probed = (WANTED[name] for name in check.needs if name in WANTED)
     wanted = check.looks_at or next(probed, "")
     return f"{NO_CASE}: {wanted}" if wanted else NO_CASE

@@ -253,7 +253,12 @@ def _interrupted(screen: Screen, stopped: KeyboardInterrupt) -> int:
 
 
 def _unwritten(screen: Screen, error: OSError) -> int:
-    """Reports that results couldn't be written: the command's own exit code would mislead."""
+    """Reports that results couldn't be written: the command's own exit code would mislead.
+
+    A reader that left, as `head` does, knows it: nothing is said then.
+    """
+    if isinstance(error, BrokenPipeError):
+        return UNSURE
     screen.error(f"stdout can't be written: {error.strerror or error}")
     return UNSURE
 

@@ -26,7 +26,8 @@ LOCAL: Final = "local"
 FanOption: TypeAlias = Annotated[
     int | None,
     workers_option(
-        "Number of worker processes; the result is the same for any number (default: 1, or "
+        "Number of worker processes; the result is the same for any number, as long as an episode "
+        "doesn't depend on those before it (gamekeeper audit, GK604) (default: 1, or "
         "with --executor one per core)."
     ),
 ]

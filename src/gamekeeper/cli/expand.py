@@ -33,15 +33,16 @@ def command(
 ) -> CommandResult:
     """Plays a run of level actions or digest again, and records it in full.
 
-    Every reward, every flag and the digest of every witness is compared with the recorded one; the
-    fingerprint is that of the same run recorded in full. Volatile infos, timings and frames aren't
+    Every reward, every flag and the digest of every witness is compared with the recorded one;
+    observations between witnesses aren't kept, and can't be. The fingerprint is that of the same
+    run recorded in full. Volatile infos, timings and frames aren't
     restored.
 
     Exit code 0: expanded. 1: it came out otherwise; nothing is left in OUT.
 
     Example: gamekeeper expand runs/small runs/full
     """
-    from gamekeeper.reporting.results_text import divergence_text
+    from gamekeeper.reporting.results_text import diverged_text
     from gamekeeper.runs.expanding import expand
 
     try:
@@ -50,9 +51,7 @@ def command(
                 run, out, env=env, allow_import=allow_import, timeout_s=timeout, on_message=take
             )
     except DivergenceError as error:
-        screen.verdict(
-            f"diverged at {divergence_text(error.divergence, width=screen.width)}", "bad"
-        )
+        screen.verdict(diverged_text(error.divergence, width=screen.width), "bad")
         screen.show("Nothing was written. `gamekeeper replay RUN` looks for the cause.")
         divergence = error.divergence.to_json()
         return CommandResult({"run": str(run), "out": None, "divergence": divergence}, 1)

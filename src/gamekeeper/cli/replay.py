@@ -79,7 +79,7 @@ def show_replayed(
         indent: text in front of every line.
         digits: number of digits of the fingerprint that are shown; None: all.
     """
-    from gamekeeper.reporting.results_text import cause_text, divergence_text, versions_text
+    from gamekeeper.reporting.results_text import cause_text, diverged_text, versions_text
 
     width = screen.width - len(indent)
     shown = replayed.fingerprint[:digits] + "..." * (digits is not None)
@@ -91,8 +91,8 @@ def show_replayed(
             differ = versions_text(replayed.versions, width=width)
             screen.show(textwrap.indent(f"{differ}\n(every turn is equal nevertheless)", indent))
     elif replayed.divergence is not None:
-        text = divergence_text(replayed.divergence, width=width)
-        screen.verdict(f"diverged at {text}", "bad", indent=indent)
+        text = diverged_text(replayed.divergence, width=width)
+        screen.verdict(text, "bad", indent=indent)
         why = [
             cause_text(replayed.cause, width=width),
             versions_text(replayed.versions, width=width),

@@ -83,7 +83,7 @@ def command(
 
 def _show(screen: Screen, found: CheckedClaim) -> None:
     from gamekeeper.evaluation.claim_check import ABSENT
-    from gamekeeper.reporting.results_text import divergence_text
+    from gamekeeper.reporting.results_text import diverged_text
     from gamekeeper.reporting.text_columns import column_lines, wrapped
 
     screen.show(f"digest {found.digest}")
@@ -101,8 +101,8 @@ def _show(screen: Screen, found: CheckedClaim) -> None:
         screen.show(f"not installed here: {', '.join(absent[:MOST_NAMED])}{more}")
     for run, played in found.replays.items():
         if played.divergence is not None:
-            where = divergence_text(played.divergence, width=screen.width)
-            screen.verdict(f"{run} diverged at {where}", "bad")
+            where = diverged_text(played.divergence, width=screen.width)
+            screen.verdict(f"{run} {where}", "bad")
     for run, reason in found.reasons.items():
         screen.error(f"{run} wasn't played again: {reason}")
     shown = list(found.figures)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import code
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
 from gamekeeper.cli._options import MOST, ImportOption, ReopenOption, RunArgument, episode_option
 from gamekeeper.cli._screen import CommandResult, Screen
+
+if TYPE_CHECKING:
+    from gamekeeper.runs.resuming import Resumed
 
 ORDER: Final = 45
 EpisodeOption = Annotated[int, episode_option("Number of the episode.")]
@@ -34,7 +37,8 @@ def command(
 ) -> CommandResult:
     """Opens a recorded episode at one of its turns, in IPython or Python's own console.
 
-    Plays the episode again up to the turn, compares every turn on the way with the recorded one,
+    Plays the episode again up to the turn, compares every turn on the way with the recorded one
+    (of level actions: rewards, flags and witnesses, to the episode's end), says what it compared,
     and hands over `env`, live, `policies` as they were then, and `observations` and `infos` of a
     ParallelEnv. Nothing is written.
 
@@ -52,19 +56,26 @@ def command(
         "infos": resumed.infos,
     }
     live = list(map(str, resumed.env.agents))
-    document = {"run": str(run), "episode": episode, "turn": turn, "agents": live}
+    document = {
+        "run": str(run),
+        "episode": episode,
+        "turn": turn,
+        "agents": live,
+        "compared": resumed.compared,
+    }
     try:
         if not screen.is_json:
-            _console(names, _banner(run, episode, turn, live, resumed.policies is not None))
+            _console(names, _banner(str(run), resumed, live))
     finally:
         resumed.env.close()
     return CommandResult(document)
 
 
-def _banner(run: object, episode: int, turn: int, live: list[str], has_policies: bool) -> str:
+def _banner(run: str, resumed: Resumed, live: list[str]) -> str:
+    has_policies = resumed.policies is not None
     act = "policies.act(agent, observation, info)" if has_policies else "none that the run names"
     return (
-        f"{run}, episode {episode}, turn {turn}: every turn so far is as it was recorded.\n"
+        f"{run}, episode {resumed.episode}, turn {resumed.turn}: {resumed.compared}.\n"
         f"  env           live agents: {', '.join(live) or 'none, it is over'}\n"
         f"  policies      {act}\n"
         "  observations, infos: as a ParallelEnv returned them last; env.last() of an AECEnv"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from shlex import quote
@@ -53,6 +53,8 @@ ORDER: Final = 10
 INDENT: Final = "  "
 SHOWN_DIGITS: Final = 16
 """Digits of the fingerprint in the verdict; all of it stands below, within 80 columns."""
+LEAK: Final = "GK604"
+"""Check of what outlives a reset."""
 NEAR: Final = "1e-6"
 """Differences up to here, absolute or relative, come from arithmetic; larger ones from rules."""
 MOST_AGENTS: Final = 24
@@ -150,7 +152,9 @@ def command(
     path = recorded.evidence.path
     is_whole = recorded.error is None and not recorded.is_interrupted
     with said_if_interrupted(screen, f"interrupted in the replay: the run in {path} is complete"):
-        replayed = replay_here(screen, recorded, timeout=timeout) if is_whole else None
+        replayed = (
+            replay_here(screen, recorded, timeout=timeout, failed=known) if is_whole else None
+        )
     line = audit_line if _has_failed(audited) else None
     show_end(screen, recorded, next_command(env, line, recorded, replayed))
     record = {**rollout_document(recorded), "verdicts": verdicts}
@@ -279,7 +283,9 @@ def show_summary(screen: Screen, recorded: Recorded, *, seed: int, most_turns: i
         screen.show("\n".join(wrapped(text, screen.width, first=INDENT, rest=INDENT)))
 
 
-def replay_here(screen: Screen, recorded: Recorded, *, timeout: float) -> Replay:
+def replay_here(
+    screen: Screen, recorded: Recorded, *, timeout: float, failed: Collection[str] = ()
+) -> Replay:
     """Replays the episodes that were just recorded, and shows the result."""
     from gamekeeper.runs.comparison import replay
 
@@ -290,6 +296,8 @@ def replay_here(screen: Screen, recorded: Recorded, *, timeout: float) -> Replay
         )
     screen.show("\nReplayed in a new process")
     show_replayed(screen, replayed, indent=INDENT, digits=SHOWN_DIGITS)
+    if replayed.verified and LEAK in failed:
+        screen.show(f"{INDENT}in the recorded order; an episode alone may differ ({LEAK})")
     return replayed
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import zlib
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from itertools import chain
 from typing import Any
 
@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from gamekeeper.episodes.actions_level import EVERY
 from gamekeeper.episodes.arrow import cells_of
 from gamekeeper.episodes.block import Raw
 from gamekeeper.episodes.canonical import drop, to_json, without
@@ -118,6 +119,8 @@ class Divergence:
             `rows`, `digest`, or a field of the header.
         recorded: the value on the left.
         replayed: the value on the right.
+        witness: the last turn before it that was compared whole, in a run of level `actions`,
+            which keeps no observations of the turns after that; else None.
     """
 
     episode: int
@@ -126,6 +129,8 @@ class Divergence:
     field: str
     recorded: Any
     replayed: Any
+    _: KW_ONLY
+    witness: int | None = None
 
     @property
     def field_text(self) -> str:
@@ -159,14 +164,33 @@ class Divergence:
             "field": self.field,
             "recorded": json.loads(to_json(self.recorded)),
             "replayed": json.loads(to_json(self.replayed)),
+            "witness": self.witness,
         }
+
+    @property
+    def are_digests(self) -> bool:
+        """True where the values are digests, which tell a reader nothing."""
+        values = self.recorded, self.replayed
+        return self.field in ("digest", "state") and all(isinstance(x, bytes) for x in values)
+
+    @property
+    def begun_text(self) -> str:
+        """Turns at which it may have begun unnoticed, in words; else empty."""
+        if self.witness is None:
+            return ""
+        return (
+            f"at level actions it may have begun at any turn after {self.witness}, the last "
+            "witness, or unnoticed in an episode before"
+        )
 
     def __str__(self) -> str:
         place = replace(self, agent=None).place_text
         key = f"{self.field}[{self.agent!r}]" if self.agent is not None else self.field_text
         recorded, replayed = shown_pair(self.recorded, self.replayed)
+        values = [f"recorded: {recorded}", f"replayed: {replayed}"]
+        lines = ["the digests differ"] if self.are_digests else values
         first = ", ".join(filter(None, [place, key]))
-        return f"{first}\n  recorded: {recorded}\n  replayed: {replayed}"
+        return "\n  ".join([first, *lines, *filter(None, [self.begun_text])])
 
     def _repr_html_(self) -> str:
         both = shown_pair(self.recorded, self.replayed)
@@ -212,6 +236,9 @@ class Comparison:
             )
             self.largest = max(self.largest, size)
             if self.divergence is not None:
+                if self._is_kept and number:
+                    witness = (number - 1) // EVERY * EVERY
+                    self.divergence = replace(self.divergence, witness=witness)
                 return False
         return True
 

@@ -31,6 +31,8 @@ SURE: Final = 0.995
 """Confidence from which on it isn't shown."""
 LARGE_SHARE: Final = 0.1
 """Share of cases from which on it is told that a fault in fewer could have been missed."""
+RERUNS: Final = "it needs reruns"
+"""Beginning of the reason for which a recorded run leaves most checks not exercised."""
 MOST_SHOWN: Final = 400
 """Characters of a value that a finding shows; the JSON document has all of it."""
 
@@ -140,7 +142,7 @@ def suspected_text(audit: Document, *, width: int) -> str:
     for each in verdicts_of(audit, "suspected"):
         first = (each["findings"] or [{}])[0]
         seen = f" At {first['where']}: {first['actual']}." if first else ""
-        text = f"may break the rule: {each['claim']}{seen} Not confirmed: {each['reason']}."
+        text = f"Rule perhaps broken: {each['claim']}{seen} Not confirmed: {each['reason']}."
         rows.append((each["id"], _short(text)))
     return _section("Suspected (seen once, not shown again)", rows, width)
 
@@ -159,7 +161,7 @@ def _brief(verdict: Document) -> str:
 
 
 def _broken(verdict: Document) -> str:
-    return f"breaks the rule: {verdict['claim']}"
+    return f"Rule broken: {verdict['claim']}"
 
 
 def _finding(verdict: Document, width: int) -> str:
@@ -222,8 +224,12 @@ def waived_text(audit: Document, *, known: Collection[str], width: int) -> str:
 def not_exercised_text(audit: Document, *, width: int) -> str:
     """Checks that were not exercised with what they claim, under the reason."""
     by_reason: dict[str, list[Row]] = {}
+    reruns = 0
     for each in verdicts_of(audit, "not_exercised"):
         reason, text = each["reason"], each["claim"]
+        if reason.startswith(RERUNS):
+            reruns += 1
+            continue
         if reason.startswith(f"{NO_CASE}: "):
             reason, text = NO_CASE, f"{text} Looks at: {reason.removeprefix(f'{NO_CASE}: ')}."
         by_reason.setdefault(_short(reason), []).append((each["id"], _short(text)))
@@ -231,6 +237,9 @@ def not_exercised_text(audit: Document, *, width: int) -> str:
         _section(f"Checks not exercised ({len(rows)}): {reason}", rows, width)
         for reason, rows in by_reason.items()
     ]
+    if reruns:
+        need = "check needs" if reruns == 1 else "checks need"
+        parts.append(f"{reruns} {need} reruns: gamekeeper audit ENV (--json has their ids)")
     return "\n\n".join(parts)
 
 
@@ -251,12 +260,12 @@ def chances_text(audit: Document, *, width: int) -> str:
     for each in passed:
         missed = each.get("could_miss")  # a document of an earlier version has none
         if missed is not None and missed > LARGE_SHARE:
-            share = f"{100 * missed:.0f} %"
+            share = f"up to {100 * missed:.0f} %"
             by_share.setdefault(f"{_counted(each['cases'], 'case')} ({share})", []).append(
                 each["id"]
             )
     rows = [(cases, ", ".join(ids)) for cases, ids in by_share.items()]
-    title = "Passed on few cases (could miss a fault seen in fewer than this share)"
+    title = "Passed on few cases (could miss a fault that shows in so large a share of cases)"
     return _section(title, rows, width)
 
 

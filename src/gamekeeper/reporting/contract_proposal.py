@@ -101,13 +101,14 @@ def _is_answered(question: Question, contract: Contract) -> bool:
 
 
 def _left(question: Question, measured: Measured) -> Question | None:
-    """A proposal where it was measured, else the question with its reason."""
+    """A proposal where it was measured, else the question with its reason; `why` stays empty."""
     path = question.path
     if path == ("why",):
         text = str(measured.get("why") or "")
-        return (
-            replace(question, ask="measured", hint="", measured=value_text(text)) if text else None
-        )
+        ask = "why this API: your own reason"
+        hint = f"measured: {text}"
+        empty: dict[str, Any] = {"measured": value_text(""), "lines": ('why = ""',)}
+        return replace(question, ask=ask, hint=hint, **empty) if text else None
     if path[0] == "roles" and path[-1] == "symmetric":
         found = (measured.get("symmetric") or {}).get(path[1])
         if isinstance(found, Mapping) and isinstance(found.get("seems"), bool):

@@ -40,6 +40,7 @@ LEFT_OUT: Final = ("positive", "negative")
 SPOKEN: Final = {"zero_sum": "zero-sum", "after_end": "after the end"}
 """Keys that are shown in other words; names of agents and roles stay."""
 LABELS: Final = {
+    "deterministic": "the seed settles everything",
     "legality": "moves change masks of others",
     "order_sensitive": "dictionary order matters",
 }
@@ -79,7 +80,7 @@ def measured_text(audit: Document, *, width: int) -> str:
     rows = [
         (
             LABELS.get(key, key.replace("_", " ")),
-            _cut(_value(key, value)) or "not measured",
+            _cut(_value(key, value)) or unmeasured(measured, key),
             _declared(declared_as(declared, key), value),
         )
         for key, value in measured.items()
@@ -104,6 +105,12 @@ def measured_text(audit: Document, *, width: int) -> str:
         why = one_line(f"{api}: {measured.get('why', '')}".removesuffix(": "))
         parts.append("\n".join([ADVICE, *wrapped(why, width, first=INDENT, rest=INDENT)]))
     return "\n\n".join(filter(None, parts))
+
+
+def unmeasured(measured: Document, key: str) -> str:
+    """`not measured`, with the reason where the audit has one."""
+    why = (measured.get("not_measured") or {}).get(key)
+    return f"not measured: {one_line(str(why))}" if why else "not measured"
 
 
 def _errors_text(errors: Sequence[Document], *, width: int) -> str:
@@ -213,7 +220,7 @@ def _symmetry(value: Document) -> str:
 def _message(value: Document) -> str:
     """A role's action as a message or as more, the roles that observe it, and the looks."""
     if not value["message"]:
-        return f"none: its action changes more than what others observe, {value['n']:,} comparisons"
+        return f"acts on the world, so it isn't a message, {value['n']:,} comparisons"
     return f"its action is a message to {words(value['to'])}, {value['n']:,} comparisons"
 
 

@@ -150,12 +150,22 @@ def errors_text(errors: Sequence[Mapping[str, Any]], *, width: int) -> str:
 def divergence_text(
     divergence: Divergence, *, sides: tuple[str, str] = ("recorded", "replayed"), width: int
 ) -> str:
-    """The place on the first line, then both values under one another."""
+    """The place on the first line, then both values under one another, unless these are digests."""
     place, field = divergence.place_text, divergence.field_text
     lines = [one_line(f"{place}: {field}" if place else field)]
+    if divergence.begun_text:
+        lines += wrapped(divergence.begun_text, width, first=INDENT, rest=INDENT)
+    if divergence.are_digests:
+        return "\n".join([*lines, f"{INDENT}the digests differ"])
     rows = list(zip(sides, _values(divergence), strict=True))
     whole = max(map(columns_of, sides))  # two runs are told apart by the ends of their paths
     return "\n".join([*lines, *table_lines(rows, width=width, most=whole)])
+
+
+def diverged_text(divergence: Divergence, *, width: int) -> str:
+    """`diverged at ...`; of a difference that may have begun earlier, the place it was noticed."""
+    at = "diverged; first noticed at" if divergence.begun_text else "diverged at"
+    return f"{at} {divergence_text(divergence, width=width)}"
 
 
 def change_text(divergence: Divergence) -> str:
@@ -164,7 +174,8 @@ def change_text(divergence: Divergence) -> str:
     places = [f"episode {divergence.episode}"]
     places += [] if divergence.turn is None else [f"turn {divergence.turn}"]
     whose = "" if divergence.agent is None else f" of {divergence.agent}"
-    return one_line(f"{', '.join(places)}, {divergence.field_text}{whose}: {then} → {now}")
+    values = "the digests differ" if divergence.are_digests else f"{then} → {now}"
+    return one_line(f"{', '.join(places)}, {divergence.field_text}{whose}: {values}")
 
 
 def cause_text(cause: str | None, *, width: int) -> str:

@@ -49,9 +49,10 @@ def expand(
 ) -> Evidence:
     """Plays a run of level `actions` or `digest` again into full evidence, verified on the way.
 
-    Its rewards, flags and witnesses are compared with those of the new run, whose fingerprint is
-    the one that recording in full would have given. Volatile infos, timings and frames aren't
-    restored.
+    Its rewards, flags and witnesses are compared with those of the new run; at level `actions`
+    observations between witnesses aren't kept, and can't be. Where all is as it was, the
+    fingerprint is the one that recording in full would have given. Volatile infos, timings and
+    frames aren't restored.
 
     Args:
         run: the folder of the run, or evidence that was loaded from one.

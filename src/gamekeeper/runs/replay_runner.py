@@ -355,14 +355,15 @@ def cause_of(
             "the environment depends on Python's hash seed: it iterates over a set, or calls "
             "hash(), where the order matters; sort it, or set PYTHONHASHSEED for both runs"
         )
-    if since:
-        after = played(first=0, hash_seed=1)
-        if after is not None and after["prints"] != one["prints"]:
-            return (
-                f"episode {where.episode} depends on what was played before it: the environment "
-                "keeps something over a seeded reset"
-            )
-    return _reproducible(evidence, env, one.get("entry_point"), changed)
+    after = played(first=0, hash_seed=1) if since else None
+    leaks = after is not None and after["prints"] != one["prints"]
+    other_source = _other_source(evidence, env, one.get("entry_point"), changed)
+    if leaks:
+        return _leak(where.episode, known, other_source)
+    return other_source or (
+        "every replay comes out the same, but not as recorded: the recording depended on something "
+        "outside it (what was played before, files, the machine)"
+    )
 
 
 def _irreproducible(drew: list[str]) -> str:
@@ -376,23 +377,38 @@ def _irreproducible(drew: list[str]) -> str:
     )
 
 
-def _reproducible(
+def _leak(episode: int, known: frozenset[int], other_source: str | None) -> str:
+    """An episode that comes out otherwise after others; another source comes first as the cause."""
+    what = (
+        f"episode {episode} depends on what was played before it: the environment keeps something "
+        "over a seeded reset"
+    )
+    if other_source is not None:
+        return f"{other_source}; also, with the source as it is now, {what}"
+    dropped = episode - sum(each < episode for each in known)
+    return f"{what}; the run dropped {dropped} of the episodes before it" if dropped else what
+
+
+def _other_source(
     evidence: Evidence, env: str | None, entry_point: str | None, changed: Mapping[str, Any]
-) -> str:
+) -> str | None:
+    """The environment that was replayed, where it isn't the recorded one; else None."""
     then = evidence.manifest["environment"]
     is_named = env is not None and then.get("kind") not in IN_MEMORY  # an object has no name
-    if is_named and then.get("entry_point") != entry_point:
+    ends = [str(each).rpartition(":")[2] for each in (then.get("entry_point"), entry_point)]
+    is_spelled = ends[0] == ends[1] and "source" not in changed  # `a:Env` may be `a.py:Env`
+    if is_named and then.get("entry_point") != entry_point and not is_spelled:
         return (
-            "the environment is reproducible, but the one that was named for the replay isn't the "
-            f"recorded one: {then.get('entry_point')} was recorded, {entry_point} replayed"
+            "replays of this episode come out the same, but the environment that was named isn't "
+            f"the recorded one: {then.get('entry_point')} was recorded, {entry_point} replayed"
         )
     if changed:
         names = ", ".join("its source" if name == "source" else name for name in changed)
-        return f"the environment is reproducible, but it changed since the recording: {names}"
-    return (
-        "every replay comes out the same, but not as recorded: the recording depended on something "
-        "outside it (what was played before, files, the machine)"
-    )
+        return (
+            "replays of this episode come out the same, but the environment isn't as it was: it "
+            f"changed since the recording: {names}"
+        )
+    return None
 
 
 def play_task(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import closing
 from dataclasses import dataclass, replace
 from os import PathLike
 from typing import Any
@@ -10,7 +11,8 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from gamekeeper.episodes.divergence import Divergence, compare
+from gamekeeper.episodes.actions_level import EVERY
+from gamekeeper.episodes.divergence import Comparison, Divergence, compare
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import EvidenceError
@@ -35,6 +37,7 @@ class Resumed:
         infos: the same of the infos.
         episode: number of the episode.
         turn: env steps that were taken since its reset.
+        compared: the parts of the recording that were compared on the way, in a sentence.
     """
 
     env: Any
@@ -43,6 +46,7 @@ class Resumed:
     infos: Mapping[Any, Any]
     episode: int
     turn: int
+    compared: str
 
     def __iter__(self) -> Iterator[Any]:
         """Yields the environment and the policies."""
@@ -59,8 +63,12 @@ def resume(
 ) -> Resumed:
     """Opens the environment of a run and plays one of its episodes again up to a turn.
 
-    Every turn on the way is compared with the recorded one. Policies that the run names choose
-    again, so that what they remember is as it was; else the recorded actions are played.
+    Every turn on the way is compared with the recorded one. A run of level `actions` keeps no
+    observations between witnesses: of it, rewards, flags and witnesses are compared, and the
+    episode is first played to its end once, as the rows in which agents end are witnesses. An
+    environment that keeps something over a reset may stand elsewhere nevertheless; `compared` says
+    what was compared. Policies that the run names choose again, so that what they remember is as
+    it was; else the recorded actions are played.
 
     Args:
         run: the folder of a run, or evidence.
@@ -85,6 +93,8 @@ def resume(
         policies=names.values(),
         allow_import=allow_import,
     ):
+        if evidence.manifest.get("level") == "actions":
+            _check_to_the_end(evidence, header, env)
         opened = opened_again(evidence, env)
         try:
             chooser = cast_of(names, opened.env, evidence.contract) if names else None
@@ -102,7 +112,36 @@ def resume(
         except BaseException:
             opened.env.close()
             raise
-    return Resumed(opened.env, chooser, *runner.returned(), episode, turn)
+    said = _compared(evidence, turn)
+    return Resumed(opened.env, chooser, *runner.returned(), episode, turn, said)
+
+
+def _check_to_the_end(evidence: Evidence, header: Mapping[str, Any], env: str | None) -> None:
+    """Raises where the whole episode, played by its actions, comes out otherwise."""
+    known = frozenset(evidence.episode_table["episode"].to_pylist())
+    both = Comparison(evidence.extent(header), volatile=evidence.contract.volatile_infos())
+    with closing(ReplayRunner(evidence, opened_again(evidence, env))) as runner:
+        for number in chain_of(header, known):
+            runner.play(evidence.header(number))
+        runner.play(header, look=both.look)
+        both.ends()
+    if both.divergence is not None:
+        raise _otherwise(header["episode"], str(both.divergence))
+
+
+def _compared(evidence: Evidence, turn: int) -> str:
+    """The parts of the turns before `turn` that were compared, and those that weren't."""
+    turns = f"turns 0 to {turn - 1}" if turn > 1 else "turn 0"
+    if evidence.manifest.get("level") != "actions":
+        are = "are" if turn > 1 else "is"
+        return f"{turns} {are} as recorded" if turn else "no turn was played, so none was compared"
+    count = -(-turn // EVERY)
+    witnesses = f"{count} witness{'es' if count != 1 else ''}"
+    before = f"rewards and flags of {turns} and {witnesses}, and " if turn else ""
+    return (
+        f"{before}rewards, flags and witnesses of the whole episode, which was played to its end "
+        "first, are as recorded; observations between witnesses aren't kept and weren't compared"
+    )
 
 
 def _otherwise(episode: int, seen: str) -> EvidenceError:

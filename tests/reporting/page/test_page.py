@@ -287,7 +287,7 @@ def test_outcome_needs_a_condition(failure: str | None, expected: str) -> None:
     run = shown(recorded(failure=failure), key="a", path="run", name="run")
     answers = {each.question: each.text for each in answers_of(run, Documents())}
     assert answers["Outcome"] == expected
-    assert answers["Verified"] == "A run that isn't finalized has no checksums to compare."
+    assert answers["Files"] == "A run that isn't finalized has no checksums to compare."
 
 
 def test_cause_links_to_the_turn_of_its_counterfactual() -> None:

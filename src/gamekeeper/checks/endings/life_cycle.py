@@ -34,10 +34,10 @@ from gamekeeper.episodes.episode import Episode
     looks_at="an episode that was played to its end",
 )
 def steps_end_with_the_episode(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
-    """A step after the end of the episode doesn't silently go on and return rewards or turns.
+    """A step after the end of an episode raises, or gives nothing (Parallel: five empty dicts).
 
     A loop that forgets a reset then trains on an episode that isn't there. An exception of any kind
-    is fine, and so are five empty dictionaries.
+    is fine, and so are five empty dictionaries, that of the observations among them.
 
     Bad:
     ```python

@@ -256,8 +256,8 @@ def _seed_zero_proof(api: str, seed: int, tells: frozenset[str]) -> Reproducer:
     fix="build the generator anew whenever reset() is given a seed, not only where there is none "
     "yet",
     applies=settled_by_seed,
-    looks_at="a used instance that plays as a fresh one, or one play for all seeds: what else "
-    "outlives a reset is told by GK604",
+    looks_at="a used instance that plays a seed as a fresh one does, or plays all seeds alike (any "
+    "other difference is GK604's)",
 )
 def later_seeds_are_obeyed(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
     """Every reset(seed) seeds the play, not only the first one of an instance.

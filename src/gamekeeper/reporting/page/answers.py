@@ -73,9 +73,9 @@ def _verified(run: ShownRun) -> Answer:
     link = {"link": "#provenance", "link_text": "provenance"}
     if root is None:
         text = "A run that isn't finalized has no checksums to compare."
-        return Answer("Verified", text, "not verified", "warn", **link)
+        return Answer("Files", text, "not compared", "warn", **link)
     text = f"Every file matches its checksum, root digest {root[:DIGITS]}; not replayed here."
-    return Answer("Verified", text, "files match", "passed", **link)
+    return Answer("Files", text, "intact", "passed", **link)
 
 
 def _outcome(run: ShownRun) -> Answer | None:

@@ -16,6 +16,7 @@ from gamekeeper.reporting.measured_text import (
     DECLARED,
     declared_as,
     measured_by_agent,
+    unmeasured,
     words,
 )
 from gamekeeper.reporting.page.episode_figures import Figures
@@ -287,7 +288,7 @@ def _beside(measured: Mapping[str, Any], declared: Mapping[str, Any], source: st
     rows = tuple(
         (
             Cell(key.replace("_", " ")),
-            Cell(words(measured.get(key)) or "not measured"),
+            Cell(words(measured.get(key)) or unmeasured(measured, key)),
             Cell(words(declared_as(declared, key)) or "not declared"),
         )
         for key in keys
@@ -412,7 +413,7 @@ def _endings(figures: Figures) -> dict[str, Any]:
     terminated = int((figures.terminated & there).sum())
     truncated = int((figures.truncated & ~figures.terminated & there).sum())
     return {
-        "terminated": terminated,
-        "truncated": truncated,
-        "neither": int(there.sum()) - terminated - truncated,
+        "agents terminated": terminated,
+        "agents truncated": truncated,
+        "agents of neither": int(there.sum()) - terminated - truncated,
     }
