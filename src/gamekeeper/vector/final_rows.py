@@ -40,6 +40,9 @@ class FinalRows(Sequence[Any]):
             return np.asarray(self)[index]
         return None if rows < 0 else self.row(int(rows))
 
+    def __repr__(self) -> str:
+        return repr(np.asarray(self))
+
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
         found = np.empty(len(self), object)
         for row, env in enumerate(self.envs.tolist()):

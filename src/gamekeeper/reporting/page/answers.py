@@ -107,10 +107,12 @@ def _paid(run: ShownRun) -> Answer | None:
 
 def _winner(run: ShownRun) -> str:
     """The agent that most often has the highest return alone, as the rest of a sentence."""
+    if len(run.figures.agents) < 2:
+        return ""
     values = np.where(run.figures.present, run.figures.returns, -np.inf)
     is_best = values == values.max(axis=1, keepdims=True)
     counts = is_best[is_best.sum(axis=1) == 1].sum(axis=0)
-    if len(run.figures.agents) < 2 or not counts.any():
+    if not counts.any():
         return ""
     agent = run.figures.agents[int(np.argmax(counts))]
     return f"; {agent} has the highest in {counts.max()} of {len(values)}"
