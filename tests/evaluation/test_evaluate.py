@@ -76,7 +76,7 @@ def test_few_pairs_say_which_is_more_often_above() -> None:
     assert (row["difference"]["above"], row["difference"]["below"]) == (12, 0)
     assert row["difference"]["p_alone"] == pytest.approx(2.0**-11)
     assert row["improvement"]["low"] == pytest.approx(0.025 ** (1 / 12))
-    assert "met is more often above still: above in 12, below in 0 of 12 pairs" in row["claim"]
+    assert "met is above still in each of 12 pairs, p =" in row["claim"]
 
 
 def test_evaluate_compares_on_shared_seeds_with_correction() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
@@ -118,11 +118,15 @@ def audit_here(
         gathering.stopped, bench.steps_left = INTERRUPTED, 0
         return judged(until_s=0.0)
     finally:
-        for each in workers.values():
-            each.close()
-        if opened.make is not None:
-            with suppress(Exception, SystemExit):  # one that raises is a finding of a check's
-                opened.env.close()
+        _close(opened, workers.values())
+
+
+def _close(opened: Opened, workers: Iterable[WarmWorker]) -> None:
+    for each in workers:
+        each.close()
+    if opened.make is not None:
+        with suppress(Exception, SystemExit):  # one that raises is a finding of a check's
+            opened.env.close()
 
 
 def _no_budget(budget: int) -> EvidenceError:

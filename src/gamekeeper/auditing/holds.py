@@ -408,9 +408,9 @@ def still_entropy() -> Iterator[None]:
 
 
 class ClassState:
-    """What the classes of an environment and its wrappers keep, as it was before any play.
+    """Attributes of the classes of an environment and its wrappers, as before any play.
 
-    That is what stands in their attributes, and in default arguments of their functions.
+    Default arguments of their functions are among them.
     """
 
     __slots__ = ("_values",)

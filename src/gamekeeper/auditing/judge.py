@@ -49,7 +49,7 @@ WANTED: Final = {
     "unseeded": "an episode in which something is drawn",
     "written": "an array in an observation, an info or state() that can be written into",
 }
-"""What a probe must meet for a case, by its name; said where a check has no words of its own."""
+"""Needs of a probe for a case, by its name; said where a check has no words of its own."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -209,12 +209,14 @@ def claim_of(spec: Spec, row: dict[str, Any], begun: tuple[int, int] = (0, 0)) -
         if p is None:
             return f"{where}: {a} against {b} {figure}, no interval; {scope}"
         above, below = difference["above"], difference["below"]
-        verb = f"more often {'above' if above > below else 'below'}"
-        return (
-            f"{where}: {a} {'is' if p <= ALPHA else 'is not shown to be'} {verb} {b}: above in "
-            f"{above}, below in {below} of {row['n']} pairs, p = {p:.2g} (sign test, Holm); "
-            f"{figure} on average, without an interval; {scope}"
-        )
+        side, claimed = "above" if above > below else "below", p <= ALPHA
+        if claimed and row["n"] in (above, below):
+            found = f"is {side} {b} in each of {row['n']} pairs"
+        else:
+            found = f"{'is' if claimed else 'is not shown to be'} more often {side} {b}: above in "
+            found += f"{above}, below in {below} of {row['n']} pairs"
+        test = f"p = {p:.2g} (sign test, Holm); {figure} on average, without an interval"
+        return f"{where}: {a} {found}, {test}; {scope}"
     is_apart = difference["low"] > 0 or difference["high"] < 0
     corrected = "" if p is None else f", p = {p:.2g} (Holm)"
     if is_apart and (p is None or p <= ALPHA):
