@@ -16,6 +16,7 @@ import numpy as np
 from gamekeeper._version import __version__
 from gamekeeper.auditing.recorded import failed_rows
 from gamekeeper.diagnosis.labels import labels
+from gamekeeper.episodes.outcome import TEAM
 from gamekeeper.episodes.plain_json import legible
 from gamekeeper.errors import EvidenceError, GamekeeperError, RunError
 from gamekeeper.reporting.page.answers import answers_of, not_asked
@@ -45,13 +46,16 @@ from gamekeeper.viewing.report_documents import Given, PathText, documents_of
 from gamekeeper.viewing.report_packer import LETTERS, Packer, Pictures
 
 
-def opened(path: str | PathLike[str], *, key: str, name: str | None = None) -> ShownRun:
+def opened(
+    path: str | PathLike[str], *, key: str, name: str | None = None, condition: str | None = None
+) -> ShownRun:
     """Opens a run with its figures and labels.
 
     Args:
         path: the folder of the run.
         key: its letter on the page.
         name: its name on the page; None: the folder's name.
+        condition: under which an episode of the team failed, where the contract declares none.
     """
     folder = Path(path)
     return shown(
@@ -60,6 +64,7 @@ def opened(path: str | PathLike[str], *, key: str, name: str | None = None) -> S
         path=str(path),
         name=folder.resolve().name if name is None else name,
         labels=[each.to_json() for each in labels(folder)],
+        condition=condition,
     )
 
 
@@ -207,7 +212,6 @@ def report(
             actual=str(len(paths)),
             fix="write several reports",
         )
-    runs = [opened(path, key=key) for key, path in zip(LETTERS, paths, strict=False)]
     documents = documents_of(
         paths[0],
         audit=audit,
@@ -216,6 +220,9 @@ def report(
         pivots=pivots,
         evaluation=evaluation,
     )
+    condition = (documents.diagnosis or {}).get("conditions", {}).get(TEAM)
+    named = zip(LETTERS, paths, strict=False)
+    runs = [opened(path, key=key, condition=condition) for key, path in named]
     page = _page(
         runs,
         documents,

@@ -79,13 +79,19 @@ class ShownRun:
 
 
 def shown(
-    evidence: Evidence, *, key: str, path: str, name: str, labels: Sequence[Mapping[str, Any]] = ()
+    evidence: Evidence,
+    *,
+    key: str,
+    path: str,
+    name: str,
+    labels: Sequence[Mapping[str, Any]] = (),
+    condition: str | None = None,
 ) -> ShownRun:
-    """Computes the figures of a run that all sections share."""
+    """Computes the figures of a run that all sections share; `condition` as `failing` takes it."""
     figures = figures_of(evidence)
-    failed, condition = failing(evidence, figures)
+    failed, text = failing(evidence, figures, condition)
     return ShownRun(
-        key, path, name, evidence, figures, failed, condition, packed_agents(evidence), labels
+        key, path, name, evidence, figures, failed, text, packed_agents(evidence), labels
     )
 
 

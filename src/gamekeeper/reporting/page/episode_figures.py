@@ -160,16 +160,24 @@ UNFINISHED: Final = (None, "torn")
 """Ends of episodes that were still running when their recording stopped."""
 
 
-def failing(evidence: Evidence, figures: Figures) -> tuple[list[bool | None], str]:
+def failing(
+    evidence: Evidence, figures: Figures, condition: str | None = None
+) -> tuple[list[bool | None], str]:
     """True for each episode that failed by the contract's conditions, and these in words.
 
     None for an episode for which it isn't known, as one whose recorder was killed; an episode
     that ended with an exception failed.
+
+    Args:
+        evidence: of the run.
+        figures: of its episodes.
+        condition: of the team, where the contract declares none.
     """
     contract = evidence.contract
+    condition = None if contract.failure else condition
     errors = [True if header.get("error") else None for header in figures.headers]
     try:
-        conditions = failures(contract)
+        conditions = failures(contract, condition)
     except ContractError:
         return errors, "the contract declares no [failure]; episodes with an error failed"
     text = "; ".join(f"{scope}: {condition.text}" for scope, condition in conditions.items())
