@@ -14,6 +14,7 @@ from gymnasium.spaces import Box
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import gamekeeper as gk
 from gamekeeper.episodes.evidence import Evidence
 from tests.episodes.buffers import Given, record
 
@@ -205,3 +206,17 @@ def test_short_runs_are_evidence_too(ticks: int) -> None:
     assert empty.agent_steps.num_rows == empty.episode_table.num_rows == 0
     assert len(empty.fingerprint.removeprefix("full:")) == 64
     assert str(empty)
+
+
+@pytest.mark.parametrize("spec", ["two_robot_line", "tictactoe"])
+def test_timings_say_when_agents_observed_and_acted(spec: str) -> None:
+    """A turn's observations are there once the step before is over; its actions come after."""
+    evidence = gk.rollout(spec, episodes=2, seed=0)
+    frame = evidence.to_pandas("timings")
+    for _, episode in frame.groupby("episode"):
+        observed, acted, wall = (
+            episode[name].to_numpy() for name in ("observed_ns", "acted_ns", "wall_ns")
+        )
+        assert observed[0] == 0
+        assert (acted >= observed).all()
+        assert (acted[:-1] + wall[:-1] == observed[1:]).all()

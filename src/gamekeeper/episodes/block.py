@@ -193,10 +193,10 @@ def marks_of(turns: list[object]) -> Marks:
 def states_of(buffered: BufferedTurns, layout: Layout, open_large: Opener) -> States | None:
     """The states of `buffered` as columns; None where no turn has one."""
     count = len(buffered.turns) // TURN
-    if all(buffered.turns[place::TURN].count(None) == count for place in (4, 5)):
+    if all(buffered.turns[place::TURN].count(None) == count for place in (6, 7)):
         return None
     # a turn without a state leaves no row, or a digest would depend on the turns buffered with it
-    every = zip(*(buffered.turns[place::TURN] for place in (0, 1, 4, 5)), strict=True)
+    every = zip(*(buffered.turns[place::TURN] for place in (0, 1, 6, 7)), strict=True)
     with_state = [marks for marks in every if marks[2:] != (None, None)]
     episodes, turns, payloads, nonconforming = (
         list[Any](column) for column in zip(*with_state, strict=True)

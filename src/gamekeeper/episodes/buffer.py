@@ -23,8 +23,8 @@ GIVEN: Final = 9
 # done: order, action, reward, terms, raised, nonconforming
 DONE: Final = 6
 # turns: episode, turn, rows (below 0: so many usual rows), wall_ns (None for closing rows, which no
-# step follows), state, nonconforming
-TURN: Final = 6
+# step follows), observed_ns, acted_ns, state, nonconforming
+TURN: Final = 8
 
 
 class LargePlace(int):

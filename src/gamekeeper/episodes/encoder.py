@@ -34,6 +34,15 @@ from gamekeeper.episodes.layout import Layout
 
 LEVELS: Final = ("full", "digest", "actions")
 KEPT: Final = "actions"
+TIMINGS: Final = pa.schema(
+    [
+        ("episode", pa.int32()),
+        ("turn", pa.int32()),
+        ("wall_ns", pa.int64()),
+        ("observed_ns", pa.int64()),
+        ("acted_ns", pa.int64()),
+    ]
+)
 EPISODES: Final = pa.schema(
     [
         ("episode", pa.int32()),
@@ -214,10 +223,9 @@ def _timings(buffered: BufferedTurns) -> pa.RecordBatch | None:
     stepped = [place for place, wall in enumerate(wall_ns) if wall is not None]
     if not stepped:
         return None
-    columns = buffered.turns[0::TURN], buffered.turns[1::TURN], wall_ns
-    kinds = pa.int32(), pa.int32(), pa.int64()
+    columns = (buffered.turns[place::TURN] for place in (0, 1, 3, 4, 5))
     arrays = [
-        pa.array([c[place] for place in stepped], kind)
-        for c, kind in zip(columns, kinds, strict=True)
+        pa.array([column[place] for place in stepped], field.type)
+        for column, field in zip(columns, TIMINGS, strict=True)
     ]
-    return pa.RecordBatch.from_arrays(arrays, ["episode", "turn", "wall_ns"])
+    return pa.RecordBatch.from_arrays(arrays, schema=TIMINGS)

@@ -23,6 +23,7 @@ from gamekeeper.interface.parallel_capture import NO_PARTS, Move, ParallelCaptur
 
 DICTS: Final = (dict, defaultdict)  # a defaultdict is what PettingZoo's converter pays in
 _UNTIMED: Final = 0  # in place of the wall time of a step, which this level doesn't keep
+_UNTIMED_TURN: Final = (_UNTIMED, None, None)
 
 
 def _is_set(flag: Any) -> bool:
@@ -155,7 +156,7 @@ class ParallelActionsCapture(_Witnessed, ParallelCapture):
         usual.actions.extend(payloads)
         usual.rewards.extend(paid)
         self.turn = turn + 1
-        buffer.turns.extend((self.episode, turn, -len(paid), _UNTIMED, *self._state_entry))
+        buffer.turns.extend((self.episode, turn, -len(paid), *_UNTIMED_TURN, *self._state_entry))
         self._state_entry = NO_STATE
 
     def _book(self, turn: int, *env_step: Any) -> None:
@@ -306,7 +307,7 @@ class _TurnsByActions(_Witnessed, AECCapture):
         usual.actions.append(payload)
         usual.rewards.append(reward)
         self.turn = turn + 1
-        buffer.turns.extend((self.episode, turn, -1, _UNTIMED, *self._state_entry))
+        buffer.turns.extend((self.episode, turn, -1, *_UNTIMED_TURN, *self._state_entry))
         self._state_entry = NO_STATE
 
     def _broke_off(self, agent: AgentId, index: int, payload: Any, error: BaseException) -> None:

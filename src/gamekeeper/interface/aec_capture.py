@@ -139,7 +139,7 @@ class AECCapture(Capture):
             if payload is None:
                 payload, entry = self._nonconforming_action(agent, action)
         self._stood = given
-        start = perf_counter_ns()
+        start = self._started_ns = perf_counter_ns()
         try:
             self.env.step(action)
         except KeyboardInterrupt:

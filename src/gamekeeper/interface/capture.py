@@ -16,6 +16,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from threading import Lock
+from time import perf_counter_ns
 from typing import Any, Final
 
 import numpy as np
@@ -76,6 +77,8 @@ class Capture:
         self._wants_state = state and sink is not None
         self._state: Callable[[], Any] | None = None
         self._state_entry: tuple[Any, str | None] = NO_STATE
+        self._reset_ns = self._started_ns = 0  # by the clock: the reset returned, the step began
+        self._observed_ns = 0  # since the reset: what the turn's agents observe was there
         self._pack_state: Pack | None = None
         self._types: tuple[list[type | None], str] = [], "{}"
         self._known: dict[int, Codec] = {}
@@ -160,7 +163,9 @@ class Capture:
         self._begin(seed, options)
         try:
             self._check_fit()
-            return self.env.reset(**given)
+            out = self.env.reset(**given)
+            self._reset_ns, self._observed_ns = perf_counter_ns(), 0
+            return out
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # a panic of Rust code is no Exception
@@ -262,13 +267,17 @@ class Capture:
         From the turn's number to the mark nothing is called, so no interrupt comes between them.
         """
         buffer, turn = self._buffer, self.turn
+        observed_ns, acted_ns = self._observed_ns, self._started_ns - self._reset_ns
         buffer.given.extend(given)
         buffer.done.extend(done)
         if wall_ns is None:
             self._is_closed = True
         else:
             self.turn = turn + 1
-        buffer.turns.extend((self.episode, turn, rows, wall_ns, *self._state_entry))
+        buffer.turns.extend(
+            (self.episode, turn, rows, wall_ns, observed_ns, acted_ns, *self._state_entry)
+        )
+        self._observed_ns = acted_ns + (wall_ns or 0)
 
     def _fix(self) -> None:
         """Books the rest of a step in whose books an interrupt came."""

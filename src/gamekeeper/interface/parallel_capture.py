@@ -85,7 +85,7 @@ class ParallelCapture(Capture):
         if self._half is not None:
             self._fix()
         moves = self._moves(actions)
-        start = perf_counter_ns()
+        start = self._started_ns = perf_counter_ns()
         try:
             out = self.env.step(actions)
         except KeyboardInterrupt:
