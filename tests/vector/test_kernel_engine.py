@@ -10,6 +10,7 @@ import pytest
 from gamekeeper.episodes.canonical import to_json
 from gamekeeper.errors import ActionError, SpecError
 from gamekeeper.vector import make
+from gamekeeper.vector.final_rows import FinalRows
 from tests.vector import rulebooks, worlds
 from tests.vector.test_vector import legal, same
 
@@ -30,6 +31,8 @@ def history(venv: Any, steps: int = STEPS) -> list[Any]:
 
 def text(value: Any) -> Any:
     """Arrays to the bit, one NaN, dictionaries in any order."""
+    if isinstance(value, FinalRows):
+        value = np.asarray(value)
     if isinstance(value, np.ndarray) and value.dtype == object:
         return [to_json(part) for part in value]
     return to_json(value)
