@@ -11,6 +11,7 @@ from pettingzoo import ParallelEnv
 
 from gamekeeper.contract import Contract
 from gamekeeper.errors import EvidenceError
+from gamekeeper.interface.generators import is_same_state
 from gamekeeper.rollouts.continuations import Continuations, RecordedCourse
 from gamekeeper.rollouts.episode_loop import EpisodePlan, perform
 from gamekeeper.runs.recording import cast_of
@@ -191,3 +192,12 @@ def test_continuations_hold_an_action_and_what_its_policy_remembers() -> None:
     held = dict(found.course.actions[jams_at])
     later = [episode.taken[-1]["a"] for episode in found._played(jams_at, range(8), held)]
     assert later == [0] * 8
+
+
+def test_states_of_generators_are_compared_by_what_they_hold() -> None:
+    """States of one draw are equal, of another not, also in lists of them."""
+    one, two = ([np.random.RandomState(seed).get_state(legacy=True)] for seed in (3, 3))
+    assert is_same_state(one, two)
+    other = np.random.RandomState(3)
+    other.normal()
+    assert not is_same_state(one, [other.get_state(legacy=True)])

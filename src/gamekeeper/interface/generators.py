@@ -134,13 +134,13 @@ def put_back(generator: Any, state: Any) -> None:
 
 
 def is_same_state(left: Any, right: Any) -> bool:
-    """Tells whether two states are equal; they hold arrays inside dictionaries and tuples."""
+    """Tells whether two states are equal; they hold arrays inside dictionaries, tuples and lists."""
     if isinstance(left, np.ndarray):
         return bool(np.array_equal(left, right))
     if isinstance(left, dict):
         return left.keys() == right.keys() and all(
             is_same_state(left[key], right[key]) for key in left
         )
-    if isinstance(left, tuple):
+    if isinstance(left, tuple | list):
         return len(left) == len(right) and all(map(is_same_state, left, right))
     return bool(left == right)
