@@ -134,7 +134,7 @@ def put_back(generator: Any, state: Any) -> None:
 
 
 def is_same_state(left: Any, right: Any) -> bool:
-    """Tells whether two states are equal; they hold arrays inside dictionaries, tuples and lists."""
+    """Tells whether two states are equal; arrays may stand in dictionaries, tuples and lists."""
     if isinstance(left, np.ndarray):
         return bool(np.array_equal(left, right))
     if isinstance(left, dict):
