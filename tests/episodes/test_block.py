@@ -41,7 +41,7 @@ def test_rows_are_sorted_by_turn_order_agent() -> None:
     buffered = BufferedTurns(
         [*given(1, 1), *given(0, 0), *given(1, 2), *given(0, 1)],
         [*done(None), *done(None), *done(1, 4), *done(0, 3)],
-        [0, 5, 2, None, None, None, 1, 0, 2, 9, None, None],
+        [0, 5, 2, *[None] * 5, 1, 0, 2, 9, *[None] * 4],
         [],
         [],
     )
@@ -65,7 +65,7 @@ def test_columns_of_other_groups_are_null() -> None:
     buffered = BufferedTurns(
         [*given(0, 2), *given(1, "hi"), *given(2, floats), *given(2)],
         [*done(0), *done(1), *done(2), *done(3)],
-        [0, 0, 4, 1, None, None],
+        [0, 0, 4, 1, *[None] * 4],
         [],
         [],
     )
@@ -91,7 +91,7 @@ def test_large_observations_come_from_where_they_were_put_or_as_bytes() -> None:
     buffered = BufferedTurns(
         [*given(0, LargePlace(3)), *given(0, bytes(LARGE_BYTES)), *given(0)],
         [*done(0), *done(0), *done(0)],
-        [n for turn in range(3) for n in (0, turn, 1, 1, None, None)],
+        [n for turn in range(3) for n in (0, turn, 1, 1, *[None] * 4)],
         [],
         [],
     )
@@ -107,7 +107,7 @@ def test_nonconforming_parts_of_both_halves_are_one_object_in_the_order_of_field
     buffered = BufferedTurns(
         given(0, nonconforming=('"obs":{}', '"info":{}')),
         done(0, nonconforming=('"action":{}',)),
-        [0, 0, 1, 1, None, None],
+        [0, 0, 1, 1, *[None] * 4],
         [],
         [],
     )

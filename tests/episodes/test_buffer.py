@@ -28,7 +28,7 @@ def append(buffer: Buffer, episode: int, turn: int, rows: int) -> None:
     for row in range(rows):
         buffer.given.extend((row, (episode, turn), *[None] * (GIVEN - 2)))
         buffer.done.extend((row, (episode, turn), *[None] * (DONE - 2)))
-    buffer.turns.extend((episode, turn, rows, 1, None, None))
+    buffer.turns.extend((episode, turn, rows, 1, *[None] * 4))
 
 
 def write(buffer: Buffer, episodes: list[list[int]]) -> None:

@@ -16,6 +16,7 @@ import polars as pl
 import pytest
 from gymnasium import spaces
 
+from gamekeeper.episodes.buffer import TURN
 from gamekeeper.errors import EvidenceError, RunError
 from gamekeeper.runs import recorder as recorders
 from gamekeeper.runs.files.store import RunStore
@@ -82,7 +83,7 @@ def test_recorder_holds_the_step_back(tmp_path: Path, monkeypatch: pytest.Monkey
     turns = 3 * MOST_TURNS
     for _ in range(turns):
         env.step({"a": 1, "b": 1})
-        longest = max(longest, len(buffer.turns) // 6)
+        longest = max(longest, len(buffer.turns) // TURN)
     env.close()
 
     assert longest <= MOST_TURNS + 512
