@@ -133,7 +133,7 @@ def audit_task(report: Any, *, names: list[str]) -> None:
     workers = cycle([_KeptWorker(confirm.MODULES) for _ in range(TRIES)])
     confirm.WarmWorker = lambda modules, hash_seed: next(workers)  # type: ignore[assignment,misc]  # kept ones in its place
     confirm.TRIES = TRIES  # type: ignore[misc]  # fewer here
-    elsewhere.worker_of = lambda lab, hash_seed: _worker(hash_seed)  # type: ignore[assignment]
+    elsewhere.worker_of = lambda lab, hash_seed: _worker(hash_seed)  # type: ignore[assignment]  # forks of kept ones in its place
     for name in names:
         each = environments()[name]
         audit = audit_here(
