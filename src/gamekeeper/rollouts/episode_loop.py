@@ -292,7 +292,9 @@ class EpisodeLoop:
                 raise
             text = traceback_text(error, limit=-12)
             kind = type_name_of(type(error))
-            return FailedCall(self._call, self._capture.turn, kind, message(error)[:500], text)
+            taken = len(self.taken) - (self._call == "step")  # a capture without a sink counts none
+            turn = max(self._capture.turn, taken)
+            return FailedCall(self._call, turn, kind, message(error)[:500], text)
         return None
 
     def _begin(self) -> None:
