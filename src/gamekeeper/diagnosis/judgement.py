@@ -204,10 +204,7 @@ def _why_none(
             "no single ideal substitute restores success, and the budget was spent before several "
             "at once were played"
         )
-    return (
-        "no ideal substitute restores success, nor do all at once: the cause is nothing that could "
-        "be made ideal"
-    )
+    return "no ideal substitute restores success, nor do all at once"
 
 
 def _tried(

@@ -6,7 +6,7 @@ import contextlib
 import copy
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import Any, Final, TypeAlias
 
 from gymnasium.spaces import Space
@@ -300,6 +300,47 @@ class JointPolicy:
             with contextlib.suppress(Exception):  # foreign code; then the object itself plays
                 policy = copy.deepcopy(policy)
         return self._seat(agent, replace(chosen, policy=policy))(rng)
+
+    def asked_on(self, agent: Any, observation: Any, info: Any, times: int) -> Any:
+        """The action of a policy that is asked so many times in a row, of a copy of it.
+
+        The policy itself is asked once. Without memory, or where it can't be copied, its own
+        action is returned.
+        """
+        copied, rng = self._copied(agent)
+        found = self.act(agent, observation, info)
+        if copied is None:
+            return found
+        player = self._seat(agent, copied)(rng)
+        for _ in range(times):
+            found = player(observation, info)
+        return found
+
+    def asked_anew(self, agent: Any, observation: Any, info: Any, times: int) -> list[Any]:
+        """Actions of so many draws of a policy, which itself is asked for one of them.
+
+        A policy that keeps nothing in an object, or can't be copied, is asked for all of them.
+        """
+        copies = [self._copied(agent)[0] for _ in range(times - 1)]
+        found = [self.act(agent, observation, info)]
+        for copied in copies:
+            if copied is None:
+                found.append(self.act(agent, observation, info))
+            else:
+                found.append(self._seat(agent, copied)(self._rngs[agent])(observation, info))
+        return found
+
+    def _copied(self, agent: Any) -> tuple[Chosen | None, Generator]:
+        """An agent's policy as a copy, and its stream as one; None: it isn't one that is copied."""
+        chosen = self.chosen_for(agent)
+        rng = self._rngs.get(agent) or policy_rng(self._run_seed, self._episode, agent)
+        kept: Any = chosen.policy
+        if isinstance(kept, ModuleType | FunctionType | SlotPolicy):
+            return None, rng
+        try:
+            return replace(chosen, policy=copy.deepcopy(kept)), copy.deepcopy(rng)
+        except Exception:  # foreign code; what can't be copied isn't
+            return None, rng
 
     def described(self, agents: Iterable[Any]) -> dict[str, dict[str, str | None]]:
         """Describes the policies by agent, as evidence keeps them.
