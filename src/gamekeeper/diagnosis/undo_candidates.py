@@ -186,7 +186,7 @@ def candidates_of(
     agents: Sequence[str],
     seen: Mapping[str, Sequence[Any]] | None = None,
 ) -> list[BoundaryUndo]:
-    """The undos of single agents and of agents that one policy object plays, likely ones first.
+    """The undos of single agents and of agents that one policy plays, likely ones first.
 
     Agents take turns, so that those of one with few aren't put off by another's many.
 
@@ -204,11 +204,12 @@ def candidates_of(
 
 
 def _groups(stage: OpenSetup, agents: Sequence[str]) -> list[tuple[str, ...]]:
-    """Each agent, and agents with equal spaces that one object plays, together."""
+    """Each agent, and agents with equal spaces that one policy plays, together."""
     together: dict[str, list[str]] = {}
     for agent in agents:
         spaces = (observation_space(stage.env, agent), action_space(stage.env, agent))
-        together.setdefault(f"{stage.cast.object_of(agent)} {spaces}", []).append(agent)
+        named = stage.cast.chosen_for(agent)
+        together.setdefault(f"{named.name} {named.version} {spaces}", []).append(agent)
     several = [tuple(group) for group in together.values() if len(group) > 1]
     return [*several, *((agent,) for agent in agents)]
 
