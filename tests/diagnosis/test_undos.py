@@ -13,6 +13,7 @@ from pettingzoo import ParallelEnv
 import gamekeeper as gk
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.counterfactuals import _place
+from gamekeeper.diagnosis.experiment import Experiment
 from gamekeeper.diagnosis.judgement import _labels, is_any_scale
 from gamekeeper.diagnosis.played_setup import Setup
 from gamekeeper.diagnosis.trials import IdealSubstitute, over_undos, peers_of, swaps_of, undone
@@ -25,6 +26,7 @@ from gamekeeper.diagnosis.undo_candidates import (
 from gamekeeper.diagnosis.undo_search import ASIDE, ROUNDS, _other_boundaries
 from gamekeeper.diagnosis.undos import BoundaryUndo, UndoneCast
 from gamekeeper.episodes.divergence import Divergence
+from gamekeeper.episodes.outcome import Outcome, failures
 from gamekeeper.errors import EvidenceError
 from gamekeeper.interface.joint_policy import assign
 from gamekeeper.rollouts.interventions.fields import acted_fields, observed_fields
@@ -370,3 +372,22 @@ def test_different_scales_that_restore_alike_show_no_error_of_units() -> None:
     assert is_any_scale([tenth, tiny])
     assert _labels([tenth]) == ("perception",)
     assert _labels([tenth, tiny]) == ()
+
+
+@pytest.mark.parametrize(
+    ("condition", "agent", "is_at_cost"),
+    [("a.return < 0", "b", True), ("a.return < 0", "a", False), ("return < 0", "b", False)],
+)
+def test_a_rival_that_plays_worse_repairs_nothing(
+    condition: str, agent: str, is_at_cost: bool
+) -> None:
+    """Where a condition is of one agent, an undo at another one mustn't cost that one's return."""
+    outcomes = {
+        "unchanged": [Outcome(returns={"a": -1.0, "b": 1.0})],
+        "undone": [Outcome(returns={"a": 1.0, "b": -1.0})],
+    }
+    runner = SimpleNamespace(of=lambda arm, seed, episodes: outcomes[arm])
+    conditions = failures(Contract(), condition)
+    experiment: Any = SimpleNamespace(runner=runner, conditions=conditions, contract=Contract())
+    one = IdealSubstitute("undone", "perception", (agent,), ())
+    assert Experiment.is_at_cost(experiment, one, 0, [0], "team") is is_at_cost

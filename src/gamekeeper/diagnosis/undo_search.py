@@ -265,9 +265,13 @@ def _ranked(
     shares: dict[IdealSubstitute, tuple[float, float]] = {}
     for one in played:
         outcomes = runner.of(one.name, seed, episodes)
+        repaired = [s for s in scopes if not experiment.is_at_cost(one, seed, episodes, s)]
         share = max(
-            sum(experiment.success(each, scope) for each in outcomes) / len(outcomes)
-            for scope in scopes
+            (
+                sum(experiment.success(each, scope) for each in outcomes) / len(outcomes)
+                for scope in repaired
+            ),
+            default=0.0,
         )
         shares[one] = share, sum(each.team_return for each in outcomes)
     return {one: shares[one][0] for one in sorted(played, key=lambda one: shares[one])[::-1]}
