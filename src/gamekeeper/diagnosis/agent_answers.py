@@ -51,6 +51,7 @@ def agent_answer(
         finding.success,
         tuple(substitute.name for substitute in finding.substitutes),
         _shown(finding, finding.substitutes),
+        tuple(one.name for one in finding.beside if agent is None or agent in one.agents),
     )
     concerned = {a for substitute in finding.substitutes for a in substitute.concerned}
     if agent is None or finding.answer not in CAUSES or not concerned:

@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
+from gamekeeper.contract.validation import one_line
 from gamekeeper.reporting.differences_text import differences_text
-from gamekeeper.reporting.results_text import few, table_lines
-from gamekeeper.reporting.text_columns import wrapped
+from gamekeeper.reporting.results_text import few
+from gamekeeper.reporting.text_columns import column_lines, wrapped
 
 INDENT: Final = "  "
 TEAM: Final = "team"
 EACH: Final = "agent"
 """Scope of a condition that stands for each agent by itself."""
-MOST: Final = 12
-"""Interventions that are shown of a kind; the document has all of them."""
 FIELDS: Final = {"obs": "observation"}
 """Names of fields in words, where they are others."""
 
@@ -234,11 +233,10 @@ def _effect(tested: Mapping[str, Any]) -> str:
 
 
 def _rows(rows: list[list[str]], width: int) -> Iterator[str]:
-    """A table, indented below its sentence, of the first rows."""
-    if rows:
-        yield from (INDENT + line for line in table_lines(rows[:MOST], width=width - len(INDENT)))
-    if len(rows) > MOST:
-        yield f"{INDENT * 2}and {len(rows) - MOST} more (--json shows them)"
+    """A table, indented below its sentence; what doesn't fit its column is broken, never cut."""
+    cells = [[one_line(cell) for cell in row] for row in rows]
+    if cells:
+        yield from (INDENT + line for line in column_lines(cells, width=width - len(INDENT)))
 
 
 def _lines(text: str, width: int) -> list[str]:
