@@ -270,7 +270,7 @@ class FanOut:
 
     @property
     def note(self) -> str | None:
-        """What the dependence of an episode means, and what finds its cause."""
+        """The dependence of an episode in words, and the command that looks for its cause."""
         if self.depends is None:
             return None
         return (
