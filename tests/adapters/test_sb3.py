@@ -268,8 +268,10 @@ def test_drawn_actions_leave_torchs_generator_alone() -> None:
     assert copied.model.policy is plays.model.policy
     assert copied.model.action_space is not plays.model.action_space
     drawn = [
-        [each(seen, "agent_0", {}, np.random.default_rng(number)) for _ in range(20)]
-        for each, number in ((plays, 1), (copied, 1), (plays, 2))
+        [each(seen, "agent_0", {}, rng) for _ in range(20)]
+        for each, rng in zip(
+            (plays, copied, plays), map(np.random.default_rng, (1, 1, 2)), strict=True
+        )
     ]
     assert torch.equal(before, torch.get_rng_state())
     assert drawn[0] == drawn[1] != drawn[2]
