@@ -102,6 +102,16 @@ def rest(spec: object, word: str) -> str | None:
     return after.strip() if colon and before == word and after.strip() else None
 
 
+def begins_with(word: str) -> Callable[[object], bool]:
+    """`matches` of an opener: tells whether a spec begins with `word:`."""
+    return lambda spec: rest(spec, word) is not None
+
+
+def distrust_packages(*modules: str) -> Callable[[str], str | None]:
+    """`distrust` of an opener whose names run no code but that of these packages."""
+    return lambda spec: next(filter(None, map(distrust_package, modules)), None)
+
+
 def words() -> frozenset[str]:
     """The words of all families, as their openers declare them in `WORD`."""
     names = plugins.modules(FOREIGN)
