@@ -33,8 +33,6 @@ def show_against(
     """Shows what a run or an evaluation depends on, beside what is installed now.
 
     Args:
-        screen: where it is shown.
-        run: the folder of a run or an evaluation.
         env: names the environment; it is opened in a worker.
         kwargs: its arguments; None: the recorded ones.
         contract: in place of the one beside it.

@@ -56,12 +56,7 @@ STYLES: Final = {"good": "bold green", "bad": "bold red", "unsure": "bold yellow
 
 @dataclass(frozen=True, slots=True)
 class CommandResult:
-    """Result of a command.
-
-    Args:
-        document: printed by --json.
-        code: the exit code.
-    """
+    """Result of a command."""
 
     document: Document = field(default_factory=dict)
     code: int = 0
@@ -72,7 +67,6 @@ class Screen:
     """The outputs of one command.
 
     Args:
-        out: stream for results, and nothing else.
         is_json: results are one document at the end; texts are dropped.
         is_quiet: no progress and no notes; errors are always said.
 

@@ -317,9 +317,7 @@ def next_command(
     """The command that is most useful next: the first trouble's, else a report of the run.
 
     Args:
-        env: as the user named it.
         audit_line: shows the audit's findings; None: no check failed.
-        recorded: the recording.
         replayed: its replay; None: the recording ended early.
     """
     evidence = recorded.evidence

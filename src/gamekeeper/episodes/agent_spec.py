@@ -23,7 +23,6 @@ class AgentSpec:
     """Everything known of one agent; None is *not declared*, or a space that wasn't seen.
 
     Args:
-        name: as the environment calls it.
         role: the role that holds it.
         observation_space: values that it may observe.
         action_space: values that it may choose.

@@ -52,7 +52,6 @@ class ForeignEnv(ParallelEnv[Any, Any, Any]):
     ended earlier stays in `rewards`, where an audit sees it.
 
     Attributes:
-        guest: the environment of the other shape.
         unknown: what that shape can't say, a sentence each; nothing is guessed for it.
         contract: what is known before the first step; all else is left open in it.
         optionless: whose shape has a reset that takes no options; empty: the guest gets them.

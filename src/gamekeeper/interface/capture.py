@@ -222,7 +222,6 @@ class Capture:
         """Notes why the episode in progress can't go on; it ends as *failed*.
 
         Args:
-            error: the traceback.
             in_step: the step raised whose turn was recorded last.
         """
         self.failed_at = self.turn - in_step

@@ -278,7 +278,6 @@ def find_factory(
     """The factory called `name`; without a name the usual names, then the only environment class.
 
     Args:
-        module: the module, loaded.
         name: dotted name inside it, or None.
         api: `aec` or `parallel` where the user asked for one.
         where: the module or file as it was typed, for messages.

@@ -48,7 +48,6 @@ class WarmWorker:
 
         Args:
             task: "module:function", as of `run_task`.
-            arguments: handed over by keyword.
             silence_s: longest time without a sign of life, in seconds; None: for ever.
             limit_s: longest time in all, in seconds; None: for ever.
 

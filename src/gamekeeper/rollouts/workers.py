@@ -190,7 +190,6 @@ def run_task(
 
     Args:
         task: "module:function"; the function may have dots.
-        arguments: handed over by keyword.
         silence_s: longest time without a sign of life (a report, the start of the process, the
             end of the import of the task's module), in seconds; None: for ever.
         limit_s: longest time in all, in seconds.

@@ -144,7 +144,6 @@ def env_in(folder: Path, identity: Mapping[str, Any], named: str | None, repo: P
     """Text that opens the run's environment, or the named one, in a laid-out commit.
 
     Args:
-        folder: the commit's files.
         identity: of the run's environment.
         named: `path/in/repo.py:factory` or `module:factory`; None: the run's.
         repo: the repository; a file of the run's must lie in it.

@@ -27,7 +27,6 @@ class FirstCheck:
     """Replays one episode of a run that is being recorded, and says at once what came out.
 
     Args:
-        path: the folder of the run.
         episode: whose end is about to be written.
         advice: said where it comes out otherwise.
 

@@ -45,8 +45,6 @@ class ReplayedEpisode:
     """A recorded episode that is being replayed, of which only some turns are in memory.
 
     Args:
-        recorded: the episode.
-        capture: plays it.
         sink: takes what `capture` puts on the buffer.
         look: gets every range of turns once it was replayed.
     """
@@ -221,7 +219,6 @@ class ReplayRunner:
         """The header of an episode, replayed: its actions, or those that `chooser` chooses.
 
         Args:
-            header: of the recorded episode.
             look: gets ranges of whole turns, recorded and replayed, as they come; True: go on.
         Raises:
             EvidenceError: an action was an object that no text can build again.
@@ -240,7 +237,6 @@ class ReplayRunner:
         """The first turns of an episode, replayed; the environment stands where they end.
 
         Args:
-            header: of the recorded episode.
             steps: env steps to take.
             chooser: chooses actions in place of the recorded ones.
         Raises:
@@ -329,8 +325,6 @@ def cause_of(
     the episodes before it that it needn't run on from.
 
     Args:
-        evidence: the run.
-        where: the divergence.
         env: opened in place of the environment that the evidence names.
         changed: versions and sources that aren't those of the recording.
         timeout_s: longest time without a turn.

@@ -101,7 +101,6 @@ class Plan:
     """A whole task.
 
     Args:
-        name: of the package and the environment, `my_task`.
         roles: in the order in which they act.
         stages: roles that act together, group after group.
         order: within a group: none, fixed, rotating, state, random.
@@ -109,7 +108,6 @@ class Plan:
         conflicts: rule for actions that exclude each other.
         api: `aec` or `parallel`.
         why: the reason for it.
-        terms: of the reward.
         endings: without the time limit.
         horizon: ticks of an episode.
     """

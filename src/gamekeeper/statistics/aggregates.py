@@ -63,7 +63,6 @@ def aggregate(
 
     Args:
         scores: by environment; normalised, so that they may be put together.
-        statistic: which.
         target: the score that is good enough, for the optimality gap.
     Raises:
         EvidenceError: there is no environment, or for the iqm the numbers of runs differ.
@@ -110,11 +109,9 @@ def over_environments(
 
     Args:
         scores: by environment; normalised.
-        statistic: which.
         target: for the optimality gap.
         shared_seeds: column k of [runs, episodes] is the same episode seed in all runs of an
             environment; the luck of the seeds is then part of the interval.
-        rng: draws the resamples.
         level: coverage, in [0.8, 0.99].
     Returns:
         `n` is the number of runs in all environments together.

@@ -165,7 +165,6 @@ class Disturbances:
     """Effects of the knobs in an episode; their state is copied with the environment.
 
     Args:
-        knobs: the settings.
         bounds: by agent, the least and the greatest observation, as arrays of its shape.
         things: by agent, the parts (first, end) of its flat observation that stand for one thing
             each; a thing that is hidden shows `blank`.

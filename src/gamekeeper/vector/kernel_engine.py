@@ -77,14 +77,8 @@ class KernelEngine:
         """Makes the batch.
 
         Args:
-            kernel: whose copies.
-            form: of the environment.
-            num_envs: how many copies.
-            autoreset: when a copy that is over is reset.
             wants_infos: hand out what agents are told at every step.
             layout: the columns of its evidence.
-            threads: that step them.
-            debug: rules run as plain Python.
             in_turn_first: of several that end together who would be in turn has its last turn
                 first.
         Raises:
@@ -397,7 +391,6 @@ class KernelFinals(Mapping[int, Mapping[Any, Info]]):
     """Last infos of copies in which an agent ended, each made as it is read.
 
     Args:
-        infos: makes them.
         envs: [row], the copies.
         told: [row, agent], the fields of the kernel's infos.
         masks: of each group [row, agent, flags].

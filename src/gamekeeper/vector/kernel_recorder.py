@@ -38,10 +38,7 @@ class KernelRecorder:
         """Takes a batch that hasn't begun.
 
         Args:
-            batch: whose copies.
-            recording: level, terms, volatile infos.
             out: takes streams and batches, each sorted by episode.
-            layout: the columns of the environment.
             is_next: copies begin their next episode in the step after.
             in_turn_first: of several that end together who would be in turn has its last turn
                 first.

@@ -68,7 +68,6 @@ class VectorEnv:
     Slots of dead agents hold zeros, and `infos["live"]` is False there.
 
     Attributes:
-        num_envs: how many copies.
         api: `aec` or `parallel`.
         agents: names of the agents, column by column; by role where their spaces differ.
         autoreset: `same_step`: a copy whose agents have all ended begins its next episode in the
@@ -119,7 +118,6 @@ class VectorEnv:
 
         Args:
             seed: of the run; None: the one that the vector environment was made with.
-            options: handed to every reset.
         Returns:
             Observations and infos.
         Raises:

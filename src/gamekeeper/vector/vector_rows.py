@@ -248,7 +248,6 @@ class Recording:
 
     Attributes:
         level: `full` or `digest`.
-        terms: reward terms by name.
         volatile: info fields that stay out of the info fingerprint.
     """
 

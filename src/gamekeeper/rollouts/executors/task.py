@@ -88,7 +88,6 @@ class MapOptions:
     """Options of one `Executor.map`.
 
     Attributes:
-        limits: of each task.
         on_report: called with reports.
     """
 

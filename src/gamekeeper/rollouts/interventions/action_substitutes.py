@@ -87,7 +87,6 @@ class ReplacedAction(Intervention):
 
     Attributes:
         turn: at which; nothing changes where the agent doesn't act then.
-        agent: who.
         action: what it does instead.
     """
 

@@ -71,7 +71,6 @@ def commit(
     them, the manifest before a segment goes.
 
     Args:
-        folder: the run.
         manifest: all fields but the checksums.
         files: by stream, the draft, its size and its digest.
         durable: False leaves out what is for power cuts: nothing is synced.
@@ -191,7 +190,6 @@ def root_digest(path: str | PathLike[str], *, check: bool = True) -> str | None:
     in the folder isn't part of the run.
 
     Args:
-        path: the folder of the run.
         check: read every file; False takes the digests that the manifest names, for files that
             were compared with these already.
     Raises:

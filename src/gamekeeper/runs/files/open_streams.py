@@ -337,7 +337,6 @@ def finalize_recovered(
     They are those of `open_tables(path, salvage=True)`.
 
     Args:
-        path: the folder of the run.
         manifest: plain JSON; its `status` is "recovered" if it names none. Where files ended early,
             `cuts` is added: file, offset, why.
         episodes: the rows of episodes to be finalized in place of those found (an end "torn"

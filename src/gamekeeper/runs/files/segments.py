@@ -142,7 +142,6 @@ class SegmentReader:
     It goes message by message and never takes more memory than the file has bytes.
 
     Args:
-        path: the segment.
         stream: the stream that it belongs to.
         salvage: damage ends the segment as a cut does, in place of raising. Zeros from within a
             message to the file's end are a cut: a power cut left the length without the bytes.

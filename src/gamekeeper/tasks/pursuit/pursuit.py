@@ -48,7 +48,7 @@ from gamekeeper.errors import SpecError
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.kernel_env import KernelTicks
 from gamekeeper.tasks.arguments import check_whole
-from gamekeeper.tasks.drawing import BLUE, CELL, INK, ORANGE, Canvas, Pictured, text_of
+from gamekeeper.tasks.drawing import BLUE, CELL, INK, ORANGE, Canvas, Pictured, metadata_of, text_of
 from gamekeeper.tasks.pursuit import pursuit_rules as rules
 
 Window: TypeAlias = NDArray[np.int8]
@@ -193,12 +193,7 @@ SCRIPTS: Final = ("agents", "flee", "wander", "still")
 MOST_ENERGY: Final = 32_000
 LONGEST: Final = 960
 """Pixels along a picture's longer side, about."""
-METADATA: Final = {
-    "name": "pursuit_v0",
-    "render_modes": ["ansi", "rgb_array"],
-    "render_fps": 8,
-    "is_parallelizable": True,
-}
+METADATA: Final = metadata_of("pursuit_v0", fps=8)
 TABLES: Final = np.dtype(
     [
         ("rows", "i8"),

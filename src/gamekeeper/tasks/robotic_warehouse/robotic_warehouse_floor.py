@@ -141,7 +141,6 @@ def tables_of(
     """The floor and the task's numbers as the record that rules read.
 
     Args:
-        floor: where everything is.
         margin: how far robots see, in cells.
         requests: how many shelves are wanted at a time.
         inactivity: ticks without a delivery that end an episode; 0: none do.
