@@ -12,8 +12,9 @@ from pettingzoo import ParallelEnv
 
 from gamekeeper.contract import Contract
 from gamekeeper.contract.sections import RewardTerm, Schedule
-from gamekeeper.errors import ActionError, EnvError, OrderError, SpecError
+from gamekeeper.errors import EnvError, OrderError, SpecError
 from gamekeeper.interface.contract_draft import draft_contract
+from gamekeeper.interface.legality import mismatch
 
 Given = dict[str, Any]
 
@@ -203,13 +204,7 @@ class ForeignEnv(ParallelEnv[Any, Any, Any]):
             said = "everybody has ended" if self._is_reset else "there was no reset"
             raise OrderError(f"step came when {said}", where="step", fix="call reset first")
         if not isinstance(actions, Mapping) or set(actions) != set(self.agents):
-            raise ActionError(
-                "the actions of a tick aren't those of the live agents",
-                where="step",
-                expected=f"one of each of {self.agents!r}"[:300],
-                actual=f"{actions!r}"[:300],
-                fix="build the dictionary over env.agents",
-            )
+            raise mismatch(actions, self.agents)
 
 
 def limit_of(env: Any) -> int | None:

@@ -93,9 +93,7 @@ def for_sample(space: spaces.Space[Any], mask: object) -> Any:
     Raises:
         PolicyError: the mask doesn't have the structure of the space.
     """
-    if mask is None or isinstance(
-        space, spaces.Box
-    ):  # continuous actions have no list of legal ones
+    if mask is None or isinstance(space, spaces.Box):  # continuous actions have no list
         return None
     if isinstance(space, spaces.Discrete):
         flags = legal_flags(mask, int(space.n))

@@ -56,9 +56,7 @@ def foreign(doing: str, *, where: str, pip: str = "") -> Iterator[None]:
             yield
     except (GamekeeperError, KeyboardInterrupt):
         raise
-    except (
-        BaseException
-    ) as error:  # also SystemExit and what test runners derive from BaseException
+    except BaseException as error:  # also SystemExit and what test runners derive from it
         said = said_by(error)
         raise SpecError(
             f"{doing} raised {said}",
@@ -101,9 +99,7 @@ def build(source: Source, kwargs: Mapping[str, Any]) -> Env:
     _check_arguments(source, kwargs)
     try:
         given = copy.deepcopy(dict(kwargs))
-    except (
-        Exception
-    ):  # some arguments can't be copied (an open window); then they are shared, as they came
+    except Exception:  # some can't be copied (an open window); then they are shared, as they came
         given = dict(kwargs)
     with foreign(f"building {source.spec}", where=source.spec, pip=source.pip):
         try:
@@ -147,10 +143,7 @@ def _check_arguments(source: Source, kwargs: Mapping[str, Any]) -> None:
     target = source.accepts or source.factory
     try:
         signature = inspect.signature(target)
-    except (
-        TypeError,
-        ValueError,
-    ):  # some builtins and extension types have none; calling will tell
+    except (TypeError, ValueError):  # some builtins have none; calling will tell
         return
     try:
         signature.bind(**kwargs)

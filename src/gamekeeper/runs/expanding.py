@@ -7,12 +7,13 @@ import shutil
 import sys
 import time
 from collections.abc import Callable, Mapping
+from contextlib import closing
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final
 
-from gamekeeper.episodes.divergence import Comparison, Divergence, compare_chunks
+from gamekeeper.episodes.divergence import Divergence, compare_chunks
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import DivergenceError, EvidenceError, GamekeeperError, RunError
 from gamekeeper.interface.found_again import ASSUMED
@@ -207,12 +208,8 @@ def check_task(report: Callable[..., None], *, path: str, episode: int) -> dict[
     try:
         runner = ReplayRunner(evidence, opened_again(evidence, None), after_turn=report)
         before = states()
-        both = Comparison(evidence.extent(header), volatile=evidence.contract.volatile_infos())
-        try:
-            runner.play(header, look=both.look)
-            both.ends()
-        finally:
-            runner.close()
+        with closing(runner):
+            both, _ = runner.compared(header)
     except GamekeeperError as error:
         return {"outcome": NOT_CHECKED, "why": error.what}
     after = states()

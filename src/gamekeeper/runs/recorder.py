@@ -25,7 +25,13 @@ from gamekeeper.episodes.canonical import to_json
 from gamekeeper.episodes.encoder import KEPT, LEVELS, Encoder
 from gamekeeper.episodes.evidence import manifest_of
 from gamekeeper.episodes.layout import Layout
-from gamekeeper.errors import DependencyError, EvidenceError, GamekeeperError, RunError
+from gamekeeper.errors import (
+    DependencyError,
+    EvidenceError,
+    GamekeeperError,
+    RunError,
+    check_choice,
+)
 from gamekeeper.interface.capture import type_name_of
 from gamekeeper.interface.packing import Rings
 from gamekeeper.runs import own_runs
@@ -151,14 +157,8 @@ class RunRecorder:
             RunError: the folder can't be made, or something is in it.
             EvidenceError: there is no such level.
         """
-        if level not in LEVELS:
-            raise EvidenceError(
-                "there is no such level",
-                where="level",
-                expected=" or ".join(LEVELS),
-                actual=repr(level),
-                fix="name one of them",
-            )
+        what = "there is no such level"
+        check_choice(level, LEVELS, what, where="level", error=EvidenceError)
         self.buffer, self.layout, self.rings = Buffer(), Layout(terms), Rings()
         self.level = level
         self._facts: dict[str, Any] = {

@@ -16,7 +16,7 @@ import pyarrow.compute as pc
 
 from gamekeeper.episodes.canonical import from_json, is_exact
 from gamekeeper.episodes.chunks import EpisodeChunks, RowReader
-from gamekeeper.episodes.divergence import Divergence
+from gamekeeper.episodes.divergence import Comparison, Divergence
 from gamekeeper.episodes.episode import Episode, Turn
 from gamekeeper.episodes.evidence import NO_STEPS, Evidence, manifest_of
 from gamekeeper.episodes.tables import MemoryTables
@@ -230,6 +230,27 @@ class ReplayRunner:
         again = self._kept()
         episode.finish(again)
         return next(again.headers)
+
+    def compared(
+        self,
+        header: Mapping[str, Any],
+        *,
+        chooser: ActionChooser | None = None,
+        tolerance: float | None = None,
+    ) -> tuple[Comparison, Mapping[str, Any]]:
+        """An episode replayed and compared with its recording, and the header of the replay.
+
+        Raises:
+            EvidenceError: an action was an object that no text can build again.
+        """
+        both = Comparison(
+            self._evidence.extent(header),
+            tolerance=tolerance,
+            volatile=self._evidence.contract.volatile_infos(),
+        )
+        again = self.play(header, chooser=chooser, look=both.look)
+        both.ends()
+        return both, again
 
     def play_until(
         self, header: Mapping[str, Any], steps: int, *, chooser: ActionChooser | None = None

@@ -7,7 +7,7 @@ import math
 import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from gamekeeper.contract.sections import ENDING_KINDS, KINDS, RESERVED, Plain
@@ -263,11 +263,8 @@ def with_forms(
     seen = _forms(roles, observes, "--observes")
     done = _forms(roles, acts, "--acts")
     return tuple(
-        RolePlan(
-            role.name,
-            role.count,
-            seen.get(role.name, role.observes),
-            done.get(role.name, role.acts),
+        replace(
+            role, observes=seen.get(role.name, role.observes), acts=done.get(role.name, role.acts)
         )
         for role in roles
     )

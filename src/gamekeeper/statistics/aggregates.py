@@ -10,7 +10,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.random import Generator
 
-from gamekeeper.errors import EvidenceError
+from gamekeeper.errors import EvidenceError, check_choice
 from gamekeeper.statistics.interval import (
     FEWEST_RUNS,
     FEWEST_RUNS_APART,
@@ -190,14 +190,8 @@ def _luck(
 
 
 def _strata(scores: Mapping[str, Scores], statistic: str, where: str) -> list[FloatArray]:
-    if statistic not in AGGREGATES:
-        raise EvidenceError(
-            "there is no such statistic",
-            where=where,
-            expected=" or ".join(AGGREGATES),
-            actual=repr(statistic),
-            fix="use one of these",
-        )
+    what = "there is no such statistic"
+    check_choice(statistic, AGGREGATES, what, where=where, error=EvidenceError)
     enough(len(scores), 1, "environments", where=where)
     strata = [run_scores(each, where=f"{where}, {name}") for name, each in scores.items()]
     lengths = sorted({len(each) for each in strata})

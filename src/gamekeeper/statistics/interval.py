@@ -10,7 +10,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gamekeeper.errors import EvidenceError
+from gamekeeper.errors import EvidenceError, check_choice
 
 FloatArray = NDArray[np.float64]
 Statistic = Literal["mean", "iqm", "median"]
@@ -111,14 +111,8 @@ def check_statistic(statistic: str, where: str) -> None:
     Raises:
         EvidenceError: it isn't.
     """
-    if statistic not in STATISTICS:
-        raise EvidenceError(
-            "there is no such statistic",
-            where=where,
-            expected=" or ".join(STATISTICS),
-            actual=repr(statistic),
-            fix="use one of these",
-        )
+    what = "there is no such statistic"
+    check_choice(statistic, STATISTICS, what, where=where, error=EvidenceError)
 
 
 FEWEST_EPISODES: Final[dict[Statistic, int]] = {"mean": 95, "iqm": 20, "median": 10}

@@ -19,7 +19,7 @@ from gamekeeper.rollouts.executors.task import (
     Done,
     Executor,
     Limits,
-    MapOptions,
+    OnReport,
     WorkTask,
     check_workers,
 )
@@ -72,7 +72,9 @@ class RayExecutor(Executor):
         """
         return self._asked or max(self._cluster().cores(), 1)
 
-    def _play(self, tasks: Iterator[WorkTask], given: MapOptions) -> Iterator[Done]:
+    def _play(
+        self, tasks: Iterator[WorkTask], limits: Limits, on_report: OnReport | None
+    ) -> Iterator[Done]:
         """Yields each task as it ends; see `Executor.map`. `on_report` is never called.
 
         Raises:
@@ -80,7 +82,7 @@ class RayExecutor(Executor):
             GamekeeperError: the cluster doesn't answer, is without cores, or a node can't play.
         """
         cluster = self._cluster()
-        flight, drawn = _Flight(cluster, given.limits), tasks
+        flight, drawn = _Flight(cluster, limits), tasks
 
         def fill() -> None:
             room = cluster.room(self._asked)

@@ -44,7 +44,7 @@ from gymnasium.spaces import Box, Discrete
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from gamekeeper.errors import SpecError
+from gamekeeper.errors import SpecError, check_choice
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.kernel_env import KernelTicks
 from gamekeeper.tasks.arguments import check_whole
@@ -294,14 +294,7 @@ def _check_all(given: Mapping[str, Any]) -> None:
             actual=repr(rocks),
             fix="give a number from 0 to 1",
         )
-    if evaders_are not in SCRIPTS:
-        raise SpecError(
-            "there is no such mover of the evaders",
-            where="evaders_are",
-            expected=" | ".join(SCRIPTS),
-            actual=repr(evaders_are),
-            fix="use one of these",
-        )
+    check_choice(evaders_are, SCRIPTS, "there is no such mover of the evaders", where="evaders_are")
     rows, columns = given["rows"], given["columns"]
     free = rows * columns - (rows // 2) * (columns // 2)
     count = given["pursuers"] + given["evaders"]

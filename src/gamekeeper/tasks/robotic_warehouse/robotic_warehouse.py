@@ -46,7 +46,7 @@ from gymnasium.spaces import Box, Discrete
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from gamekeeper.errors import SpecError
+from gamekeeper.errors import SpecError, check_choice
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.kernel_env import KernelTicks
 from gamekeeper.tasks import drawing
@@ -299,14 +299,7 @@ def _check(
     }
     for name, (number, low, high) in limits.items():
         check_whole(name, number, low, high)
-    if reward_type not in REWARDS:
-        raise SpecError(
-            "there is no such reward",
-            where="reward_type",
-            expected=f"one of {', '.join(REWARDS)}",
-            actual=repr(reward_type),
-            fix="use one of these",
-        )
+    check_choice(reward_type, REWARDS, "there is no such reward", where="reward_type")
 
 
 _SIZED: Final = re.compile(
