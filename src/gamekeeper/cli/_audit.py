@@ -394,7 +394,6 @@ def audit_many(
 
     Args:
         options: as in `gk.audit`, as plain JSON.
-
     Raises:
         KeyboardInterrupt: by Ctrl-C, before one was done.
         WorkerFault: a task of ours is broken.

@@ -109,7 +109,6 @@ class Screen:
     Args:
         is_json: results are one document at the end; texts are dropped.
         is_quiet: no progress and no notes; errors are always said.
-
     Attributes:
         lost: errors of results that couldn't be written. The work continues without them, so that
             a recording is finalized all the same.

@@ -234,7 +234,6 @@ def _policies(
         texts: as the user wrote them.
         players: returns the agents and roles of the environment; called only for an error.
         spec, kwargs: as the user wrote them.
-
     Raises:
         SpecError: a text could name a policy or an agent, or two of them have one name.
         PolicyError: a policy is incomplete, or two are for the same agents.

@@ -216,7 +216,6 @@ def audit_here(
 
     Args:
         line: the command that shows all of it.
-
     Returns:
         The audit's document; where the audit itself was given up, its `error`.
     """

@@ -123,7 +123,6 @@ def as_action(space: Space, value: Plain) -> object:
     Args:
         space: any space of Gymnasium but Graph, whose actions can't be declared.
         value: a number, text, list or table, as a contract holds it.
-
     Raises:
         ValueError: it is no action of the space.
     """

@@ -29,7 +29,6 @@ def reader(place: str | None) -> Reader:
     Args:
         place: `observation.KEY` or `infos.KEY`, with further keys after more dots; None where the
             contract says nothing.
-
     Raises:
         PolicyError: the place is of another form.
     """

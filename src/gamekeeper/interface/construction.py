@@ -47,7 +47,6 @@ def foreign(doing: str, *, where: str, pip: str = "") -> Iterator[None]:
         doing: what goes on, for the message: "importing farm.envs".
         where: the spec as it was typed.
         pip: what to install if a package is missing.
-
     Raises:
         SpecError: the code raised; with its traceback as text and as `__cause__`.
     """
@@ -274,7 +273,6 @@ def find_factory(
         name: dotted name inside it, or None.
         api: `aec` or `parallel` where the user asked for one.
         where: the module or file as it was typed, for messages.
-
     Raises:
         SpecError: there is no such name, it can't be called, or there is none or more than one to
             choose.

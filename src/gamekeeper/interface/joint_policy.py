@@ -64,7 +64,6 @@ def assign(
         noop: an agent's declared noop, None where none is declared.
         mask_at: where an agent's mask stands by its contract, None where the contract doesn't say.
         schemes: further forms of policies, by the word before their colon.
-
     Raises:
         PolicyError: a policy can't be found, a choice is for nobody in the game, or `noop` is to
             play an agent without a declared noop.

@@ -44,7 +44,6 @@ def load_module(name: str, *, pip: str = "") -> ModuleType:
     Args:
         name: dotted name.
         pip: what to install where importing it needs a package that isn't there.
-
     Raises:
         NotHereError: it, or a package that it stands in, doesn't exist.
         SpecError: it exists, and importing it raised.

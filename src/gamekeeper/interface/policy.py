@@ -141,7 +141,6 @@ def resolve(choice: Choice, *, schemes: Mapping[str, Scheme] | None = None) -> C
             callable.
         schemes: further forms by the word before their colon, beside those that entry points
             bring (`sb3:model.zip`).
-
     Raises:
         PolicyError: there is no such policy, loading it raised, or it can't be called as a policy.
     """

@@ -35,7 +35,6 @@ class KernelRules(Authored):
     Args:
         render_mode: one of metadata["render_modes"], or None.
         debug: the rules run as plain Python, for breakpoints in them.
-
     Attributes:
         bench: the state and the arrays of the one copy.
     """

@@ -50,7 +50,6 @@ class WarmWorker:
             task: "module:function", as of `run_task`.
             silence_s: longest time without a sign of life, in seconds; None: for ever.
             limit_s: longest time in all, in seconds; None: for ever.
-
         Raises:
             GamekeeperError: no process can be started here.
             TypeError, ValueError: JSON can't carry the arguments.

@@ -29,7 +29,6 @@ class FirstCheck:
     Args:
         episode: whose end is about to be written.
         advice: said where it comes out otherwise.
-
     Attributes:
         drew: global generators that the replay drew from; None: not known.
     """

@@ -193,16 +193,21 @@ class ReplayRunner:
     """Plays recorded episodes again in one environment, one after the other."""
 
     def __init__(
-        self, evidence: Evidence, opened: Opened, *, after_turn: Callable[[], None] | None = None
+        self,
+        evidence: Evidence,
+        opened: Opened,
+        *,
+        after_turn: Callable[[], None] | None = None,
+        sink: Any = None,
     ) -> None:
-        """Sets up `opened` as it was set up for `evidence`."""
+        """Sets up `opened` as it was set up for `evidence`; `sink` takes the rows, else memory."""
         self._evidence, self._opened, self._after_turn = evidence, opened, after_turn
-        self._sink = _Unkept(
+        self._sink = sink or _Unkept(
             terms=tuple(evidence.manifest.get("terms") or ()),
             volatile=evidence.contract.volatile_infos(),
             prints=evidence.manifest.get("level"),
         )
-        self._capture = capture_of(
+        self.capture = capture_of(
             opened.env,
             sink=self._sink,
             frames=was_rendered(evidence),
@@ -225,8 +230,8 @@ class ReplayRunner:
         """
         if chooser is None:
             _check_actions(self._evidence, header)
-        episode = ReplayedEpisode(self._evidence.chunks(header), self._capture, self._sink, look)
-        self._replay(episode.head, chooser, episode.turns())
+        episode = ReplayedEpisode(self._evidence.chunks(header), self.capture, self._sink, look)
+        self.replay(episode.head, chooser, episode.turns())
         again = self._kept()
         episode.finish(again)
         return next(again.headers)
@@ -265,15 +270,20 @@ class ReplayRunner:
         """
         _check_actions(self._evidence, header)
         trace = self._evidence.episode_of(header)
-        self._replay(trace, chooser, takewhile(lambda turn: turn.index < steps, trace.turns))
+        self.replay(trace, chooser, takewhile(lambda turn: turn.index < steps, trace.turns))
         return self._kept().episodes[0]
 
-    def _replay(self, trace: Episode, chooser: ActionChooser | None, turns: Iterable[Turn]) -> None:
-        """Plays turns of an episode again."""
-        self._capture.episode = trace.episode - 1
+    def replay(
+        self,
+        trace: Episode,
+        chooser: ActionChooser | None = None,
+        turns: Iterable[Turn] | None = None,
+    ) -> None:
+        """Plays turns of an episode again; None: all of them."""
+        self.capture.episode = trace.episode - 1
         replay_trace(
             trace,
-            self._capture,
+            self.capture,
             agents={each.name: agent for agent, each in self._sink.layout.seats.items()},
             types=self._evidence.manifest.get("action_types"),
             cast=chooser,
@@ -284,8 +294,8 @@ class ReplayRunner:
 
     def returned(self) -> tuple[Mapping[Any, Any], Mapping[Any, Any]]:
         """Observations and infos that the last step of a ParallelEnv returned; else empty."""
-        if isinstance(self._capture, ParallelCapture):
-            return self._capture.observations, self._capture.infos
+        if isinstance(self.capture, ParallelCapture):
+            return self.capture.observations, self.capture.infos
         return {}, {}
 
     def manifest(self) -> Mapping[str, Any]:
@@ -294,7 +304,7 @@ class ReplayRunner:
 
     def close(self) -> None:
         """Closes the environment."""
-        self._capture.close()
+        self.capture.close()
 
     def _kept(self) -> Evidence:
         """Evidence of the replay since the last call, but for rows that were taken off by then."""

@@ -113,7 +113,6 @@ class ConfidenceSequence(_Watched):
         most: the most a value can be (1 for success); None with `least`.
         level: chance that all intervals hold, in [0.8, 0.9999]: to watch several sequences at once,
             divide 1 - level by their number.
-
     Raises:
         EvidenceError: one bound without the other, most not over least, or a level out of range.
     Source: Waudby-Smith & Ramdas 2023, "Estimating means of bounded random variables by betting",
@@ -226,7 +225,6 @@ class Narrowing(_Watched):
         least: the least a value can be (0 for success); None: values aren't bounded.
         most: the most a value can be (1 for success); None with `least`.
         level: coverage, in [0.8, 0.99].
-
     Raises:
         EvidenceError: one bound without the other, most not over least, or a level out of range.
     Source: Chow & Robbins 1965, "On the asymptotic theory of fixed-width sequential confidence

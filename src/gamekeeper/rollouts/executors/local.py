@@ -141,7 +141,6 @@ class LocalExecutor(Executor):
 
     Args:
         workers: how many processes; None: one for each core that this process may use.
-
     Raises:
         GamekeeperError: there would be nobody.
     """

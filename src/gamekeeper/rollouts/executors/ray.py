@@ -50,7 +50,6 @@ class RayExecutor(Executor):
             started now and ended by `close` or with this process.
         workers: how many tasks are played at a time; None: as many as the cluster has cores, now
             and whenever nodes come or go.
-
     Raises:
         DependencyError: Ray isn't installed.
         GamekeeperError: there would be nobody.
