@@ -109,10 +109,7 @@ class Columns:
     """Whole turns as columns, episode by episode: the input of the encoder.
 
     Attributes:
-        starts: episodes that begin.
         rows: of agents; None where there are none.
-        states: likewise.
-        ends: episodes that are over.
         steady_infos: infos of the rows without volatile fields, as an Arrow array; None: the
             encoder takes these fields out.
     """

@@ -31,7 +31,6 @@ def need(module: str, *, pip: str = "", here: bool = False) -> ModuleType:
     """A module of a foreign package, imported.
 
     Args:
-        module: dotted name.
         pip: what to install; without it, as the module is called.
         here: also a module of the current folder will do.
     Raises:

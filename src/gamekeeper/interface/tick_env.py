@@ -209,15 +209,12 @@ class TickEnv(Authored, ParallelEnv[Any, Any, Any]):
         self.terminations[agent] = self.truncations[agent] = False
 
     def _possible(self) -> frozenset[Any]:
-        """Agents that may appear in this episode."""
         return frozenset(self.__places)
 
     def _range_of(self, agent: AgentId) -> range:
-        """The whole numbers that need no further look as actions of an agent."""
         return self.__ranges[agent]
 
     def _learn_spaces(self, agents: Iterable[Any]) -> None:
-        """Reads the action spaces of agents that come into the roster."""
         try:
             spaces, ranges = self.__spaces, self.__ranges
         except AttributeError:

@@ -107,9 +107,7 @@ class Plan:
         observe: `after tick` or `after turn`.
         conflicts: rule for actions that exclude each other.
         api: `aec` or `parallel`.
-        why: the reason for it.
         endings: without the time limit.
-        horizon: ticks of an episode.
     """
 
     name: str

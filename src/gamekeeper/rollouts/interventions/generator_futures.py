@@ -41,7 +41,6 @@ class _Elsewhere(Hooks):
         self._change = change
 
     def between(self, turn: int, env: Any) -> None:
-        """Once, right after the reset."""
         if turn == 0:
             with kept_global_generators():
                 reseed(env, self._change.number, self._change.places)
@@ -66,16 +65,13 @@ class _Disturbing(Hooks):
         self._kept: dict[str, Any] | None = None
 
     def before_reset(self, env: Any) -> None:
-        """Remembers how they were."""
         self._kept = states()
         self._disturb()
 
     def between(self, turn: int, env: Any) -> None:
-        """Another seed at every turn."""
         self._disturb()
 
     def after(self, env: Any) -> None:
-        """Puts them back."""
         if self._kept is not None:
             restore(self._kept)
 
