@@ -434,7 +434,9 @@ def _play(
                 after_turn=take_turn,
                 after_episode=take_episode,
             )
-        except (GamekeeperError, KeyboardInterrupt):
+        except (GamekeeperError, KeyboardInterrupt) as error:
+            if isinstance(sink, RunRecorder):
+                sink.say_in_manifest(stopped=_stopped(error, capture, plan))
             raise
         except BaseException as error:  # also where no step raised: last(), state(), render()
             capture.fail_at_last(traceback_text(error))
@@ -450,6 +452,14 @@ def _play(
                     sink.close()
         finally:
             capture.close()
+
+
+def _stopped(error: BaseException, capture: Any, plan: RolloutPlan) -> str:
+    """Entry of the manifest: what ended the rollout before its last episode, and where."""
+    why = error.what if isinstance(error, GamekeeperError) else "it was interrupted"
+    begun = capture.episode + 1 - plan.first
+    place = f"episode {capture.episode}, turn {capture.turn}" if begun else "the first reset"
+    return f"{why} ({place}); {begun} of {plan.episodes} episodes were begun"
 
 
 def _first_entry(level: str, why: str) -> dict[str, Any]:
