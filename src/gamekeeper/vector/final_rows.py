@@ -22,12 +22,12 @@ class FinalRows(NDArrayOperatorsMixin):
 
     Attributes:
         envs: [row], sub-environments that have one.
+        rows: [env], the row of each; -1 without one.
     """
 
     def __init__(self, num_envs: int, envs: NDArray[np.intp]) -> None:
-        self.envs = envs
-        self._rows = np.full(num_envs, -1)
-        self._rows[envs] = np.arange(len(envs))
+        self.envs, self.rows = envs, np.full(num_envs, -1)
+        self.rows[envs] = np.arange(len(envs))
         self._made: NDArray[Any] | None = None
 
     def row(self, row: int) -> Any:
@@ -35,10 +35,10 @@ class FinalRows(NDArrayOperatorsMixin):
         raise NotImplementedError
 
     def __len__(self) -> int:
-        return len(self._rows)
+        return len(self.rows)
 
     def __getitem__(self, index: Any) -> Any:
-        if self._made is not None or np.ndim(rows := self._rows[index]):
+        if self._made is not None or np.ndim(rows := self.rows[index]):
             return self.__array__()[index]
         return None if rows < 0 else self.row(int(rows))
 
@@ -103,3 +103,25 @@ class FinalInfos(FinalRows):
         if own is not None:
             return np.asarray(own(agents))
         return np.array([[agent not in one for agent in agents] for one in self._told.values()])
+
+
+class AgentInfos(FinalRows):
+    """Last infos where every agent is a sub-environment of its own.
+
+    Args:
+        num_envs: number of these sub-environments.
+        envs: those whose agents ended.
+        told: infos by agent, for each copy.
+        agents: of every copy, in their order.
+    """
+
+    def __init__(
+        self, num_envs: int, envs: NDArray[np.intp], told: FinalRows, agents: Sequence[AgentId]
+    ) -> None:
+        super().__init__(num_envs, envs)
+        self._told, self._agents = told, agents
+
+    def row(self, row: int) -> Any:
+        """Returns what an agent was told last."""
+        copy, place = divmod(int(self.envs[row]), len(self._agents))
+        return self._told[copy].get(self._agents[place], {})
