@@ -235,7 +235,7 @@ class Invoices(ParallelEnv):
 
 
 class Bakery(AECEnv):
-    """Bakers fill an oven and serve by turns: a loaf is done, and sold, at the baker's next turn."""
+    """Bakers fill an oven and serve by turns: a loaf is done and sold at one's next turn."""
 
     metadata = {"name": "bakery_v0", "render_modes": [], "is_parallelizable": False}
 
