@@ -108,7 +108,7 @@ def opening(before: Sequence[Row], latest: Sequence[Row]) -> Iterator[str]:
     """Heading, and how it was done."""
     yield "# Public environments, audited anew\n"
     yield (
-        f"Made by `python benchmarks/zoo/anew.py`. {_lot(before)} of the [catalogue](zoo.md) that "
+        f"Made by `python benchmarks/zoo/anew.py`. {_lot(before)}, of the [catalogue](zoo.md) that "
         "no check was changed by, with a load of 5 to 13. Judgements of causes told before stand "
         f"as they were.\n\n**The second lot**: {_lot(latest)}, found by the rule of the catalogue "
         "once checks had been changed by all the others, and fixed before their first audit; a "
@@ -123,7 +123,7 @@ def _lot(rows: Sequence[Row]) -> str:
     """Numbers of environments and packages, and the commit of their audits."""
     commits = ", ".join(sorted({row["gamekeeper"] for row in rows}))
     packages = {row["key"].rpartition("/")[0] for row in rows}
-    return f"{len(rows)} environments of {len(packages)} packages, at commit {commits},"
+    return f"{len(rows)} environments of {len(packages)} packages, at commit {commits}"
 
 
 def counts(rows: Sequence[Row], judged: Mapping[str, Mapping[str, str]]) -> Iterator[str]:

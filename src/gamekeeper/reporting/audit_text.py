@@ -110,7 +110,9 @@ def _minor(verdict: Document) -> Row:
 def _consequence(verdict: Document) -> Row:
     """The broken rule, the cause, and what was held still so that the reproducer passed."""
     cause = verdict["follows_from"]
-    text = f"{_broken(verdict)} Follows from {cause['id']}: passes with {cause['held_still']}."
+    held = cause["held_still"]
+    why = f"passes with {held}" if held else "the same exception"
+    text = f"{_broken(verdict)} Follows from {cause['id']}: {why}."
     return verdict["id"], _short(text)
 
 

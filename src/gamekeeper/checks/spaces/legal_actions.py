@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -100,6 +100,11 @@ def illegal_proof(api: str, turn: int | None, value: TriedAction, then: str) -> 
     )
 
 
+def _is_any_accepted(turns: Sequence[LegalTurn]) -> bool:
+    """Tells whether a step was accepted ever; where none was, no mask is to blame."""
+    return any(each.raised is None for each in turns)
+
+
 PROOF = "# nothing more: a step above raised, and every action in it is one of its action space"
 
 
@@ -140,8 +145,10 @@ def actions_of_the_space_are_accepted(
                 evidence.api, fact.where.turn, fact.value, "assert error is None, error"
             ),
         )
-    for taken in legal_turns(contract, evidence):
-        if not taken.is_masked:
+    turns = list(legal_turns(contract, evidence))
+    is_any_accepted = _is_any_accepted(turns)
+    for taken in turns:
+        if not taken.is_masked or not is_any_accepted:
             yield Case(
                 taken.trace.at(taken.turn, taken.agent, "raised"),
                 taken.raised is None,
@@ -309,7 +316,8 @@ def allowed_actions_are_accepted(contract: Contract, evidence: ProbeEvidence) ->
 
         def observe(self, agent): return {..., "action_mask": self._legal_now(agent)}
     """
-    for taken in legal_turns(contract, evidence):
+    turns = list(legal_turns(contract, evidence))
+    for taken in turns if _is_any_accepted(turns) else ():
         if taken.is_masked:
             yield Case(
                 taken.trace.at(taken.turn, taken.agent, "raised"),
