@@ -150,10 +150,11 @@ def suspected_text(audit: Document, *, width: int) -> str:
 
 
 def brief_rows(audit: Document, *, most: int) -> list[tuple[str, str, str]]:
-    """Id, severity and broken rule of the worst failed checks, causes first; how many more."""
+    """Id, severity and broken rule of the worst failed checks, causes first; ids of the others."""
     found = sorted(verdicts_of(audit, "failed"), key=lambda each: each["follows_from"] is not None)
     rows = [(each["id"], each["severity"], _short(_brief(each))) for each in found[:most]]
-    return rows if len(found) <= most else [*rows, ("", "", f"and {len(found) - most} more")]
+    others = ", ".join(each["id"] for each in found[most:])
+    return [*rows, ("", "", f"and {len(found) - most} more: {others}")] if others else rows
 
 
 def _brief(verdict: Document) -> str:

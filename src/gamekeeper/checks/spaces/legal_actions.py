@@ -13,7 +13,7 @@ from gamekeeper.checks.facts.action_facts import TriedAction
 from gamekeeper.checks.facts.play_facts import RaisedCall
 from gamekeeper.checks.literal import literal
 from gamekeeper.checks.probe_evidence import ProbeDeath, ProbeEvidence, ProbeRun
-from gamekeeper.checks.spaces.action_masks import is_legal, mask_of, stands_elsewhere
+from gamekeeper.checks.spaces.action_masks import is_legal, mask_of, stands_elsewhere, without_masks
 from gamekeeper.checks.spaces.observation_values import spaces_of
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.episode import Episode, Turn
@@ -300,6 +300,7 @@ UNFINISHED: Final = (
     needs=("rollout", "spaces"),
     severity=HIGH,
     fix="make the mask from the state that the action will meet, for the agent that will act",
+    applies=without_masks,
     looks_at="a step of agents with an action mask",
 )
 def allowed_actions_are_accepted(contract: Contract, evidence: ProbeEvidence) -> Iterator[Case]:
