@@ -83,7 +83,7 @@ class _Replay:
         return self.turns[turn].rewards.get(agent, 0.0) if turn in self.turns else 0.0
 
     def observed(self, agent: str, after: int) -> Any:
-        """What the agent observed first after the step; None where it didn't any more."""
+        """First observation of the agent after the step; None where there is none."""
         seen = (each.observations.get(agent) for at, each in self.turns.items() if at > after)
         return next((each for each in seen if each is not None), None)
 
