@@ -268,8 +268,8 @@ def _rare_case(fact: Fact[PaymentTime], *, ok: bool, api: str) -> Case:
         fact.where,
         ok,
         "an unusual reward is decided by the actions of its own tick",
-        f"{value.agent!r} is paid {value.amount:g} more than usual at turn {turn}, which no other "
-        f"action of that tick changes; one of {mover!r} at turn {at} does",
+        f"{value.agent!r} is paid {value.amount:g} more than usual at turn {turn}, which none of "
+        f"{len(value.tried)} other actions of that tick changes; one of {mover!r} at turn {at} does",
         proof=None if ok else _rare_proof(fact, api),
     )
 
