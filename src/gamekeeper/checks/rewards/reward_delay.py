@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 from gamekeeper.checks.case import Reproducer
 from gamekeeper.checks.check import MEDIUM, Case, check
@@ -30,6 +30,16 @@ ALIKE = 1.3
 """Ratio of two sizes that are still about one."""
 STEADY = 3
 """Numbers of an observation that lag behind so often do so by the rules."""
+REWARDS: Final = (
+    "def rewards(actions):\n"
+    "    env, paid = make(), []\n"
+    "    env.reset(seed=SEED)\n"
+    "    for each in actions:\n"
+    "{play}"
+    "    return paid\n"
+    "\n"
+)
+"""Lines of a program that play, with `play` as the step and what it pays."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -269,7 +279,8 @@ def _rare_case(fact: Fact[PaymentTime], *, ok: bool, api: str) -> Case:
         ok,
         "an unusual reward is decided by the actions of its own tick",
         f"{value.agent!r} is paid {value.amount:g} more than usual at turn {turn}, which none of "
-        f"{len(value.tried)} other actions of that tick changes; one of {mover!r} at turn {at} does",
+        f"{len(value.tried)} other actions of that tick changes; one of {mover!r} at turn {at} "
+        "does",
         proof=None if ok else _rare_proof(fact, api),
     )
 
@@ -286,22 +297,16 @@ def _rare_proof(fact: Fact[PaymentTime], api: str) -> Reproducer:
         )
         replace = "    other[turn] = action\n"
     return Reproducer(
-        "def rewards(actions):\n"
-        "    env, paid = make(), []\n"
-        "    env.reset(seed=SEED)\n"
-        "    for each in actions:\n"
-        f"{play}"
-        f"    return [each.get({value.agent!r}, 0.0) for each in paid]\n"
-        "\n"
-        "def instead(turn, agent, action):\n"
+        f"{REWARDS.format(play=play)}"
+        "def change(turn, agent, action):\n"
         f"    other = list(ACTIONS[:{paid + 1}])\n"
         f"{replace}"
-        "    return rewards(other)\n"
+        f"    pair = rewards(ACTIONS[:{paid + 1}])[-1], rewards(other)[-1]\n"
+        f"    return abs(pair[0].get({value.agent!r}, 0.0) - pair[1].get({value.agent!r}, 0.0))\n"
         "\n"
-        f"paid = rewards(ACTIONS[:{paid + 1}])[{paid}]\n"
         f"own_tick = {literal(list(value.tried))}\n"
-        f"changes = [abs(instead(*each)[{paid}] - paid) for each in own_tick]\n"
-        f"late = abs(instead({then}, {mover!r}, {literal(action)})[{paid}] - paid)\n"
+        "changes = [change(*each) for each in own_tick]\n"
+        f"late = change({then}, {mover!r}, {literal(action)})\n"
         f"enough = {abs(value.amount) / 2!r}\n"
         'assert max(changes) >= enough or late < enough, "the reward comes one tick late"',
         plays=False,
@@ -333,15 +338,9 @@ def _proof(agent: str, turn: int, action: Any, part: str | None) -> Reproducer:
     if part is not None:
         paid = f"{{str(a): t.get({part!r}, 0.0) for a, t in env.unwrapped.terms.items()}}"
     step = "" if part is None else "        env.step(each)\n"
+    play = f"{step}        paid.append({paid})\n"
     return Reproducer(
-        "def rewards(actions):\n"
-        "    env, paid = make(), []\n"
-        "    env.reset(seed=SEED)\n"
-        "    for each in actions:\n"
-        f"{step}"
-        f"        paid.append({paid})\n"
-        "    return paid\n"
-        "\n"
+        f"{REWARDS.format(play=play)}"
         f"other = [dict(each) for each in ACTIONS]\n"
         f"other[{turn}][{agent!r}] = {literal(action)}\n"
         "one, two = rewards(ACTIONS), rewards(other)\n"
