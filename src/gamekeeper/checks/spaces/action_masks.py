@@ -74,11 +74,14 @@ def masks(contract: Contract, evidence: ProbeEvidence) -> Iterator[GivenMask]:
 
 def without_masks(contract: Contract, evidence: ProbeEvidence) -> str | None:
     """Says that no agent is given a mask anywhere; None where one is, or nothing was played."""
-    is_declared = any(role.mask not in (None, "none") for role in contract.roles.values())
-    if is_declared or not any(trace.turns for trace in evidence["rollout"]):
+    is_played = any(trace.turns for trace in evidence["rollout"])
+    if (
+        not is_played
+        or _none_declared(contract, evidence) is None
+        or any(masks(contract, evidence))
+    ):
         return None
-    has_masks = next(masks(contract, evidence), None) is not None
-    return None if has_masks else "no agent is given an action mask"
+    return "no agent is given an action mask"
 
 
 def mask_of(contract: Contract, turn: Turn, agent: str) -> Any:
