@@ -67,8 +67,8 @@ class _Trial:
     fix="compute the rewards after the moves of the tick, from the state that the observations "
     "of the same step show",
     confidence=0.9,
-    looks_at="an action that, replaced alone, moves a reward of its own step, or five that move "
-    "the next one: a larger --budget tries more",
+    looks_at="an action that, replaced alone, moves a reward of its own step, five that move the "
+    "next one, or four unusual rewards of one size: a larger --budget tries more",
 )
 def rewards_come_with_the_tick_that_earns_them(
     contract: Contract, evidence: ProbeEvidence
