@@ -295,7 +295,7 @@ class EpisodeLoop:
     def _failed_turn(self) -> int:
         """Turn of the call that raised; a capture that records nothing doesn't count them."""
         if self._capture.sink is not None:
-            return self._capture.turn
+            return int(self._capture.turn)
         return len(self.taken) - (self._call == "step")
 
     def _begin(self) -> None:
