@@ -8,6 +8,7 @@ from html import escape
 from typing import Any
 
 from gamekeeper.diagnosis.judgement import CAUSES, Answer, Contradiction
+from gamekeeper.diagnosis.raised_policies import RaisedPolicy
 from gamekeeper.diagnosis.response_tests import ResponseTest
 from gamekeeper.diagnosis.setup_differences import SetupDifference
 from gamekeeper.episodes.row_tables import html_table, text_lines
@@ -202,6 +203,8 @@ class Diagnosis:
             role; then new and recorded episodes can't contradict each other.
         responses: response tests of policies, by agent, where undos were tried.
         differences: to a run that worked, where one was given.
+        raised: policies that broke new episodes off; where they broke off most, nothing else was
+            looked for.
     """
 
     run: str
@@ -226,6 +229,7 @@ class Diagnosis:
     policies: Mapping[str, str] = field(default_factory=dict)
     responses: Mapping[str, ResponseTest] = field(default_factory=dict)
     differences: RunDifferences | None = None
+    raised: tuple[RaisedPolicy, ...] = ()
 
     @property
     def has_cause(self) -> bool:
@@ -272,6 +276,7 @@ class Diagnosis:
             "policies": dict(self.policies),
             "responses": {name: each.to_json() for name, each in self.responses.items()},
             "differences": None if self.differences is None else self.differences.to_json(),
+            "raised": [each.to_json() for each in self.raised],
         }
 
     def rows(self) -> list[list[str]]:
@@ -294,14 +299,14 @@ class Diagnosis:
         ]
 
     def __str__(self) -> str:
-        told = [f"{scope}: {each}" for scope, each in self.contradictions.items()]
+        told = [str(each) for each in self.raised]
+        told += [f"{scope}: {each}" for scope, each in self.contradictions.items()]
         return "\n".join([*told, *text_lines(self.rows())])
 
     def _repr_html_(self) -> str:
-        told = "".join(
-            f"<p><b>{escape(f'{scope}: {each}')}</b></p>"
-            for scope, each in self.contradictions.items()
-        )
+        lines = [str(each) for each in self.raised]
+        lines += [f"{scope}: {each}" for scope, each in self.contradictions.items()]
+        told = "".join(f"<p><b>{escape(line)}</b></p>" for line in lines)
         return f"{told}{html_table(self.rows(), caption='Diagnosis by agent')}"
 
 

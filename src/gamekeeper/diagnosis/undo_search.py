@@ -54,7 +54,7 @@ def try_undos(experiment: Experiment) -> dict[str, ResponseTest]:
     """
     scopes = _open_scopes(experiment)
     failing = _failing(experiment, scopes)
-    if not failing:
+    if not failing or experiment.is_broken_off:
         return {}
     if experiment.left < FED + experiment.confirm + len(failing[: ROUNDS[-1]]):
         experiment.not_played.append("undos from outside")

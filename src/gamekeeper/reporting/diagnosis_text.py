@@ -28,6 +28,7 @@ def diagnosis_text(document: Mapping[str, Any], *, width: int) -> str:
     differences = document.get("differences")
     if differences is not None:
         blocks = [
+            *contradiction_lines(document, width),
             head_line(document, width),
             differences_text(document, width=width),
             _agents(document, width),
@@ -49,7 +50,9 @@ def diagnosis_text(document: Mapping[str, Any], *, width: int) -> str:
 
 
 def contradiction_lines(document: Mapping[str, Any], width: int) -> Iterator[str]:
-    """Names new episodes that contradict the recorded ones, before any answer."""
+    """Names policies that raised, and new episodes that contradict, before any answer."""
+    for each in document.get("raised") or ():
+        yield "\n".join(wrapped(f"Raised  {each['text']}.", width, rest=INDENT))
     for scope, each in document["contradictions"].items():
         text = f"Contradiction  {scope}: {each['why']}."
         yield "\n".join(wrapped(text, width, rest=INDENT))
