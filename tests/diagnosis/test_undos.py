@@ -14,7 +14,7 @@ import gamekeeper as gk
 from gamekeeper.contract import Contract
 from gamekeeper.diagnosis.counterfactuals import _place
 from gamekeeper.diagnosis.experiment import Experiment
-from gamekeeper.diagnosis.judgement import _labels, is_any_scale
+from gamekeeper.diagnosis.judgement import _labels, is_any_exchange, is_any_scale
 from gamekeeper.diagnosis.played_setup import Setup
 from gamekeeper.diagnosis.trials import IdealSubstitute, over_undos, peers_of, swaps_of, undone
 from gamekeeper.diagnosis.undo_candidates import (
@@ -29,6 +29,7 @@ from gamekeeper.episodes.divergence import Divergence
 from gamekeeper.episodes.outcome import Outcome, failures
 from gamekeeper.errors import EvidenceError
 from gamekeeper.interface.joint_policy import assign
+from gamekeeper.reporting.diagnosis_screen import diagnosis_screen
 from gamekeeper.rollouts.interventions.fields import acted_fields, observed_fields
 
 SIDE = 5
@@ -176,6 +177,17 @@ def test_an_undo_that_shows_values_which_never_occur_shows_nothing() -> None:
     assert is_known_range(clock, fields, (), known)
 
 
+def test_one_field_exchanged_for_different_others_has_no_label() -> None:
+    """It is only not shown as it is; one exchange alone, or two of other fields, keep theirs."""
+    one, two, three = (
+        undone(BoundaryUndo(("a",), "exchange fields", places))
+        for places in ((1, 9), (7, 9), (2, 3))
+    )
+    assert is_any_exchange([one, two])
+    assert _labels([one, two]) == ()
+    assert _labels([one, three]) == ("perception",)
+
+
 def test_an_undo_is_data_and_says_what_it_does() -> None:
     """Workers are handed it as JSON; people read it in words."""
     undo = BoundaryUndo(("light",), "exchange fields", (0, 1), names=("field 0", "field 1"))
@@ -319,13 +331,16 @@ def diagnosed(fault: str, **more: Any) -> gk.Diagnosis:
 
 
 def test_a_fault_inside_a_policy_is_undone_from_outside_with_nothing_declared() -> None:
-    """The agent and the boundary are named; the other agent is told whose it is."""
-    found = diagnosed("mirrored")
+    """The agent and the boundary are named, and beside it the policy that restores as well."""
+    found = diagnosed("mirrored", replace={"left_0": Walker()})
     left = found.agents["left_0"]
     assert found.agents["right_0"].answer == "elsewhere"
     assert (left.answer, left.labels) == ("isolated", ("perception",))
     assert "undone by mirroring field 0 of left_0's observation" in left.why
-    assert {each.kind for each in left.tested} == {"undo"}
+    assert left.beside == ("giving left_0 the policy Walker",)
+    assert left.why.endswith("; so does giving left_0 the policy Walker")
+    screen = diagnosis_screen(found.to_json(), width=100)
+    assert "So does    giving left_0 the policy Walker" in screen
     assert found.responses["left_0"].lag == 0
     assert found.episodes <= 500
 

@@ -8,7 +8,14 @@ from typing import Final
 
 from gamekeeper.diagnosis.diagnosis_result import AgentDiagnosis, Tested
 from gamekeeper.diagnosis.experiment import Experiment
-from gamekeeper.diagnosis.judgement import ALPHA, CAUSES, ScopeFinding, Tried, is_any_scale
+from gamekeeper.diagnosis.judgement import (
+    ALPHA,
+    CAUSES,
+    ScopeFinding,
+    Tried,
+    is_any_exchange,
+    is_any_scale,
+)
 from gamekeeper.diagnosis.played_setup import SetupTraits
 from gamekeeper.diagnosis.trials import (
     CUT_OFF,
@@ -17,6 +24,7 @@ from gamekeeper.diagnosis.trials import (
     POLICY,
     IdealSubstitute,
     PerturbationArm,
+    joined_names,
 )
 from gamekeeper.episodes.outcome import LABELS
 from gamekeeper.interface.policy import REFERENCE
@@ -51,6 +59,7 @@ def agent_answer(
         finding.success,
         tuple(substitute.name for substitute in finding.substitutes),
         _shown(finding, finding.substitutes),
+        tuple(one.name for one in finding.beside if agent is None or agent in one.agents),
     )
     concerned = {a for substitute in finding.substitutes for a in substitute.concerned}
     if agent is None or finding.answer not in CAUSES or not concerned:
@@ -102,7 +111,7 @@ def _shown(finding: ScopeFinding, substitutes: Sequence[IdealSubstitute]) -> str
     if finding.answer == "protocol" and not substitutes:
         return "the cut-off of episodes before the declared horizon"
     substitutes = substitutes or [one.substitute for one in finding.tried]
-    if is_any_scale(substitutes):
+    if is_any_scale(substitutes) or is_any_exchange(substitutes):
         whose = dict.fromkeys(agent for one in substitutes for agent in one.agents)
         return f"the policy of {', '.join(whose)}, or what it makes of what it observes"
     between = " or " if finding.answer == "ambiguous" else " and "
@@ -183,14 +192,9 @@ def _why_not(
         return "what could be made ideal isn't this agent's" if experiment.fails else SOUND
     if knobs:
         have = "has its ideal value" if len(knobs) == 1 else "have their ideal values"
-        return f"{_joined(knobs)} {have} already"
+        return f"{joined_names(knobs)} {have} already"
     if label == POLICY and seen.has_reference:
         return "the reference policy plays already"
     if label == POLICY:
         return "the environment has no reference policy"
     return "the contract declares no knob with this label"
-
-
-def _joined(names: Sequence[str]) -> str:
-    *most, last = names
-    return f"{', '.join(most)} and {last}" if most else last

@@ -68,6 +68,7 @@ class AgentDiagnosis:
         success: share of successes on fresh seeds with its interval: (share, low, high).
         substitutes: the least ideal substitutes that restore.
         component: the place of the fault, as far as it was shown; None where no cause is named.
+        beside: whole policies in this agent's place that restore too, and show less.
     """
 
     answer: Answer
@@ -79,6 +80,7 @@ class AgentDiagnosis:
     success: tuple[float, float, float] = (0.0, 0.0, 1.0)
     substitutes: tuple[str, ...] = ()
     component: str | None = None
+    beside: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
@@ -91,6 +93,7 @@ class AgentDiagnosis:
             "scope": self.scope,
             "success": {"share": share, "low": low, "high": high},
             "substitutes": list(self.substitutes),
+            "beside": list(self.beside),
             "tested": [each.to_json() for each in self.tested],
             "not_tested": [{"label": label, "why": why} for label, why in self.not_tested],
         }

@@ -149,7 +149,7 @@ def diagnose(
 def _by_experiments(evidence: Evidence, options: DiagnosisOptions) -> Diagnosis:
     """The diagnosis by ideal substitutes, undos and perturbations."""
     declared = contract_of(evidence, options.contract)
-    conditions = failures(declared, options.failed)
+    conditions = failures(declared, options.failed, evidence.episodes)
     recorded = _recorded(evidence, conditions, declared)
     lost = _lost(evidence, conditions, declared)
     env, policies = options.env, options.policies

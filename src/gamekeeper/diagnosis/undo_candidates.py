@@ -16,7 +16,6 @@ import numpy as np
 from gamekeeper.diagnosis.played_setup import OpenSetup
 from gamekeeper.diagnosis.response_tests import ResponseTest
 from gamekeeper.diagnosis.undos import BoundaryUndo, passed_with
-from gamekeeper.episodes.layout import role as role_in_name
 from gamekeeper.rollouts.interventions.fields import NumberField, acted_fields, observed_fields
 from gamekeeper.rollouts.interventions.perturbation import action_space, observation_space
 
@@ -158,11 +157,12 @@ def is_known_range(
 
     Where it doesn't, as of a clock that is mirrored below 0, what it restores shows no fault of
     perception: the policy may only be kept from what sets its fault off. Exchanged and rescaled
-    fields may well leave what was recorded of a failing agent.
+    fields may well leave what was recorded of a failing agent; where a declared bound was reached,
+    all within the bounds may occur.
 
     Args:
         own: recorded observations of the agents that it is for.
-        known: those of all agents of their role.
+        known: those of all agents with their space.
     """
     if undo.way not in ("mirror field", "turn fields") or not own:
         return True
@@ -170,7 +170,9 @@ def is_known_range(
     for field in (fields[place] for place in undo.places):
         there = _numbers(field, known)
         now = _numbers(field, shown)
-        if there.size and np.mean((now < there.min()) | (now > there.max())) > UNKNOWN:
+        if not there.size or there.min() <= field.low or there.max() >= field.high:
+            continue
+        if np.mean((now < there.min()) | (now > there.max())) > UNKNOWN:
             return False
     return True
 
@@ -215,13 +217,9 @@ def _groups(stage: OpenSetup, agents: Sequence[str]) -> list[tuple[str, ...]]:
 
 
 def _like(stage: OpenSetup, agent: str, seen: Mapping[str, Sequence[Any]]) -> list[str]:
-    """The agents of an agent's role and observation space, of which observations are known."""
-
-    def kind(one: str) -> tuple[str | None, str]:
-        role = stage.contract.role_of(one) or role_in_name(one)
-        return role, str(observation_space(stage.env, one))
-
-    return [one for one in seen if kind(one) == kind(agent)]
+    """The agents with an agent's observation space, of which observations are known."""
+    space = str(observation_space(stage.env, agent))
+    return [one for one in seen if str(observation_space(stage.env, one)) == space]
 
 
 def _of_group(

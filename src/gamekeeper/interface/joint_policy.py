@@ -29,6 +29,7 @@ from gamekeeper.interface.policy import (
     guarded_seat,
     is_schemed,
     raised,
+    reset_policy,
     resolve,
     shared_with,
 )
@@ -66,7 +67,6 @@ def assign(
         noop: an agent's declared noop, None where none is declared.
         mask_at: where an agent's mask stands by its contract, None where the contract doesn't say.
         schemes: further forms of policies, by the word before their colon.
-
     Raises:
         PolicyError: a policy can't be found, a choice is for nobody in the game, or `noop` is to
             play an agent without a declared noop.
@@ -241,13 +241,12 @@ class JointPolicy:
             self._reset(whom, chosen)
 
     def _reset(self, whom: str, chosen: Chosen) -> None:
-        reset = getattr(chosen.policy, "reset", None)
-        if not callable(reset):
+        if not callable(getattr(chosen.policy, "reset", None)):
             return
         # A stream of its own: what the policy does with it must not repeat an agent's draws.
         stream = policy_rng(self._run_seed, self._episode, f"reset of {whom}")
         try:
-            reset(seed=int(stream.integers(1 << 31)))
+            reset_policy(chosen.policy, int(stream.integers(1 << 31)))
         except (Exception, SystemExit) as error:
             raise raised(chosen, whom, error) from error
 
@@ -363,7 +362,7 @@ class JointPolicy:
         policy: Any = chosen.policy
         if callable(getattr(policy, "reset", None)):
             try:
-                policy.reset(seed=int(rng.integers(1 << 31)))
+                reset_policy(policy, int(rng.integers(1 << 31)))
             except (Exception, SystemExit) as error:
                 raise raised(chosen, agent, error) from error
         elif not isinstance(policy, ModuleType):

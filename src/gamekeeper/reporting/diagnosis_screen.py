@@ -99,6 +99,9 @@ def _undone(document: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     tests = _tested(document)
     for number, each in enumerate(tests[:3]):
         yield "" if number else "Undone by", each["intervention"]
+    beside = [name for each in _named(document).values() for name in each.get("beside", ())]
+    for number, name in enumerate(dict.fromkeys(beside)):
+        yield "" if number else "So does", name
     if tests:
         best = max(tests, key=lambda each: float(each["effect"]))
         yield (

@@ -330,13 +330,7 @@ def rollout(
 
 @dataclass(frozen=True, slots=True)
 class RolloutProgress:
-    """Calls on the way of a rollout.
-
-    Attributes:
-        after_turn: called after every turn.
-        after_episode: called after every episode with how many have been played.
-        while_finalizing: a context entered while the run is finalized and checked.
-    """
+    """Calls on the way of a rollout, as of `rollout`."""
 
     after_turn: Callable[[], None] | None = None
     after_episode: Callable[[int], None] | None = None
@@ -441,7 +435,9 @@ def _play(
                 after_turn=take_turn,
                 after_episode=take_episode,
             )
-        except (GamekeeperError, KeyboardInterrupt):
+        except (GamekeeperError, KeyboardInterrupt) as error:
+            if isinstance(sink, RunRecorder):
+                sink.say_in_manifest(stopped=_stopped(error, capture, plan))
             raise
         except BaseException as error:  # also where no step raised: last(), state(), render()
             capture.fail_at_last(traceback_text(error))
@@ -457,6 +453,14 @@ def _play(
                     sink.close()
         finally:
             capture.close()
+
+
+def _stopped(error: BaseException, capture: Any, plan: RolloutPlan) -> str:
+    """Entry of the manifest: what ended the rollout before its last episode, and where."""
+    why = error.what if isinstance(error, GamekeeperError) else "it was interrupted"
+    begun = capture.episode + 1 - plan.first
+    place = f"episode {capture.episode}, turn {capture.turn}" if begun else "the first reset"
+    return f"{why} ({place}); {begun} of {plan.episodes} episodes were begun"
 
 
 def _first_entry(level: str, why: str) -> dict[str, Any]:

@@ -149,5 +149,6 @@ _FIELDS: Final[Mapping[str, tuple[Callable[[object], bool], str]]] = {
     "seed": (_is_whole, "a whole number"),
     "spaces": (_is_object, "an object"),
     "state_space": (_is_object, "a space"),
+    "stopped": (_is_text, "a text"),
     "terms": (_is_texts, "a list of names"),
 }
