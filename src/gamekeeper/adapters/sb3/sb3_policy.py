@@ -5,6 +5,7 @@ The callbacks evaluate it by agent and role over episodes, and record it as it l
 
 from __future__ import annotations
 
+import copy
 from collections import defaultdict
 from collections.abc import Mapping
 from hashlib import blake2b
@@ -49,6 +50,20 @@ class ModelPolicy:
         self.model, self.version, self.deterministic = model, version, deterministic
         self.normalization = normalization
         self._is_masked = type(model).__name__.startswith("Maskable")
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> ModelPolicy:
+        """A policy with the same weights and buffers, which playing leaves alone.
+
+        The space is copied: some algorithms sample from it, and it keeps its generator.
+        """
+        model = copy.copy(self.model)
+        model.action_space = copy.deepcopy(model.action_space, memo)
+        return ModelPolicy(
+            model,
+            version=self.version,
+            deterministic=self.deterministic,
+            normalization=copy.deepcopy(self.normalization, memo),
+        )
 
     def __call__(self, observation: Any, agent: Any, info: Any, rng: Any) -> Any:
         """The action of one agent."""
