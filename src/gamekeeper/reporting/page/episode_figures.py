@@ -205,9 +205,9 @@ def failed_text(failed: Sequence[bool | None]) -> str:
     judged = [each for each in failed if each is not None]
     unknown = len(failed) - len(judged)
     if not judged:
-        return "unknown"
-    text = f"{sum(judged)} of {len(failed)} episodes"
-    return f"{text}; {unknown} unknown" if unknown else text
+        return "not known of any episode"
+    text = f"{sum(judged)} of {len(failed)} episodes failed"
+    return f"{text}; of {unknown} it isn't known" if unknown else text
 
 
 def _outcome(

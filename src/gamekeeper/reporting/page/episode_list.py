@@ -196,7 +196,7 @@ def _label_marks(trace: Episode, labels: Iterable[Label]) -> Iterable[Mark]:
 
 def _failure_marks(evidence: Evidence, trace: Episode, has_failed: bool | None) -> Iterable[Mark]:
     """Failure conditions that the episode met, at its end; an error has a mark of its own."""
-    if trace.header.get("error") or has_failed is False:
+    if trace.header.get("error") or has_failed is False or trace.header.get("end") in UNFINISHED:
         return
     try:
         conditions = failures(evidence.contract)
