@@ -17,6 +17,7 @@ from gamekeeper.cli._audit import (
     say_not_exercised,
     show_audit,
     show_audits,
+    show_verdict,
     worst_code,
     write_audit,
     write_audits,
@@ -188,6 +189,7 @@ def command(
     say_not_exercised(screen, document)
     if out is not None:
         screen.note(f"written to {out}: {', '.join(write_audit(out, document))}")
+    show_verdict(screen, document)
     return CommandResult(document, audit_code(document, **exits) if code is None else code)
 
 
