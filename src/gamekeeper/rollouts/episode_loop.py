@@ -52,7 +52,6 @@ def play(
     Args:
         capture: an open capture; whatever it records, it records.
         episodes: numbers of episodes in the run; episode k is reset with `episode_seed(seed, k)`.
-        options: handed to every reset.
         most_turns: an episode that is longer is cut.
         after_turn: called after every turn, for progress and signs of life.
         after_episode: called after every episode with how many have been played.
@@ -111,11 +110,9 @@ class EpisodePlan:
     """Plan of one episode: seed, options, actions or policies, and its bounds.
 
     Attributes:
-        seed: of the reset; None: reset without one.
         stream: number of the episode for the policies' random streams.
         actions: turn by turn; None: policies choose.
         most_turns: the play is cut there.
-        options: of the reset.
         looks_last: where an AEC play is cut, the agent in turn is still given what it would be.
         opening: states of generators and attributes, as a run has them; None: seed and options are
             all.
@@ -292,8 +289,14 @@ class EpisodeLoop:
                 raise
             text = traceback_text(error, limit=-12)
             kind = type_name_of(type(error))
-            return FailedCall(self._call, self._capture.turn, kind, message(error)[:500], text)
+            return FailedCall(self._call, self._failed_turn(), kind, message(error)[:500], text)
         return None
+
+    def _failed_turn(self) -> int:
+        """Turn of the call that raised; a capture that records nothing doesn't count them."""
+        if self._capture.sink is not None:
+            return int(self._capture.turn)
+        return len(self.taken) - (self._call == "step")
 
     def _begin(self) -> None:
         self._hooks.declared(self._contract)

@@ -330,13 +330,7 @@ def rollout(
 
 @dataclass(frozen=True, slots=True)
 class RolloutProgress:
-    """Calls on the way of a rollout.
-
-    Attributes:
-        after_turn: called after every turn.
-        after_episode: called after every episode with how many have been played.
-        while_finalizing: a context entered while the run is finalized and checked.
-    """
+    """Calls on the way of a rollout, as of `rollout`."""
 
     after_turn: Callable[[], None] | None = None
     after_episode: Callable[[int], None] | None = None

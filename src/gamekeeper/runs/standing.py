@@ -134,7 +134,6 @@ class Against:
     """A run, or an evaluation, beside an environment as it is now.
 
     Attributes:
-        run: its folder.
         environment: as it was named.
         rows: things that it depends on.
     """
@@ -192,7 +191,6 @@ def standing(
     """Compares a run with its environment as it is installed now.
 
     Args:
-        evidence: the run.
         now: findings of `now_task`.
         environment: as it was named.
         kwargs: the arguments as they were typed; None: the recorded ones.

@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector import VectorEnv as GymnasiumVectorEnv
 from gymnasium.vector.utils import batch_space
 
-from gamekeeper.errors import SpecError
+from gamekeeper.errors import SpecError, check_choice
 from gamekeeper.vector.vector_form import ALL, changed
 
 ABSENT: Final = ("refuse", "zeros")
@@ -36,14 +36,8 @@ class AgentsAsEnvs(GymnasiumVectorEnv[Any, Any, Any]):
         Raises:
             SpecError: its agents differ in their spaces, or act in turn; or there is no such way.
         """
-        if absent not in ABSENT:
-            raise SpecError(
-                "there is no such way to show who isn't in the game",
-                where="absent",
-                expected=" or ".join(ABSENT),
-                actual=repr(absent),
-                fix="use one of these for absent",
-            )
+        what = "there is no such way to show who isn't in the game"
+        check_choice(absent, ABSENT, what, where="absent")
         groups = venv.groups
         if len(groups) != 1 or groups[0].name != ALL or venv.api != "parallel":
             raise SpecError(

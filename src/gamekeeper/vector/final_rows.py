@@ -70,7 +70,6 @@ class FinalInfos(FinalRows):
     """Last infos, by agent.
 
     Args:
-        num_envs: number of sub-environments.
         told: infos of the agents that have a last observation, by sub-environment.
     """
 

@@ -284,7 +284,6 @@ def record_apart(
         limits: of each task.
         on_message: called with `episode`, `episodes`, `turns` of all parts together, and with
             `merged` and `parts` once all are played.
-
     Raises:
         RunError: `out` or `storage` holds something else, or can't be written.
         GamekeeperError: nothing could be recorded, or a policy went wrong.
