@@ -16,8 +16,8 @@ from html import escape
 from pathlib import Path
 from typing import Final
 
-LINES: Final = 26
-"""Lines of a picture; of a longer output the first ones stand."""
+FIRST, LAST = 22, 4
+"""Lines of a picture of a longer output."""
 TYPED: Final = (
     "run two_robot_line --policy reference --out runs/first",
     "new my-task",
@@ -27,21 +27,21 @@ TYPED: Final = (
     "contract two_robot_line",
     "rollout two_robot_line --policy reference --policy picker=noop --episodes 20 --out runs/stuck",
     "replay runs/stuck",
-    "label runs/stuck planning --agent picker --why 'it never moves'",
+    "label runs/stuck planning --agent picker --why 'it never moves' --by reviewer",
     "diff runs/first runs/stuck",
     "verify runs/stuck",
     "recover runs/stuck",
     "diagnose runs/stuck --episodes 300 --workers 0",
     "pivots runs/stuck --episode 0 --budget 3000",
     "attribute runs/stuck --episodes 20 --action-episodes 10",
-    "evaluate two_robot_line --policy reference --policy random --episodes 100",
+    "evaluate two_robot_line --policy reference --policy random",
     "report runs/stuck --out stuck.html",
     "show runs/stuck",
-    'query runs/stuck "SELECT agent, avg(return) FROM returns GROUP BY agent"',
-    "video runs/stuck --out stuck.mp4",
-    "export runs/stuck --out stuck.npz",
+    'query runs/stuck "SELECT agent, max(return) FROM returns GROUP BY 1"',
+    "video runs/stuck --render --out stuck.mp4",
+    "export runs/stuck --to numpy --out stuck.npz",
     "rollout two_robot_line --level actions --episodes 3 --out runs/small",
-    "expand runs/small --out runs/whole",
+    "expand runs/small runs/whole",
     "pack runs/first --out claim",
     "reproduce claim",
 )
@@ -59,8 +59,8 @@ text { font: 13px ui-monospace, Menlo, Consolas, "DejaVu Sans Mono", monospace;
 
 def picture(command: str, output: str) -> str:
     """A terminal with a command and the first lines of its output."""
-    every = output.rstrip().splitlines()
-    lines = every if len(every) <= LINES else [*every[:LINES], "..."]
+    every = output.strip("\n").splitlines()
+    lines = every if len(every) <= FIRST + LAST else [*every[:FIRST], "...", *every[-LAST:]]
     height = 17 * (len(lines) + 1) + 20
     texts = [f'<text class="typed" x="12" y="24">$ gamekeeper {escape(command)}</text>']
     texts += [
@@ -80,13 +80,13 @@ def main() -> None:
     parser.add_argument("--folder", type=Path, default=Path("docs/pictures/commands"))
     folder = parser.parse_args().folder.resolve()
     folder.mkdir(parents=True, exist_ok=True)
-    gamekeeper = Path(sys.executable).with_name("gamekeeper")
-    around = {**os.environ, "COLUMNS": "80", "PYTHONIOENCODING": "utf-8"}
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    around = {**os.environ, "PATH": path, "COLUMNS": "80", "PYTHONIOENCODING": "utf-8"}
     with tempfile.TemporaryDirectory() as here:
         for command in TYPED:
             name = command.split()[0]
             done = subprocess.run(
-                f"{gamekeeper} {command}",
+                f"gamekeeper {command}",
                 shell=True,
                 cwd=here,
                 env=around,

@@ -8,7 +8,7 @@ const names = (agents) => (agents.length > 2 ? `${agents.length} agents` : agent
 gk.markText = (mark) => {
   const who = mark.agents ? names(mark.agents) : mark.agent === null || mark.agent === undefined ? "" : gk.visible(mark.agent);
   const text = gk.visible(mark.text ?? "");
-  return mark.kind === "ending" && who ? `${who} ${text}` : [mark.kind, who, text].filter(Boolean).join(", ");
+  return mark.kind === "ending" ? [who, text].filter(Boolean).join(" ") : [mark.kind, who, text].filter(Boolean).join(", ");
 };
 
 // Endings of one turn with one reason as one mark.
