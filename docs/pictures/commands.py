@@ -67,9 +67,11 @@ def picture(command: str, output: str) -> str:
         f'<text x="12" y="{24 + 17 * place}">{escape(line)}</text>'
         for place, line in enumerate(lines, start=1)
     ]
+    longest = max(map(len, [f"$ gamekeeper {command}", *lines]))
+    width = max(660, 8 * longest + 24)
     return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 660 {height}" width="660">'
-        f'<style>{STYLE}</style><rect width="660" height="{height}" rx="6"/>'
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}">'
+        f'<style>{STYLE}</style><rect width="{width}" height="{height}" rx="6"/>'
         f"{''.join(texts)}</svg>\n"
     )
 

@@ -136,11 +136,22 @@ def audit_with_progress(
 
 @contextmanager
 def _told_prints(screen: Screen, path: Path) -> Iterator[None]:
-    """Says afterwards how much the environment printed and where it is; removes an empty file."""
+    """Says afterwards how much the environment printed and where it is; removes an empty file.
+
+    What Gamekeeper itself says there, in each of its processes, is said once and isn't counted.
+    """
     try:
         yield
     finally:
-        size = path.stat().st_size
+        size, said = 0, dict[bytes, None]()
+        with path.open("rb") as printed:
+            for line in printed:
+                if line.startswith(b"gamekeeper: "):
+                    said[line] = None
+                else:
+                    size += len(line)
+        for line in said:
+            screen.note(line.decode(errors="replace").rstrip())
         if size:
             screen.note(f"note: the environment printed {size:,} bytes, which are in {path}")
         else:
@@ -226,17 +237,37 @@ def show_failed_rows(
     screen: Screen, evidence: Evidence, *, known: Collection[str] = ()
 ) -> list[dict[str, Any]]:
     """Shows the rules that the rows of a run break, but for `known` ids; returns their verdicts."""
-    from gamekeeper.auditing.recorded import failed_rows, masked_actions
-    from gamekeeper.reporting.audit_text import masked_text, rows_text
+    from gamekeeper.auditing.recorded import failed_rows
+    from gamekeeper.reporting.audit_text import rows_text
 
     verdicts = [each.to_json() for each in failed_rows(evidence) if each.id not in known]
     if verdicts:
         run = shlex.quote(str(evidence.path))
         screen.show(f"\n{rows_text(verdicts, run, width=screen.width)}")
-    masked = masked_text(masked_actions(evidence), width=screen.width)
-    if masked:
-        screen.show(f"\n{masked}")
+    show_illegal_actions(screen, evidence)
     return verdicts
+
+
+def show_illegal_actions_of(screen: Screen, spec: str) -> None:
+    """Shows them of a recorded run; of an environment there are none."""
+    from gamekeeper.auditing.recorded import is_run
+    from gamekeeper.runs.load_run import load
+
+    if is_run(spec):
+        show_illegal_actions(screen, load(spec))
+
+
+def show_illegal_actions(screen: Screen, evidence: Evidence) -> None:
+    """Shows the actions that their mask forbids, or that are out of their space."""
+    from gamekeeper.auditing.recorded import masked_actions, outside_actions
+    from gamekeeper.reporting.audit_text import masked_text, outside_text
+
+    for text in (
+        masked_text(masked_actions(evidence), width=screen.width),
+        outside_text(outside_actions(evidence), width=screen.width),
+    ):
+        if text:
+            screen.show(f"\n{text}")
 
 
 def say_not_exercised(screen: Screen, document: Mapping[str, Any]) -> None:

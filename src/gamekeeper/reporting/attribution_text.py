@@ -8,7 +8,7 @@ from typing import Any, Final
 from gamekeeper.reporting.crowd import CROWD_LEGEND, crowd_rows
 from gamekeeper.reporting.influence_text import influence_text
 from gamekeeper.reporting.results_text import UNDEFINED, table_lines
-from gamekeeper.reporting.text_columns import wrapped
+from gamekeeper.reporting.text_columns import item_lines, wrapped
 from gamekeeper.statistics.significance import p_text
 
 INDENT: Final = "  "
@@ -139,12 +139,8 @@ def _group(
     shown = crowd_rows(rows[1:], values, _number)
     if len(shown) < len(rows) - 1:
         legend = [*legend, CROWD_LEGEND]
-    below = [line for each in legend for line in _lines(each, width)]
+    below = [line for each in legend for line in item_lines(each, width)]
     return "\n".join([*lines, _table([rows[0], *shown]), *below])
-
-
-def _lines(text: str, width: int) -> list[str]:
-    return wrapped(text, width, first=INDENT, rest=INDENT * 2)
 
 
 def _signs(parts: Sequence[Mapping[str, Any] | None], absent: str) -> list[str]:
