@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -35,10 +36,16 @@ def test_summary_has_a_row_for_each_agent() -> None:
 
 
 def test_summary_counts_the_agents_that_it_leaves_out() -> None:
-    """Where there are more agents than lines, the rest is counted, never averaged."""
-    lines = summary_text(summary_of(200), width=80, most=24).splitlines()
-    assert len(lines) == 29
-    assert lines[-4] == "  ... and 176 more agents"
+    """Of a crowd those furthest from the median come first, the rest is counted, never averaged."""
+    crowd = summary_of(200)
+    odd = replace(crowd.agents["picker_7"], return_mean=9.0)
+    near = replace(odd, return_mean=-12.0)
+    crowd = replace(crowd, agents={**crowd.agents, "picker_7": odd, "picker_8": near})
+    lines = summary_text(crowd, width=80).splitlines()
+    assert lines[1].split()[:2] == ["picker_7", "9.000"]
+    assert lines[2].split()[:2] == ["picker_8", "-12.000"]
+    assert lines[17].split() == ["184", "others", "-12.500"]
+    assert max(map(len, lines)) <= 80
 
 
 def test_summary_without_agents_says_so() -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final
 
 from gamekeeper.contract.validation import one_line
+from gamekeeper.reporting.crowd import crowd_rows
 from gamekeeper.reporting.influence_text import influence_text, lag_unit
 from gamekeeper.reporting.results_text import table_lines
 from gamekeeper.reporting.text_columns import column_lines, wrapped
@@ -63,8 +64,6 @@ SYMMETRIC: Final = (
     "symmetric: agents of one role seem interchangeable. p-value: how likely returns as unequal as "
     "these would be if they were; 0.01 or less counts as no."
 )
-MOST_AGENTS: Final = 8
-"""Agents that are shown one by one."""
 MOST_COLUMNS: Final = 150
 """Characters of one value in the table; the JSON document has all of it."""
 
@@ -147,12 +146,12 @@ def agents_text(measured: Document, *, width: int) -> str:
     if not shown:
         return ""
     rows = [("agent", *(COLUMNS.get(key) or key.replace("_", " ") for key in shown))]
-    for name, row in list(by_agent.items())[:MOST_AGENTS]:
-        rows.append((name, *(words(row.get(key)) for key in shown)))
+    found = [(name, *(words(row.get(key)) for key in shown)) for name, row in by_agent.items()]
+    firsts = [row.get(shown[0]) for row in by_agent.values()]
+    values = [float(each) if isinstance(each, int | float) else None for each in firsts]
     right = range(1, len(shown) + 1)
-    lines = list(table_lines(rows, width=max(width, 60), right=right))
-    if len(by_agent) > MOST_AGENTS:
-        lines.append(f"{INDENT}... and {len(by_agent) - MOST_AGENTS} more agents")
+    table = [*rows, *crowd_rows(found, values, words)]
+    lines = list(table_lines(table, width=max(width, 60), right=right))
     return "\n".join(["Measured by agent", *lines])
 
 

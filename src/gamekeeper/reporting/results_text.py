@@ -13,6 +13,7 @@ from gamekeeper.contract.validation import one_line
 from gamekeeper.episodes.canonical import from_json, to_json
 from gamekeeper.episodes.plain_json import legible
 from gamekeeper.reporting.card import card_text
+from gamekeeper.reporting.crowd import CROWD_LEGEND, crowd_rows
 from gamekeeper.reporting.text_columns import columns_of, filled, one_cell, wrapped
 
 if TYPE_CHECKING:
@@ -55,23 +56,25 @@ def brief_card(contract: Contract, agents: Iterable[AgentSpec], *, name: str, wi
     return "\n\n".join(blocks)
 
 
-def summary_text(summary: Summary, *, width: int, most: int | None = None) -> str:
+def summary_text(summary: Summary, *, width: int) -> str:
     """A row for each agent: return, length, share, idle, endings. No average over agents.
+
+    Of a crowd those whose return is furthest from the median come first, the others in one row.
 
     Args:
         summary: of a run.
         width: columns that no line exceeds, as far as names allow.
-        most: most agents that are shown; the others are counted.
     """
     head, *rows = summary.rows()
     if not rows:
         return f"{INDENT}no agent has acted"
-    shown = rows if most is None else rows[:most]
+    returns = [agent.return_mean for agent in summary.agents.values()]
+    shown = crowd_rows(rows, returns, lambda value: f"{value:.3f}")
     lines = list(table_lines([head, *shown], width=width, right=NUMBERS))
-    if len(shown) < len(rows):
-        lines.append(f"{INDENT}... and {len(rows) - len(shown)} more agents")
     blank = [why for name, why in UNDEFINED.items() if "-" in (r[head.index(name)] for r in shown)]
-    legend = "; ".join([SUMMARY_LEGEND, *blank])
+    legend = "; ".join(
+        [SUMMARY_LEGEND, *blank, *([CROWD_LEGEND] if len(shown) < len(rows) else [])]
+    )
     return "\n".join([*lines, *wrapped(legend, width, first=INDENT, rest=INDENT)])
 
 
