@@ -194,6 +194,7 @@ class SlimAEC(AECEnv[Any, Any, Any]):
                     where="agent_iter",
                     expected="step() or reset() once in each round",
                     actual="neither",
+                    fix="call env.step(action) in each round; None for an agent that has ended",
                 )
             self._has_crossed = False
             left -= 1

@@ -120,9 +120,9 @@ def _rule(
     reason = None
     if env is None:
         reason = distrust(identity if isinstance(identity, Mapping) else {})
-    fix = "if you trust it, say --allow-import; or name the environment yourself with --env"
+    fix = "if you trust it, allow it (--allow-import); or name the environment yourself with --env"
     if reason is None:
-        fix = "if you trust it, say --allow-import"
+        fix = "if you trust it, allow it (--allow-import)"
         reason = next(filter(None, map(distrust_policy, policies)), None)
     if reason is None:
         return ("installed" if env is None else "named"), {}

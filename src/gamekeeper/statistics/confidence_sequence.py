@@ -170,7 +170,7 @@ def first_narrow(bounds: tuple[FloatArray, FloatArray], width: float, where: str
     """
     if not width > 0:
         raise EvidenceError(
-            "no interval is so narrow",
+            "the width of an interval can't be 0 or less",
             where=where,
             expected="a width over 0",
             actual=str(width),

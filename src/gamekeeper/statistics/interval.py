@@ -111,7 +111,7 @@ def check_level(level: float, where: str, *, most: float = 0.99) -> None:
     """
     if not 0.8 <= level <= most:
         raise EvidenceError(
-            "no interval of this level",
+            "there is no interval of this level",
             where=where,
             expected=f"level in [0.8, {most}]",
             actual=str(level),
