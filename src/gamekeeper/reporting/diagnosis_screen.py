@@ -24,7 +24,7 @@ LEFT_OUT: Final = 3
 MEMORY: Final = "memory"
 """Name of evidence that lies in no folder: no command could go on from it."""
 CAUSES: Final = {
-    "isolated": "one change restores success, and none of the others that were tried does",
+    "isolated": "one change restores success, and no other that was tried, unless it includes it",
     "joint": "two changes together restore success, and neither does alone",
     "ambiguous": "several changes restore success, or not all were tried: they can't be told apart",
     "environment": "what restores success is the same for all agents",
