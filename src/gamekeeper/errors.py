@@ -18,6 +18,7 @@ GamekeeperError
 from __future__ import annotations
 
 import typing
+from collections.abc import Iterable
 
 
 class GamekeeperError(Exception):
@@ -95,3 +96,24 @@ class TrustError(GamekeeperError, PermissionError):
 
 class DependencyError(GamekeeperError, ImportError):
     """A package of an extra isn't installed."""
+
+
+def check_choice(
+    value: object,
+    known: Iterable[str],
+    what: str,
+    *,
+    where: str,
+    error: type[GamekeeperError] = SpecError,
+) -> None:
+    """Refuses a value that isn't one of the known ones.
+
+    Raises:
+        GamekeeperError: of the class `error`, which says `what`.
+    """
+    choices = list(known)
+    if value not in choices:
+        expected = " or ".join(choices)
+        raise error(
+            what, where=where, expected=expected, actual=repr(value)[:200], fix="use one of these"
+        )

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from gamekeeper.cli._program_name import as_typed
+from gamekeeper.cli._screen import as_typed
 
 LINE = "Next  gamekeeper show runs/x; `gamekeeper replay RUN` or gamekeeper set-up, .gamekeeper run"
 

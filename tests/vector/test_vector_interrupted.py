@@ -13,7 +13,7 @@ import gamekeeper as gk
 from gamekeeper.rollouts.worker_process import WorkerProcess
 from gamekeeper.runs.comparison import replay
 from gamekeeper.runs.run_check import verify
-from gamekeeper.vector import kernel_recorder, vector_rows
+from gamekeeper.vector import kernel_engine, vector_rows
 
 
 def interrupt_next_wait(patch: pytest.MonkeyPatch) -> None:
@@ -76,7 +76,7 @@ def test_recording_is_whole_where_rows_were_being_written(
     presses: list[int] = []
     monkeypatch.setattr(vector_rows.InOrder, "take", interrupted(vector_rows.InOrder.take, presses))
     monkeypatch.setattr(vector_rows, "FLUSH_TURNS", 1)
-    monkeypatch.setattr(kernel_recorder, "FLUSH_S", -1.0)
+    monkeypatch.setattr(kernel_engine, "FLUSH_S", -1.0)
     venv = gk.record(gk.vector.make("two_robot_line", 4, engine=engine), tmp_path / "run")
     venv.reset(seed=0)
     venv.action_space.seed(0)

@@ -20,26 +20,12 @@ CODES: Final = {"holds": 0, "stale": 1, "unknown": 2}
 MANNERS: Final = {"holds": "good", "stale": "bad", "unknown": "unsure"}
 
 
-def show_against(
-    screen: Screen,
-    run: Path,
-    env: str,
-    *,
-    kwargs: Mapping[str, Any] | None,
-    contract: Path | None,
-    allow_import: bool,
-    silence_s: float,
-) -> CommandResult:
+def show_against(screen: Screen, run: Path, env: str, **options: Any) -> CommandResult:
     """Shows what a run or an evaluation depends on, beside what is installed now.
 
     Args:
-        screen: where it is shown.
-        run: the folder of a run or an evaluation.
         env: names the environment; it is opened in a worker.
-        kwargs: its arguments; None: the recorded ones.
-        contract: in place of the one beside it.
-        allow_import: policies that are code which evidence names are looked at too.
-        silence_s: longest time that opening it may take, in seconds.
+        options: as of `evaluation_against`.
     Raises:
         GamekeeperError: the evidence is damaged, or the environment can't be opened.
     """
@@ -47,9 +33,7 @@ def show_against(
 
     is_evaluation = (run / EVALUATION).is_file() and not (run / "manifest.json").is_file()
     compared = evaluation_against if is_evaluation else _run_against
-    found = compared(
-        run, env, kwargs=kwargs, allow_import=allow_import, contract=contract, silence_s=silence_s
-    )
+    found = compared(run, env, **options)
     document = found.to_json()
     screen.verdict(against_text(document, width=screen.width), MANNERS[found.status])
     if found.commands:
@@ -111,6 +95,11 @@ def evaluation_against(
 
     An evaluation of a single environment is compared whatever that was called.
 
+    Args:
+        kwargs: the environment's arguments; None: the recorded ones.
+        allow_import: policies that are code which evidence names are looked at too.
+        contract: in place of the one beside it.
+        silence_s: longest time that opening it may take, in seconds.
     Raises:
         RunError: the document is damaged, or has no such environment.
         GamekeeperError: the environment can't be opened.

@@ -22,6 +22,76 @@ from gamekeeper.rollouts.executors.task import Limits, WorkTask, stopped_after
 if TYPE_CHECKING:
     from gamekeeper.auditing.result import AuditResult
     from gamekeeper.episodes.evidence import Evidence
+import time
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    Progress,
+    ProgressColumn,
+    SpinnerColumn,
+    Task,
+    TextColumn,
+    TimeElapsedColumn,
+)
+from rich.text import Text
+
+# -- Progress on a terminal: the probe that runs, and an estimate of the time left
+
+ESTIMATED_FROM: Final = 0.15
+"""Part of the work from which the time left is estimated."""
+
+OnProbe = Callable[[str, int, int], None]
+
+
+@contextmanager
+def probing(shares: Mapping[str, float], *, is_shown: bool) -> Iterator[OnProbe]:
+    """Shows a line on stderr; yields the function that an audit calls before each probe.
+
+    Args:
+        shares: shares of the probes that will run, in their order.
+        is_shown: False: nothing is written.
+    """
+    if not is_shown:
+        yield lambda name, place, count: None
+        return
+    columns = (
+        SpinnerColumn(),
+        TextColumn("auditing"),
+        BarColumn(bar_width=24),
+        TextColumn("{task.description}"),
+        TimeElapsedColumn(),
+        _Left(),
+    )
+    total = sum(shares.values()) or 1.0
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("starting", total=total, since_s=time.monotonic(), part=0.0)
+
+        def take(name: str, place: int, count: int) -> None:
+            done = sum(list(shares.values())[:place])
+            progress.update(
+                task,
+                completed=done,
+                description=f"{name} ({place + 1} of {count})",
+                since_s=time.monotonic(),
+                part=done / total,
+            )
+
+        yield take
+
+
+class _Left(ProgressColumn):
+    """Estimate of the time left, by the shares of the probes that are done."""
+
+    def render(self, task: Task) -> Text:
+        """Renders `about 12 s left`; empty at the beginning."""
+        part, elapsed_s = task.fields["part"], task.elapsed or 0.0
+        if part < ESTIMATED_FROM:
+            return Text("")
+        within_s = time.monotonic() - task.fields["since_s"]
+        left_s = (elapsed_s - within_s) * (1 - part) / part - within_s
+        return Text(f"about {left_s:.0f} s left" if left_s >= 1 else "nearly done")
+
 
 Severity = Literal["high", "medium", "low"]
 
@@ -46,7 +116,6 @@ def audit_with_progress(
         KeyboardInterrupt: by Ctrl-C.
     """
     from gamekeeper.auditing.audit_process import audit
-    from gamekeeper.cli._audit_progress import probing
 
     kept, prints = mkstemp(prefix="gamekeeper-", suffix=".txt")
     os.close(kept)
@@ -67,11 +136,22 @@ def audit_with_progress(
 
 @contextmanager
 def _told_prints(screen: Screen, path: Path) -> Iterator[None]:
-    """Says afterwards how much the environment printed and where it is; removes an empty file."""
+    """Says afterwards how much the environment printed and where it is; removes an empty file.
+
+    What Gamekeeper itself says there, in each of its processes, is said once and isn't counted.
+    """
     try:
         yield
     finally:
-        size = path.stat().st_size
+        size, said = 0, dict[bytes, None]()
+        with path.open("rb") as printed:
+            for line in printed:
+                if line.startswith(b"gamekeeper: "):
+                    said[line] = None
+                else:
+                    size += len(line)
+        for line in said:
+            screen.note(line.decode(errors="replace").rstrip())
         if size:
             screen.note(f"note: the environment printed {size:,} bytes, which are in {path}")
         else:
@@ -147,17 +227,37 @@ def show_failed_rows(
     screen: Screen, evidence: Evidence, *, known: Collection[str] = ()
 ) -> list[dict[str, Any]]:
     """Shows the rules that the rows of a run break, but for `known` ids; returns their verdicts."""
-    from gamekeeper.auditing.recorded import failed_rows, masked_actions
-    from gamekeeper.reporting.audit_text import masked_text, rows_text
+    from gamekeeper.auditing.recorded import failed_rows
+    from gamekeeper.reporting.audit_text import rows_text
 
     verdicts = [each.to_json() for each in failed_rows(evidence) if each.id not in known]
     if verdicts:
         run = shlex.quote(str(evidence.path))
         screen.show(f"\n{rows_text(verdicts, run, width=screen.width)}")
-    masked = masked_text(masked_actions(evidence), width=screen.width)
-    if masked:
-        screen.show(f"\n{masked}")
+    show_illegal_actions(screen, evidence)
     return verdicts
+
+
+def show_illegal_actions_of(screen: Screen, spec: str) -> None:
+    """Shows them of a recorded run; of an environment there are none."""
+    from gamekeeper.auditing.recorded import is_run
+    from gamekeeper.runs.load_run import load
+
+    if is_run(spec):
+        show_illegal_actions(screen, load(spec))
+
+
+def show_illegal_actions(screen: Screen, evidence: Evidence) -> None:
+    """Shows the actions that their mask forbids, or that are out of their space."""
+    from gamekeeper.auditing.recorded import masked_actions, outside_actions
+    from gamekeeper.reporting.audit_text import masked_text, outside_text
+
+    for text in (
+        masked_text(masked_actions(evidence), width=screen.width),
+        outside_text(outside_actions(evidence), width=screen.width),
+    ):
+        if text:
+            screen.show(f"\n{text}")
 
 
 def say_not_exercised(screen: Screen, document: Mapping[str, Any]) -> None:
@@ -325,7 +425,6 @@ def audit_many(
 
     Args:
         options: as in `gk.audit`, as plain JSON.
-
     Raises:
         KeyboardInterrupt: by Ctrl-C, before one was done.
         WorkerFault: a task of ours is broken.

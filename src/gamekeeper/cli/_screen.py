@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import json
 import os
+import pkgutil
+import re
 import shutil
 import sys
 import textwrap
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+from shlex import quote
 from typing import Any, Final, TextIO
 
 from rich.console import Console
@@ -22,11 +27,46 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from gamekeeper.cli._program_name import as_typed
 from gamekeeper.cli._stdout import silence
 from gamekeeper.episodes.plain_json import finite
 from gamekeeper.errors import GamekeeperError
 from gamekeeper.terminal import say, visible
+
+# -- The name by which a person started this command line, in commands that are to be typed
+
+NAME: Final = "gamekeeper"
+
+
+def typed_name() -> str:
+    """`gamekeeper`; its path, or `python -m gamekeeper`, where that is how it was started.
+
+    A path is given only where the shell wouldn't find this very command by its name.
+    """
+    typed = Path(sys.argv[0])
+    if typed.name == "__main__.py" and typed.parent.name == NAME:
+        return f"{quote(sys.orig_argv[0])} -m {NAME}"
+    if typed.name != NAME or not typed.is_file():
+        return NAME
+    found = shutil.which(NAME)
+    is_found = found is not None and Path(found).samefile(typed)
+    return NAME if is_found else quote(str(sys.argv[0]))
+
+
+def as_typed(text: str) -> str:
+    """The text, with each command in it named as the person named it."""
+    if f"{NAME} " not in text:
+        return text
+    name = typed_name()
+    return text if name == NAME else _commands().sub(lambda _: name, text)
+
+
+@cache
+def _commands() -> re.Pattern[str]:
+    """The name in front of one of its commands, and not as part of a path or another name."""
+    found = pkgutil.iter_modules([str(Path(__file__).parent)])
+    names = "|".join(each.name.replace("_", "-") for each in found if each.name[0] != "_")
+    return re.compile(rf"(?<![\w./-]){NAME}(?= (?:{names})\b)")
+
 
 Document = Mapping[str, Any]
 
@@ -56,12 +96,7 @@ STYLES: Final = {"good": "bold green", "bad": "bold red", "unsure": "bold yellow
 
 @dataclass(frozen=True, slots=True)
 class CommandResult:
-    """Result of a command.
-
-    Args:
-        document: printed by --json.
-        code: the exit code.
-    """
+    """Result of a command."""
 
     document: Document = field(default_factory=dict)
     code: int = 0
@@ -72,10 +107,8 @@ class Screen:
     """The outputs of one command.
 
     Args:
-        out: stream for results, and nothing else.
         is_json: results are one document at the end; texts are dropped.
         is_quiet: no progress and no notes; errors are always said.
-
     Attributes:
         lost: errors of results that couldn't be written. The work continues without them, so that
             a recording is finalized all the same.

@@ -92,7 +92,6 @@ class Recorded:
     """Result of a recording.
 
     Attributes:
-        evidence: the finalized run.
         error: reason for an early end; None where there is none, or it was interrupted.
         is_interrupted: by Ctrl-C.
     """

@@ -132,7 +132,7 @@ def command(
 
 def _versions(package: str, listed: str | None, since: str | None, until: str | None) -> list[str]:
     """Versions to search: those that were listed, or those that pip knows."""
-    from gamekeeper.runs.package_versions import versions_between
+    from gamekeeper.runs.bisection import versions_between
 
     if listed is None:
         return versions_between(package, since, until)
@@ -210,7 +210,7 @@ def _at_version(
     run: Path, identity: Any, package: str, *, env: str | None, check: str | None, timeout: float
 ) -> Callable[[str], tuple[Outcome, str]]:
     """Judge of a version: does the run replay under it, or the audit fail the check."""
-    from gamekeeper.runs.package_versions import answer_of, python_with
+    from gamekeeper.runs.bisection import answer_of, python_with
 
     limit = ["--timeout", f"{timeout:g}"]
     named = [] if env is None else ["--env", env]

@@ -231,10 +231,7 @@ def _policies(
     """Reads the policies that are compared, by name; a bare policy's own name is its name.
 
     Args:
-        texts: as the user wrote them.
         players: returns the agents and roles of the environment; called only for an error.
-        spec, kwargs: as the user wrote them.
-
     Raises:
         SpecError: a text could name a policy or an agent, or two of them have one name.
         PolicyError: a policy is incomplete, or two are for the same agents.

@@ -74,9 +74,6 @@ def show_replayed(
     """Shows if a run replays; where it diverged, both values and the likely reason.
 
     Args:
-        screen: where it is shown.
-        replayed: the result.
-        indent: text in front of every line.
         digits: number of digits of the fingerprint that are shown; None: all.
     """
     from gamekeeper.reporting.results_text import cause_text, diverged_text, versions_text

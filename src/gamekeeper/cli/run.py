@@ -155,7 +155,7 @@ def command(
         replayed = (
             replay_here(screen, recorded, timeout=timeout, failed=known) if is_whole else None
         )
-    line = audit_line if _has_failed(audited) else None
+    line = audit_line if _audit_code(audited) == 1 else None
     show_end(screen, recorded, next_command(env, line, recorded, replayed))
     record = {**rollout_document(recorded), "verdicts": verdicts}
     document = _document(form, audited, record, replayed)
@@ -216,7 +216,6 @@ def audit_here(
 
     Args:
         line: the command that shows all of it.
-
     Returns:
         The audit's document; where the audit itself was given up, its `error`.
     """
@@ -317,9 +316,7 @@ def next_command(
     """The command that is most useful next: the first trouble's, else a report of the run.
 
     Args:
-        env: as the user named it.
         audit_line: shows the audit's findings; None: no check failed.
-        recorded: the recording.
         replayed: its replay; None: the recording ended early.
     """
     evidence = recorded.evidence
@@ -376,9 +373,9 @@ def _document(
 def _code(audited: dict[str, Any] | None, recorded: Recorded, replayed: Replay | None) -> int:
     """The exit code of the recording, the replay or the audit, whichever is worst."""
     code = exit_code(recorded) or (0 if replayed is None else replay_code(replayed))
-    return code or (audit_code(audited, strict=False) if audited and "error" not in audited else 0)
+    return code or _audit_code(audited)
 
 
-def _has_failed(audited: dict[str, Any] | None) -> bool:
-    """Tells if a check failed; an audit that was given up has no checks."""
-    return bool(audited and "error" not in audited and audit_code(audited, strict=False) == 1)
+def _audit_code(audited: dict[str, Any] | None) -> int:
+    """The exit code of the audit; 0 of one that was given up, which has no checks."""
+    return audit_code(audited, strict=False) if audited and "error" not in audited else 0

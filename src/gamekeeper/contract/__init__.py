@@ -79,7 +79,6 @@ class Contract:
         failure: when a rollout failed, for the `team`, an `agent`, or a role.
         waivers: why a check's finding is as it should be, by the check's id.
         places: the lines of the text it was read from; no part of its value.
-
     Raises:
         ContractError: a value isn't of its kind, or a declaration contradicts another; lists all
             such places.
@@ -123,7 +122,6 @@ class Contract:
         Args:
             text: TOML 1.0.
             source: what errors call the text.
-
         Raises:
             ContractError: it isn't TOML, isn't a contract, or contradicts itself; names the line
                 of each mistake.
@@ -137,7 +135,6 @@ class Contract:
 
         Args:
             path: a file in UTF-8.
-
         Raises:
             ContractError: the file can't be read, isn't TOML, isn't a contract, or contradicts
                 itself; names file and line.

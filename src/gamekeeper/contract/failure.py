@@ -44,7 +44,6 @@ class Failure:
 
     Args:
         text: the condition as it is written.
-
     Raises:
         ContractError: the text isn't such a condition.
     """

@@ -204,7 +204,6 @@ def read_sections(value: object, at: SourcePath) -> dict[str, object]:
     Args:
         value: plain data.
         at: collects the mistakes; a key that has one is left out.
-
     Raises:
         ContractError: the data isn't a table; or, where `at` collects nothing, a key is unknown,
             or a value isn't of its key's kind.

@@ -23,7 +23,6 @@ class AgentSpec:
     """Everything known of one agent; None is *not declared*, or a space that wasn't seen.
 
     Args:
-        name: as the environment calls it.
         role: the role that holds it.
         observation_space: values that it may observe.
         action_space: values that it may choose.
@@ -124,7 +123,6 @@ def as_action(space: Space, value: Plain) -> object:
     Args:
         space: any space of Gymnasium but Graph, whose actions can't be declared.
         value: a number, text, list or table, as a contract holds it.
-
     Raises:
         ValueError: it is no action of the space.
     """

@@ -82,11 +82,7 @@ class EpisodeChunks:
     """One episode: its header, and its rows from the first on.
 
     Attributes:
-        episode: its number in the run.
         header: its row in `episodes`, with the number of its turns.
-        spaces: the codecs of each agent.
-        state_codec: the codec of `state()`.
-        steps: rows of `steps`.
         states: rows of `states`; None where none are recorded.
         empty: the columns of `steps` where it has no row.
     """

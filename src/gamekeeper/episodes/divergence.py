@@ -206,7 +206,6 @@ class Comparison:
     Args:
         known: how far the recorded episode goes.
         tolerance: numbers that differ by no more count as equal; None: bit for bit.
-        volatile: info fields that are left out.
     """
 
     def __init__(
@@ -266,7 +265,6 @@ def compare(
         recorded: may be at level "digest"; then the other's rows are digested for the comparison.
         tolerance: numbers that differ by no more, absolutely or relative to the larger one, count
             as equal; None: bit for bit.
-        volatile: info fields that are left out.
     """
     found = Comparison(extent_of(recorded), tolerance=tolerance, volatile=volatile)
     found.look(recorded, replayed)
@@ -275,12 +273,7 @@ def compare(
 
 
 def turn_checksums(trace: Episode, *, volatile: Collection[str]) -> list[int]:
-    """Returns 32 bits for each turn: two episodes whose bits differ at a turn differ there.
-
-    Args:
-        trace: the episode.
-        volatile: info fields that are left out.
-    """
+    """Returns 32 bits for each turn: two episodes whose bits differ at a turn differ there."""
     found = _by_turn(trace, volatile)
     turns = range(max(found, default=-1) + 1)
     return [zlib.crc32(repr(found.get(turn)).encode()) for turn in turns]
@@ -476,7 +469,6 @@ def compare_chunks(
 
     Args:
         known: how far the recorded one goes.
-        tolerance, volatile: as for `compare`.
     """
     found = Comparison(known, tolerance=tolerance, volatile=volatile)
     for trace, before in recorded.stretches():

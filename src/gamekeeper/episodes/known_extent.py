@@ -59,7 +59,6 @@ def extent(header: Mapping[str, Any], *, turns: int, last: int, state: int | Non
     """Known extent of an episode.
 
     Args:
-        header: of the episode.
         turns: steps that were played.
         last: the last turn that has a row; -1 if none has.
         state: the last turn that has a state; -1 if none has, None where none were recorded.

@@ -48,7 +48,6 @@ def message_field(text: str) -> MessageField:
     Args:
         text: `observation` or `action`, keys after points, and `[first:end]` or `[at]` for some of
             a Box's numbers. Without one of the two words it is a key of the observation.
-
     Raises:
         ContractError: the text is of another form.
     """

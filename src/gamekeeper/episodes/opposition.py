@@ -33,7 +33,6 @@ def opponents(
 
     Args:
         paid: [rows, agents] what each was paid in a turn or in an episode; NaN: it wasn't there.
-        names: of the agents.
         of: what the rows are, for people.
     Returns:
         A clause that says what was measured.
@@ -65,7 +64,6 @@ def opponents_in(steps: pa.Table, names: Sequence[str]) -> str | None:
 
     Args:
         steps: with columns `episode`, `turn`, `agent` and `reward`.
-        names: of the agents.
     """
     places: dict[Any, int] = {name: place for place, name in enumerate(names)}
     columns = (steps[name].to_pylist() for name in ("episode", "turn", "agent", "reward"))

@@ -30,7 +30,7 @@ from gamekeeper.rollouts.executors.task import (
     Done,
     Executor,
     Limits,
-    MapOptions,
+    OnReport,
     WorkTask,
     stopped_after,
 )
@@ -232,11 +232,13 @@ class InProcessExecutor(Executor):
         """One."""
         return 1
 
-    def _play(self, tasks: Iterator[WorkTask], given: MapOptions) -> Iterator[Done]:
+    def _play(
+        self, tasks: Iterator[WorkTask], limits: Limits, on_report: OnReport | None
+    ) -> Iterator[Done]:
         """Yields each task as it ends; no limits are held."""
         for task in tasks:
             begun_s = time.monotonic()
-            value = find(task.call)(_Report(task.key, given), **task.arguments)
+            value = find(task.call)(_Report(task.key, on_report), **task.arguments)
             yield Done(task.key, TaskOutcome("done", value, None, None, time.monotonic() - begun_s))
 
     def check_storage(self, place: str) -> None:
@@ -247,8 +249,8 @@ class InProcessExecutor(Executor):
 
 
 class _Report:
-    def __init__(self, key: str, given: MapOptions) -> None:
-        self._key, self._on_report = key, given.on_report
+    def __init__(self, key: str, on_report: OnReport | None) -> None:
+        self._key, self._on_report = key, on_report
 
     def __call__(self, /, **fields: Any) -> None:
         if fields and self._on_report is not None:

@@ -12,8 +12,9 @@ from pettingzoo import ParallelEnv
 
 from gamekeeper.contract import Contract
 from gamekeeper.contract.sections import RewardTerm, Schedule
-from gamekeeper.errors import ActionError, EnvError, OrderError
+from gamekeeper.errors import EnvError, OrderError, SpecError
 from gamekeeper.interface.contract_draft import draft_contract
+from gamekeeper.interface.legality import mismatch
 
 Given = dict[str, Any]
 
@@ -52,14 +53,15 @@ class ForeignEnv(ParallelEnv[Any, Any, Any]):
     ended earlier stays in `rewards`, where an audit sees it.
 
     Attributes:
-        guest: the environment of the other shape.
         unknown: what that shape can't say, a sentence each; nothing is guessed for it.
         contract: what is known before the first step; all else is left open in it.
+        optionless: whose shape has a reset that takes no options; empty: the guest gets them.
         endings: why agents ended, where that is known.
         terms: what the last tick paid by term, where the shape tells.
     """
 
     unknown: tuple[str, ...] = ()
+    optionless: ClassVar[str] = ""
     why: ClassVar[str] = "its step takes an action of every agent and answers once"
     terms: dict[str, dict[str, float]]
 
@@ -130,7 +132,18 @@ class ForeignEnv(ParallelEnv[Any, Any, Any]):
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Given, Given]:
-        """Begins an episode: observations, infos."""
+        """Begins an episode: observations, infos.
+
+        Raises:
+            SpecError: there are options, and the reset of that shape takes none.
+        """
+        if options and self.optionless:
+            raise SpecError(
+                f"{self.optionless}'s reset takes no options",
+                where="options",
+                actual=f"{options!r}"[:100],
+                fix="leave options out",
+            )
         observations, infos = self._begin(seed, options)
         self.agents, self.turns, self.endings, self._is_reset = [*self.possible_agents], 0, {}, True
         if hasattr(self, "terms"):
@@ -191,13 +204,7 @@ class ForeignEnv(ParallelEnv[Any, Any, Any]):
             said = "everybody has ended" if self._is_reset else "there was no reset"
             raise OrderError(f"step came when {said}", where="step", fix="call reset first")
         if not isinstance(actions, Mapping) or set(actions) != set(self.agents):
-            raise ActionError(
-                "the actions of a tick aren't those of the live agents",
-                where="step",
-                expected=f"one of each of {self.agents!r}"[:300],
-                actual=f"{actions!r}"[:300],
-                fix="build the dictionary over env.agents",
-            )
+            raise mismatch(actions, self.agents)
 
 
 def limit_of(env: Any) -> int | None:

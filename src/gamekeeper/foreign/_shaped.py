@@ -44,8 +44,13 @@ def source_of_shape(
     )
 
 
-def distrust_text(text: str) -> str | None:
-    """Reason for consent: a file, or a module that a text names, may run any code."""
-    if split_file(text) is not None:
-        return f"{text} is a file outside the installed packages"
-    return distrust_module(text.partition(":")[0], "env")
+def distrust_named(word: str) -> Callable[[str], str | None]:
+    """`distrust` of an opener behind whose word a file or a module stands: it may run any code."""
+
+    def distrust(spec: str) -> str | None:
+        text = named.rest(spec, word) or ""
+        if split_file(text) is not None:
+            return f"{text} is a file outside the installed packages"
+        return distrust_module(text.partition(":")[0], "env")
+
+    return distrust

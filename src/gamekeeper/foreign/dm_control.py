@@ -12,14 +12,11 @@ from gamekeeper.interface.env_source import Source
 WORD: Final = "dm_control"
 SYNTAX: Final = "dm_control:cartpole/swingup"
 ORDER: Final = named.ORDER
+matches: Final = named.begins_with(WORD)
+distrust: Final = named.distrust_packages(WORD, "shimmy")
 
 SOCCER: Final = "soccer"
 PIP: Final = "shimmy dm-control imageio packaging"
-
-
-def matches(spec: object) -> bool:
-    """Tells whether it begins with `dm_control:`."""
-    return named.rest(spec, WORD) is not None
 
 
 def locate(spec: str, api: str | None) -> Source:
@@ -41,11 +38,6 @@ def locate(spec: str, api: str | None) -> Source:
         )
     named.need(WORD, pip=PIP)
     return named.source(WORD, name, _task(name), pip=PIP)
-
-
-def distrust(spec: str) -> str | None:
-    """Reason why the packages aren't the installed ones; a task's name runs no other code."""
-    return named.distrust_package(WORD) or named.distrust_package("shimmy")
 
 
 def _task(name: str) -> Any:

@@ -52,6 +52,7 @@ class OldGym(ForeignEnv):
     | who has ended | | no action is asked of it; the list still has one, of its space's zero |
     """
 
+    optionless = "the old Gym"
     unknown: tuple[str, ...] = (
         "whether an end was a rule's or a limit's, where neither the info nor a limit tells",
         "whether env.seed() reaches all of its randomness",
@@ -73,13 +74,6 @@ class OldGym(ForeignEnv):
         self._takes_seed = "seed" in _parameters(env.reset)
 
     def _begin(self, seed: int | None, options: dict[str, Any] | None) -> tuple[Given, Given]:
-        if options:
-            raise SpecError(
-                "the old Gym's reset takes no options",
-                where="options",
-                actual=f"{options!r}"[:100],
-                fix="leave options out",
-            )
         out: Any = None
         if self._takes_seed:  # Gym 0.26, the last of the old, has the new reset
             out = self.guest.reset(seed=None if seed is None else seed % SEEDS)
@@ -151,11 +145,8 @@ def _parameters(call: Any) -> frozenset[str]:
 WORD: Final = "gym"
 SYNTAX: Final = "gym:module:factory, or gym:module:Id-v0"
 ORDER: Final = named.ORDER
-
-
-def matches(spec: object) -> bool:
-    """Tells whether it begins with `gym:`."""
-    return named.rest(spec, WORD) is not None
+matches: Final = named.begins_with(WORD)
+distrust: Final = _shaped.distrust_named(WORD)
 
 
 def locate(spec: str, api: str | None) -> Source:
@@ -166,11 +157,6 @@ def locate(spec: str, api: str | None) -> Source:
         return _registered(found["module"], found["id"], text)
     factory, module, facts = named.factory_named(text)
     return _source(text, factory, pip=module, accepts=factory, facts=facts)
-
-
-def distrust(spec: str) -> str | None:
-    """Reason for consent: a file, or a module that a text names, may run any code."""
-    return _shaped.distrust_text(named.rest(spec, WORD) or "")
 
 
 def _registered(module: str | None, env_id: str, text: str) -> Source:

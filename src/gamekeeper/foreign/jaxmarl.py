@@ -10,7 +10,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from gamekeeper.errors import SpecError
 from gamekeeper.foreign._guest import ALL, MASK, ForeignEnv, ForeignStep, Given, limit_of
 from gamekeeper.foreign._spaces import Space, as_gymnasium
 from gamekeeper.interface import named
@@ -35,6 +34,7 @@ class JaxMarl(ForeignEnv):
     there with a tolerance.
     """
 
+    optionless = "JaxMARL"
     unknown: tuple[str, ...] = (
         "why an episode ended that was over in the tick of max_steps",
         "the roster before the end: agents that are done stay in its arrays",
@@ -58,13 +58,6 @@ class JaxMarl(ForeignEnv):
         )
 
     def _begin(self, seed: int | None, options: dict[str, Any] | None) -> tuple[Given, Given]:
-        if options:
-            raise SpecError(
-                "JaxMARL's reset takes no options",
-                where="options",
-                actual=f"{options!r}"[:100],
-                fix="leave options out",
-            )
         if seed is not None or self._key is None:
             self._key = key_of(self._jax, secrets.randbits(63) if seed is None else seed)
         self._last = {}
@@ -139,11 +132,8 @@ def _space(ask: Callable[..., Any], agent: object) -> Space:
 WORD: Final = "jaxmarl"
 SYNTAX: Final = "jaxmarl:MPE_simple_spread_v3"
 ORDER: Final = named.ORDER
-
-
-def matches(spec: object) -> bool:
-    """Tells whether it begins with `jaxmarl:`."""
-    return named.rest(spec, WORD) is not None
+matches: Final = named.begins_with(WORD)
+distrust: Final = named.distrust_packages(WORD)
 
 
 def locate(spec: str, api: str | None) -> Source:
@@ -158,8 +148,3 @@ def locate(spec: str, api: str | None) -> Source:
         return JaxMarl(package.make(name, **kwargs), named.need("jax"), name=name)
 
     return named.source(WORD, name, build)
-
-
-def distrust(spec: str) -> str | None:
-    """Reason why the package isn't the installed one; a registered name runs no other code."""
-    return named.distrust_package(WORD)

@@ -41,6 +41,7 @@ class Jumanji(ForeignEnv):
     | options | | refused: its reset takes none |
     """
 
+    optionless = "Jumanji"
     unknown: tuple[str, ...] = (
         "why an episode ended that was over in the tick of the environment's own limit",
         "the bounds of observations, where it declares none",
@@ -70,13 +71,6 @@ class Jumanji(ForeignEnv):
         )
 
     def _begin(self, seed: int | None, options: dict[str, Any] | None) -> tuple[Given, Given]:
-        if options:
-            raise SpecError(
-                "Jumanji's reset takes no options",
-                where="options",
-                actual=f"{options!r}"[:100],
-                fix="leave options out",
-            )
         if seed is not None or self._key is None:
             self._key = key_of(self._jax, secrets.randbits(63) if seed is None else seed)
         self._key, key = self._jax.random.split(self._key)
@@ -175,11 +169,8 @@ def _as_arrays(fields: Mapping[str, Any]) -> dict[str, Any]:
 WORD: Final = "jumanji"
 SYNTAX: Final = "jumanji:RobotWarehouse-v0"
 ORDER: Final = named.ORDER
-
-
-def matches(spec: object) -> bool:
-    """Tells whether it begins with `jumanji:`."""
-    return named.rest(spec, WORD) is not None
+matches: Final = named.begins_with(WORD)
+distrust: Final = named.distrust_packages(WORD)
 
 
 def locate(spec: str, api: str | None) -> Source:
@@ -194,8 +185,3 @@ def locate(spec: str, api: str | None) -> Source:
         return Jumanji(package.make(name, **kwargs), named.need("jax"), name=name)
 
     return named.source(WORD, name, build)
-
-
-def distrust(spec: str) -> str | None:
-    """Reason why the package isn't the installed one; a registered name runs no other code."""
-    return named.distrust_package(WORD)

@@ -9,7 +9,6 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Discrete
 from numpy.typing import NDArray
 
-from gamekeeper.errors import SpecError
 from gamekeeper.foreign import _shaped
 from gamekeeper.foreign._guest import MASK, TEAM, ForeignEnv, ForeignStep, Given, numbered
 from gamekeeper.foreign._spaces import Space, box
@@ -32,6 +31,7 @@ class MarlEnv(ForeignEnv):
     | options | | refused: its reset takes none |
     """
 
+    optionless = "a marlenv environment"
     unknown: tuple[str, ...] = (
         "which agent ended: there is one end for all",
         "whose reward it is: there is one for all",
@@ -70,12 +70,6 @@ class MarlEnv(ForeignEnv):
         return np.concatenate(parts)
 
     def _begin(self, seed: int | None, options: dict[str, Any] | None) -> tuple[Given, Given]:
-        if options:
-            raise SpecError(
-                "a marlenv environment's reset takes no options",
-                actual=f"{options!r}"[:100],
-                fix="leave options out",
-            )
         observation, _ = self.guest.reset() if seed is None else self.guest.reset(seed=seed % 2**32)
         return self._dealt(observation), self._infos(observation, {})
 
@@ -125,21 +119,13 @@ def _action_space(env: Any) -> Space:
 WORD: Final = "marlenv"
 SYNTAX: Final = "marlenv:path/to/file.py:factory"
 ORDER: Final = named.ORDER
+matches: Final = named.begins_with(WORD)
+distrust: Final = _shaped.distrust_named(WORD)
 
 NAMES: Final = ("n_agents", "observation_shape", "available_actions", "reset", "step")
-
-
-def matches(spec: object) -> bool:
-    """Tells whether it begins with `marlenv:`."""
-    return named.rest(spec, WORD) is not None
 
 
 def locate(spec: str, api: str | None) -> Source:
     """The factory of a module or file."""
     text = named.rest(spec, WORD) or ""
     return _shaped.source_of_shape(text, word=WORD, family="marlenv", names=NAMES, wrap=MarlEnv)
-
-
-def distrust(spec: str) -> str | None:
-    """Reason for consent: a file, or a module that a text names, may run any code."""
-    return _shaped.distrust_text(named.rest(spec, WORD) or "")

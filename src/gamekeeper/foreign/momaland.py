@@ -191,11 +191,8 @@ class ScalarisedTurns(_Weighted, AECEnv[Any, Any, Any]):
 WORD: Final = "momaland"
 SYNTAX: Final = "momaland:mobeach_v0"
 ORDER: Final = named.ORDER
-
-
-def matches(spec: object) -> bool:
-    """Tells whether it begins with `momaland:`."""
-    return named.rest(spec, WORD) is not None
+matches: Final = named.begins_with(WORD)
+distrust: Final = named.distrust_packages(WORD)
 
 
 def locate(spec: str, api: str | None) -> Source:
@@ -227,11 +224,6 @@ def locate(spec: str, api: str | None) -> Source:
         return kind(env, objectives, weights)
 
     return named.source(WORD, name, build)
-
-
-def distrust(spec: str) -> str | None:
-    """Reason why the package isn't the installed one; its modules' names run no other code."""
-    return named.distrust_package(WORD)
 
 
 def _passed_over(package: str) -> None:

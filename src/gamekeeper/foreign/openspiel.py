@@ -11,11 +11,8 @@ from gamekeeper.interface.env_source import Source
 WORD: Final = "openspiel"
 SYNTAX: Final = "openspiel:tic_tac_toe"
 ORDER: Final = named.ORDER
-
-
-def matches(spec: object) -> bool:
-    """Tells whether it begins with `openspiel:`."""
-    return named.rest(spec, WORD) is not None
+matches: Final = named.begins_with(WORD)
+distrust: Final = named.distrust_packages("pyspiel", "shimmy")
 
 
 def locate(spec: str, api: str | None) -> Source:
@@ -40,11 +37,6 @@ def locate(spec: str, api: str | None) -> Source:
         pip="shimmy open-spiel",
         facts=named.package_fact("pyspiel"),
     )
-
-
-def distrust(spec: str) -> str | None:
-    """Reason why the packages aren't the installed ones; a game's name runs no other code."""
-    return named.distrust_package("pyspiel") or named.distrust_package("shimmy")
 
 
 def _refuse(spiel: Any, name: str, parameters: dict[str, Any]) -> None:

@@ -11,11 +11,8 @@ from gamekeeper.interface.env_source import Source
 WORD: Final = "overcooked"
 SYNTAX: Final = "overcooked:cramped_room"
 ORDER: Final = named.ORDER
-
-
-def matches(spec: object) -> bool:
-    """Tells whether it begins with `overcooked:`."""
-    return named.rest(spec, WORD) is not None
+matches: Final = named.begins_with(WORD)
+distrust: Final = named.distrust_packages(WORD)
 
 
 def locate(spec: str, api: str | None) -> Source:
@@ -27,8 +24,3 @@ def locate(spec: str, api: str | None) -> Source:
         return MarlEnv(overcooked.Overcooked.from_layout(layout, **kwargs), name=layout)
 
     return named.source(WORD, layout, build)
-
-
-def distrust(spec: str) -> str | None:
-    """Reason why the package isn't the installed one; a layout is only a name."""
-    return named.distrust_package(WORD)

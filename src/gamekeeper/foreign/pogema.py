@@ -67,15 +67,12 @@ class Pogema(SeveralAgents):
 WORD: Final = "pogema"
 SYNTAX: Final = "pogema:pogema_v0"
 ORDER: Final = named.ORDER
+matches: Final = named.begins_with(WORD)
+distrust: Final = named.distrust_packages(WORD)
 
 NAMES: Final = ("pogema_v0",)
 KINDS: Final = {"finish": "Pogema", "nothing": "PogemaCoopFinish", "restart": "PogemaLifeLong"}
 """Classes by what happens to agents on their target. Source: pogema.envs._make_pogema."""
-
-
-def matches(spec: object) -> bool:
-    """Tells whether it begins with `pogema:`."""
-    return named.rest(spec, WORD) is not None
 
 
 def locate(spec: str, api: str | None) -> Source:
@@ -103,8 +100,3 @@ def locate(spec: str, api: str | None) -> Source:
         return Pogema(getattr(envs, kind)(grid_config=grid), name=name)
 
     return named.source(WORD, name, build, accepts=package.GridConfig)
-
-
-def distrust(spec: str) -> str | None:
-    """Reason why the package isn't the installed one; fields of a grid run no other code."""
-    return named.distrust_package(WORD)

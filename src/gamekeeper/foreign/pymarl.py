@@ -10,7 +10,6 @@ import numpy as np
 from gymnasium.spaces import Box, Discrete
 from numpy.typing import NDArray
 
-from gamekeeper.errors import SpecError
 from gamekeeper.foreign import _shaped
 from gamekeeper.foreign._guest import (
     MASK,
@@ -43,6 +42,7 @@ class PyMarl(ForeignEnv):
     | units that die | live on with the action that the mask leaves them, as in PyMARL | |
     """
 
+    optionless = "PyMARL"
     unknown: tuple[str, ...] = (
         "which agent ended: units that die are still asked for an action",
         "whose reward it is: there is one for all",
@@ -80,13 +80,6 @@ class PyMarl(ForeignEnv):
         return _array(self.guest.get_state())
 
     def _begin(self, seed: int | None, options: dict[str, Any] | None) -> tuple[Given, Given]:
-        if options:
-            raise SpecError(
-                "PyMARL's reset takes no options",
-                where="options",
-                actual=f"{options!r}"[:100],
-                fix="leave options out",
-            )
         arguments: dict[str, Any] = {}
         if seed is not None:
             if "seed" in inspect.signature(self.guest.reset).parameters:
@@ -137,21 +130,13 @@ def _takes_one(seed: Any) -> bool:
 WORD: Final = "pymarl"
 SYNTAX: Final = "pymarl:smacv2.env:StarCraft2Env"
 ORDER: Final = named.ORDER
+matches: Final = named.begins_with(WORD)
+distrust: Final = _shaped.distrust_named(WORD)
 
 NAMES: Final = ("get_env_info", "get_obs", "get_avail_actions", "reset", "step")
-
-
-def matches(spec: object) -> bool:
-    """Tells whether it begins with `pymarl:`."""
-    return named.rest(spec, WORD) is not None
 
 
 def locate(spec: str, api: str | None) -> Source:
     """The factory of a module or file."""
     text = named.rest(spec, WORD) or ""
     return _shaped.source_of_shape(text, word=WORD, family="PyMARL", names=NAMES, wrap=PyMarl)
-
-
-def distrust(spec: str) -> str | None:
-    """Reason for consent: a file, or a module that a text names, may run any code."""
-    return _shaped.distrust_text(named.rest(spec, WORD) or "")

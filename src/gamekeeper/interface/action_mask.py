@@ -29,7 +29,6 @@ def reader(place: str | None) -> Reader:
     Args:
         place: `observation.KEY` or `infos.KEY`, with further keys after more dots; None where the
             contract says nothing.
-
     Raises:
         PolicyError: the place is of another form.
     """
@@ -93,9 +92,7 @@ def for_sample(space: spaces.Space[Any], mask: object) -> Any:
     Raises:
         PolicyError: the mask doesn't have the structure of the space.
     """
-    if mask is None or isinstance(
-        space, spaces.Box
-    ):  # continuous actions have no list of legal ones
+    if mask is None or isinstance(space, spaces.Box):  # continuous actions have no list
         return None
     if isinstance(space, spaces.Discrete):
         flags = legal_flags(mask, int(space.n))

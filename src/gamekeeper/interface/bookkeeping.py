@@ -214,11 +214,9 @@ class Books(AuthorCalls, AECEnv[Any, Any, Any]):
             self._show(self.agents)
 
     def _range_of(self, agent: AgentId) -> range:
-        """The whole numbers that need no further look as actions of an agent."""
         return self.__ranges[agent]
 
     def _learn_spaces(self, agents: Iterable[AgentId]) -> None:
-        """Reads the action spaces of agents that come into the roster."""
         try:
             spaces, ranges = self.__spaces, self.__ranges
         except AttributeError:
@@ -432,5 +430,4 @@ class Books(AuthorCalls, AECEnv[Any, Any, Any]):
         self.__after = self.__circle.after
 
     def _possible(self) -> frozenset[Any]:
-        """Agents that may appear in this episode."""
         return self.__possible

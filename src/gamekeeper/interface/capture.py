@@ -162,7 +162,8 @@ class Capture:
         self.end_episode()
         self._begin(seed, options)
         try:
-            self._check_fit()
+            if self._unfit is not None:
+                raise self._unfit
             out = self.env.reset(**given)
             self._reset_ns, self._observed_ns = perf_counter_ns(), 0
             return out
@@ -172,11 +173,6 @@ class Capture:
             self.fail(traceback_text(error))
             self.end_episode()
             raise
-
-    def _check_fit(self) -> None:
-        """Raises what agents or spaces raised when they were looked at."""
-        if self._unfit is not None:
-            raise self._unfit
 
     def _finish(self, end: str) -> None:
         """Closes the books of the episode in progress."""
@@ -222,7 +218,6 @@ class Capture:
         """Notes why the episode in progress can't go on; it ends as *failed*.
 
         Args:
-            error: the traceback.
             in_step: the step raised whose turn was recorded last.
         """
         self.failed_at = self.turn - in_step

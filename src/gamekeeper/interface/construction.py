@@ -47,7 +47,6 @@ def foreign(doing: str, *, where: str, pip: str = "") -> Iterator[None]:
         doing: what goes on, for the message: "importing farm.envs".
         where: the spec as it was typed.
         pip: what to install if a package is missing.
-
     Raises:
         SpecError: the code raised; with its traceback as text and as `__cause__`.
     """
@@ -56,9 +55,7 @@ def foreign(doing: str, *, where: str, pip: str = "") -> Iterator[None]:
             yield
     except (GamekeeperError, KeyboardInterrupt):
         raise
-    except (
-        BaseException
-    ) as error:  # also SystemExit and what test runners derive from BaseException
+    except BaseException as error:  # also SystemExit and what test runners derive from it
         said = said_by(error)
         raise SpecError(
             f"{doing} raised {said}",
@@ -107,9 +104,7 @@ def build(source: Source, kwargs: Mapping[str, Any]) -> Env:
     _check_arguments(source, kwargs)
     try:
         given = copy.deepcopy(dict(kwargs))
-    except (
-        Exception
-    ):  # some arguments can't be copied (an open window); then they are shared, as they came
+    except Exception:  # some can't be copied (an open window); then they are shared, as they came
         given = dict(kwargs)
     with foreign(f"building {source.spec}", where=source.spec, pip=source.pip):
         try:
@@ -153,10 +148,7 @@ def _check_arguments(source: Source, kwargs: Mapping[str, Any]) -> None:
     target = source.accepts or source.factory
     try:
         signature = inspect.signature(target)
-    except (
-        TypeError,
-        ValueError,
-    ):  # some builtins and extension types have none; calling will tell
+    except (TypeError, ValueError):  # some builtins have none; calling will tell
         return
     try:
         signature.bind(**kwargs)
@@ -284,11 +276,9 @@ def find_factory(
     """The factory called `name`; without a name the usual names, then the only environment class.
 
     Args:
-        module: the module, loaded.
         name: dotted name inside it, or None.
         api: `aec` or `parallel` where the user asked for one.
         where: the module or file as it was typed, for messages.
-
     Raises:
         SpecError: there is no such name, it can't be called, or there is none or more than one to
             choose.

@@ -49,7 +49,6 @@ def draft_contract(env: Env) -> Contract:
 
     Args:
         env: is neither reset nor stepped.
-
     Raises:
         ContractError: it is no PettingZoo environment.
     """

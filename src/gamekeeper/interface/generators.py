@@ -43,21 +43,21 @@ def is_still(env: Any, call: Callable[[], Any]) -> bool:
     return calm
 
 
-def generators(env: Any, *, without: tuple[type, ...] = ()) -> Iterator[Any]:
+def generators(env: Any) -> Iterator[Any]:
     """The random generators that `env` holds, down to five objects deep, and the global ones.
 
     Nearest first, so that what is held both near and far is looked into from near.
-
-    Args:
-        without: classes whose instances aren't looked into.
     """
     yield random
     yield np.random
-    yield from (link[1] for link in _links(env, without))
+    yield from (link[1] for link in _links(env, ()))
 
 
-def chains(env: Any, *, without: tuple[type, ...] = ()) -> list[tuple[Any, ...]]:
-    """Objects that lead from `env` to each generator that it holds, both ends among them."""
+def chains(env: Any, *, without: tuple[type, ...]) -> list[tuple[Any, ...]]:
+    """Objects that lead from `env` to each generator that it holds, both ends among them.
+
+    Instances of `without` aren't looked into.
+    """
     found = []
     for link in _links(env, without):
         chain, at = [], link

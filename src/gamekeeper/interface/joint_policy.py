@@ -27,6 +27,7 @@ from gamekeeper.interface.policy import (
     Start,
     guarded_seat,
     raised,
+    reset_policy,
     resolve,
     shared_with,
 )
@@ -64,7 +65,6 @@ def assign(
         noop: an agent's declared noop, None where none is declared.
         mask_at: where an agent's mask stands by its contract, None where the contract doesn't say.
         schemes: further forms of policies, by the word before their colon.
-
     Raises:
         PolicyError: a policy can't be found, a choice is for nobody in the game, or `noop` is to
             play an agent without a declared noop.
@@ -198,7 +198,7 @@ class JointPolicy:
             # A stream of its own: what the policy does with it must not repeat an agent's draws.
             seed = int(policy_rng(run_seed, episode, f"reset of {whom}").integers(1 << 31))
             try:
-                chosen.policy.reset(seed=seed)  # type: ignore[union-attr]
+                reset_policy(chosen.policy, seed)
             except (Exception, SystemExit) as error:
                 raise raised(chosen, whom, error) from error
 
@@ -293,7 +293,7 @@ class JointPolicy:
         policy: Any = chosen.policy
         if callable(getattr(policy, "reset", None)):
             try:
-                policy.reset(seed=int(rng.integers(1 << 31)))
+                reset_policy(policy, int(rng.integers(1 << 31)))
             except (Exception, SystemExit) as error:
                 raise raised(chosen, agent, error) from error
         elif not isinstance(policy, ModuleType):

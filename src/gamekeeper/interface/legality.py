@@ -8,7 +8,7 @@ policies, observations and the check of the next action all read the same mask.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -130,6 +130,42 @@ def refused(agent: AgentId, action: Any, space: spaces.Space[Any], mask: Any = N
         expected=expected,
         actual=_described(action),
         fix=fix,
+    )
+
+
+def mismatch(
+    actions: Any,
+    agents: Sequence[Any],
+    fault_of: Callable[[Any], str] = lambda agent: "an action of",
+) -> ActionError:
+    """Names agents without an action, and actions without a live agent.
+
+    Args:
+        agents: those that must act.
+        fault_of: what is said of an action of another agent, before its name.
+    """
+    if not isinstance(actions, Mapping):
+        return ActionError(
+            "the actions of a tick are no dictionary",
+            where="step",
+            expected="{agent: action} of every agent in env.agents",
+            actual=f"{actions!r} ({type(actions).__name__})"[:300],
+            fix="hand a dictionary of actions by agent to step",
+        )
+    faults: dict[str, list[str]] = {}
+    for agent in agents:
+        if agent not in actions:
+            faults.setdefault("no action of", []).append(repr(agent))
+    for agent in actions:
+        if agent not in agents:
+            faults.setdefault(fault_of(agent), []).append(repr(agent))
+    seen = "; ".join(f"{fault} {', '.join(names)}" for fault, names in faults.items())
+    return ActionError(
+        "the actions of a tick aren't those of the live agents",
+        where="step",
+        expected=f"one of each of {agents!r}"[:300],
+        actual=seen[:600],
+        fix="build the dictionary over env.agents",
     )
 
 

@@ -42,9 +42,7 @@ def load_module(name: str, *, pip: str = "") -> ModuleType:
     """The module called `name`, imported; the current folder is looked in after everything else.
 
     Args:
-        name: dotted name.
         pip: what to install where importing it needs a package that isn't there.
-
     Raises:
         NotHereError: it, or a package that it stands in, doesn't exist.
         SpecError: it exists, and importing it raised.

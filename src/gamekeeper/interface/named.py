@@ -31,7 +31,6 @@ def need(module: str, *, pip: str = "", here: bool = False) -> ModuleType:
     """A module of a foreign package, imported.
 
     Args:
-        module: dotted name.
         pip: what to install; without it, as the module is called.
         here: also a module of the current folder will do.
     Raises:
@@ -100,6 +99,16 @@ def rest(spec: object, word: str) -> str | None:
         return None
     before, colon, after = spec.partition(":")
     return after.strip() if colon and before == word and after.strip() else None
+
+
+def begins_with(word: str) -> Callable[[object], bool]:
+    """`matches` of an opener: tells whether a spec begins with `word:`."""
+    return lambda spec: rest(spec, word) is not None
+
+
+def distrust_packages(*modules: str) -> Callable[[str], str | None]:
+    """`distrust` of an opener whose names run no code but that of these packages."""
+    return lambda spec: next(filter(None, map(distrust_package, modules)), None)
 
 
 def words() -> frozenset[str]:

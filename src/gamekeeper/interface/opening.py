@@ -48,7 +48,6 @@ def open_env(spec: object, /, *, api: str | None = None, **kwargs: Any) -> Opene
         api: `aec` or `parallel`; None for what the environment is made for, parallel where it is
             for both.
         **kwargs: handed to the factory, a copy for each instance.
-
     Raises:
         SpecError: nothing can be opened under that name; says what was looked for and why each look
             failed.

@@ -340,9 +340,7 @@ class ParallelCapture(Capture):
         """The tick raised: its rows say so, and the same decision stands again at the next turn."""
         again = list(self._waiting)
         for at in range(1, len(again), GIVEN):
-            if (
-                again[at].__class__ is LargePlace
-            ):  # the writer frees that place, so it gets the bytes
+            if again[at].__class__ is LargePlace:  # the writer frees that place: it gets the bytes
                 again[at] = self.sink.rings.copy(again[at])  # type: ignore[union-attr]
         done: list[Any] = []
         for order, payload, entry in moves:

@@ -52,62 +52,6 @@ class _RecordedEnv:
                 capture.openings.set(name, value, turn=capture.turn, is_open=capture.is_open)
             setattr(capture.env, name, value)
 
-    @property
-    def unwrapped(self) -> Any:
-        """The environment under all wrappers."""
-        return self._capture.env.unwrapped
-
-    @property
-    def agents(self) -> Any:
-        """The live agents: the environment's own list."""
-        return self._capture.env.agents
-
-    @property
-    def possible_agents(self) -> Any:
-        """All agents that may appear: the environment's own list."""
-        return self._capture.env.possible_agents
-
-    @property
-    def num_agents(self) -> Any:
-        """Number of live agents, as the environment says."""
-        return self._capture.env.num_agents
-
-    @property
-    def max_num_agents(self) -> Any:
-        """Number of possible agents, as the environment says."""
-        return self._capture.env.max_num_agents
-
-    @property
-    def metadata(self) -> Any:
-        """The environment's own metadata."""
-        return self._capture.env.metadata
-
-    def observation_space(self, agent: AgentId) -> Any:
-        """The environment's own observation space of `agent`."""
-        return self._capture.env.observation_space(agent)
-
-    def action_space(self, agent: AgentId) -> Any:
-        """The environment's own action space of `agent`."""
-        return self._capture.env.action_space(agent)
-
-    @property
-    def observation_spaces(self) -> Any:
-        """The environment's own dictionary of observation spaces."""
-        return self._capture.env.observation_spaces
-
-    @property
-    def action_spaces(self) -> Any:
-        """The environment's own dictionary of action spaces."""
-        return self._capture.env.action_spaces
-
-    def state(self) -> Any:
-        """The environment's own state."""
-        return self._capture.env.state()
-
-    def render(self) -> Any:
-        """The environment's own frame."""
-        return self._capture.env.render()
-
     def close(self) -> None:
         """Closes the environment, and what is recorded of it; a second call does nothing more."""
         on_close, self._on_close = self._on_close, None
@@ -130,6 +74,30 @@ class _RecordedEnv:
     def __reduce__(self) -> Any:
         """Pickled as the environment alone, for the same reason."""
         return _revive, (type(self._capture), self._capture.env)
+
+
+def _handed_on(name: str) -> property:
+    """The environment's own attribute or method of that name."""
+    return property(
+        lambda wrapped: getattr(wrapped._capture.env, name), doc=f"The environment's own `{name}`."
+    )
+
+
+for _name in (
+    "unwrapped",
+    "agents",
+    "possible_agents",
+    "num_agents",
+    "max_num_agents",
+    "metadata",
+    "observation_space",
+    "action_space",
+    "observation_spaces",
+    "action_spaces",
+    "state",
+    "render",
+):
+    setattr(_RecordedEnv, _name, _handed_on(_name))
 
 
 class RecordedParallelEnv(_RecordedEnv, ParallelEnv[Any, Any, Any]):
@@ -167,19 +135,9 @@ class RecordedAECEnv(_RecordedEnv, AECEnv[Any, Any, Any]):
         """Returns the environment's own `observe`."""
         return self._capture.observe(agent)
 
-    def agent_iter(self, max_iter: int = 2**63) -> Any:
-        """The environment's own iteration, its checks included."""
-        return self._capture.env.agent_iter(max_iter)
-
-
-def _book(name: str) -> property:
-    """A property that hands out one of the environment's own books."""
-    return property(
-        lambda wrapped: getattr(wrapped._capture.env, name), doc=f"The environment's own `{name}`."
-    )
-
 
 for _name in (
+    "agent_iter",
     "agent_selection",
     "rewards",
     "_cumulative_rewards",
@@ -187,7 +145,7 @@ for _name in (
     "truncations",
     "infos",
 ):
-    setattr(RecordedAECEnv, _name, _book(_name))
+    setattr(RecordedAECEnv, _name, _handed_on(_name))
 
 
 def recorded_of(

@@ -14,6 +14,7 @@ from pettingzoo.utils.env_logger import EnvLogger
 
 from gamekeeper.errors import ActionError, OrderError
 from gamekeeper.interface.author_calls import AgentId
+from gamekeeper.interface.env_inside import EnvInside
 from gamekeeper.interface.legality import learn_ranges, refused
 
 REFUSE: Final = "refuse"
@@ -49,7 +50,7 @@ class Promises:
     captures: bool = False
 
 
-class SlimAEC(AECEnv[Any, Any, Any]):
+class SlimAEC(EnvInside, AECEnv[Any, Any, Any]):
     """An AEC environment whose wrappers' promises are kept in one place.
 
     The law: every book, observation, reward and frame is what the stack of wrappers would show, an
@@ -82,28 +83,18 @@ class SlimAEC(AECEnv[Any, Any, Any]):
         return getattr(self.env, name)
 
     @property
-    def unwrapped(self) -> Any:
-        """The environment under all wrappers."""
-        return self.env.unwrapped
+    def observation_spaces(self) -> Any:
+        """The environment's own dictionary of observation spaces."""
+        return self.env.observation_spaces
+
+    @property
+    def action_spaces(self) -> Any:
+        """The environment's own dictionary of action spaces."""
+        return self.env.action_spaces
 
     @property
     def _cumulative_rewards(self) -> Any:
         return self.env._cumulative_rewards
-
-    def observation_space(self, agent: AgentId) -> Any:
-        """The environment's own observation space of an agent."""
-        return self.env.observation_space(agent)
-
-    def action_space(self, agent: AgentId) -> Any:
-        """The environment's own action space of an agent."""
-        return self.env.action_space(agent)
-
-    def __str__(self) -> str:
-        return str(self.env)
-
-    def close(self) -> None:
-        """Closes the environment."""
-        self.env.close()
 
     def state(self) -> Any:
         """The environment's own state."""

@@ -20,7 +20,7 @@ from gamekeeper.interface.author_calls import (
     check_roster,
 )
 from gamekeeper.interface.authoring import Authored
-from gamekeeper.interface.legality import learn_ranges
+from gamekeeper.interface.legality import learn_ranges, mismatch
 
 Given = dict[Any, Any]
 
@@ -190,34 +190,14 @@ class TickEnv(Authored, ParallelEnv[Any, Any, Any]):
 
     def __mismatch(self, actions: Any) -> ActionError:
         """Error that names agents without an action, and actions without a live agent."""
-        if not isinstance(actions, Mapping):
-            return ActionError(
-                "the actions of a tick are no dictionary",
-                where="step",
-                expected="{agent: action} of every agent in env.agents",
-                actual=f"{actions!r} ({type(actions).__name__})"[:300],
-                fix="hand a dictionary of actions by agent to step",
-            )
-        faults: dict[str, list[str]] = {}
-        for agent in self.agents:
-            if agent not in actions:
-                faults.setdefault("no action of", []).append(repr(agent))
-        live = set(self.agents)
-        for agent in actions:
+
+        def fault_of(agent: Any) -> str:
             if agent in self.endings:
-                faults.setdefault("an action of who has ended:", []).append(repr(agent))
-            elif agent not in self.__places:
-                faults.setdefault("an action of nobody's:", []).append(repr(agent))
-            elif agent not in live:
-                faults.setdefault("an action of who hasn't joined:", []).append(repr(agent))
-        seen = "; ".join(f"{fault} {', '.join(names)}" for fault, names in faults.items())
-        return ActionError(
-            "the actions of a tick aren't those of the live agents",
-            where="step",
-            expected=f"one of each of {self.agents!r}"[:300],
-            actual=seen[:600],
-            fix="build the dictionary over env.agents",
-        )
+                return "an action of who has ended:"
+            is_known = agent in self.__places
+            return "an action of who hasn't joined:" if is_known else "an action of nobody's:"
+
+        return mismatch(actions, self.agents, fault_of)
 
     # -- the roster
 
@@ -229,15 +209,12 @@ class TickEnv(Authored, ParallelEnv[Any, Any, Any]):
         self.terminations[agent] = self.truncations[agent] = False
 
     def _possible(self) -> frozenset[Any]:
-        """Agents that may appear in this episode."""
         return frozenset(self.__places)
 
     def _range_of(self, agent: AgentId) -> range:
-        """The whole numbers that need no further look as actions of an agent."""
         return self.__ranges[agent]
 
     def _learn_spaces(self, agents: Iterable[Any]) -> None:
-        """Reads the action spaces of agents that come into the roster."""
         try:
             spaces, ranges = self.__spaces, self.__ranges
         except AttributeError:

@@ -10,12 +10,12 @@ import numpy as np
 from gymnasium.spaces import Space
 from pettingzoo import AECEnv, ParallelEnv
 
-from gamekeeper.errors import ActionError, ContractError
+from gamekeeper.errors import ContractError
 from gamekeeper.interface.aec_accounts import books_of, pays_others
 from gamekeeper.interface.author_calls import AgentId, before_reset
 from gamekeeper.interface.bookkeeping import Books
 from gamekeeper.interface.env_inside import EnvInside
-from gamekeeper.interface.legality import judge, learn_ranges, refused
+from gamekeeper.interface.legality import judge, learn_ranges, mismatch, refused
 
 
 class TickActions:
@@ -72,24 +72,6 @@ class TickActions:
         space = self._spaces[agent]
         if not judge(space, action)[0]:
             raise refused(agent, action, space)
-
-
-def mismatch(actions: Any, agents: list[Any]) -> ActionError:
-    """Error that names agents without an action, and actions without a live agent."""
-    if not isinstance(actions, Mapping):
-        seen = f"{actions!r} ({type(actions).__name__})"
-    else:
-        missing = [repr(agent) for agent in agents if agent not in actions]
-        extra = [repr(agent) for agent in actions if agent not in agents]
-        faults = (("no action of", missing), ("an action of", extra))
-        seen = "; ".join(f"{fault} {', '.join(names)}" for fault, names in faults if names)
-    return ActionError(
-        "the actions of a tick aren't those of the live agents",
-        where="step",
-        expected=f"one of each of {agents!r}"[:300],
-        actual=seen[:600],
-        fix="build the dictionary over env.agents",
-    )
 
 
 FEW: Final = 4  # agents: up to here adding every reward takes less than finding those that count

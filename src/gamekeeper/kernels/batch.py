@@ -41,12 +41,9 @@ class Batch:
     the bytes of `records[e]`.
 
     Args:
-        kernel: whose copies.
-        num_envs: how many.
         seed: of the run.
         autoreset: `same_step` or `next_step`, as `gk.vector.make` has them.
         infos: fills `arrays.infos` at every step.
-        debug: plain Python, for breakpoints in the rules.
         threads: that step parts of the batch at once, where a step takes long enough for it to
             pay; the results are the same to the last bit.
         make: makes the arrays; None: they are NumPy's.

@@ -6,7 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from gamekeeper.errors import ActionError, DependencyError, SpecError
+from gamekeeper.errors import ActionError, DependencyError, SpecError, check_choice
 from gamekeeper.kernels.array_views import leaves, tables_of
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.kernel_arrays import Arrays, arrays_of
@@ -47,8 +47,9 @@ class CudaBatch:
         autoreset: str = "same_step",
         infos: bool = False,
     ) -> None:
-        _one_of("autoreset", autoreset, ("same_step", "next_step"))
-        _one_of("checks", checks, CHECKS)
+        autoresets = ("same_step", "next_step")
+        check_choice(autoreset, autoresets, "a batch has no such autoreset", where="autoreset")
+        check_choice(checks, CHECKS, "a batch has no such checks", where="checks")
         code = require_device()
         self.kernel, self.num_envs, self._checks = kernel, num_envs, checks
         self._seeds = EpisodeSeeds(seed)
@@ -166,17 +167,6 @@ class CudaBatch:
     def _forgive(self) -> None:
         self._wrong[0] = self._nobody
         self._memory.push(self._wrong)
-
-
-def _one_of(name: str, value: str, known: tuple[str, ...]) -> None:
-    if value not in known:
-        raise SpecError(
-            f"a batch has no such {name}",
-            where=name,
-            expected=", ".join(known),
-            actual=repr(value),
-            fix="use one of these names",
-        )
 
 
 def require_device() -> Any:

@@ -214,7 +214,6 @@ class Single:
     """Player of one sub-environment; each function takes what `given` says, then its arguments.
 
     Attributes:
-        kernel: whose rules.
         is_plain: as plain Python.
         start: `start(*given, seed, episode)`: begins an episode with that stream.
         play: `play(*given)`: a tick or turn with the action that stands in the arrays; returns the

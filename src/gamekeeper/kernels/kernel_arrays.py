@@ -27,7 +27,6 @@ class Arrays(NamedTuple):
 
     Attributes:
         raw: the copies' state as bytes, [copy, bytes].
-        actions: what is done next.
         obs, masks, infos: what is given.
         rewards, terminated, truncated: [copy, agent] of the last step.
         terms: [copy, agent, term] of the last step; the rewards' own memory where there is one.

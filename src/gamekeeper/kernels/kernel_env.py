@@ -33,12 +33,9 @@ class KernelRules(Authored):
     """Part that both APIs share: the kernel's state is the environment's state.
 
     Args:
-        kernel: whose rules.
         render_mode: one of metadata["render_modes"], or None.
         debug: the rules run as plain Python, for breakpoints in them.
-
     Attributes:
-        kernel: whose rules.
         bench: the state and the arrays of the one copy.
     """
 
@@ -250,9 +247,7 @@ def kernel_env(kernel: Kernel, *, render_mode: str | None = None, debug: bool = 
     """One copy of a kernel as an AECEnv or ParallelEnv.
 
     Args:
-        kernel: whose rules.
         render_mode: None; who wants pictures writes a class on one of these, with `render`.
-        debug: plain Python, for breakpoints in the rules.
     """
     kinds = (KernelTurns, MaskedTurns) if kernel.api == "aec" else (KernelTicks, MaskedTicks)
     return kinds[kernel.mask is not None](kernel, render_mode=render_mode, debug=debug)
@@ -270,7 +265,6 @@ class CopyArrays:
 
     Attributes:
         records: the state, an array of one record.
-        arrays: what is shown, done and paid.
         ties: what an environment calls, once it has asked; never copied.
     """
 

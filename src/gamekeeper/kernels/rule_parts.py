@@ -22,7 +22,6 @@ class Parts:
     """Functions that a driver is made of.
 
     Args:
-        kernel: whose rules.
         is_plain: as plain Python.
     """
 

@@ -34,7 +34,6 @@ def episode_seed(run_seed: int, episode: int) -> int:
     Args:
         run_seed: whole number >= 0, of any size.
         episode: number of the episode in its run, from 0.
-
     Raises:
         DrawError: a number is negative or no whole number.
     Source: numpy.random.SeedSequence (O'Neill's seed_seq hash), whose output NumPy keeps stable.
@@ -56,7 +55,6 @@ def policy_rng(run_seed: int, episode: int, agent: object) -> Generator:
         run_seed: whole number >= 0, of any size.
         episode: number of the episode in its run, from 0.
         agent: the agent's identity; its `str` counts.
-
     Raises:
         DrawError: a number is negative or no whole number.
     """
@@ -125,7 +123,6 @@ class EpisodeSeeds:
     Attributes:
         pool: what all episodes of the run have in common, a 32-bit word.
         constant: what the number of an episode is mixed with first, likewise.
-
     Source: numpy.random.SeedSequence (O'Neill's seed_seq hash), whose output NumPy keeps stable.
     """
 

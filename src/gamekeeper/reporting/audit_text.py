@@ -110,7 +110,9 @@ def _minor(verdict: Document) -> Row:
 def _consequence(verdict: Document) -> Row:
     """The broken rule, the cause, and what was held still so that the reproducer passed."""
     cause = verdict["follows_from"]
-    text = f"{_broken(verdict)} Follows from {cause['id']}: passes with {cause['held_still']}."
+    held = cause["held_still"]
+    why = f"passes with {held}" if held else "the same exception"
+    text = f"{_broken(verdict)} Follows from {cause['id']}: {why}."
     return verdict["id"], _short(text)
 
 
@@ -136,6 +138,17 @@ def masked_text(masked: Mapping[str, tuple[int, int]], *, width: int) -> str:
     return _section("Actions that their mask forbids (of the policies)", rows, width)
 
 
+def outside_text(outside: Mapping[str, tuple[int, int, str]], *, width: int) -> str:
+    """Actions out of their space, by agent; empty where there are none."""
+    rows = [
+        (name, _short(f"{count:,} of {of:,}. First at {place}"))
+        for name, (count, of, place) in outside.items()
+    ]
+    if rows:
+        rows.append(("", "(episodes with such an action aren't judged)"))
+    return _section("Actions out of their space (of the policies)", rows, width)
+
+
 def suspected_text(audit: Document, *, width: int) -> str:
     """Checks with a failed case that their reproducer doesn't show: place, value and reason."""
     rows = []
@@ -148,10 +161,11 @@ def suspected_text(audit: Document, *, width: int) -> str:
 
 
 def brief_rows(audit: Document, *, most: int) -> list[tuple[str, str, str]]:
-    """Id, severity and broken rule of the worst failed checks, causes first; how many more."""
+    """Id, severity and broken rule of the worst failed checks, causes first; ids of the others."""
     found = sorted(verdicts_of(audit, "failed"), key=lambda each: each["follows_from"] is not None)
     rows = [(each["id"], each["severity"], _short(_brief(each))) for each in found[:most]]
-    return rows if len(found) <= most else [*rows, ("", "", f"and {len(found) - most} more")]
+    others = ", ".join(each["id"] for each in found[most:])
+    return [*rows, ("", "", f"and {len(found) - most} more: {others}")] if others else rows
 
 
 def _brief(verdict: Document) -> str:

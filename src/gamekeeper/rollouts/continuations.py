@@ -38,7 +38,6 @@ class RecordedCourse:
     """An episode that was recorded, and what it takes to play it again.
 
     Attributes:
-        plan: its seed, options and actions.
         env: a ParallelEnv or AECEnv; it is reset, and not closed.
         cast: the policies; those that remember something see what they saw in the recording.
         cast_seed: seed of the run.
@@ -158,7 +157,6 @@ class Continuations:
     it is played again each time.
 
     Attributes:
-        course: the episode.
         steps: env steps that were taken so far.
         budget: no continuation begins once so many were taken.
         by_copies: copies are made.
@@ -222,8 +220,6 @@ class Continuations:
     ) -> Iterator[tuple[Outcome, list[float]]]:
         """Yields continuations with the sum of all returns at their first turn and after each step.
 
-        Args:
-            turn, numbers, held: as in `play`.
         Raises:
             EvidenceError: as `play`.
         """
@@ -263,9 +259,6 @@ class Continuations:
         """Tells whether continuations from a turn end as the recording did, by the same actions.
 
         Where they do, no draw of theirs was seen to matter. With a spent budget it is false.
-
-        Args:
-            turn, numbers: as in `play`.
         """
         first = None
         for episode in self._played(turn, numbers, {}):

@@ -52,7 +52,6 @@ def play(
     Args:
         capture: an open capture; whatever it records, it records.
         episodes: numbers of episodes in the run; episode k is reset with `episode_seed(seed, k)`.
-        options: handed to every reset.
         most_turns: an episode that is longer is cut.
         after_turn: called after every turn, for progress and signs of life.
         after_episode: called after every episode with how many have been played.
@@ -111,11 +110,9 @@ class EpisodePlan:
     """Plan of one episode: seed, options, actions or policies, and its bounds.
 
     Attributes:
-        seed: of the reset; None: reset without one.
         stream: number of the episode for the policies' random streams.
         actions: turn by turn; None: policies choose.
         most_turns: the play is cut there.
-        options: of the reset.
         looks_last: where an AEC play is cut, the agent in turn is still given what it would be.
         opening: states of generators and attributes, as a run has them; None: seed and options are
             all.
@@ -292,8 +289,14 @@ class EpisodeLoop:
                 raise
             text = traceback_text(error, limit=-12)
             kind = type_name_of(type(error))
-            return FailedCall(self._call, self._capture.turn, kind, message(error)[:500], text)
+            return FailedCall(self._call, self._failed_turn(), kind, message(error)[:500], text)
         return None
+
+    def _failed_turn(self) -> int:
+        """Turn of the call that raised; a capture that records nothing doesn't count them."""
+        if self._capture.sink is not None:
+            return int(self._capture.turn)
+        return len(self.taken) - (self._call == "step")
 
     def _begin(self) -> None:
         self._hooks.declared(self._contract)
@@ -350,7 +353,7 @@ class EpisodeLoop:
                 self._hooks.given(turn, agent, seen.get(agent), infos.get(agent))
         if self._play.actions is not None:
             paper = self._play.actions[turn]
-            return {agent: _own(paper[agent]) for agent in paper}
+            return {agent: own_action(paper[agent]) for agent in paper}
         return {a: self._chosen(a, sees(turn, a, seen.get(a)), infos.get(a)) for a in movers}
 
     def _chosen_in_turn(self, turn: int) -> tuple[AgentId, Any]:
@@ -361,7 +364,7 @@ class EpisodeLoop:
             self._hooks.given(turn, agent, observation, info)
         if self._play.actions is not None:
             paper = self._play.actions[turn]
-            return agent, _own(next(iter(paper.values()), None))
+            return agent, own_action(next(iter(paper.values()), None))
         if terminated or truncated:
             return agent, None
         return agent, self._chosen(agent, self._hooks.sees(turn, agent, observation), info)
@@ -378,10 +381,10 @@ def actions_of(played: Sequence[Actions]) -> tuple[Actions, ...]:
 
 
 def _copied(actions: Actions) -> dict[AgentId, Any]:
-    return {agent: _own(action) for agent, action in actions.items()}
+    return {agent: own_action(action) for agent, action in actions.items()}
 
 
-def _own(action: Any) -> Any:
+def own_action(action: Any) -> Any:
     """A copy of an action that can be written to; what can't be written is itself."""
     return action if isinstance(action, int | float | str | np.generic) else copy.deepcopy(action)
 

@@ -68,6 +68,21 @@ class Hooks:
         """Once the play is over; also where it broke off."""
 
 
+class PlacedHooks(Hooks):
+    """Hooks that keep the contract, and the environment for the spaces of its agents."""
+
+    def __init__(self) -> None:
+        self.contract, self.env = Contract(), None
+
+    def declared(self, contract: Contract) -> None:
+        """Keeps the contract."""
+        self.contract = contract
+
+    def before_reset(self, env: Any) -> None:
+        """Keeps the environment."""
+        self.env = env
+
+
 @dataclass(frozen=True, slots=True)
 class Intervention(ABC):
     """Exactly one thing done differently.

@@ -53,14 +53,21 @@ def seed_all(seed: int) -> None:
 
 
 @contextmanager
-def held(seed: int = HELD) -> Iterator[None]:
-    """Within it they start from one seed; afterwards they are as they were before."""
+def kept_global_generators() -> Iterator[None]:
+    """Restores them after draws or reseeding within."""
     kept = states()
-    seed_all(seed)
     try:
         yield
     finally:
         restore(kept)
+
+
+@contextmanager
+def held(seed: int = HELD) -> Iterator[None]:
+    """Within it they start from one seed; afterwards they are as they were before."""
+    with kept_global_generators():
+        seed_all(seed)
+        yield
 
 
 # -- Other randomness in the middle of a play: every generator that an environment holds, reseeded
@@ -69,16 +76,18 @@ APART: Final = 1 << 24
 """Draws between two stretches of a counter-based stream."""
 
 
-def reseed(env: Any, number: int) -> None:
+def reseed(env: Any, number: int, places: Collection[int] | None = None) -> None:
     """Gives every generator that `env` holds, and the global ones, another future.
 
     Equal numbers give equal futures; a generator that only foreign code holds isn't reached.
 
     Args:
         number: in [0, 2**31).
+        places: only those generators that `standing` tells of at these places; None: all.
     """
     for place, generator in enumerate(generators(env)):
-        _reseed(generator, number, place)
+        if places is None or place in places:
+            _reseed(generator, number, place)
 
 
 def rekey(found: Iterable[Any], number: int) -> None:
@@ -87,13 +96,6 @@ def rekey(found: Iterable[Any], number: int) -> None:
         if isinstance(generator, Stream):
             generator.leave(number)
         else:
-            _reseed(generator, number, place)
-
-
-def reseed_some(env: Any, number: int, places: Collection[int]) -> None:
-    """As `reseed`, but only those generators that `standing` tells of at these places."""
-    for place, generator in enumerate(generators(env)):
-        if place in places:
             _reseed(generator, number, place)
 
 
@@ -116,17 +118,6 @@ def _reseed(generator: Any, number: int, place: int) -> None:
         generator.draws = (number + 1) * APART
     else:
         generator.seed(seed)
-
-
-@contextmanager
-def kept_global_generators() -> Iterator[None]:
-    """Restores Python's and numpy's global generators after draws or reseeding within."""
-    states = random.getstate(), np.random.get_state()  # the global one is meant
-    try:
-        yield
-    finally:
-        random.setstate(states[0])
-        np.random.set_state(states[1])
 
 
 # -- Another time of day, for those who take it for randomness

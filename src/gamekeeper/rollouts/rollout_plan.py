@@ -26,13 +26,8 @@ class RolloutPlan:
     """Settings of a rollout.
 
     Attributes:
-        spec: where the environment comes from.
-        env_kwargs: its arguments.
         policies: one for all, or by agent, role or under `*`.
-        episodes: how many.
         first: number of the first one, where they are a part of a run.
-        seed: of the run.
-        options: handed to every reset.
         level: `full`, `digest` or `actions`.
         check: replay the first finished episode of a run of level `actions` in a worker.
         frames: also render() once a turn.

@@ -54,8 +54,6 @@ class TalliedEpisode:
     """An episode under way of which only the figures are kept; a deep copy of it goes on alone.
 
     Attributes:
-        capture: plays it.
-        cast: its policies.
         count: the figures so far.
         failed: the call that raised, if one did.
     """

@@ -44,13 +44,7 @@ class WarmWorker:
         silence_s: float | None = 60.0,
         limit_s: float | None = None,
     ) -> TaskOutcome:
-        """Runs a task in a fork, and returns how it ended, whatever it does.
-
-        Args:
-            task: "module:function", as of `run_task`.
-            arguments: handed over by keyword.
-            silence_s: longest time without a sign of life, in seconds; None: for ever.
-            limit_s: longest time in all, in seconds; None: for ever.
+        """Runs a task in a fork, and returns how it ended, whatever it does; see `run_task`.
 
         Raises:
             GamekeeperError: no process can be started here.

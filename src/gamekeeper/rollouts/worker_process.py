@@ -111,7 +111,6 @@ class WorkerProcess:
 
         Args:
             pass_fds: descriptors that it inherits under their own numbers.
-
         Raises:
             GamekeeperError: no process can be started.
             TypeError, ValueError: JSON can't carry the order.

@@ -190,7 +190,6 @@ def run_task(
 
     Args:
         task: "module:function"; the function may have dots.
-        arguments: handed over by keyword.
         silence_s: longest time without a sign of life (a report, the start of the process, the
             end of the import of the task's module), in seconds; None: for ever.
         limit_s: longest time in all, in seconds.
@@ -201,7 +200,6 @@ def run_task(
         hash_seed: PYTHONHASHSEED, 0 to 4294967295; None: as this process's environment has it.
         env: environment variables on top of this process's.
         stop: once set, interrupts as Ctrl-C does (Ctrl-C itself reaches only the main thread).
-
     Raises:
         GamekeeperError: no process can be started here.
         TypeError, ValueError: JSON can't carry the arguments, or `hash_seed` is out of range.

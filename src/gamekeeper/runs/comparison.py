@@ -12,7 +12,7 @@ from typing import Any, Final, TypeAlias
 import pyarrow as pa
 
 from gamekeeper.episodes.canonical import from_json
-from gamekeeper.episodes.divergence import Comparison, Divergence, compare_chunks
+from gamekeeper.episodes.divergence import Divergence, compare_chunks
 from gamekeeper.episodes.evidence import IDENTITY, Evidence, fingerprints
 from gamekeeper.episodes.known_extent import ENDS_OPEN
 from gamekeeper.episodes.row_tables import html_text
@@ -309,7 +309,6 @@ def replay_evidence(
         EvidenceError: an action was an object that no text can build again.
         PolicyError: policies are asked for, and can't be found.
     """
-    volatile = evidence.contract.volatile_infos()
     runner = ReplayRunner(evidence, opened, after_turn=report)
     exact, divergence = True, None
     prints: list[str | None] = []
@@ -317,12 +316,10 @@ def replay_evidence(
     total = evidence.episode_table.num_rows
     with closing(runner):
         for header in evidence.headers:
-            both = Comparison(evidence.extent(header), tolerance=tolerance, volatile=volatile)
             if policies and header.get("policies") != named:  # the same objects go on, as they did
                 named = header.get("policies")
                 chooser = cast_of(choices_in(named), opened.env, evidence.contract)
-            again = runner.play(header, chooser=chooser, look=both.look)
-            both.ends()
+            both, again = runner.compared(header, chooser=chooser, tolerance=tolerance)
             prints.append(again["fingerprint"])
             report(episode=len(prints), episodes=total)
             exact, divergence = exact and both.is_exact, both.divergence

@@ -78,7 +78,6 @@ def consented(
     here nor in workers.
 
     Args:
-        evidence: the run.
         doing: the action, for the error: "replaying this run".
         env: environment that the user named in place of the run's; None: the run's is opened.
         policies: names of policies that the run names, and that are to choose.

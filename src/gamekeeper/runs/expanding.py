@@ -7,19 +7,18 @@ import shutil
 import sys
 import time
 from collections.abc import Callable, Mapping
+from contextlib import closing
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, Final
 
-from gamekeeper.episodes.divergence import Comparison, Divergence, compare_chunks
+from gamekeeper.episodes.divergence import Divergence, compare_chunks
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import DivergenceError, EvidenceError, GamekeeperError, RunError
 from gamekeeper.interface.found_again import ASSUMED
 from gamekeeper.interface.openings import GLOBALS, SameOpenings
-from gamekeeper.interface.recorded_env import capture_of
 from gamekeeper.rollouts.process_randomness import states
-from gamekeeper.rollouts.reruns import replay_trace
 from gamekeeper.rollouts.workers import run_task
 from gamekeeper.runs import own_runs
 from gamekeeper.runs.comparison import SILENCE_S, untellable
@@ -27,7 +26,7 @@ from gamekeeper.runs.consent import consented, evidence_of
 from gamekeeper.runs.first_check import DIVERGED, NOT_CHECKED, PASSED
 from gamekeeper.runs.load_run import load
 from gamekeeper.runs.recorder import RunRecorder
-from gamekeeper.runs.replay_runner import ReplayRunner, check_named, opened_again, was_rendered
+from gamekeeper.runs.replay_runner import ReplayRunner, check_named, opened_again
 from gamekeeper.runs.worker_errors import error_fields, error_in
 
 TASK: Final = "gamekeeper.runs.expanding:expand_task"
@@ -207,12 +206,8 @@ def check_task(report: Callable[..., None], *, path: str, episode: int) -> dict[
     try:
         runner = ReplayRunner(evidence, opened_again(evidence, None), after_turn=report)
         before = states()
-        both = Comparison(evidence.extent(header), volatile=evidence.contract.volatile_infos())
-        try:
-            runner.play(header, look=both.look)
-            both.ends()
-        finally:
-            runner.close()
+        with closing(runner):
+            both, _ = runner.compared(header)
     except GamekeeperError as error:
         return {"outcome": NOT_CHECKED, "why": error.what}
     after = states()
@@ -268,6 +263,7 @@ def play_whole(
     """Plays all episodes of `evidence` again, recorded in full at `out`."""
     opened = opened_again(evidence, env)
     manifest = evidence.manifest
+    limit = {name: manifest[name] for name in ("most_turns",) if name in manifest}
     try:
         recorder = _Unframed(
             out,
@@ -277,26 +273,19 @@ def play_whole(
             terms=tuple(manifest.get("terms") or ()),
             volatile=evidence.contract.volatile_infos(),
             is_timed=False,
-            extra={"expanded": _origin(evidence)},
+            extra={"expanded": _origin(evidence), **limit},
         )
     except BaseException:
         opened.env.close()
         raise
-    frames, state = was_rendered(evidence), evidence.tables.has("states")
-    capture = capture_of(opened.env, sink=recorder, frames=frames, state=state)
+    runner = ReplayRunner(evidence, opened, after_turn=report, sink=recorder)
+    capture = runner.capture
     capture.openings = openings = SameOpenings()
     total = evidence.episode_table.num_rows
     try:
         for done, header in enumerate(evidence.headers, 1):
-            capture.episode, capture.policies = header["episode"] - 1, header["policies"]
-            openings.text = header.get("opening")
-            replay_trace(
-                evidence.episode_of(header),
-                capture,
-                agents={each.name: agent for agent, each in recorder.layout.seats.items()},
-                types=manifest.get("action_types"),
-                after_turn=report,
-            )
+            capture.policies, openings.text = header["policies"], header.get("opening")
+            runner.replay(evidence.episode_of(header))
             report(episode=done, episodes=total)
     finally:
         capture.end_episode()

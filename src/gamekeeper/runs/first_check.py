@@ -27,10 +27,8 @@ class FirstCheck:
     """Replays one episode of a run that is being recorded, and says at once what came out.
 
     Args:
-        path: the folder of the run.
         episode: whose end is about to be written.
         advice: said where it comes out otherwise.
-
     Attributes:
         drew: global generators that the replay drew from; None: not known.
     """

@@ -16,7 +16,7 @@ import pyarrow.compute as pc
 
 from gamekeeper.episodes.canonical import from_json, is_exact
 from gamekeeper.episodes.chunks import EpisodeChunks, RowReader
-from gamekeeper.episodes.divergence import Divergence
+from gamekeeper.episodes.divergence import Comparison, Divergence
 from gamekeeper.episodes.episode import Episode, Turn
 from gamekeeper.episodes.evidence import NO_STEPS, Evidence, manifest_of
 from gamekeeper.episodes.tables import MemoryTables
@@ -45,8 +45,6 @@ class ReplayedEpisode:
     """A recorded episode that is being replayed, of which only some turns are in memory.
 
     Args:
-        recorded: the episode.
-        capture: plays it.
         sink: takes what `capture` puts on the buffer.
         look: gets every range of turns once it was replayed.
     """
@@ -195,16 +193,21 @@ class ReplayRunner:
     """Plays recorded episodes again in one environment, one after the other."""
 
     def __init__(
-        self, evidence: Evidence, opened: Opened, *, after_turn: Callable[[], None] | None = None
+        self,
+        evidence: Evidence,
+        opened: Opened,
+        *,
+        after_turn: Callable[[], None] | None = None,
+        sink: Any = None,
     ) -> None:
-        """Sets up `opened` as it was set up for `evidence`."""
+        """Sets up `opened` as it was set up for `evidence`; `sink` takes the rows, else memory."""
         self._evidence, self._opened, self._after_turn = evidence, opened, after_turn
-        self._sink = _Unkept(
+        self._sink = sink or _Unkept(
             terms=tuple(evidence.manifest.get("terms") or ()),
             volatile=evidence.contract.volatile_infos(),
             prints=evidence.manifest.get("level"),
         )
-        self._capture = capture_of(
+        self.capture = capture_of(
             opened.env,
             sink=self._sink,
             frames=was_rendered(evidence),
@@ -221,18 +224,38 @@ class ReplayRunner:
         """The header of an episode, replayed: its actions, or those that `chooser` chooses.
 
         Args:
-            header: of the recorded episode.
             look: gets ranges of whole turns, recorded and replayed, as they come; True: go on.
         Raises:
             EvidenceError: an action was an object that no text can build again.
         """
         if chooser is None:
             _check_actions(self._evidence, header)
-        episode = ReplayedEpisode(self._evidence.chunks(header), self._capture, self._sink, look)
-        self._replay(episode.head, chooser, episode.turns())
+        episode = ReplayedEpisode(self._evidence.chunks(header), self.capture, self._sink, look)
+        self.replay(episode.head, chooser, episode.turns())
         again = self._kept()
         episode.finish(again)
         return next(again.headers)
+
+    def compared(
+        self,
+        header: Mapping[str, Any],
+        *,
+        chooser: ActionChooser | None = None,
+        tolerance: float | None = None,
+    ) -> tuple[Comparison, Mapping[str, Any]]:
+        """An episode replayed and compared with its recording, and the header of the replay.
+
+        Raises:
+            EvidenceError: an action was an object that no text can build again.
+        """
+        both = Comparison(
+            self._evidence.extent(header),
+            tolerance=tolerance,
+            volatile=self._evidence.contract.volatile_infos(),
+        )
+        again = self.play(header, chooser=chooser, look=both.look)
+        both.ends()
+        return both, again
 
     def play_until(
         self, header: Mapping[str, Any], steps: int, *, chooser: ActionChooser | None = None
@@ -240,7 +263,6 @@ class ReplayRunner:
         """The first turns of an episode, replayed; the environment stands where they end.
 
         Args:
-            header: of the recorded episode.
             steps: env steps to take.
             chooser: chooses actions in place of the recorded ones.
         Raises:
@@ -248,15 +270,20 @@ class ReplayRunner:
         """
         _check_actions(self._evidence, header)
         trace = self._evidence.episode_of(header)
-        self._replay(trace, chooser, takewhile(lambda turn: turn.index < steps, trace.turns))
+        self.replay(trace, chooser, takewhile(lambda turn: turn.index < steps, trace.turns))
         return self._kept().episodes[0]
 
-    def _replay(self, trace: Episode, chooser: ActionChooser | None, turns: Iterable[Turn]) -> None:
-        """Plays turns of an episode again."""
-        self._capture.episode = trace.episode - 1
+    def replay(
+        self,
+        trace: Episode,
+        chooser: ActionChooser | None = None,
+        turns: Iterable[Turn] | None = None,
+    ) -> None:
+        """Plays turns of an episode again; None: all of them."""
+        self.capture.episode = trace.episode - 1
         replay_trace(
             trace,
-            self._capture,
+            self.capture,
             agents={each.name: agent for agent, each in self._sink.layout.seats.items()},
             types=self._evidence.manifest.get("action_types"),
             cast=chooser,
@@ -267,8 +294,8 @@ class ReplayRunner:
 
     def returned(self) -> tuple[Mapping[Any, Any], Mapping[Any, Any]]:
         """Observations and infos that the last step of a ParallelEnv returned; else empty."""
-        if isinstance(self._capture, ParallelCapture):
-            return self._capture.observations, self._capture.infos
+        if isinstance(self.capture, ParallelCapture):
+            return self.capture.observations, self.capture.infos
         return {}, {}
 
     def manifest(self) -> Mapping[str, Any]:
@@ -277,7 +304,7 @@ class ReplayRunner:
 
     def close(self) -> None:
         """Closes the environment."""
-        self._capture.close()
+        self.capture.close()
 
     def _kept(self) -> Evidence:
         """Evidence of the replay since the last call, but for rows that were taken off by then."""
@@ -329,8 +356,6 @@ def cause_of(
     the episodes before it that it needn't run on from.
 
     Args:
-        evidence: the run.
-        where: the divergence.
         env: opened in place of the environment that the evidence names.
         changed: versions and sources that aren't those of the recording.
         timeout_s: longest time without a turn.

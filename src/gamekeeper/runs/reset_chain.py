@@ -13,7 +13,6 @@ def chain_of(header: Mapping[str, Any], known: Collection[int]) -> range:
     """Numbers of the episodes that one runs on from, itself not among them; mostly none.
 
     Args:
-        header: of the episode.
         known: numbers of the episodes that the run has.
     Raises:
         EvidenceError: it can't be played again; the sentence says why.

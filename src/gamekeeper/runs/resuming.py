@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from gamekeeper.episodes.actions_level import EVERY
-from gamekeeper.episodes.divergence import Comparison, Divergence, compare
+from gamekeeper.episodes.divergence import Divergence, compare
 from gamekeeper.episodes.episode import Episode
 from gamekeeper.episodes.evidence import Evidence
 from gamekeeper.errors import EvidenceError
@@ -119,12 +119,10 @@ def resume(
 def _check_to_the_end(evidence: Evidence, header: Mapping[str, Any], env: str | None) -> None:
     """Raises where the whole episode, played by its actions, comes out otherwise."""
     known = frozenset(evidence.episode_table["episode"].to_pylist())
-    both = Comparison(evidence.extent(header), volatile=evidence.contract.volatile_infos())
     with closing(ReplayRunner(evidence, opened_again(evidence, env))) as runner:
         for number in chain_of(header, known):
             runner.play(evidence.header(number))
-        runner.play(header, look=both.look)
-        both.ends()
+        both, _ = runner.compared(header)
     if both.divergence is not None:
         raise _otherwise(header["episode"], str(both.divergence))
 

@@ -317,7 +317,6 @@ def recover(
     """Finalizes a run that its recorder left open; its last episode is kept as *torn*.
 
     Args:
-        status: "recovered", "finalized" or "failed".
         error: the error that ended the last episode; it then counts as failed.
         is_theirs: the error is the environment's, which a replay has to come to again; one of the
             disk leaves the episode *torn*.

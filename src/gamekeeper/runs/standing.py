@@ -134,7 +134,6 @@ class Against:
     """A run, or an evaluation, beside an environment as it is now.
 
     Attributes:
-        run: its folder.
         environment: as it was named.
         rows: things that it depends on.
     """
@@ -192,7 +191,6 @@ def standing(
     """Compares a run with its environment as it is installed now.
 
     Args:
-        evidence: the run.
         now: findings of `now_task`.
         environment: as it was named.
         kwargs: the arguments as they were typed; None: the recorded ones.
@@ -215,7 +213,7 @@ def standing(
 def identity_rows(
     then: Mapping[str, Any], now: Mapping[str, Any], *, command: str, replay: str
 ) -> Iterator[Standing]:
-    """Name, API, arguments, source and versions of an environment.
+    """Name, API, arguments, entry point, source and versions of an environment.
 
     Args:
         then, now: identities.
@@ -225,6 +223,9 @@ def identity_rows(
     for what in ("name", "api", "kwargs"):
         one, two = _shown(then.get(what)), _shown(now.get(what))
         yield _row(what, one, two, "stale", ALL, command)
+    # one file has one digest, whichever of its classes is opened
+    one, two = _shown(then.get("entry_point")), _shown(now.get("entry_point"))
+    yield _row("entry point", one, two, "unknown", REPLAY, replay)
     one, two = then.get("source_digest"), now.get("source_digest")
     if one is None or two is None:
         yield Standing("source", _shown(one), _shown(two), "unknown", REPLAY, replay)

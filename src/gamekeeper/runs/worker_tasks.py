@@ -168,7 +168,6 @@ def now_task(
     """Opens an environment as it is installed now, in a worker, without a reset or a step.
 
     Args:
-        spec: names the environment.
         kwargs: its arguments, in canonical JSON.
         contract: a contract's file in place of the one beside it.
         api: asked for where the spec asks for none.

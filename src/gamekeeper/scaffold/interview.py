@@ -72,7 +72,6 @@ def plan_of(
         answers: answers of options; the rest is asked.
         ask: asks the user, again where an answer can't be read; `usual` takes the defaults.
         advised: is called with the advice before the API is asked for.
-
     Raises:
         SpecError: an answer can't be used.
         ContractError: two answers contradict each other.

@@ -7,7 +7,7 @@ import math
 import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from gamekeeper.contract.sections import ENDING_KINDS, KINDS, RESERVED, Plain
@@ -101,17 +101,13 @@ class Plan:
     """A whole task.
 
     Args:
-        name: of the package and the environment, `my_task`.
         roles: in the order in which they act.
         stages: roles that act together, group after group.
         order: within a group: none, fixed, rotating, state, random.
         observe: `after tick` or `after turn`.
         conflicts: rule for actions that exclude each other.
         api: `aec` or `parallel`.
-        why: the reason for it.
-        terms: of the reward.
         endings: without the time limit.
-        horizon: ticks of an episode.
     """
 
     name: str
@@ -265,11 +261,8 @@ def with_forms(
     seen = _forms(roles, observes, "--observes")
     done = _forms(roles, acts, "--acts")
     return tuple(
-        RolePlan(
-            role.name,
-            role.count,
-            seen.get(role.name, role.observes),
-            done.get(role.name, role.acts),
+        replace(
+            role, observes=seen.get(role.name, role.observes), acts=done.get(role.name, role.acts)
         )
         for role in roles
     )

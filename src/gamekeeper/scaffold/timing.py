@@ -127,9 +127,6 @@ def advise(timing: Timing) -> TimingAdvice:
     AEC where an agent's observation, its turn or its reward depends on the order of actions in a
     round: a Parallel environment gives all observations before any agent acts. Parallel everywhere
     else: it has no order that a policy could exploit, and a joint step is cheaper than turns.
-
-    Args:
-        timing: answers to all but the API.
     """
     reasons = []
     stages, order, conflicts = timing.stages, timing.order or "none", timing.conflicts

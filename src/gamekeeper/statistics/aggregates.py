@@ -10,7 +10,7 @@ from typing import Final, Literal
 import numpy as np
 from numpy.random import Generator
 
-from gamekeeper.errors import EvidenceError
+from gamekeeper.errors import EvidenceError, check_choice
 from gamekeeper.statistics.interval import (
     FEWEST_RUNS,
     FEWEST_RUNS_APART,
@@ -63,7 +63,6 @@ def aggregate(
 
     Args:
         scores: by environment; normalised, so that they may be put together.
-        statistic: which.
         target: the score that is good enough, for the optimality gap.
     Raises:
         EvidenceError: there is no environment, or for the iqm the numbers of runs differ.
@@ -110,11 +109,9 @@ def over_environments(
 
     Args:
         scores: by environment; normalised.
-        statistic: which.
         target: for the optimality gap.
         shared_seeds: column k of [runs, episodes] is the same episode seed in all runs of an
             environment; the luck of the seeds is then part of the interval.
-        rng: draws the resamples.
         level: coverage, in [0.8, 0.99].
     Returns:
         `n` is the number of runs in all environments together.
@@ -193,14 +190,8 @@ def _luck(
 
 
 def _strata(scores: Mapping[str, Scores], statistic: str, where: str) -> list[FloatArray]:
-    if statistic not in AGGREGATES:
-        raise EvidenceError(
-            "there is no such statistic",
-            where=where,
-            expected=" or ".join(AGGREGATES),
-            actual=repr(statistic),
-            fix="use one of these",
-        )
+    what = "there is no such statistic"
+    check_choice(statistic, AGGREGATES, what, where=where, error=EvidenceError)
     enough(len(scores), 1, "environments", where=where)
     strata = [run_scores(each, where=f"{where}, {name}") for name, each in scores.items()]
     lengths = sorted({len(each) for each in strata})

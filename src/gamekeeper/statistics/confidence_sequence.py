@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import log
 from statistics import NormalDist
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +30,78 @@ _TIGHTEST_AT: Final = 500
 
 
 @dataclass(frozen=True, slots=True)
-class ConfidenceSequence:
+class _Watched:
+    """Intervals of a mean after each value, of values that lie between bounds or have none."""
+
+    MOST_LEVEL: ClassVar[float] = 0.99
+
+    least: float | None = None
+    most: float | None = None
+    level: float = LEVEL
+
+    def __post_init__(self) -> None:
+        """Bounds come together and in order."""
+        where = type(self).__name__
+        check_level(self.level, where, most=self.MOST_LEVEL)
+        if self.least is None and self.most is None:
+            return
+        if self.least is None or self.most is None or not self.least < self.most:
+            raise EvidenceError(
+                "values have no such bounds",
+                where=where,
+                expected="least < most, or neither",
+                actual=f"least={self.least}, most={self.most}",
+                fix="give the bounds in this order, or leave both out",
+            )
+
+    def sequence(self, values: Sequence[float] | FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Bounds after each value."""
+        raise NotImplementedError
+
+    def stop_at(self, values: Sequence[float] | FloatArray, width: float) -> int | None:
+        """Number of values that suffice for an interval at most so wide; None: not these.
+
+        Args:
+            values: [n] in the order in which they were played.
+            width: high - low, in the values' units, over 0.
+        Raises:
+            EvidenceError: as `sequence`, or the width isn't over 0.
+        """
+        if not width > 0:
+            raise EvidenceError(
+                "the width of an interval can't be 0 or less",
+                where=f"{type(self).__name__}.stop_at",
+                expected="a width over 0",
+                actual=str(width),
+                fix="ask for a width above 0",
+            )
+        low, high = self.sequence(values)
+        narrow = np.flatnonzero(high - low <= width)
+        return int(narrow[0]) + 1 if len(narrow) else None
+
+    def _figures(self, values: Sequence[float] | FloatArray) -> FloatArray:
+        """The values, which lie within the bounds."""
+        array = figures(values, type(self).__name__)
+        if self.least is None or self.most is None or not len(array):
+            return array
+        if not self.least <= array.min() <= array.max() <= self.most:
+            raise EvidenceError(
+                "a value is outside of its bounds",
+                where=type(self).__name__,
+                expected=f"[{self.least}, {self.most}]",
+                actual=f"{array.min()} to {array.max()}",
+                fix="give the bounds that hold, or none",
+            )
+        return array
+
+    def _after_last(self, array: FloatArray, method: str) -> Interval:
+        """The mean of all values with the interval after the last."""
+        low, high = self.sequence(array)
+        return Interval(float(array.mean()), float(low[-1]), float(high[-1]), len(array), method)
+
+
+@dataclass(frozen=True, slots=True)
+class ConfidenceSequence(_Watched):
     """An interval of a mean for every number of values, all holding at once with chance `level`.
 
     An interval made for one n is wrong once n depends on what was seen: who plays until it is
@@ -42,7 +113,6 @@ class ConfidenceSequence:
         most: the most a value can be (1 for success); None with `least`.
         level: chance that all intervals hold, in [0.8, 0.9999]: to watch several sequences at once,
             divide 1 - level by their number.
-
     Raises:
         EvidenceError: one bound without the other, most not over least, or a level out of range.
     Source: Waudby-Smith & Ramdas 2023, "Estimating means of bounded random variables by betting",
@@ -50,14 +120,7 @@ class ConfidenceSequence:
         theory and asymptotic confidence sequences", theorem 2.2.
     """
 
-    least: float | None = None
-    most: float | None = None
-    level: float = LEVEL
-
-    def __post_init__(self) -> None:
-        """Bounds come together and in order."""
-        check_level(self.level, "ConfidenceSequence", most=0.9999)
-        check_bounds(self.least, self.most, "ConfidenceSequence")
+    MOST_LEVEL: ClassVar[float] = 0.9999
 
     @property
     def warm_up(self) -> int:
@@ -65,120 +128,29 @@ class ConfidenceSequence:
         return 1 if self.least is not None else _WARM_UP
 
     def sequence(self, values: Sequence[float] | FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper bounds after each value.
+        """[n] lower and [n] upper bounds of the mean after each value, infinite before `warm_up`.
 
-        Args:
-            values: [n] in the order in which they were played.
-        Returns:
-            [n] lower and [n] upper bounds of the mean; infinite before the warm-up.
         Raises:
             EvidenceError: a value isn't finite, or outside of the bounds.
         """
-        array = figures(values, "ConfidenceSequence")
+        array = self._figures(values)
         if self.least is None or self.most is None:
             return _asymptotic(array, 1 - self.level)
-        inside(array, self.least, self.most, "ConfidenceSequence")
         wide = self.most - self.least
         shares = (array - self.least) / wide
         low, high = _betting(shares, 1 - self.level)
         return self.least + wide * low, self.least + wide * high
 
-    def stop_at(self, values: Sequence[float] | FloatArray, width: float) -> int | None:
-        """Number of values that suffice for an interval at most so wide; None: not these.
-
-        Args:
-            values: [n] in the order in which they were played.
-            width: high - low, in the values' units, over 0.
-        Raises:
-            EvidenceError: as `sequence`, or the width isn't over 0.
-        """
-        return first_narrow(self.sequence(values), width, "ConfidenceSequence.stop_at")
-
     def interval(self, values: Sequence[float] | FloatArray) -> Interval:
-        """The mean of all values with the interval after the last, valid however one stopped.
+        """The mean of all values [n] with the interval after the last, however one stopped.
 
-        Args:
-            values: [n] in the order in which they were played.
         Raises:
             EvidenceError: as `sequence`, or there are fewer than `warm_up`.
         """
-        array = figures(values, "ConfidenceSequence")
+        array = self._figures(values)
         enough(len(array), self.warm_up, "values", where="ConfidenceSequence")
-        low, high = self.sequence(array)
         how = "asymptotic" if self.least is None else "by betting"
-        return Interval(
-            float(array.mean()),
-            float(low[-1]),
-            float(high[-1]),
-            len(array),
-            f"confidence sequence, {how}",
-        )
-
-
-def check_bounds(least: float | None, most: float | None, where: str) -> None:
-    """Bounds come together and in order.
-
-    Args:
-        least: the least a value can be.
-        most: the most.
-        where: what asks, for the error.
-    Raises:
-        EvidenceError: one without the other, or most not over least.
-    """
-    if least is None and most is None:
-        return
-    if least is None or most is None or not least < most:
-        raise EvidenceError(
-            "values have no such bounds",
-            where=where,
-            expected="least < most, or neither",
-            actual=f"least={least}, most={most}",
-            fix="give the bounds in this order, or leave both out",
-        )
-
-
-def inside(array: FloatArray, least: float, most: float, where: str) -> None:
-    """Values are within their bounds.
-
-    Args:
-        array: [n].
-        least: the least a value can be.
-        most: the most.
-        where: what asks, for the error.
-    Raises:
-        EvidenceError: one isn't.
-    """
-    if len(array) and not least <= array.min() <= array.max() <= most:
-        raise EvidenceError(
-            "a value is outside of its bounds",
-            where=where,
-            expected=f"[{least}, {most}]",
-            actual=f"{array.min()} to {array.max()}",
-            fix="give the bounds that hold, or none",
-        )
-
-
-def first_narrow(bounds: tuple[FloatArray, FloatArray], width: float, where: str) -> int | None:
-    """After how many values the bounds are at most so far apart; None: after none of these.
-
-    Args:
-        bounds: [n] each, after each value.
-        width: high - low.
-        where: what asks, for the error.
-    Raises:
-        EvidenceError: it isn't over 0.
-    """
-    if not width > 0:
-        raise EvidenceError(
-            "the width of an interval can't be 0 or less",
-            where=where,
-            expected="a width over 0",
-            actual=str(width),
-            fix="ask for a width above 0",
-        )
-    low, high = bounds
-    narrow = np.flatnonzero(high - low <= width)
-    return int(narrow[0]) + 1 if len(narrow) else None
+        return self._after_last(array, f"confidence sequence, {how}")
 
 
 def _asymptotic(values: FloatArray, error: float) -> tuple[FloatArray, FloatArray]:
@@ -241,7 +213,7 @@ _SPECK: Final = 1e-24
 
 
 @dataclass(frozen=True, slots=True)
-class Narrowing:
+class Narrowing(_Watched):
     """Intervals of a mean after each value, to stop at the first that is narrow enough.
 
     They hold as often as they say where playing stops at a width and was looked at not before
@@ -253,7 +225,6 @@ class Narrowing:
         least: the least a value can be (0 for success); None: values aren't bounded.
         most: the most a value can be (1 for success); None with `least`.
         level: coverage, in [0.8, 0.99].
-
     Raises:
         EvidenceError: one bound without the other, most not over least, or a level out of range.
     Source: Chow & Robbins 1965, "On the asymptotic theory of fixed-width sequential confidence
@@ -261,33 +232,18 @@ class Narrowing:
         proportion"; Hall 1992, "On the removal of skewness by transformation".
     """
 
-    least: float | None = None
-    most: float | None = None
-    level: float = LEVEL
-
-    def __post_init__(self) -> None:
-        """Bounds come together and in order."""
-        check_level(self.level, "Narrowing")
-        check_bounds(self.least, self.most, "Narrowing")
-
     @property
     def warm_up(self) -> int:
         """Values before which nothing is claimed: the interval is everything there is."""
         return _NARROWING_WARM_UP[self.least is not None]
 
     def sequence(self, values: Sequence[float] | FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper bounds of the mean after each value; infinite before the warm-up.
+        """[n] lower and [n] upper bounds of the mean after each value, infinite before `warm_up`.
 
-        Args:
-            values: [n] in the order in which they were played.
-        Returns:
-            [n] lower and [n] upper bounds.
         Raises:
             EvidenceError: a value isn't finite, or outside of the bounds.
         """
-        array = figures(values, "Narrowing")
-        if self.least is not None and self.most is not None:
-            inside(array, self.least, self.most, "Narrowing")
+        array = self._figures(values)
         low, high = _of_any(array, self.level)
         if self.least is not None and self.most is not None:
             low, high = np.maximum(low, self.least), np.minimum(high, self.most)
@@ -297,33 +253,17 @@ class Narrowing:
         low[: self.warm_up - 1], high[: self.warm_up - 1] = -np.inf, np.inf
         return low, high
 
-    def stop_at(self, values: Sequence[float] | FloatArray, width: float) -> int | None:
-        """Number of values that suffice for an interval at most so wide; None: not these.
-
-        Args:
-            values: [n] in the order in which they were played.
-            width: high - low, in the values' units, over 0.
-        Raises:
-            EvidenceError: the width isn't over 0; else as `sequence`.
-        """
-        return first_narrow(self.sequence(values), width, "Narrowing.stop_at")
-
     def interval(self, values: Sequence[float] | FloatArray) -> Interval:
-        """The mean of all values with the interval after the last.
+        """The mean of all values [n] with the interval after the last.
 
-        Args:
-            values: [n] in the order in which they were played.
         Raises:
             EvidenceError: as `sequence`, or there are fewer than `warm_up`.
         """
-        array = figures(values, "Narrowing")
+        array = self._figures(values)
         enough(len(array), self.warm_up, "values", where="Narrowing")
-        low, high = self.sequence(array)
         two = self._of_two(array)
         how = "Wilson" if two and two.until == len(array) else "the farther of Student's and Hall's"
-        return Interval(
-            float(array.mean()), float(low[-1]), float(high[-1]), len(array), f"{how}, narrowing"
-        )
+        return self._after_last(array, f"{how}, narrowing")
 
     def _of_two(self, array: FloatArray) -> _TwoMeans | None:
         """The two outcomes that there are at first: the bounds, or the first two that are seen."""

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import ceil, floor, log10
 from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gamekeeper.errors import EvidenceError
+from gamekeeper.errors import EvidenceError, check_choice
 
 FloatArray = NDArray[np.float64]
 Statistic = Literal["mean", "iqm", "median"]
@@ -26,8 +26,6 @@ class Interval:
     """An estimate and the interval around it.
 
     Attributes:
-        value: the estimate.
-        low: lower bound.
         high: upper bound.
         n: units it rests on: episodes of one checkpoint, or training runs of a method.
         method: how the interval was made, in words.
@@ -41,13 +39,7 @@ class Interval:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        return {
-            "value": self.value,
-            "low": self.low,
-            "high": self.high,
-            "n": self.n,
-            "method": self.method,
-        }
+        return asdict(self)
 
 
 def rounded(value: float, low: float, high: float, *, sign: str = "") -> str:
@@ -55,7 +47,6 @@ def rounded(value: float, low: float, high: float, *, sign: str = "") -> str:
 
     Args:
         value: the estimate, or one of its bounds.
-        low: lower bound.
         high: upper bound; equal to the lower one it says nothing, and four digits are given.
         sign: "+" to have it before positive figures, too.
     """
@@ -75,7 +66,6 @@ def figures(values: Sequence[float] | FloatArray, where: str) -> FloatArray:
 
     Args:
         values: [n].
-        where: what asks for them, for the error.
     Raises:
         EvidenceError: they aren't [n], or one isn't finite.
     """
@@ -102,10 +92,6 @@ def figures(values: Sequence[float] | FloatArray, where: str) -> FloatArray:
 def check_level(level: float, where: str, *, most: float = 0.99) -> None:
     """A level is one the intervals were made for.
 
-    Args:
-        level: coverage.
-        where: what asks, for the error.
-        most: the highest there is.
     Raises:
         EvidenceError: it isn't in [0.8, most].
     """
@@ -125,14 +111,8 @@ def check_statistic(statistic: str, where: str) -> None:
     Raises:
         EvidenceError: it isn't.
     """
-    if statistic not in STATISTICS:
-        raise EvidenceError(
-            "there is no such statistic",
-            where=where,
-            expected=" or ".join(STATISTICS),
-            actual=repr(statistic),
-            fix="use one of these",
-        )
+    what = "there is no such statistic"
+    check_choice(statistic, STATISTICS, what, where=where, error=EvidenceError)
 
 
 FEWEST_EPISODES: Final[dict[Statistic, int]] = {"mean": 95, "iqm": 20, "median": 10}
@@ -171,10 +151,7 @@ def enough(n: int, fewest: int, unit: str, *, where: str) -> None:
     """There are as many units as the interval asks for.
 
     Args:
-        n: units there are.
-        fewest: units it asks for.
         unit: "episodes", "pairs" or "training runs".
-        where: what asks.
     Raises:
         EvidenceError: there are fewer.
     """
@@ -196,10 +173,7 @@ def no_spread(value: float, n: int, unit: str, *, where: str) -> EvidenceError:
     an outcome of a chance over 3 / n would have been seen in 95 of 100 such samples.
 
     Args:
-        value: that all have.
-        n: how many there are.
         unit: "episodes", "pairs" or "training runs".
-        where: what asks.
     Source: Hanley & Lippman-Hand 1983, "If nothing goes wrong, is everything all right?"
     """
     rare = n // RULE_OF_THREE

@@ -42,7 +42,6 @@ def fewest_for_quantile(part: float, *, level: float = LEVEL) -> int:
 
     Args:
         part: in (0, 1).
-        level: coverage.
     Raises:
         EvidenceError: there is no such quantile, or no interval of this level.
     """
@@ -119,10 +118,6 @@ def differing(ordered: FloatArray, part: float, tail: float) -> Any:
 def ranks(n: int, part: float, tail: float) -> tuple[int, float]:
     """Ranks between which the bound lies that a quantile is under with the tail's chance.
 
-    Args:
-        n: values.
-        part: of the quantile.
-        tail: chance.
     Returns:
         The number of an order statistic, from 1, and the weight of the next one.
     """
@@ -187,7 +182,6 @@ def reach_of_mean(t: FloatArray, values: FloatArray, level: float) -> tuple[Floa
     Args:
         t: [..., resamples] of Student's t.
         values: [..., n] that were resampled, with mean 0 and spread 1.
-        level: coverage.
     Returns:
         [...] the least and the most that t is, in standard errors.
     Source: Efron & Tibshirani 1993, ch. 12.5 (bootstrap-t); Hall 1988, "On symmetric bootstrap
@@ -248,7 +242,6 @@ def _score_of_two(lean: FloatArray, n: int, bound: float) -> tuple[FloatArray, F
 
     Args:
         lean: [...] skewness / sqrt(n).
-        n: values.
         bound: standard errors of a normal variable.
     """
     square = bound * bound
@@ -301,7 +294,6 @@ def one_sample(
     Args:
         values: [episodes] one figure of each.
         statistic: "mean", "iqm" or "median".
-        rng: draws the resamples.
         level: coverage, in [0.8, 0.99].
         is_share: values are failure and success, 0 and 1.
     Raises:
@@ -337,9 +329,6 @@ def around(
 
     Args:
         values: [n], two at least.
-        statistic: which.
-        rng: draws the resamples.
-        level: coverage.
         is_share: values are failure and success, 0 and 1, or shares of success.
         unit: of the values, for the error.
     Raises:

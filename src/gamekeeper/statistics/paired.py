@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from math import comb, copysign, inf, sqrt
 from statistics import NormalDist
 from typing import Any, Final
@@ -43,7 +43,7 @@ class PairedEffect:
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
-        return {"value": self.value, "low": self.low, "high": self.high, "p": self.p, "n": self.n}
+        return asdict(self)
 
 
 def paired_effect(
@@ -64,7 +64,6 @@ def paired_effect(
     Args:
         base: [episodes] a figure of each episode, unchanged, in its own units.
         changed: [episodes] the same seeds in the same order.
-        rng: draws the resamples.
         level: coverage of the interval, in [0.8, 0.999].
         is_share: figures are failure and success, 0 and 1, so that d is 1 even where all
             differences are equal. False: figures have a unit, and where all differences are equal
@@ -153,8 +152,6 @@ def tango(more: int, less: int, n: int, level: float) -> tuple[float, float]:
     Args:
         more: pairs that differ by 1.
         less: pairs that differ by -1.
-        n: all pairs.
-        level: coverage.
     Source: Tango 1998.
     """
     z = NormalDist().inv_cdf(0.5 + level / 2)
@@ -182,7 +179,6 @@ def exact_wins(wins: int, losses: int, n: int, level: float) -> tuple[float, flo
     Args:
         wins: pairs in which the first is above.
         losses: pairs in which it is below.
-        n: all pairs.
         level: coverage, at least.
     Source: Clopper & Pearson 1934, "The use of confidence or fiducial limits illustrated in the
         case of the binomial"; Bonferroni's inequality.

@@ -39,7 +39,6 @@ def t_of_means(values: FloatArray, rng: Generator) -> FloatArray:
 
     Args:
         values: [n] with mean 0 and spread 1.
-        rng: draws the resamples.
     Returns:
         [resamples], not sorted.
     """
@@ -63,7 +62,6 @@ def reach(t: FloatArray, freedom: float) -> Reach:
 
     Args:
         t: [resamples] of Student's t.
-        freedom: its degrees.
     Source: Efron & Tibshirani 1993, ch. 12.5 (bootstrap-t); Hall 1988, "On symmetric bootstrap
         confidence intervals".
     """
@@ -108,7 +106,6 @@ def expanded(resampled: FloatArray, freedom: float, level: float) -> tuple[Any, 
     Args:
         resampled: [..., resamples] of the statistic.
         freedom: degrees: values less 1.
-        level: coverage.
     Returns:
         [...] lower and [...] upper bounds.
     Source: Hesterberg 2015, "What teachers should know about the bootstrap", 3.4 (expanded
@@ -174,7 +171,6 @@ def resampled_iqm(values: FloatArray, rng: Generator) -> FloatArray:
 
     Args:
         values: [n].
-        rng: draws the resamples.
     Returns:
         [resamples].
     """
@@ -196,7 +192,6 @@ class Stratified:
     """An estimate over strata and how far its t goes.
 
     Attributes:
-        value: the estimate.
         error: its standard error.
         bounds: how far t goes either way, by level; None where nothing varied.
         freedom: degrees of Student's t; 0 where nothing varied.
@@ -245,7 +240,6 @@ def stratified(strata: Sequence[FloatArray], estimate: Estimate, rng: Generator)
     Args:
         strata: [runs] of each, two at least.
         estimate: of all.
-        rng: draws the resamples.
     Source: Davison & Hinkley 1997, 3.2 (several samples); Satterthwaite 1946 for the degrees of
         freedom of the bound on t.
     """

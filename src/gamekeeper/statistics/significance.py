@@ -28,9 +28,7 @@ class Share:
 
     Attributes:
         p: hits in looks; 0 where there was no look.
-        low: lower bound.
         high: upper bound.
-        n: looks.
     """
 
     p: float
@@ -81,8 +79,6 @@ def permutation_test(
     Args:
         one: [samples, features].
         two: [samples, features].
-        rng: draws the permutations.
-        rounds: how many.
     Raises:
         EvidenceError: the features aren't the same, or a sample is empty.
     Source: Westfall & Young 1993, "Resampling-based multiple testing" (max-T); Phipson & Smyth 2010
@@ -111,8 +107,6 @@ def sign_flip_test(differences: FloatArray, *, rng: Generator, rounds: int = ROU
 
     Args:
         differences: [pairs, features].
-        rng: draws the signs.
-        rounds: how many times.
     Raises:
         EvidenceError: it isn't [pairs, features], or there is no pair.
     Source: Winkler et al. 2014, "Permutation inference for the general linear model" (sign

@@ -58,7 +58,6 @@ def student_p(t: float, freedom: float) -> float:
     """The two-sided p-value of Student's t.
 
     Args:
-        t: any.
         freedom: degrees, over 0; needn't be whole.
     """
     return incomplete_beta(freedom / 2, 0.5, freedom / (freedom + t * t))
@@ -92,7 +91,6 @@ def series(z: float, freedom: Any) -> Any:
     """Student's quantile by the normal one, for 30 degrees and more.
 
     Args:
-        z: quantile of the normal distribution.
         freedom: degrees, a number or an array.
     Source: Abramowitz & Stegun 1964, 26.7.5.
     """
@@ -106,8 +104,6 @@ def binomial_at_most(hits: int, looks: int, p: float) -> float:
 
     Args:
         hits: -1 and more.
-        looks: 1 and more.
-        p: chance of a hit, in [0, 1].
     """
     if hits < 0:
         return 0.0
@@ -124,8 +120,6 @@ def boundary(is_before: Callable[[float], bool], low: float, high: float) -> flo
 
     Args:
         is_before: holds from `low` up to the answer.
-        low: lower end of the search.
-        high: upper end.
     """
     for _ in range(_HALVINGS):
         middle = (low + high) / 2

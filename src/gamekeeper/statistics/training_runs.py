@@ -40,7 +40,6 @@ def run_scores(scores: Scores, *, where: str = "run_scores") -> FloatArray:
 
     Args:
         scores: [runs], [runs, episodes], or ragged.
-        where: what asks, for the error.
     Raises:
         EvidenceError: there is no run, a run without episodes, or a figure that isn't finite.
     """
@@ -58,7 +57,6 @@ def crossed(scores: Scores, *, where: str) -> FloatArray | None:
 
     Args:
         scores: [runs] or [runs, episodes].
-        where: what asks, for the error.
     Raises:
         EvidenceError: runs played different numbers of episodes.
     """
@@ -103,7 +101,6 @@ def variance_of_seeds(blocks: Sequence[Crossed], *, where: str) -> float:
 
     Args:
         blocks: of one environment, so that all have the same columns.
-        where: what asks, for the error.
     Raises:
         EvidenceError: fewer seeds than `FEWEST_SEEDS`.
     Source: Searle, Casella & McCulloch 1992, ch. 4 (the two-way crossed model); Owen 2007, "The
@@ -126,7 +123,6 @@ def reach_of_seeds(blocks: Sequence[Crossed], *, where: str) -> Callable[[float]
 
     Args:
         blocks: of one environment, so that all have the same columns.
-        where: what asks, for the error.
     Raises:
         EvidenceError: fewer seeds than `FEWEST_SEEDS`.
     Source: `variance_of_seeds`.
@@ -143,9 +139,6 @@ def too_long(runs: float, seeds: float, freedoms: tuple[float, float], level: fl
 
     Args:
         runs: how far the estimate may be off because of the runs.
-        seeds: because of the seeds.
-        freedoms: degrees of both.
-        level: coverage.
     Returns:
         At most 1.
     Source: Satterthwaite 1946, "An approximate distribution of estimates of variance components".
@@ -190,7 +183,6 @@ def over_runs(
         shared_seeds: column k is the same episode seed in all runs, as `gamekeeper evaluate` plays
             them; the luck of the seeds is then part of the interval. Ragged scores need False, and
             the claim is then about the seeds that were played.
-        rng: draws the resamples.
         level: coverage, in [0.8, 0.99].
         is_share: scores are shares of success.
     Raises:
@@ -228,8 +220,6 @@ def with_seeds(
     Args:
         found: over runs alone.
         seeds: how far the estimate may be off because of the seeds.
-        freedoms: degrees of both.
-        level: coverage.
     Source: Zou & Donner 2008 for putting the distances of two sources together, `too_long` for
         what this is too far.
     """
@@ -296,7 +286,6 @@ def difference_over_runs(
         a: [runs, episodes], [runs] or ragged, of one method.
         b: of the other; it may have another number of runs.
         shared_seeds: column k is the same episode seed in all runs of both.
-        rng: draws the resamples.
         level: coverage, in [0.8, 0.99].
     Returns:
         value, low, high and p; `n` is the smaller number of runs. `b - a`, as `paired_effect`. The
@@ -454,7 +443,6 @@ def kept_runs(run_means: FloatArray, statistic: Statistic) -> NDArray[np.intp]:
 
     Args:
         run_means: [runs] scores.
-        statistic: which.
     Returns:
         [kept runs] their places.
     """

@@ -11,8 +11,6 @@ def check_whole(name: str, value: object, least: int, most: int | None = None) -
     """Refuses an argument that isn't a whole number in its range.
 
     Args:
-        name: of the argument.
-        value: its value.
         least, most: ends of the range; None: there is no upper end.
     Raises:
         SpecError: it isn't one.

@@ -96,11 +96,6 @@ def board_kernel(
     """Returns the kernel of a board game.
 
     Args:
-        metadata: of the game, with its name.
-        agents: the players.
-        shape: rows and columns of the board.
-        actions: number of actions.
-        act: rule of one turn.
         more: fields of the state beside the board.
     """
     seen, legal = Box(0, 1, (*shape, 2), np.int8), Box(0, 1, (actions,), np.int8)

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.scalar_rules import rule
 from gamekeeper.tasks.board_games import BoardGame, Seen, board_kernel, break_off, judge, lazy
-from gamekeeper.tasks.drawing import BLUE, ORANGE, PAPER, YELLOW, Canvas
+from gamekeeper.tasks.drawing import BLUE, ORANGE, PAPER, YELLOW, Canvas, metadata_of
 
 ROWS: Final = 6
 COLUMNS: Final = 7
@@ -38,12 +38,7 @@ CELLS: Final = ROWS * COLUMNS
 LONG: Final = 4
 """Tokens in a row that win."""
 AGENTS: Final = ("player_0", "player_1")
-METADATA: Final = {
-    "name": "connect_four_v3",
-    "render_modes": ["ansi", "rgb_array"],
-    "render_fps": 2,
-    "is_parallelizable": False,
-}
+METADATA: Final = metadata_of("connect_four_v3", fps=2, is_parallelizable=False)
 
 # -- rules
 

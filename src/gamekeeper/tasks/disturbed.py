@@ -43,7 +43,6 @@ class Disturbed(KernelRules):
         """Sets the knobs, the same for all agents.
 
         Args:
-            knobs: the settings.
             things: parts (first, end) of a flat observation that stand for one thing each.
             noop: the action that does nothing.
             neighbours: by action, what it may turn out as under `actuator_slip`.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +77,16 @@ class Pictured:
         if self.render_mode == "ansi":
             return self.letters()
         return self.pixels() if self.render_mode == "rgb_array" else None
+
+
+def metadata_of(name: str, *, fps: int, is_parallelizable: bool = True) -> dict[str, Any]:
+    """Returns PettingZoo's metadata of a task that is drawn in letters and in pixels."""
+    return {
+        "name": name,
+        "render_modes": ["ansi", "rgb_array"],
+        "render_fps": fps,
+        "is_parallelizable": is_parallelizable,
+    }
 
 
 def text_of(rows: Iterable[Iterable[str]], *notes: str) -> str:

@@ -165,13 +165,11 @@ class Disturbances:
     """Effects of the knobs in an episode; their state is copied with the environment.
 
     Args:
-        knobs: the settings.
         bounds: by agent, the least and the greatest observation, as arrays of its shape.
         things: by agent, the parts (first, end) of its flat observation that stand for one thing
-            each; a thing that is hidden shows `blank`.
+            each; a thing that is hidden shows 0.
         noop: the action that does nothing.
         neighbours: by action, what it may turn out as under `actuator_slip`.
-        blank: what is shown of nothing.
     """
 
     def __init__(
@@ -182,10 +180,9 @@ class Disturbances:
         things: Mapping[str, Sequence[tuple[int, int]]],
         noop: int,
         neighbours: Mapping[int, Sequence[int]],
-        blank: int = 0,
     ) -> None:
         self.knobs, self._bounds, self._things = knobs, bounds, things
-        self._noop, self._neighbours, self._blank = noop, neighbours, blank
+        self._noop, self._neighbours = noop, neighbours
         self._place = {agent: place for place, agent in enumerate(knobs.agents, start=1)}
         self.begin(Stream(0))
 
@@ -263,7 +260,7 @@ class Disturbances:
             things = self._things[agent]
             struck = self._drawn("occlusion", agent, len(things), draws.units) < hides
             for first, end in compress(things, struck):
-                shown[first:end] = self._blank
+                shown[first:end] = 0
         if noise:
             shown += noise * self._drawn("observation_noise", agent, shown.size, draws.normals)
         if clean.dtype.kind in "iu":

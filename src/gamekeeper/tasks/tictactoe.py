@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.scalar_rules import rule
 from gamekeeper.tasks.board_games import BoardGame, Seen, board_kernel, break_off, judge, lazy
-from gamekeeper.tasks.drawing import BLUE, ORANGE, PAPER, STONE, Canvas
+from gamekeeper.tasks.drawing import BLUE, ORANGE, PAPER, STONE, Canvas, metadata_of
 
 SIDE: Final = 3
 CELLS: Final = SIDE * SIDE
@@ -47,12 +47,7 @@ ROWS_OF_THREE: Final = (
     (0, 4, 8),
     (2, 4, 6),
 )
-METADATA: Final = {
-    "name": "tictactoe_v3",
-    "render_modes": ["ansi", "rgb_array"],
-    "render_fps": 1,
-    "is_parallelizable": False,
-}
+METADATA: Final = metadata_of("tictactoe_v3", fps=1, is_parallelizable=False)
 
 # -- rules
 

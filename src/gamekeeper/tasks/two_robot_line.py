@@ -31,7 +31,7 @@ from gamekeeper.kernels.scalar_rules import rule
 from gamekeeper.randomness.stream import Stream
 from gamekeeper.tasks.arguments import check_whole
 from gamekeeper.tasks.disturbed import DisturbedTicks
-from gamekeeper.tasks.drawing import BLUE, GREEN, ORANGE, Canvas, Pictured
+from gamekeeper.tasks.drawing import BLUE, GREEN, ORANGE, Canvas, Pictured, metadata_of
 from gamekeeper.tasks.knobs import LABELS, KnobArguments, Knobs
 
 DOWN, STAY, UP = range(3)
@@ -152,12 +152,7 @@ class TwoRobotLine(Pictured, DisturbedTicks):
         SpecError: the line is too short, or a knob is out of its range.
     """
 
-    metadata = {  # noqa: RUF012  # PettingZoo declares it so
-        "name": "two_robot_line_v0",
-        "render_modes": ["ansi", "rgb_array"],
-        "render_fps": 4,
-        "is_parallelizable": True,
-    }
+    metadata = metadata_of("two_robot_line_v0", fps=4)
     contract = "two_robot_line.toml"
     policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012  # PettingZoo declares it so
 

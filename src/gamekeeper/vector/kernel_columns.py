@@ -39,7 +39,6 @@ class KernelColumns:
     """Makes columns of what a kernel's buffer holds.
 
     Args:
-        buffer: of the batch.
         layout: of the environment: columns by agent.
         terms: reward terms by name, as the contract has them.
         volatile: info fields that stay out of the info fingerprint.

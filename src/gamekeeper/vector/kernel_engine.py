@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from itertools import compress
 from typing import Any, Final, TypeAlias
 
@@ -10,15 +12,93 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from gamekeeper.episodes.canonical import to_json
+from gamekeeper.episodes.encoder import Encoder
 from gamekeeper.episodes.layout import Layout
 from gamekeeper.errors import ActionError, OrderError, SpecError
 from gamekeeper.kernels.batch import Batch
+from gamekeeper.kernels.blake2b import row_digests
 from gamekeeper.kernels.kernel import MASK, Kernel, KernelGroup
 from gamekeeper.kernels.kernel_env import KernelRules, KernelTurns
-from gamekeeper.vector.kernel_recorder import KernelRecorder
+from gamekeeper.rollouts.interrupts import HeldInterrupt
+from gamekeeper.vector.kernel_buffer import KernelBuffer, TickBuffer, TurnBuffer
+from gamekeeper.vector.kernel_columns import KernelColumns
 from gamekeeper.vector.sub_env_block import Autoreset, Said
 from gamekeeper.vector.vector_form import VectorForm, VectorGroup
-from gamekeeper.vector.vector_rows import Batches, Recording
+from gamekeeper.vector.vector_rows import FLUSH_S, Batches, Recording, never
+
+# -- Recording: columns from the first to the last
+
+
+class KernelRecorder:
+    """Steps a batch and hands out its rows as they come.
+
+    Attributes:
+        is_begun: whether the run has begun.
+    """
+
+    def __init__(
+        self,
+        batch: Batch,
+        recording: Recording,
+        out: Callable[[Batches], None],
+        *,
+        layout: Layout,
+        is_next: bool,
+        in_turn_first: bool,
+    ) -> None:
+        """Takes a batch that hasn't begun.
+
+        Args:
+            out: takes streams and batches, each sorted by episode.
+            is_next: copies begin their next episode in the step after.
+            in_turn_first: of several that end together who would be in turn has its last turn
+                first.
+        """
+        self.is_begun = self._is_compiled = False
+        self._out = out
+        self._options: str | None = None
+        self._buffer: KernelBuffer = (
+            TurnBuffer(batch, is_next=is_next, in_turn_first=in_turn_first)
+            if batch.kernel.api == "aec"
+            else TickBuffer(batch, is_next=is_next)
+        )
+        terms, volatile = recording.terms, recording.volatile
+        self._columns = KernelColumns(self._buffer, layout, terms=terms, volatile=volatile)
+        self._encoder = Encoder(layout, never, level=recording.level, hasher=row_digests)
+        self._flushed_s = time.monotonic()
+
+    def begin(self, options: Any) -> None:
+        """The run has begun; `options` is what its resets were told."""
+        self.is_begun = True
+        self._options = None if options is None else to_json(options)
+        self._buffer.begin()
+
+    def step(self) -> None:
+        """One step of every copy.
+
+        Raises:
+            ActionError: an action isn't legal; nothing has changed.
+        """
+        buffer = self._buffer
+        with HeldInterrupt() if self._is_compiled else nullcontext():  # who compiles can be stopped
+            buffer.step()
+            if buffer.filled == buffer.slots or time.monotonic() - self._flushed_s > FLUSH_S:
+                self._flush(is_last=False)
+        self._is_compiled = True
+
+    def end(self) -> None:
+        """The episodes in progress end as *cut*; the rest goes out."""
+        if self.is_begun:
+            with HeldInterrupt():
+                self._flush(is_last=True)
+
+    def _flush(self, *, is_last: bool) -> None:
+        columns = self._columns.taken(options=self._options, is_last=is_last)
+        self._buffer.carry()
+        self._flushed_s = time.monotonic()
+        self._out(list(self._encoder.encode_columns(columns).in_order()))
+
 
 FIX: Final = "engine='serial' or 'process' steps it as it is"
 BATCHED: Final = ("obs", "final", "action", "mask")
@@ -77,14 +157,8 @@ class KernelEngine:
         """Makes the batch.
 
         Args:
-            kernel: whose copies.
-            form: of the environment.
-            num_envs: how many copies.
-            autoreset: when a copy that is over is reset.
             wants_infos: hand out what agents are told at every step.
             layout: the columns of its evidence.
-            threads: that step them.
-            debug: rules run as plain Python.
             in_turn_first: of several that end together who would be in turn has its last turn
                 first.
         Raises:
@@ -397,7 +471,6 @@ class KernelFinals(Mapping[int, Mapping[Any, Info]]):
     """Last infos of copies in which an agent ended, each made as it is read.
 
     Args:
-        infos: makes them.
         envs: [row], the copies.
         told: [row, agent], the fields of the kernel's infos.
         masks: of each group [row, agent, flags].

@@ -50,11 +50,6 @@ class SubEnvs:
     """The sub-environments of a run, as every worker builds its share of them.
 
     Attributes:
-        spec: where the environment comes from.
-        kwargs: handed to its factory.
-        contract: names roles and masks.
-        num_envs: how many there are.
-        autoreset: when one that is over is reset.
         wants_infos: hand out what agents are told at every step.
     """
 

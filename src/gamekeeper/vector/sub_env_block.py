@@ -57,10 +57,8 @@ class SubEnvBlock:
         Args:
             doors: an environment, or a game around one, for each slot of this block.
             arrays: of these slots alone, by the names of `VectorForm.plan`.
-            form: of all copies.
             first: number of the first slot.
             slots: number of all slots of the run, N.
-            autoreset: when a copy that is over is reset.
             wants_infos: hand out what agents are told at every step.
             after_env: called after each copy, as a sign of life.
         """

@@ -68,7 +68,6 @@ class VectorEnv:
     Slots of dead agents hold zeros, and `infos["live"]` is False there.
 
     Attributes:
-        num_envs: how many copies.
         api: `aec` or `parallel`.
         agents: names of the agents, column by column; by role where their spaces differ.
         autoreset: `same_step`: a copy whose agents have all ended begins its next episode in the
@@ -119,7 +118,6 @@ class VectorEnv:
 
         Args:
             seed: of the run; None: the one that the vector environment was made with.
-            options: handed to every reset.
         Returns:
             Observations and infos.
         Raises:
@@ -273,13 +271,12 @@ class VectorEnv:
             return self._own(array)
         return {group.name: self._own(array[:, group.columns]) for group in groups}
 
-    def _obs(self, kind: str) -> Any:
+    def _obs(self, kind: str, envs: NDArray[np.intp] | None = None) -> Any:
+        """Observations of all sub-environments, or in arrays of their own those of some."""
         parts = {}
         for g, group in enumerate(self._form.groups):
-            arrays = (
-                self._own(self._engine.arrays[f"{kind}.{g}.{i}"])
-                for i in range(len(group.observed))
-            )
+            whole = (self._engine.arrays[f"{kind}.{g}.{i}"] for i in range(len(group.observed)))
+            arrays = (self._own(array) if envs is None else array[envs] for array in whole)
             parts[group.name] = built(group.observation_space, arrays)
         return parts.get(ALL, parts)
 
@@ -306,22 +303,12 @@ class VectorEnv:
             told = FinalInfos(self.num_envs, final)
             is_final = np.zeros(self.num_envs, bool)
             is_final[told.envs] = True
-            infos["final_obs"] = FinalObs(self.num_envs, told.envs, self._finals(told.envs))
+            infos["final_obs"] = FinalObs(self.num_envs, told.envs, self._obs("final", told.envs))
             infos["final_info"] = told
             infos["_final_obs"] = infos["_final_info"] = is_final
         if self._engine.failed:
             infos["failed"] = dict(self._engine.failed)
         return infos
-
-    def _finals(self, envs: NDArray[np.intp]) -> Any:
-        """Last observations of these sub-environments, in arrays of their own."""
-        parts = {}
-        for g, group in enumerate(self._form.groups):
-            arrays = (
-                self._engine.arrays[f"final.{g}.{i}"][envs] for i in range(len(group.observed))
-            )
-            parts[group.name] = built(group.observation_space, arrays)
-        return parts.get(ALL, parts)
 
     # -- the rest
 

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from gamekeeper.contract import Contract
 from gamekeeper.episodes.layout import Layout
-from gamekeeper.errors import SpecError
+from gamekeeper.errors import SpecError, check_choice
 from gamekeeper.interface.declared_contract import declared_contract
 from gamekeeper.interface.opening import Opened, open_env
 from gamekeeper.interface.recorded_env import capture_of
@@ -133,14 +133,7 @@ def _check(engine: str, autoreset: str, on_failure: str, **counts: int) -> None:
         ("autoreset", autoreset, AUTORESETS),
         ("on_failure", on_failure, ("stop", "go_on")),
     ):
-        if value not in known:
-            raise SpecError(
-                f"there is no such {name}",
-                where=name,
-                expected=" or ".join(known),
-                actual=value,
-                fix="use one of these",
-            )
+        check_choice(value, known, f"there is no such {name}", where=name)
     for name, count in counts.items():
         if type(count) is not int or count < 1:
             raise SpecError(

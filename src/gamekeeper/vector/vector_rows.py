@@ -146,11 +146,10 @@ class InOrder:
 
     Args:
         write: takes a stream's name and a batch whose episodes follow those before.
-        first: number of the first episode.
     """
 
-    def __init__(self, write: Callable[[str, pa.RecordBatch], None], *, first: int = 0) -> None:
-        self._write, self._next = write, first
+    def __init__(self, write: Callable[[str, pa.RecordBatch], None]) -> None:
+        self._write, self._next = write, 0
         self._held: dict[str, list[pa.RecordBatch]] = {name: [] for name in _WRITTEN}
         self._over = np.zeros(0, np.int64)
 
@@ -248,7 +247,6 @@ class Recording:
 
     Attributes:
         level: `full` or `digest`.
-        terms: reward terms by name.
         volatile: info fields that stay out of the info fingerprint.
     """
 

@@ -61,7 +61,6 @@ class Codec:
     """Packs values of one space into payloads, one a leaf, and gives them back.
 
     Attributes:
-        space: as given.
         leaves: in the order of the payloads.
         signature: a digest of the leaves, equal for equal spaces; bounds aren't in it.
         pack: the payloads of a value: bytes for "list" and "bytes" (C order, little-endian), int,

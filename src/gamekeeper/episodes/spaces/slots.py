@@ -195,12 +195,7 @@ def json_slot(space: Space[Any]) -> Slot:
         except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
             if isinstance(error, EvidenceError):
                 raise
-            raise EvidenceError(
-                "a recorded value isn't of its space",
-                expected=f"{space!r:.200}",
-                actual=f"{payload!r:.80}",
-                fix="the recording was changed, or it is read with other spaces than its own",
-            ) from error
+            raise _refusal(payload, f"{space!r:.200}") from error
 
     return Slot("json", "", (), pack, unpack)
 

@@ -8,6 +8,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
+from itertools import count
 from typing import Any, Final, Self
 
 from gamekeeper import import_guard
@@ -15,7 +16,6 @@ from gamekeeper.rollouts.executors.task import (
     Done,
     Executor,
     Limits,
-    MapOptions,
     OnReport,
     WorkTask,
     check_workers,
@@ -141,7 +141,6 @@ class LocalExecutor(Executor):
 
     Args:
         workers: how many processes; None: one for each core that this process may use.
-
     Raises:
         GamekeeperError: there would be nobody.
     """
@@ -170,13 +169,15 @@ class LocalExecutor(Executor):
         self._let_go(self._idle)
         self._idle = []
 
-    def _play(self, tasks: Iterator[WorkTask], given: MapOptions) -> Iterator[Done]:
+    def _play(
+        self, tasks: Iterator[WorkTask], limits: Limits, on_report: OnReport | None
+    ) -> Iterator[Done]:
         """Yields each task as it ends; see `Executor.map`.
 
         Raises:
             GamekeeperError: no process can be started here.
         """
-        run = _Run(tasks, given.limits, given.on_report, self._workers)
+        run = _Run(tasks, limits, on_report, self._workers)
         slots, self._idle = self._idle, []
         slots += [_Slot(place) for place in range(len(slots), self._workers)]
         left = len(slots)
@@ -239,15 +240,18 @@ class _Run:
             return None if self.stop.is_set() else next(self._tasks, None)
 
     def _played(self, worker: StayingWorker, task: WorkTask) -> Done:
-        return played(worker, task, self._limits, self._taker(task.key), self.stop)
+        """Result of a task, tried again where its process died."""
 
-    def _taker(self, key: str) -> Callable[[dict[str, Any]], None]:
         def take(fields: dict[str, Any]) -> None:
             if self._on_report is not None:
                 with self._reporting:
-                    self._on_report(key, fields)
+                    self._on_report(task.key, fields)
 
-        return take
+        for attempt in count(1):
+            outcome = worker.play(task, limits=self._limits, on_report=take, stop=self.stop)
+            if outcome.status != "died" or attempt >= self._limits.attempts or self.stop.is_set():
+                break
+        return Done(task.key, outcome, attempt)
 
     def drain(self, slots: list[_Slot]) -> None:
         """Waits for the slots that took this, which may want to hand something over yet."""
@@ -298,22 +302,6 @@ class _Slot:
             worker.dismiss()
         finally:
             worker.close()
-
-
-def played(
-    worker: StayingWorker,
-    task: WorkTask,
-    limits: Limits,
-    on_report: Callable[[dict[str, Any]], None],
-    stop: threading.Event,
-) -> Done:
-    """Result of a task, tried again where its process died."""
-    attempt = 0
-    while True:
-        attempt += 1
-        outcome = worker.play(task, limits=limits, on_report=on_report, stop=stop)
-        if outcome.status != "died" or attempt >= limits.attempts or stop.is_set():
-            return Done(task.key, outcome, attempt)
 
 
 def cores() -> int:

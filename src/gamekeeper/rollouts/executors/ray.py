@@ -19,7 +19,7 @@ from gamekeeper.rollouts.executors.task import (
     Done,
     Executor,
     Limits,
-    MapOptions,
+    OnReport,
     WorkTask,
     check_workers,
 )
@@ -50,7 +50,6 @@ class RayExecutor(Executor):
             started now and ended by `close` or with this process.
         workers: how many tasks are played at a time; None: as many as the cluster has cores, now
             and whenever nodes come or go.
-
     Raises:
         DependencyError: Ray isn't installed.
         GamekeeperError: there would be nobody.
@@ -72,7 +71,9 @@ class RayExecutor(Executor):
         """
         return self._asked or max(self._cluster().cores(), 1)
 
-    def _play(self, tasks: Iterator[WorkTask], given: MapOptions) -> Iterator[Done]:
+    def _play(
+        self, tasks: Iterator[WorkTask], limits: Limits, on_report: OnReport | None
+    ) -> Iterator[Done]:
         """Yields each task as it ends; see `Executor.map`. `on_report` is never called.
 
         Raises:
@@ -80,7 +81,7 @@ class RayExecutor(Executor):
             GamekeeperError: the cluster doesn't answer, is without cores, or a node can't play.
         """
         cluster = self._cluster()
-        flight, drawn = _Flight(cluster, given.limits), tasks
+        flight, drawn = _Flight(cluster, limits), tasks
 
         def fill() -> None:
             room = cluster.room(self._asked)

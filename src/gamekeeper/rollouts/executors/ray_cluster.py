@@ -45,7 +45,6 @@ class Cluster:
         address: `host:port` of the head, `auto`, or None for a cluster of this machine alone, whose
             every port is bound to 127.0.0.1; a connection that this process has already is taken.
         workers: cores of a cluster of ours; None: as many as there are.
-
     Raises:
         DependencyError: Ray isn't installed.
         GamekeeperError: the cluster doesn't answer, or can't be one.

@@ -83,19 +83,6 @@ class Limits:
 USUAL: Final = Limits()
 
 
-@dataclass(frozen=True, slots=True)
-class MapOptions:
-    """Options of one `Executor.map`.
-
-    Attributes:
-        limits: of each task.
-        on_report: called with reports.
-    """
-
-    limits: Limits
-    on_report: OnReport | None
-
-
 class Executor(ABC):
     """Plays tasks, in whatever order and place, and yields each once, as it ends.
 
@@ -108,7 +95,9 @@ class Executor(ABC):
         """Number of tasks that run at a time."""
 
     @abstractmethod
-    def _play(self, tasks: Iterator[WorkTask], given: MapOptions) -> Iterator[Done]:
+    def _play(
+        self, tasks: Iterator[WorkTask], limits: Limits, on_report: OnReport | None
+    ) -> Iterator[Done]:
         """Yields each task as it ends; see `map`."""
 
     def map(
@@ -126,7 +115,7 @@ class Executor(ABC):
             on_report: called with reports, one at a time, in any thread; where tasks are played on
                 other machines, it may not be called at all.
         """
-        return self._play(iter(tasks), MapOptions(limits, on_report))
+        return self._play(iter(tasks), limits, on_report)
 
     @abstractmethod
     def check_storage(self, place: str) -> None:

@@ -9,10 +9,9 @@ from typing import Any
 
 from numpy.random import Generator
 
-from gamekeeper.contract import Contract
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.interface.capture import AgentId
-from gamekeeper.rollouts.intervention import Hooks, Intervention
+from gamekeeper.rollouts.intervention import Hooks, Intervention, PlacedHooks
 from gamekeeper.rollouts.interventions.legal_actions import Offer, offer_of
 
 
@@ -36,26 +35,20 @@ class Reenacted(Intervention):
         return _OnPaper(self)
 
 
-class _OnPaper(Hooks):
+class _OnPaper(PlacedHooks):
     wants_given = True
 
     def __init__(self, change: Reenacted) -> None:
+        super().__init__()
         self._free, self._paper = frozenset(change.free), change.paper
-        self._contract, self._env = Contract(), None
         self._offers: dict[AgentId, Offer | None] = {}
-
-    def declared(self, contract: Contract) -> None:
-        self._contract = contract
-
-    def before_reset(self, env: Any) -> None:
-        self._env = env
 
     def given(self, turn: int, agent: AgentId, observation: Any, info: Any) -> None:
         """Notes the mask."""
         if agent_name(agent) in self._free:
             return
         if agent not in self._offers:
-            self._offers[agent] = offer_of(self._contract, self._env, agent)
+            self._offers[agent] = offer_of(self.contract, self.env, agent)
         offer = self._offers[agent]
         if offer is not None:
             offer.take(observation, info)
@@ -87,7 +80,6 @@ class ReplacedAction(Intervention):
 
     Attributes:
         turn: at which; nothing changes where the agent doesn't act then.
-        agent: who.
         action: what it does instead.
     """
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from operator import methodcaller
 from typing import Any, Final
 
 from numpy.random import Generator
@@ -22,14 +23,6 @@ def _observe(env: Any) -> None:
 def _last(env: Any) -> None:
     if env.agents:
         env.last()
-
-
-def _state(env: Any) -> None:
-    env.state()
-
-
-def _render(env: Any) -> None:
-    env.render()
 
 
 def _spaces(env: Any) -> None:
@@ -53,8 +46,8 @@ def _attributes(env: Any) -> None:
 CALLS: Final[dict[str, Callable[[Any], None]]] = {
     "observe": _observe,
     "last": _last,
-    "state": _state,
-    "render": _render,
+    "state": methodcaller("state"),
+    "render": methodcaller("render"),
     "spaces": _spaces,
     "sample": _sample,
     "attributes": _attributes,

@@ -10,7 +10,7 @@ from numpy.random import Generator
 from gamekeeper.rollouts.intervention import Hooks, Intervention
 from gamekeeper.rollouts.process_randomness import (
     kept_global_generators,
-    reseed_some,
+    reseed,
     restore,
     seed_all,
     states,
@@ -24,7 +24,7 @@ class GeneratorsElsewhere(Intervention):
     A game that draws nothing from them plays on as it did.
 
     Attributes:
-        places: which of them, as `run.reseed.standing` counts them.
+        places: which of them, as `process_randomness.standing` counts them.
         number: equal numbers give equal futures; in [0, 2**31).
     """
 
@@ -41,10 +41,9 @@ class _Elsewhere(Hooks):
         self._change = change
 
     def between(self, turn: int, env: Any) -> None:
-        """Once, right after the reset."""
         if turn == 0:
             with kept_global_generators():
-                reseed_some(env, self._change.number, self._change.places)
+                reseed(env, self._change.number, self._change.places)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,16 +65,13 @@ class _Disturbing(Hooks):
         self._kept: dict[str, Any] | None = None
 
     def before_reset(self, env: Any) -> None:
-        """Remembers how they were."""
         self._kept = states()
         self._disturb()
 
     def between(self, turn: int, env: Any) -> None:
-        """Another seed at every turn."""
         self._disturb()
 
     def after(self, env: Any) -> None:
-        """Puts them back."""
         if self._kept is not None:
             restore(self._kept)
 

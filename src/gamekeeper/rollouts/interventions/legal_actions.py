@@ -42,8 +42,6 @@ class Offer:
     elsewhere, and where a mask leaves nothing, all is legal.
 
     Attributes:
-        space: of its actions.
-        parts: of the space.
         has_noop: an action that does nothing is declared, and is one of the space's.
     """
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -21,7 +22,7 @@ from gamekeeper.rollouts.interventions.sights import (
     ObservationPerturbation,
     blinder,
 )
-from gamekeeper.rollouts.interventions.value_parts import ValuePart, named_parts, numbers_of
+from gamekeeper.rollouts.interventions.value_parts import Floats, ValuePart, named_parts
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,24 +38,12 @@ class ObservationNoise(NumberPerturbation):
     label: ClassVar[Label] = "perception"
     USUAL: ClassVar[float] = 0.2
     MOST: ClassVar[float] = 2.0
-    UNIT: ClassVar[Unit] = "deviation"
 
     strength: float = USUAL
 
-    def eye(self, sight: AgentSight, rng: Generator) -> Eye:
-        """Returns the eye of an agent for one play."""
-        numbers, strength = numbers_of(sight.parts), self.strength
-
-        def see(observation: Any) -> Any:
-            for each in numbers:
-                noise = rng.standard_normal(each.size)
-                found = each.read(observation)
-                if found is not None:
-                    noisy = found + strength * each.width * noise
-                    observation = each.write(observation, noisy)
-            return observation
-
-        return see
+    def offset(self, size: int, rng: Generator) -> Callable[[], Floats]:
+        """Returns a function that draws anew."""
+        return lambda: rng.standard_normal(size)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,24 +59,13 @@ class ObservationBias(NumberPerturbation):
     label: ClassVar[Label] = "state estimation"
     USUAL: ClassVar[float] = 0.2
     MOST: ClassVar[float] = 2.0
-    UNIT: ClassVar[Unit] = "deviation"
 
     strength: float = USUAL
 
-    def eye(self, sight: AgentSight, rng: Generator) -> Eye:
-        """Returns the eye of an agent for one play."""
-        offsets = [(each, rng.standard_normal(each.size)) for each in numbers_of(sight.parts)]
-        strength = self.strength
-
-        def see(observation: Any) -> Any:
-            for each, offset in offsets:
-                found = each.read(observation)
-                if found is not None:
-                    biased = found + strength * each.width * offset
-                    observation = each.write(observation, biased)
-            return observation
-
-        return see
+    def offset(self, size: int, rng: Generator) -> Callable[[], Floats]:
+        """Returns a function that gives the same offsets again and again."""
+        drawn = rng.standard_normal(size)
+        return lambda: drawn
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,25 +81,19 @@ class ObservationDrift(NumberPerturbation):
     label: ClassVar[Label] = "state estimation"
     USUAL: ClassVar[float] = 0.05
     MOST: ClassVar[float] = 0.5
-    UNIT: ClassVar[Unit] = "deviation"
 
     strength: float = USUAL
 
-    def eye(self, sight: AgentSight, rng: Generator) -> Eye:
-        """Returns the eye of an agent for one play."""
-        walks = [(each, np.zeros(each.size)) for each in numbers_of(sight.parts)]
-        strength = self.strength
+    def offset(self, size: int, rng: Generator) -> Callable[[], Floats]:
+        """Returns a function that takes a step of the walk."""
+        walk = np.zeros(size)
 
-        def see(observation: Any) -> Any:
-            for each, walk in walks:
-                walk += rng.standard_normal(each.size)
-                found = each.read(observation)
-                if found is not None:
-                    drifted = found + strength * each.width * walk
-                    observation = each.write(observation, drifted)
-            return observation
+        def step() -> Floats:
+            nonlocal walk
+            walk = walk + rng.standard_normal(size)
+            return walk
 
-        return see
+        return step
 
 
 @dataclass(frozen=True, slots=True)

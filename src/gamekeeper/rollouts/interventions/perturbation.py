@@ -9,12 +9,11 @@ from typing import Any, ClassVar, Final, Literal, Self
 from gymnasium.spaces import Space
 from numpy.random import Generator
 
-from gamekeeper.contract import Contract
 from gamekeeper.episodes.layout import agent_name
 from gamekeeper.errors import SpecError
 from gamekeeper.interface.capture import AgentId
 from gamekeeper.randomness.seeds import policy_rng
-from gamekeeper.rollouts.intervention import Hooks, Intervention
+from gamekeeper.rollouts.intervention import Intervention, PlacedHooks
 
 Unit = Literal["probability", "part", "deviation", "turns"]
 
@@ -76,22 +75,14 @@ class Perturbation(Intervention):
         return replace(self, strength=kept, agents=agents)
 
 
-class PerturbationHooks(Hooks):
+class PerturbationHooks(PlacedHooks):
     """The hooks of a perturbation: the agents that it is meant for, and each one's stream."""
 
     def __init__(self, perturbation: Perturbation, rng: Generator) -> None:
+        super().__init__()
         self.strength = float(perturbation.strength)
         self._agents = None if perturbation.agents is None else frozenset(perturbation.agents)
         self._key = int(rng.integers(1 << 62))
-        self.contract, self.env = Contract(), None
-
-    def declared(self, contract: Contract) -> None:
-        """Keeps the contract."""
-        self.contract = contract
-
-    def before_reset(self, env: Any) -> None:
-        """Keeps the environment, for the spaces of its agents."""
-        self.env = env
 
     def is_meant(self, agent: AgentId) -> bool:
         """Tells whether it applies to an agent."""

@@ -17,10 +17,12 @@ from gamekeeper.rollouts.intervention import Hooks
 from gamekeeper.rollouts.interventions.perturbation import (
     Perturbation,
     PerturbationHooks,
+    Unit,
     observation_space,
 )
 from gamekeeper.rollouts.interventions.value_parts import (
     MISSING,
+    Floats,
     Path,
     ValuePart,
     are_numbers,
@@ -41,7 +43,6 @@ class AgentSight:
     """Fields of an agent's observation that a perturbation may touch.
 
     Attributes:
-        space: of its observations.
         parts: of the space, without the mask.
         messages: those of them that are declared to carry messages.
         mask: where its mask stands in it, if it does.
@@ -102,7 +103,27 @@ class ObservationPerturbation(Perturbation):
 
 @dataclass(frozen=True, slots=True)
 class NumberPerturbation(ObservationPerturbation):
-    """Changes the numbers that an agent sees."""
+    """Adds normal numbers to the numbers that an agent sees."""
+
+    UNIT: ClassVar[Unit] = "deviation"
+
+    @abstractmethod
+    def offset(self, size: int, rng: Generator) -> Callable[[], Floats]:
+        """Returns a function that gives [size] offsets turn by turn, in deviations."""
+
+    def eye(self, sight: AgentSight, rng: Generator) -> Eye:
+        """Returns the eye of an agent for one play."""
+        offsets = [(each, self.offset(each.size, rng)) for each in numbers_of(sight.parts)]
+        strength = self.strength
+
+        def see(observation: Any) -> Any:
+            for each, offset in offsets:
+                drawn, found = offset(), each.read(observation)
+                if found is not None:
+                    observation = each.write(observation, found + strength * each.width * drawn)
+            return observation
+
+        return see
 
     @classmethod
     def lacks(cls, sight: AgentSight) -> str | None:

@@ -30,7 +30,7 @@ from gamekeeper.runs.files.manifest import (
 )
 from gamekeeper.runs.files.notes import NOTES, chain
 from gamekeeper.runs.files.schema import STREAMS
-from gamekeeper.runs.files.segments import SEGMENT
+from gamekeeper.runs.files.segments import JOURNAL, SEGMENT
 
 # -- The checksums: digests of a run's bytes, and what differs from them
 #
@@ -71,7 +71,6 @@ def commit(
     them, the manifest before a segment goes.
 
     Args:
-        folder: the run.
         manifest: all fields but the checksums.
         files: by stream, the draft, its size and its digest.
         durable: False leaves out what is for power cuts: nothing is synced.
@@ -93,7 +92,7 @@ def commit(
             sync_folder(inner)
     replace(folder / MANIFEST, data, durable=durable)
     for path in list(folder.iterdir()):
-        if SEGMENT.fullmatch(path.name.removesuffix(".tmp")):
+        if path.name == JOURNAL or SEGMENT.fullmatch(path.name.removesuffix(".tmp")):
             path.unlink(missing_ok=True)
 
 
@@ -191,7 +190,6 @@ def root_digest(path: str | PathLike[str], *, check: bool = True) -> str | None:
     in the folder isn't part of the run.
 
     Args:
-        path: the folder of the run.
         check: read every file; False takes the digests that the manifest names, for files that
             were compared with these already.
     Raises:

@@ -40,7 +40,6 @@ def annotate(path: str | PathLike[str], record: dict[str, Any]) -> None:
     """Adds a line to a run's annotations, whether it is finalized or not.
 
     Args:
-        path: the folder of the run.
         record: plain JSON; the name `digest` is the chain's own.
     Raises:
         EvidenceError: the record isn't plain JSON, or has a field `digest`.

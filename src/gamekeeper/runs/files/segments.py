@@ -40,6 +40,7 @@ from gamekeeper.runs.untrusted.limits import check_growth
 END: Final = b"\xff\xff\xff\xff\x00\x00\x00\x00"
 CRC: Final = b"gamekeeper.crc32="
 NO_CRC: Final = b"00000000"
+JOURNAL: Final = "journal.msgpack"  # goes on where the segments end
 SEGMENT: Final = re.compile(r"(episodes|agent_steps|states|timings)-(\d{4,9})\.arrows")
 
 
@@ -142,7 +143,6 @@ class SegmentReader:
     It goes message by message and never takes more memory than the file has bytes.
 
     Args:
-        path: the segment.
         stream: the stream that it belongs to.
         salvage: damage ends the segment as a cut does, in place of raising. Zeros from within a
             message to the file's end are a cut: a power cut left the length without the bytes.

@@ -194,7 +194,6 @@ def merge_task(
         parts: number of the plan's parts that one process would have recorded.
         error: the error that ended the run, if no part has it; the run counts as failed then.
         ended: fields of the error of the first episode that failed, to be noted.
-
     Returns:
         `error`: None, or its fields; `torn`: keys of the parts that are damaged, if that is it.
     """

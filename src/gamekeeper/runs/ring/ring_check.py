@@ -26,7 +26,6 @@ class RingCheck:
     one, so that what an environment keeps over its resets is noticed too.
 
     Args:
-        path: the folder of the run.
         openings: learns which of the global generators the environment draws from.
     """
 

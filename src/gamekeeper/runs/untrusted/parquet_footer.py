@@ -59,7 +59,6 @@ def read_footer(file: BinaryIO, size: int) -> Footer:
 
     Args:
         file: a Parquet file, of which only the end is read.
-        size: its size in bytes.
     Raises:
         ValueError: the footer isn't one.
     """

@@ -53,7 +53,7 @@ from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.kernel_env import KernelTicks
 from gamekeeper.tasks import drawing
 from gamekeeper.tasks.arguments import check_whole
-from gamekeeper.tasks.drawing import Canvas
+from gamekeeper.tasks.drawing import Canvas, metadata_of
 from gamekeeper.tasks.foraging import foraging_rules as rules
 from gamekeeper.tasks.foraging.foraging_rules import FoodField, Levels, levels
 
@@ -297,12 +297,7 @@ class Foraging(KernelTicks):
         SpecError: a number is out of its range.
     """
 
-    metadata = {  # noqa: RUF012  # PettingZoo declares it so
-        "name": "foraging_v0",
-        "render_modes": ["ansi", "rgb_array"],
-        "render_fps": 5,
-        "is_parallelizable": True,
-    }
+    metadata = metadata_of("foraging_v0", fps=5)
     contract = "foraging.toml"
     policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012  # PettingZoo declares it so
     not_batched = ""

@@ -298,17 +298,10 @@ Levels: TypeAlias = int | Sequence[int]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoodField:
-    """A field, who is on it, and how it pays.
+    """A field, who is on it, and how it pays; see `Foraging`.
 
     Attributes:
-        players, foods: how many.
-        size: rows and columns.
-        sight: how far players see, in rows and columns.
         strength, worth: [players, 2], [foods, 2] bounds of levels.
-        is_coop: food has its highest level.
-        is_normalized: an episode pays 1 at most.
-        shows_levels: players see the levels of players.
-        penalty: of loading in vain, in reward units.
     Raises:
         SpecError: a number is out of its range.
     """

@@ -53,7 +53,7 @@ from gamekeeper.kernels.kernel_env import MaskedTurns
 from gamekeeper.randomness.stream import Stream
 from gamekeeper.tasks.arguments import check_whole
 from gamekeeper.tasks.disturbed import DisturbedTurns
-from gamekeeper.tasks.drawing import BLUE, GREEN, ORANGE, PAPER, STONE, WOOD, Canvas
+from gamekeeper.tasks.drawing import BLUE, GREEN, ORANGE, PAPER, STONE, WOOD, Canvas, metadata_of
 from gamekeeper.tasks.handover import handover_rules as rules
 from gamekeeper.tasks.handover.handover_rules import (
     GRASP,
@@ -230,12 +230,9 @@ class Handover(DisturbedTurns, MaskedTurns):
         SpecError: a number or a knob is out of its range.
     """
 
-    metadata = {  # noqa: RUF012  # PettingZoo declares it so
-        "name": "handover_v0",
-        "render_modes": ["ansi", "rgb_array"],
-        "render_fps": 8,
-        "is_parallelizable": False,  # who acts next depends on the state
-    }
+    metadata = metadata_of(
+        "handover_v0", fps=8, is_parallelizable=False
+    )  # who acts next depends on the state
     contract = "handover.toml"
     policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012  # PettingZoo declares it so
 

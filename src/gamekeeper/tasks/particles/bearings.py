@@ -113,7 +113,6 @@ def _nearest_shower(count: int, following: Any, show_one: Any) -> Any:
     """Returns a rule that shows the nearest bodies, the nearest first, and zeros for missing ones.
 
     Args:
-        count: number of bodies.
         following: `following(s, i, far, last)`: the next body by distance.
         show_one: `show_one(s, i, body, obs, row, at)`.
     """

@@ -42,7 +42,6 @@ class ParticleTicks(Pictured, KernelTicks):
     """An environment over a kernel with the fields of `particles.bodies`.
 
     Args:
-        kernel: whose rules.
         radii: of agents, then of marks, in units of the plane.
         colors: likewise; `tint` may change them.
         render_mode: `ansi`, `rgb_array` or None.
@@ -122,12 +121,7 @@ def _written(name: str) -> Contract:
 
 
 def fitted(kind: type[KernelTicks], kernel: Kernel) -> Contract:
-    """Returns the contract beside the task, with the noops and horizon of its arguments.
-
-    Args:
-        kind: the class of the task, which names the contract.
-        kernel: its rules.
-    """
+    """Returns the contract beside the task, with the noops and horizon of its arguments."""
     written = _written(str(kind.contract))
     roles = dict(written.roles)
     for name, role in roles.items():

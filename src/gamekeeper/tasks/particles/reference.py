@@ -29,7 +29,7 @@ import numpy as np
 from gamekeeper.kernels import draws
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.scalar_rules import inlined, rule
-from gamekeeper.tasks.drawing import Color
+from gamekeeper.tasks.drawing import Color, metadata_of
 from gamekeeper.tasks.particles import bearings as sight
 from gamekeeper.tasks.particles import physics as p
 from gamekeeper.tasks.particles.particle_env import ParticleTicks, shade, spoken
@@ -146,12 +146,7 @@ class Reference(ParticleTicks):
         SpecError: an argument is out of its range.
     """
 
-    metadata = {  # noqa: RUF012  # PettingZoo declares it so
-        "name": "reference_v0",
-        "render_modes": ["ansi", "rgb_array"],
-        "render_fps": 10,
-        "is_parallelizable": True,
-    }
+    metadata = metadata_of("reference_v0", fps=10)
     contract = "reference.toml"
     policies = {  # noqa: RUF012  # PettingZoo declares it so
         "reference": reference_reference,

@@ -27,7 +27,7 @@ from gymnasium.spaces import Box, Discrete
 from gamekeeper.kernels import draws
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.scalar_rules import inlined, rule
-from gamekeeper.tasks.drawing import STONE, Color
+from gamekeeper.tasks.drawing import STONE, Color, metadata_of
 from gamekeeper.tasks.particles import bearings as sight
 from gamekeeper.tasks.particles import physics as p
 from gamekeeper.tasks.particles.particle_env import ParticleTicks, shade, spoken
@@ -156,12 +156,7 @@ class SpeakerListener(ParticleTicks):
         SpecError: an argument is out of its range.
     """
 
-    metadata = {  # noqa: RUF012  # PettingZoo declares it so
-        "name": "speaker_listener_v0",
-        "render_modes": ["ansi", "rgb_array"],
-        "render_fps": 10,
-        "is_parallelizable": True,
-    }
+    metadata = metadata_of("speaker_listener_v0", fps=10)
     contract = "speaker_listener.toml"
     policies = {  # noqa: RUF012  # PettingZoo declares it so
         "reference": speaker_listener_reference,

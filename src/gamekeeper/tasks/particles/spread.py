@@ -33,7 +33,7 @@ import numpy as np
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.scalar_rules import inlined, rule
 from gamekeeper.tasks.arguments import check_whole
-from gamekeeper.tasks.drawing import BLUE, STONE
+from gamekeeper.tasks.drawing import BLUE, STONE, metadata_of
 from gamekeeper.tasks.particles import bearings as sight
 from gamekeeper.tasks.particles import physics as p
 from gamekeeper.tasks.particles.particle_env import ParticleArguments, ParticleTicks
@@ -247,12 +247,7 @@ class Spread(ParticleTicks):
         SpecError: an argument is out of its range.
     """
 
-    metadata = {  # noqa: RUF012  # PettingZoo declares it so
-        "name": "spread_v0",
-        "render_modes": ["ansi", "rgb_array"],
-        "render_fps": 10,
-        "is_parallelizable": True,
-    }
+    metadata = metadata_of("spread_v0", fps=10)
     contract = "spread.toml"
     policies = {"reference": spread_reference, "greedy": spread_greedy, "lazy": lazy}  # noqa: RUF012  # PettingZoo declares it so
 

@@ -34,7 +34,7 @@ import numpy as np
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.scalar_rules import inlined, rule
 from gamekeeper.tasks.arguments import check_whole
-from gamekeeper.tasks.drawing import GREEN, INK, RED
+from gamekeeper.tasks.drawing import GREEN, INK, RED, metadata_of
 from gamekeeper.tasks.particles import bearings as sight
 from gamekeeper.tasks.particles import physics as p
 from gamekeeper.tasks.particles.particle_env import ParticleArguments, ParticleTicks
@@ -314,12 +314,7 @@ class Tag(ParticleTicks):
         SpecError: an argument is out of its range.
     """
 
-    metadata = {  # noqa: RUF012  # PettingZoo declares it so
-        "name": "tag_v0",
-        "render_modes": ["ansi", "rgb_array"],
-        "render_fps": 10,
-        "is_parallelizable": True,
-    }
+    metadata = metadata_of("tag_v0", fps=10)
     contract = "tag.toml"
 
     def __init__(

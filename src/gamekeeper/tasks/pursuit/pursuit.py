@@ -44,11 +44,11 @@ from gymnasium.spaces import Box, Discrete
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from gamekeeper.errors import SpecError
+from gamekeeper.errors import SpecError, check_choice
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.kernel_env import KernelTicks
 from gamekeeper.tasks.arguments import check_whole
-from gamekeeper.tasks.drawing import BLUE, CELL, INK, ORANGE, Canvas, Pictured, text_of
+from gamekeeper.tasks.drawing import BLUE, CELL, INK, ORANGE, Canvas, Pictured, metadata_of, text_of
 from gamekeeper.tasks.pursuit import pursuit_rules as rules
 
 Window: TypeAlias = NDArray[np.int8]
@@ -193,12 +193,7 @@ SCRIPTS: Final = ("agents", "flee", "wander", "still")
 MOST_ENERGY: Final = 32_000
 LONGEST: Final = 960
 """Pixels along a picture's longer side, about."""
-METADATA: Final = {
-    "name": "pursuit_v0",
-    "render_modes": ["ansi", "rgb_array"],
-    "render_fps": 8,
-    "is_parallelizable": True,
-}
+METADATA: Final = metadata_of("pursuit_v0", fps=8)
 TABLES: Final = np.dtype(
     [
         ("rows", "i8"),
@@ -299,14 +294,7 @@ def _check_all(given: Mapping[str, Any]) -> None:
             actual=repr(rocks),
             fix="give a number from 0 to 1",
         )
-    if evaders_are not in SCRIPTS:
-        raise SpecError(
-            "there is no such mover of the evaders",
-            where="evaders_are",
-            expected=" | ".join(SCRIPTS),
-            actual=repr(evaders_are),
-            fix="use one of these",
-        )
+    check_choice(evaders_are, SCRIPTS, "there is no such mover of the evaders", where="evaders_are")
     rows, columns = given["rows"], given["columns"]
     free = rows * columns - (rows // 2) * (columns // 2)
     count = given["pursuers"] + given["evaders"]

@@ -46,12 +46,12 @@ from gymnasium.spaces import Box, Discrete
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from gamekeeper.errors import SpecError
+from gamekeeper.errors import SpecError, check_choice
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.kernel_env import KernelTicks
 from gamekeeper.tasks import drawing
 from gamekeeper.tasks.arguments import check_whole
-from gamekeeper.tasks.drawing import Canvas
+from gamekeeper.tasks.drawing import Canvas, metadata_of
 from gamekeeper.tasks.robotic_warehouse import robotic_warehouse_rules as rules
 from gamekeeper.tasks.robotic_warehouse.robotic_warehouse_floor import (
     OWN,
@@ -299,14 +299,7 @@ def _check(
     }
     for name, (number, low, high) in limits.items():
         check_whole(name, number, low, high)
-    if reward_type not in REWARDS:
-        raise SpecError(
-            "there is no such reward",
-            where="reward_type",
-            expected=f"one of {', '.join(REWARDS)}",
-            actual=repr(reward_type),
-            fix="use one of these",
-        )
+    check_choice(reward_type, REWARDS, "there is no such reward", where="reward_type")
 
 
 _SIZED: Final = re.compile(
@@ -383,12 +376,7 @@ class RoboticWarehouse(KernelTicks):
         SpecError: the floor can't be read, or a number doesn't fit it.
     """
 
-    metadata = {  # noqa: RUF012  # PettingZoo declares it so
-        "name": "robotic_warehouse_v0",
-        "render_modes": ["ansi", "rgb_array"],
-        "render_fps": 10,
-        "is_parallelizable": True,
-    }
+    metadata = metadata_of("robotic_warehouse_v0", fps=10)
     contract = "robotic_warehouse.toml"
     policies = {"reference": reference, "greedy": greedy, "lazy": lazy}  # noqa: RUF012  # PettingZoo declares it so
     not_batched = ""

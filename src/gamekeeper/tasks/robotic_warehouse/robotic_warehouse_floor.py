@@ -138,16 +138,7 @@ def _checked(floor: Floor) -> Floor:
 def tables_of(
     floor: Floor, *, margin: int, requests: int, inactivity: int, pays: int, is_scaled: bool
 ) -> NDArray[Any]:
-    """The floor and the task's numbers as the record that rules read.
-
-    Args:
-        floor: where everything is.
-        margin: how far robots see, in cells.
-        requests: how many shelves are wanted at a time.
-        inactivity: ticks without a delivery that end an episode; 0: none do.
-        pays: which reward is paid.
-        is_scaled: robots know their place in parts of the floor.
-    """
+    """The floor and the numbers of `RoboticWarehouse` as the record that rules read."""
     rows, columns = floor.rows, floor.columns
     width, side = columns + 2 * margin, 2 * margin + 1
     inside = np.pad(np.ones((rows, columns), bool), margin)

@@ -61,7 +61,7 @@ from gamekeeper.kernels.scalar_rules import Copy, Plain, as_python
 from gamekeeper.randomness.stream import Stream
 from gamekeeper.tasks import drawing
 from gamekeeper.tasks.disturbed import Disturbed, DisturbedTicks
-from gamekeeper.tasks.drawing import Canvas, Color
+from gamekeeper.tasks.drawing import Canvas, Color, metadata_of
 from gamekeeper.tasks.knobs import KnobArguments, Knobs
 from gamekeeper.tasks.warehouse import warehouse_rules as work
 from gamekeeper.tasks.warehouse import warehouse_sight as sight
@@ -69,7 +69,7 @@ from gamekeeper.tasks.warehouse.warehouse_floor import (
     NOWHERE,
     FloorLayout,
     Sizes,
-    layout_of,
+    sizes_of,
     state_of,
     tables_of,
 )
@@ -249,38 +249,19 @@ class Robot:
     load: int = NOWHERE
 
 
-def warehouse_kernel(
-    *,
-    pickers: int = 3,
-    carriers: int = 2,
-    spares: int = 1,
-    orders: int = 8,
-    every: int = 8,
-    battery: int = 60,
-    layout: str | tuple[str, ...] | list[str] | FloorLayout = "small",
-    horizon: int | None = None,
-) -> Kernel:
-    """The rules of `warehouse`; arguments are those of `WarehouseRules`.
+def warehouse_kernel(*, horizon: int | None = None, **sizes: Any) -> Kernel:
+    """The rules of `warehouse`; `sizes` as of `WarehouseRules`.
 
     Raises:
         SpecError: a number is out of its range, or the layout has too few cells.
     """
-    sizes = Sizes(
-        pickers=pickers,
-        carriers=carriers,
-        spares=spares,
-        orders=orders,
-        every=every,
-        battery=battery,
-        layout=layout_of(layout),
-    )
     return Kernel(
         name="warehouse_v0",
         step=work.step,
         observe=sight.observe,
         mask=sight.mask,
         inform=sight.inform,
-        **shared_parts(sizes, horizon, is_parallel=True),
+        **shared_parts(sizes_of(**sizes), horizon, is_parallel=True),
     )
 
 
@@ -341,7 +322,6 @@ class WarehouseRules(drawing.Pictured, Disturbed):
         debug: bool = False,
         **knobs: Unpack[KnobArguments],
     ) -> None:
-        self.layout = layout_of(layout)
         numbers = {
             "pickers": pickers,
             "carriers": carriers,
@@ -350,9 +330,10 @@ class WarehouseRules(drawing.Pictured, Disturbed):
             "every": every,
             "battery": battery,
         }
+        self.sizes = sizes_of(**numbers, layout=layout)
+        self.layout = self.sizes.layout
         kernel = type(self).kernel_of(**numbers, layout=self.layout, horizon=horizon)
         super().__init__(kernel, render_mode=render_mode, debug=debug)
-        self.sizes = Sizes(**numbers, layout=self.layout)
         self.roles, self.battery = self.sizes.roles, battery
         self.pickers, self.carriers, self.spares = pickers, carriers, spares
         self.orders, self.every = orders, every
@@ -473,11 +454,6 @@ def _plainly(rule: Any) -> Any:
 class Warehouse(WarehouseRules, DisturbedTicks, MaskedTicks):
     """The warehouse as a Parallel environment; rules in the module's docstring."""
 
-    metadata = {  # noqa: RUF012  # PettingZoo declares it so
-        "name": "warehouse_v0",
-        "render_modes": ["ansi", "rgb_array"],
-        "render_fps": 8,
-        "is_parallelizable": True,
-    }
+    metadata = metadata_of("warehouse_v0", fps=8)
     contract = "warehouse.toml"
     kernel_of = staticmethod(warehouse_kernel)

@@ -343,12 +343,12 @@ class Sizes:
         SpecError: a number is out of its range, or the layout has too few cells.
     """
 
-    pickers: int
-    carriers: int
-    spares: int
-    orders: int
-    every: int
-    battery: int
+    pickers: int = 3
+    carriers: int = 2
+    spares: int = 1
+    orders: int = 8
+    every: int = 8
+    battery: int = 60
     layout: FloorLayout
 
     def __post_init__(self) -> None:
@@ -372,6 +372,11 @@ class Sizes:
             for role, count in (("picker", self.pickers), ("carrier", self.carriers))
             for i in range(count + self.spares)
         }
+
+
+def sizes_of(*, layout: object = "small", **numbers: int) -> Sizes:
+    """Returns the sizes of a warehouse with the layout of a name, or of rows of text."""
+    return Sizes(layout=layout_of(layout), **numbers)
 
 
 def state_of(sizes: Sizes, *, is_parallel: bool) -> list[Field]:
@@ -418,7 +423,6 @@ def tables_of(sizes: Sizes, floor: FloorLayout, *, horizon: int | None) -> NDArr
     Places are numbered through: shelves, hand-over cells, docks, chargers, each in reading order.
 
     Args:
-        sizes: of the task.
         floor: the layout, or another one with as many cells and places of each kind.
         horizon: ticks.
     """

@@ -14,58 +14,37 @@ Rules R1 to R14 of `gamekeeper.tasks.warehouse.warehouse` hold, read for one rob
 
 from __future__ import annotations
 
+from typing import Any
+
 from gamekeeper.kernels.kernel import Kernel
 from gamekeeper.kernels.kernel_env import MaskedTurns
 from gamekeeper.tasks.disturbed import DisturbedTurns
+from gamekeeper.tasks.drawing import metadata_of
 from gamekeeper.tasks.warehouse import warehouse_rules as work
 from gamekeeper.tasks.warehouse import warehouse_sight as sight
 from gamekeeper.tasks.warehouse.warehouse import WarehouseRules, shared_parts
-from gamekeeper.tasks.warehouse.warehouse_floor import FloorLayout, Sizes, layout_of
+from gamekeeper.tasks.warehouse.warehouse_floor import sizes_of
 
 
-def warehouse_turns_kernel(
-    *,
-    pickers: int = 3,
-    carriers: int = 2,
-    spares: int = 1,
-    orders: int = 8,
-    every: int = 8,
-    battery: int = 60,
-    layout: str | tuple[str, ...] | list[str] | FloorLayout = "small",
-    horizon: int | None = None,
-) -> Kernel:
-    """The rules of `warehouse_turns`; arguments are those of `WarehouseRules`.
+def warehouse_turns_kernel(*, horizon: int | None = None, **sizes: Any) -> Kernel:
+    """The rules of `warehouse_turns`; `sizes` as of `WarehouseRules`.
 
     Raises:
         SpecError: a number is out of its range, or the layout has too few cells.
     """
-    sizes = Sizes(
-        pickers=pickers,
-        carriers=carriers,
-        spares=spares,
-        orders=orders,
-        every=every,
-        battery=battery,
-        layout=layout_of(layout),
-    )
     return Kernel(
         name="warehouse_turns_v0",
         act=work.act,
         observe=sight.observe_one,
         mask=sight.mask_one,
         inform=sight.inform_one,
-        **shared_parts(sizes, horizon, is_parallel=False),
+        **shared_parts(sizes_of(**sizes), horizon, is_parallel=False),
     )
 
 
 class WarehouseTurns(WarehouseRules, DisturbedTurns, MaskedTurns):
     """The warehouse as an AEC environment; arguments are those of `WarehouseRules`."""
 
-    metadata = {  # noqa: RUF012  # PettingZoo declares it so
-        "name": "warehouse_turns_v0",
-        "render_modes": ["ansi", "rgb_array"],
-        "render_fps": 8,
-        "is_parallelizable": False,
-    }
+    metadata = metadata_of("warehouse_turns_v0", fps=8, is_parallelizable=False)
     contract = "warehouse_turns.toml"
     kernel_of = staticmethod(warehouse_turns_kernel)
