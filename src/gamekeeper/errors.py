@@ -18,7 +18,9 @@ GamekeeperError
 from __future__ import annotations
 
 import typing
-from collections.abc import Iterable
+
+if typing.TYPE_CHECKING:
+    from collections.abc import Iterable
 
 
 class GamekeeperError(Exception):

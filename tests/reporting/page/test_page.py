@@ -299,6 +299,19 @@ def test_cause_links_to_the_turn_of_its_counterfactual() -> None:
     restored = next(each for each in told["counterfactuals"] if each["restored"])
     assert f"#play:a/{restored['episode']}/{restored['turn']}" == cause.link
     assert cause.word == "isolated"
+    assert "Lowest return" not in found  # the lowest is often another agent's than the cause
+
+
+def test_a_cause_that_is_no_agents_own_is_named_with_its_reason() -> None:
+    """Messages that are lost, or a cut-off, aren't shown as if no cause was named."""
+    run = shown(recorded(), key="a", path="run", name="run")
+    told = documents.diagnosis("w", PLAIN)
+    own = next(iter(told["agents"].values()))
+    lost = {**own, "answer": "environment", "labels": [], "component": "messages, lost"}
+    told = {**told, "team": lost, "agents": dict.fromkeys(told["agents"], lost)}
+    found = {each.question: each for each in answers_of(run, Documents(diagnosis=told))}
+    text = "The cause is messages, lost, no agent's own (environment): w."
+    assert (found["Likely cause"].word, found["Likely cause"].text) == ("environment", text)
 
 
 def test_first_screen_says_which_turn_lost_an_episode() -> None:
