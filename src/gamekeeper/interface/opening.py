@@ -56,10 +56,10 @@ def open_env(spec: object, /, *, api: str | None = None, **kwargs: Any) -> Opene
     source = _locate(bare, asked, shown=spec)
     if source.is_single and kwargs:
         raise SpecError(
-            f"{source.spec} exists already and takes no arguments",
+            f"{source.spec} is an environment object, which takes no keyword arguments",
             where="keyword arguments",
             actual=", ".join(kwargs),
-            fix="hand over its factory or class instead",
+            fix="pass its class or factory instead of the object",
         )
     built = build(source, kwargs)
     native = source.default_api or api_of(built)

@@ -185,6 +185,7 @@ class SlimAEC(EnvInside, AECEnv[Any, Any, Any]):
                     where="agent_iter",
                     expected="step() or reset() once in each round",
                     actual="neither",
+                    fix="call env.step(action) in each round; None for an agent that has ended",
                 )
             self._has_crossed = False
             left -= 1

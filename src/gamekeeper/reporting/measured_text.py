@@ -60,6 +60,12 @@ FITS: Final = {
 ERRORS: Final = "The environment raised exceptions, so this was left out of the measurement"
 ADVICE: Final = "Which API fits this game"
 TICK: Final = "tick: one step in which every live agent acts once."
+SCHEDULE: Final = (
+    "stages: roles that act together, then those that act after them; order: of the agents of a "
+    'stage ("none": simultaneously); observe: observations are of the time after the tick, or '
+    "after a turn; conflicts: what settles actions that exclude each other (a joint rule needs no "
+    "order)."
+)
 SYMMETRIC: Final = (
     "symmetric: agents of one role seem interchangeable. p-value: how likely returns as unequal as "
     "these would be if they were; 0.01 or less counts as no."
@@ -88,7 +94,8 @@ def measured_text(audit: Document, *, width: int) -> str:
     parts = []
     if rows:
         lines = list(column_lines([("", "measured", "declared"), *rows], width=width))
-        for legend in [TICK, *([SYMMETRIC] if measured.get("symmetric") else [])]:
+        legends = {"stages": SCHEDULE, "symmetric": SYMMETRIC}
+        for legend in [TICK, *(text for key, text in legends.items() if measured.get(key))]:
             lines += wrapped(legend, width, first=INDENT, rest=INDENT)
         parts.append("\n".join(["Measured beside declared", *lines]))
     parts.append(agents_text(measured, width=width))
@@ -219,7 +226,7 @@ def _symmetry(value: Document) -> str:
 def _message(value: Document) -> str:
     """A role's action as a message or as more, the roles that observe it, and the looks."""
     if not value["message"]:
-        return f"acts on the world, so it isn't a message, {value['n']:,} comparisons"
+        return f"its action changes the world, so it isn't a message, {value['n']:,} comparisons"
     return f"its action is a message to {words(value['to'])}, {value['n']:,} comparisons"
 
 

@@ -37,7 +37,8 @@ FEW: Final = 8
 """Elements of an array that is shown whole; of a larger one the first that differs is shown."""
 SUMMARY_LEGEND: Final = (
     "return, length in actions: mean over the episodes that the agent was in; "
-    "share: of the team's return; idle: declared noops among its actions"
+    "share: of the team's return; idle: declared noops among its actions; "
+    "endings: in how many episodes"
 )
 UNDEFINED: Final = {
     "share": "share -: undefined, as a return is negative or their sum is 0",
@@ -130,11 +131,11 @@ def origin_facts(evidence: Evidence) -> list[tuple[str, str]]:
 
 
 def digests_text(evidence: Evidence) -> str:
-    """The fingerprint of a run and its root digest, a line each, and what they are of."""
+    """The fingerprint of a run and its root digest, a line each, and what they are hashes of."""
     root = evidence.root or "none yet"
     return (
         f"  fingerprint  {evidence.fingerprint or 'none yet'}\n  root digest  {root}\n"
-        "  fingerprint: of what happened; root digest: of every byte of the folder"
+        "  fingerprint: hash of what happened; root digest: hash of all bytes of the folder"
     )
 
 

@@ -448,7 +448,7 @@ def rollout_apart(
     """
     if out is None or plan.first:
         raise EvidenceError(
-            "workers record a whole run into a folder",
+            "workers can only record a whole run, into a folder",
             where="out" if out is None else "first",
             expected="a folder, and episodes from 0 on",
             actual="None" if out is None else str(plan.first),
