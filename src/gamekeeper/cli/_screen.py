@@ -78,14 +78,7 @@ def document_text(document: Document) -> str:
 
 def error_document(error: GamekeeperError) -> dict[str, Any]:
     """An error as the value of `error` in a document."""
-    return {
-        "kind": type(error).__name__,
-        "what": error.what,
-        "where": error.where,
-        "expected": error.expected,
-        "actual": error.actual,
-        "fix": error.fix,
-    }
+    return {"kind": type(error).__name__, **error.parts()}
 
 
 NARROWEST: Final = 60

@@ -55,8 +55,7 @@ def error_in(outcome: TaskOutcome) -> GamekeeperError | None:
 
 def error_fields(error: GamekeeperError) -> dict[str, str]:
     """The fields from which `error_of` builds the same error again."""
-    parts = {name: getattr(error, name) for name in ("what", "where", "expected", "actual", "fix")}
-    return {"kind": type(error).__name__, **parts}
+    return {"kind": type(error).__name__, **error.parts()}
 
 
 def error_of(fields: Mapping[str, str]) -> GamekeeperError:
