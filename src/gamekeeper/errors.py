@@ -44,9 +44,12 @@ class GamekeeperError(Exception):
 
     def parts(self) -> dict[str, str]:
         """The arguments that it was made of: `Other(**error.parts())` says the same."""
-        return {
-            name: getattr(self, name) for name in ("what", "where", "expected", "actual", "fix")
-        }
+        names = ("what", "where", "expected", "actual", "fix")
+        return {name: getattr(self, name) for name in names}
+
+    def to_json(self) -> dict[str, str]:
+        """Its parts and the name of its class, as documents have them under `error`."""
+        return {"kind": type(self).__name__, **self.parts()}
 
 
 class SpecError(GamekeeperError, ValueError):
